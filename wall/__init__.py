@@ -1,0 +1,1 @@
+"""wall: a parallel, sort-first, frameless ray-traced renderer for tiled display walls."""

@@ -1,0 +1,122 @@
+"""The nouns that travel: a sample, the event it was traced under, the batch they make, rectangles.
+
+Frames: *panel pixels* have their origin at the panel's top left corner, x right, y down, pixel (i, j) covers
+[i, i+1) x [j, j+1). *World* is right-handed. Times are seconds of the head's monotonic clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Float32: TypeAlias = NDArray[np.float32]
+Float64: TypeAlias = NDArray[np.float64]
+Samples: TypeAlias = NDArray[np.void]
+
+BACKGROUND = 0               # object id of rays that left the scene; object k of the scene has id k + 1
+
+SAMPLE = np.dtype(
+    [
+        ("xy", np.float32, (2,)),         # panel pixels
+        ("radiance", np.float32, (3,)),   # linear RGB, W sr^-1 m^-2
+        ("depth", np.float32),            # distance from the eye along the ray, world units; inf = background
+        ("time", np.float32),             # seconds after the batch's base time
+        ("object", np.uint32),            # object id
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rect:
+    """A rectangle of panel pixels: [x, x + width) x [y, y + height)."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @property
+    def area(self) -> int:
+        return self.width * self.height
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Region:
+    """The part of a view that one rank renders: a rectangle of one panel."""
+
+    panel: int               # index in Wall.panels
+    rect: Rect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Camera:
+    """Where the eye is, and how the wall's frame is turned in the world.
+
+    A wall-frame direction d (x right, y up, -z into the wall) points to `world_from_wall @ d` in the world.
+    """
+
+    position: tuple[float, float, float]                       # world units, float64
+    world_from_wall: tuple[float, ...]                         # 9 numbers, row major rotation
+
+    def rotation(self) -> Float64:
+        return np.array(self.world_from_wall, dtype=np.float64).reshape(3, 3)
+
+    def origin(self) -> Float64:
+        return np.array(self.position, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Event:
+    """The newest input: a numbered camera change and a numbered scene change of one view.
+
+    Two events with equal numbers show the same picture. `scene_time` fixes every animated object and light.
+    """
+
+    view: int
+    camera_event: int
+    scene_event: int
+    scene_time: float        # seconds of the animation
+    input_time: float        # when the input that caused it arrived, seconds of the head's clock
+    camera: Camera
+    sampler: str = ""        # sampling method asked for; "" keeps the configured one
+    paused: bool = False
+
+    @property
+    def number(self) -> tuple[int, int]:
+        return (self.camera_event, self.scene_event)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Batch:
+    """Samples of one rectangle, traced under one event: what a packet carries."""
+
+    view: int
+    panel: int
+    rect: Rect               # of panel pixels; every sample lies inside
+    rank: int
+    sequence: int            # counts this rank's batches
+    camera_event: int
+    scene_event: int
+    base_time: float         # seconds of the head's clock
+    samples: Samples         # (n,) SAMPLE
+    frame: int = 0           # 0: show at once; k > 0: belongs to double-buffered frame k
+    frame_samples: int = 0   # with frame > 0: how many samples make that frame complete
+    blend: float = 1.0       # weight of a new sample against the picture before it; 1 replaces
+
+
+@dataclass(slots=True)
+class Counters:
+    """Named counts of what was dropped or repaired; merged into the summary."""
+
+    counts: dict[str, int] = field(default_factory=dict)
+
+    def add(self, name: str, n: int = 1) -> None:
+        if n:
+            self.counts[name] = self.counts.get(name, 0) + int(n)
+
+    def merge(self, other: dict[str, int]) -> None:
+        for name, n in other.items():
+            self.add(name, n)

@@ -1,0 +1,55 @@
+"""One decorator for every kernel: nopython, GIL released, IEEE division, cached on disk.
+
+numba's cache checks only the file that a kernel stands in, not the files it imports from, so the cache folder is
+named by a hash over the sources of all kernels: any edit starts a fresh folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+PACKAGE = Path(__file__).resolve().parent
+
+
+def kernel_sources() -> list[Path]:
+    """Every file whose text decides what a kernel compiles to."""
+    return sorted([*PACKAGE.rglob("kernels*.py"), PACKAGE / "tracing" / "embree.py", PACKAGE / "jit.py", PACKAGE / "data.py"])
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: $NUMBA_CACHE_DIR or ~/.cache/wall/kernels, then the sources' hash."""
+    digest = hashlib.sha256(sys.version.encode())
+    for path in kernel_sources():
+        if path.exists():
+            digest.update(path.read_bytes())
+    base = os.environ.get("NUMBA_CACHE_DIR")
+    root = Path(base) if base else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wall" / "kernels"
+    return root / digest.hexdigest()[:16]
+
+
+_folder = cache_folder()
+os.environ.setdefault("NUMBA_THREADING_LAYER", "workqueue")
+
+import numba  # noqa: E402  (the cache folder must be known first)
+
+numba.config.CACHE_DIR = str(_folder)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a pure function of arrays and scalars; it must not raise, log, or read changing globals."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+
+
+def inline_kernel(function: Callable[..., Any]) -> Any:
+    """A small kernel that is only called by other kernels."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="never")(function)
+
+
+def compiled_kernels() -> int:
+    """How many specialisations lie in the cache folder."""
+    return len(list(_folder.rglob("*.nbc"))) if _folder.exists() else 0

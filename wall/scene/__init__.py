@@ -1,0 +1,1 @@
+"""What is rendered: meshes, materials, lights, sky, and how they move."""

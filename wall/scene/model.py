@@ -1,0 +1,78 @@
+"""A scene as plain arrays: what the tracer reads, whatever file it came from.
+
+Meshes are stored about their own origin, so that float32 vertices keep their precision wherever the object
+stands; every placement is a float64 matrix `world_from_object`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Float32, Float64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Texture:
+    name: str
+    texels: NDArray[np.uint8]            # (h, w, 3) sRGB, row 0 at the top (v = 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    name: str
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)   # linear RGB reflectance, 0..1
+    texture: int | None = None           # index in Scene.textures; multiplies base_color
+    mirror: float = 0.0                  # share of the ray that is mirrored, 0..1
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)     # W sr^-1 m^-2, seen by the eye, lights nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mesh:
+    name: str
+    vertices: Float32                    # (v, 3) object space, relative to `origin`
+    triangles: NDArray[np.uint32]        # (t, 3)
+    material: int                        # index in Scene.materials
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)       # object space, float64; add to vertices
+    normals: Float32 | None = None       # (v, 3) unit shading normals; None = flat
+    uvs: Float32 | None = None           # (v, 2), v up
+    colors: Float32 | None = None        # (v, 3) linear RGB, multiplies base_color
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instance:
+    name: str
+    mesh: int                            # index in Scene.meshes
+    world_from_object: Float64           # (4, 4), affine, at scene time 0 before animation
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointLight:
+    position: tuple[float, float, float]            # world
+    intensity: tuple[float, float, float]           # linear RGB, W sr^-1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DirectionalLight:
+    direction: tuple[float, float, float]           # world, unit, from the surface towards the light
+    irradiance: tuple[float, float, float]          # linear RGB, W m^-2 on a facing surface
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sky:
+    """Radiance by height of the direction: ground below, horizon at 0, zenith above (linear blend in y)."""
+
+    zenith: tuple[float, float, float] = (0.35, 0.55, 0.95)
+    horizon: tuple[float, float, float] = (0.9, 0.95, 1.0)
+    ground: tuple[float, float, float] = (0.25, 0.23, 0.2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """Everything that moves, at one scene time."""
+
+    world_from_object: Float64           # (instances, 4, 4)
+    point_positions: Float64             # (point lights, 3)
+    directions: Float64                  # (directional lights, 3) unit
