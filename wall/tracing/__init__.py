@@ -1,0 +1,1 @@
+"""Rays in, samples out: Embree traversal, shading, shadow rays."""

@@ -1,0 +1,171 @@
+"""The only file that touches Embree: the C API of the Embree 4.4 inside embreex, for Python and for kernels.
+
+embreex's extension modules are linked against the Embree library they ship, so every `rtc*` symbol resolves
+through one of them. Building scenes goes through ctypes; tracing goes through numba: the symbols' addresses are
+registered with LLVM, so a nopython, nogil kernel calls `rtcIntersect16` directly and can still be cached on disk.
+Source of names, numbers and layouts: Embree 4 API manual.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, TypeAlias
+
+import embreex.rtcore_scene
+import llvmlite.binding as llvm
+import numba
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from wall.data import Float32
+from wall.errors import RunError
+
+PACKET = 16                      # rays traced together; the widest packet Embree has
+NO_HIT = 0xFFFFFFFF              # RTC_INVALID_GEOMETRY_ID
+
+# where each row of 16 floats of a packet starts: RTCRay16 is the first 12 rows, RTCHit16 follows
+ORIGIN_X, ORIGIN_Y, ORIGIN_Z, T_NEAR, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, TIME = range(0, 128, 16)
+T_FAR, MASK, RAY_ID, FLAGS = range(128, 192, 16)
+NORMAL_X, NORMAL_Y, NORMAL_Z, HIT_U, HIT_V, PRIMITIVE, GEOMETRY, INSTANCE = range(192, 320, 16)
+RAY_FLOATS, RAY_HIT_FLOATS = 192, 352    # two spare rows: Embree 4.4 writes an instance-array index behind INSTANCE
+
+_GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
+_BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
+_FORMAT_UINT3, _FORMAT_FLOAT3, FORMAT_FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
+_SCENE_DYNAMIC, _SCENE_ROBUST = 1, 4
+_QUALITY_LOW, _QUALITY_MEDIUM = 0, 1
+_QUERY_COHERENT = 1 << 16
+_FEATURES = (1 << 1) | (1 << 23)  # triangles and instances: Embree skips tests for anything else
+
+_library = ctypes.CDLL(embreex.rtcore_scene.__file__)
+_P, _U, _Z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
+_SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
+    "rtcNewDevice": (_P, [ctypes.c_char_p]),
+    "rtcReleaseDevice": (None, [_P]),
+    "rtcGetDeviceError": (ctypes.c_int, [_P]),
+    "rtcNewScene": (_P, [_P]),
+    "rtcReleaseScene": (None, [_P]),
+    "rtcSetSceneFlags": (None, [_P, ctypes.c_int]),
+    "rtcSetSceneBuildQuality": (None, [_P, ctypes.c_int]),
+    "rtcCommitScene": (None, [_P]),
+    "rtcNewGeometry": (_P, [_P, ctypes.c_int]),
+    "rtcReleaseGeometry": (None, [_P]),
+    "rtcCommitGeometry": (None, [_P]),
+    "rtcAttachGeometryByID": (None, [_P, _P, _U]),
+    "rtcSetSharedGeometryBuffer": (None, [_P, ctypes.c_int, _U, ctypes.c_int, _P, _Z, _Z, _Z]),
+    "rtcSetGeometryInstancedScene": (None, [_P, _P]),
+    "rtcSetGeometryTransform": (None, [_P, _U, ctypes.c_int, _P]),
+    "rtcIntersect16": (None, [_P, _P, _P, _P]),
+    "rtcOccluded16": (None, [_P, _P, _P, _P]),
+}
+for _name, (_result, _arguments) in _SIGNATURES.items():
+    _function = getattr(_library, _name)
+    _function.restype, _function.argtypes = _result, _arguments
+
+
+def _external(name: str, signature: Any) -> Any:
+    """An Embree function that kernels can call by name (by ctypes where JIT is disabled)."""
+    function = getattr(_library, name)
+    if numba.config.DISABLE_JIT:
+        return function
+    llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
+    return types.ExternalFunction(name, signature)
+
+
+_PACKET_CALL = types.void(types.intp, types.intp, types.intp, types.intp)
+intersect16 = _external("rtcIntersect16", _PACKET_CALL)      # (valid, scene, ray-hit packet, arguments)
+occluded16 = _external("rtcOccluded16", _PACKET_CALL)        # (valid, scene, ray packet, arguments)
+set_transform = _external("rtcSetGeometryTransform", types.void(types.intp, types.uint32, types.int32, types.intp))
+commit_geometry = _external("rtcCommitGeometry", types.void(types.intp))
+commit_scene = _external("rtcCommitScene", types.void(types.intp))
+
+Handle: TypeAlias = int
+
+
+def aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+    """A zeroed array that starts on a 64-byte boundary, as 16-wide packets must."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    raw = np.zeros(size + 64, np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + size].view(dtype).reshape(shape)
+
+
+def query_arguments(*, coherent: bool) -> NDArray[np.uint32]:
+    """RTCIntersectArguments: query flags and feature mask, then null pointers."""
+    arguments = aligned((16,), np.uint32)
+    arguments[0] = _QUERY_COHERENT if coherent else 0
+    arguments[1] = _FEATURES
+    return arguments
+
+
+class Device:
+    """One Embree device. `threads` bounds what Embree uses to build; tracing runs in the caller's threads."""
+
+    def __init__(self, *, threads: int = 1) -> None:
+        self.handle: Handle = _library.rtcNewDevice(f"threads={threads}".encode())
+        if not self.handle:
+            raise RunError(f"Embree refused to start: error {_library.rtcGetDeviceError(None)}")
+        self._scenes: list[Handle] = []
+        self._geometries: list[Handle] = []
+        self._kept: list[NDArray[Any]] = []
+
+    def check(self, doing: str) -> None:
+        error = _library.rtcGetDeviceError(self.handle)
+        if error:
+            raise RunError(f"Embree failed while {doing}: error {error} (2: bad argument, 3: bad operation, 4: out of memory)")
+
+    def mesh(self, vertices: Float32, triangles: NDArray[np.uint32]) -> Handle:
+        """A committed, robust scene of one triangle mesh.
+
+        Parameters
+        ----------
+        vertices : (v, 3) float32, contiguous, kept alive here; the 16 bytes behind the last one must be readable
+        triangles : (t, 3) uint32, contiguous
+        """
+        geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_TRIANGLE)
+        _library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices))
+        _library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles))
+        _library.rtcCommitGeometry(geometry)
+        scene = self._new_scene(_SCENE_ROBUST, _QUALITY_MEDIUM)
+        _library.rtcAttachGeometryByID(scene, geometry, 0)
+        _library.rtcReleaseGeometry(geometry)
+        _library.rtcCommitScene(scene)
+        self._kept += [vertices, triangles]
+        self.check("building a mesh")
+        return scene
+
+    def instances(self, meshes: list[Handle]) -> tuple[Handle, NDArray[np.intp]]:
+        """A scene of one instance a handle in `meshes`, to be placed and committed by `place_instances`.
+
+        Returns
+        -------
+        scene : handle
+        geometries : (n,) intp, the instances' handles; instance k has ID k in hits
+        """
+        scene = self._new_scene(_SCENE_ROBUST | _SCENE_DYNAMIC, _QUALITY_LOW)
+        geometries = np.zeros(len(meshes), np.intp)
+        for k, mesh in enumerate(meshes):
+            geometries[k] = geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_INSTANCE)
+            _library.rtcSetGeometryInstancedScene(geometry, mesh)
+            _library.rtcAttachGeometryByID(scene, geometry, k)
+            self._geometries.append(geometry)
+        self.check("creating instances")
+        return scene, geometries
+
+    def _new_scene(self, flags: int, quality: int) -> Handle:
+        scene: Handle = _library.rtcNewScene(self.handle)
+        _library.rtcSetSceneFlags(scene, flags)
+        _library.rtcSetSceneBuildQuality(scene, quality)
+        self._scenes.append(scene)
+        return scene
+
+    def close(self) -> None:
+        for geometry in self._geometries:
+            _library.rtcReleaseGeometry(geometry)
+        for scene in reversed(self._scenes):
+            _library.rtcReleaseScene(scene)
+        self._geometries, self._scenes = [], []
+        if self.handle:
+            _library.rtcReleaseDevice(self.handle)
+            self.handle = 0

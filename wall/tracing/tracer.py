@@ -1,0 +1,115 @@
+"""Trace batches of positions under an event: one Tracer a thread, its instances placed relative to the eye.
+
+A thread owns its Tracer: its own instance tree, packets and scratch, so that threads never wait for each other and a
+new event is taken up between two batches, never inside one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wall.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.geometry.frusta import ray_frame
+from wall.geometry.panels import Panel
+from wall.scene.model import Moment
+from wall.tracing import embree, kernels
+from wall.tracing.resident import Resident
+
+LIFT_ULPS = 16.0         # float32 roundings between a hit and its secondary ray's start; derived in docs/accuracy.md
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traced:
+    """What a batch cost: rays by kind, and samples dropped because their radiance was not finite."""
+
+    primary: int
+    shadow: int
+    secondary: int
+    bad: int
+
+
+def workspace(*, coherent: bool) -> kernels.Workspace:
+    """A fresh packet for one thread; the fields that no kernel changes are set here, once."""
+    packet = embree.aligned((kernels.PACKET_FLOATS,), np.float32)
+    bits = packet.view(np.uint32)
+    for rays in (0, kernels.SHADE):
+        bits[rays + embree.MASK : rays + embree.MASK + embree.PACKET] = 0xFFFFFFFF
+        bits[rays + embree.RAY_ID : rays + embree.RAY_ID + embree.PACKET] = np.arange(embree.PACKET)
+    return kernels.Workspace(
+        packet=packet,
+        bits=bits,
+        valid=embree.aligned((embree.PACKET,), np.int32),
+        lit=embree.aligned((embree.PACKET,), np.int32),
+        arguments=embree.query_arguments(coherent=coherent),
+        counts=np.zeros(kernels.COUNTS, np.int64),
+    )
+
+
+class Tracer:
+    """Traces for one thread. `take(event, ...)` moves to a new event; `trace(xy)` gives samples under it."""
+
+    def __init__(self, resident: Resident, panel: Panel, eye: Float64, *, coherent: bool) -> None:
+        """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles."""
+        n = len(resident.instance_mesh)
+        self._resident, self._panel, self._eye = resident, panel, eye
+        self._scene, self._geometries = resident.device.instances(list(resident.meshes))
+        self._transforms = embree.aligned((n, 12), np.float32)
+        self._surfaces = kernels.Surfaces(
+            triangles=resident.triangles,
+            mesh_table=resident.mesh_table,
+            materials=resident.materials,
+            instance_mesh=resident.instance_mesh,
+            placements=np.zeros((n, 12), np.float32),
+            sky=resident.sky,
+            irradiance=resident.irradiance,
+        )
+        self._work = workspace(coherent=coherent)
+        self._corner = np.array(panel.screen, np.float64)
+        self._frame = np.zeros((3, 3))
+        self._points: Float32 | None = None
+        self._suns: Float32 | None = None
+        self.singular = 0                # instances whose placement cannot be inverted, at the newest event
+
+    def take(self, event: Event) -> None:
+        """Place everything for `event`: its camera, and its scene time."""
+        self.place(event.camera.origin(), self._resident.scene.at(event.scene_time))
+        self._frame = ray_frame(self._panel, self._eye, event.camera)
+
+    def place(self, origin: Float64, moment: Moment) -> None:
+        resident = self._resident
+        self.singular = kernels.place_instances(
+            moment.world_from_object, origin, self._scene, self._geometries, self._transforms,
+            self._surfaces.placements, resident.extents, LIFT_ULPS,
+        )
+        scene = resident.scene
+        if scene.point_lights:
+            relative = moment.point_positions - origin
+            self._points = _light_rows(relative, [light.intensity for light in scene.point_lights])
+        if scene.directional_lights:
+            self._suns = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
+
+    def trace(self, xy: Float32) -> tuple[Samples, Traced]:
+        """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
+
+        Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
+        """
+        samples = np.zeros(len(xy), SAMPLE)
+        work = self._work
+        work.counts[:] = 0
+        kept = kernels.trace(*self.arguments(xy, samples))
+        return samples[:kept], Traced(*(int(c) for c in work.counts))
+
+    def arguments(self, xy: Float32, samples: Samples) -> tuple[Any, ...]:
+        """Everything that kernels.trace wants, in its order; for trace() and for measuring the kernel alone."""
+        r = self._resident
+        return (
+            self._scene, self._frame, self._corner, xy, samples, self._surfaces, r.normals, r.colors, r.uvs, r.texels,
+            r.textures, r.to_linear, self._points, self._suns, r.emission, r.mirrors, self._work,
+        )
+
+
+def _light_rows(directions: Float64, colours: list[tuple[float, float, float]]) -> Float32:
+    return np.hstack([directions, np.array(colours, np.float64)]).astype(np.float32)
