@@ -103,7 +103,8 @@ class Batch:
     base_time: float         # seconds of the head's clock
     samples: Samples         # (n,) SAMPLE
     frame: int = 0           # 0: show at once; k > 0: belongs to double-buffered frame k
-    frame_samples: int = 0   # with frame > 0: how many samples make that frame complete
+    frame_samples: int = 0   # with frame > 0: how many samples, kept or skipped, make that frame complete
+    skipped: int = 0         # samples traced for this batch but left out, their radiance not being finite
     blend: float = 1.0       # weight of a new sample against the picture before it; 1 replaces
 
 

@@ -1,0 +1,48 @@
+"""What every sampler does: choose positions, learn what became of them.
+
+A sampler owns the pixels of one thread. It is told the newest event at every choice and decides itself under which
+event its next batch is traced (framed keeps one event a frame). Pure: no clock, no sockets, randomness from the seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Event, Float32, Samples
+
+Pixels = NDArray[np.int32]           # (n, 2) panel pixels, x then y
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Targets:
+    """The next batch: positions, 16 in a row a packet, and the event to trace them under."""
+
+    xy: Float32                      # (n, 2) panel pixels
+    event: Event
+    frame: int = 0                   # see wall.data.Batch
+    frame_samples: int = 0
+    blend: float = 1.0
+
+
+class Sampler(Protocol):
+    """`choose` until it gives None: then the view is complete under `newest`, and nothing needs tracing."""
+
+    coherent: bool                   # whether its packets are small screen tiles (Embree's coherent traversal pays)
+
+    def choose(self, newest: Event) -> Targets | None: ...
+
+    def observe(self, samples: Samples) -> None:
+        """Learn from samples just traced."""
+        ...
+
+    def forget(self, xy: Float32) -> None:
+        """These positions never arrived: a packet was dropped. They count as not sampled."""
+        ...
+
+    def restart(self) -> None:
+        """Nobody has anything any more (a compositor came back): start over."""
+        ...

@@ -1,0 +1,127 @@
+"""Samplers' inner loops: walking permutations, running statistics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.jit import inline_kernel, kernel
+
+
+@inline_kernel
+def hash_uint32(a, b):
+    """A well mixed 32-bit hash of two 32-bit numbers (xxHash32's constants and avalanche; Y. Collet)."""
+    h = np.uint32(np.uint32(a) * np.uint32(2654435761) + np.uint32(374761393))
+    h = np.uint32(h ^ np.uint32(b))
+    h = np.uint32(h * np.uint32(2246822519))
+    h = np.uint32(h ^ (h >> np.uint32(15)))
+    h = np.uint32(h * np.uint32(3266489917))
+    h = np.uint32(h ^ (h >> np.uint32(13)))
+    h = np.uint32(h * np.uint32(668265263))
+    return np.uint32(h ^ (h >> np.uint32(16)))
+
+
+@kernel
+def shuffle(order, seed, sweep):
+    """Permute `order` (n,) int32 in place: Fisher-Yates, numbers hashed from (seed, sweep, step)."""
+    key = hash_uint32(np.uint32(seed), np.uint32(sweep))
+    for i in range(order.shape[0] - 1, 0, -1):
+        j = np.int64((np.uint64(hash_uint32(key, np.uint32(i))) * np.uint64(i + 1)) >> np.uint64(32))
+        order[i], order[j] = order[j], order[i]
+
+
+@kernel
+def next_pixels(order, start, epochs, epoch, pixels, xy):
+    """Take the next pixels of a permutation that have no sample of this epoch yet, at their centres.
+
+    Parameters
+    ----------
+    order : (n,) int32, permutation of pixel numbers
+    start : int, where in the permutation to go on
+    epochs : (n,) uint32, newest epoch sampled by pixel, updated
+    epoch : uint32, the current one
+    pixels : (n, 2) int32, x and y of each pixel number
+    xy : (m, 2) float32, filled with centres
+
+    Returns
+    -------
+    taken, end : int, positions filled; where the walk stopped (n: the sweep is over)
+    """
+    taken = 0
+    k = start
+    while k < order.shape[0] and taken < xy.shape[0]:
+        pixel = order[k]
+        k += 1
+        if epochs[pixel] == epoch:
+            continue
+        epochs[pixel] = epoch
+        xy[taken, 0] = pixels[pixel, 0] + 0.5
+        xy[taken, 1] = pixels[pixel, 1] + 0.5
+        taken += 1
+    return taken, k
+
+
+@kernel
+def jittered_pairs(pixels, first, last, parity, xy, filled):
+    """Two of a pixel's four sample positions: one diagonal of the quarter points on even visits, the other on odd.
+
+    Writes 2 * (last - first) positions into xy (m, 2) float32 from `filled` on; returns the new `filled`.
+    """
+    for k in range(first, last):
+        x, y = np.float32(pixels[k, 0]), np.float32(pixels[k, 1])
+        left, right = (0.25, 0.75) if parity == 0 else (0.75, 0.25)
+        xy[filled, 0] = x + left
+        xy[filled, 1] = y + 0.25
+        xy[filled + 1, 0] = x + right
+        xy[filled + 1, 1] = y + 0.75
+        filled += 2
+    return filled
+
+
+@kernel
+def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
+    """Update each pixel's running mean and squared deviation of its samples' luminance (Welford's update).
+
+    Past `window` samples the weight of a new one stays 1 / window: an exponentially fading memory, with variance
+    m2 / count; before that it is the exact mean and variance of all samples.
+
+    Parameters
+    ----------
+    samples : (n,) SAMPLE; slots : (h, w) int32, pixel to its place in the arrays, -1 = not ours
+    x0, y0 : panel pixel of slots[0, 0]; count, mean, m2 : (p,) float32, updated; window : float
+
+    Returns
+    -------
+    foreign : int, samples of pixels that are not ours
+    """
+    foreign = 0
+    for k in range(samples.shape[0]):
+        x = int(samples[k]["xy"][0]) - x0
+        y = int(samples[k]["xy"][1]) - y0
+        if x < 0 or y < 0 or y >= slots.shape[0] or x >= slots.shape[1] or slots[y, x] < 0:
+            foreign += 1
+            continue
+        p = slots[y, x]
+        rgb = samples[k]["radiance"]
+        value = np.float32(0.2126) * rgb[0] + np.float32(0.7152) * rgb[1] + np.float32(0.0722) * rgb[2]
+        if count[p] < window:
+            count[p] += np.float32(1.0)
+            delta = value - mean[p]
+            mean[p] += delta / count[p]
+            m2[p] += delta * (value - mean[p])
+        else:
+            delta = value - mean[p]
+            mean[p] += delta / count[p]
+            m2[p] += (delta * (value - mean[p]) - m2[p] / count[p])
+    return foreign
+
+
+@kernel
+def clear_epochs(xy, slots, x0, y0, epochs):
+    """Mark the pixels of positions that were lost as never sampled. Returns how many there were."""
+    cleared = 0
+    for k in range(xy.shape[0]):
+        x, y = int(xy[k, 0]) - x0, int(xy[k, 1]) - y0
+        if 0 <= x < slots.shape[1] and 0 <= y < slots.shape[0] and slots[y, x] >= 0 and epochs[slots[y, x]] != 0:
+            epochs[slots[y, x]] = 0
+            cleared += 1
+    return cleared

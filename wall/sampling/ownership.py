@@ -1,0 +1,41 @@
+"""Which thread owns which pixels of a region: dealt once, never changed.
+
+A static deal lets every thread keep what it likes about its pixels without locks (Parker et al. 1999).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Rect
+from wall.geometry.hilbert import hilbert_order
+from wall.sampling.base import Pixels
+
+BLOCK = 4                # a packet of 16 rays is a block of 4 x 4 pixels where the region allows
+
+
+def hilbert_chunks(rect: Rect, *, chunk: int, worker: int, workers: int) -> list[Pixels]:
+    """The worker's share of a region: runs of `chunk` pixels along a Hilbert curve, dealt round-robin."""
+    order = hilbert_order(rect.width, rect.height) + np.array([rect.x, rect.y], np.int32)
+    starts = range(0, len(order), chunk)
+    return [order[start : start + chunk] for start in list(starts)[worker::workers]]
+
+
+def block_order(rect: Rect, *, worker: int, workers: int) -> Pixels:
+    """The worker's share of a region in raster order of 4 x 4 blocks, blocks dealt in bands of rows."""
+    rows = range(0, rect.height, BLOCK)
+    blocks = [_block(rect, x, y) for y in list(rows)[worker::workers] for x in range(0, rect.width, BLOCK)]
+    return np.concatenate(blocks) if blocks else np.zeros((0, 2), np.int32)
+
+
+def _block(rect: Rect, x: int, y: int) -> Pixels:
+    ys, xs = np.mgrid[y : min(y + BLOCK, rect.height), x : min(x + BLOCK, rect.width)]
+    return np.stack([xs.ravel() + rect.x, ys.ravel() + rect.y], axis=1).astype(np.int32)
+
+
+def slots_of(rect: Rect, pixels: Pixels) -> NDArray[np.int32]:
+    """(h, w) int32: each pixel of the region to its place in `pixels`, -1 where another thread owns it."""
+    slots = np.full((rect.height, rect.width), -1, np.int32)
+    slots[pixels[:, 1] - rect.y, pixels[:, 0] - rect.x] = np.arange(len(pixels), dtype=np.int32)
+    return slots
