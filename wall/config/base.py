@@ -1,0 +1,69 @@
+"""The rules every configuration model follows, and the numbers, vectors and colours they are made of.
+
+Models are frozen, unknown keys are refused, and nothing is coerced: "480" is not 480 and true is not 1.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from annotated_types import Ge, Gt, Le
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StrictBool, StrictStr
+from pydantic_core import PydanticCustomError
+
+FARTHEST = 1e12  # world units; beyond it float64 positions are coarser than 0.1 mm
+BRIGHTEST = 1e9  # keeps products of light and reflectance finite in float32
+NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # fit for file names
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Whole = Annotated[int, Field(strict=True)]
+Flag = StrictBool
+Text = Annotated[StrictStr, Field(min_length=1, max_length=4096)]
+Name = Annotated[StrictStr, Field(min_length=1, max_length=64, pattern=NAME_PATTERN)]
+Positive = Annotated[Number, Gt(0.0), Le(FARTHEST)]
+Coordinate = Annotated[Number, Ge(-FARTHEST), Le(FARTHEST)]
+Brightness = Annotated[Number, Ge(0.0), Le(BRIGHTEST)]
+Seconds = Annotated[Number, Ge(0.0), Le(1e6)]
+Period = Annotated[Number, Ge(0.01), Le(1e6)]
+
+Point = tuple[Coordinate, Coordinate, Coordinate]
+Color = tuple[Brightness, Brightness, Brightness]
+
+
+class Model(BaseModel):
+    """Base of every configuration model."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, hide_input_in_errors=True)
+
+
+def refusal(problem: str, *, accepted: str = "", at: tuple[str | int, ...] = ()) -> PydanticCustomError:
+    """The error that a validator raises; `at` leads from the validated value to the culprit inside it."""
+    context: dict[str, Any] = {"problem": problem, "accepted": accepted, "at": at}
+    return PydanticCustomError("refused", "{problem}", context)
+
+
+def _with_length(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    if math.hypot(*vector) < 1e-9:
+        raise refusal("has no direction", accepted="three numbers that are not all zero")
+    return vector
+
+
+Direction = Annotated[tuple[Coordinate, Coordinate, Coordinate], AfterValidator(_with_length)]
+
+
+def check_times(times: list[float], *, loop: bool) -> None:
+    """Refuse keyframe times that do not grow, and a loop that takes no time."""
+    for i in range(1, len(times)):
+        if times[i] <= times[i - 1]:
+            raise refusal(
+                f"does not come after the keyframe before it ({times[i - 1]:g} s)",
+                accepted=f"a time above {times[i - 1]:g}",
+                at=("keyframes", i, "time"),
+            )
+    if loop and len(times) < 2:
+        raise refusal(
+            "a single keyframe cannot loop",
+            accepted="two keyframes or more, or loop: false",
+            at=("keyframes",),
+        )

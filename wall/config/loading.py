@@ -1,0 +1,285 @@
+"""YAML files to checked configurations. Errors say file:line:column, YAML path, value, what is accepted.
+
+All errors of a file are reported at once, in the order of the file.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from wall.config import json_schema, yaml_text
+from wall.config.schema import METHODS, CameraConfig, Config, OrbitPathConfig, SceneConfig
+from wall.config.yaml_text import Document, YamlPath
+from wall.errors import ConfigError
+
+VERSION = 1
+TOP = f"version: {VERSION}, scene, wall, views"
+_ABSENT = object()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loaded:
+    """A checked configuration that remembers where it came from."""
+
+    config: Config
+    path: Path  # of the file; its folder is where relative scene sources start
+    name: str  # how errors call the file
+    document: Document
+
+    @property
+    def folder(self) -> Path:
+        return self.path.parent
+
+    def error(self, yaml_path: YamlPath, message: str, accepted: str = "") -> ConfigError:
+        """A refusal that points into the file, for checks that need more than the file itself."""
+        return ConfigError(_line(self.name, self.document, yaml_path, message, accepted=accepted))
+
+    def with_config(self, config: Config) -> Loaded:
+        """The same file with other values (errors still point to where the old ones stood)."""
+        return replace(self, config=config)
+
+
+def load(path: str | Path) -> Loaded:
+    """Read and check a configuration file. Raises ConfigError, and nothing else, whatever is wrong."""
+    path = Path(path)
+    try:
+        if path.is_dir():
+            raise ConfigError(f"{path}: this is a folder; accepted: a YAML file")
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{path}: byte {error.start} is not UTF-8 text; accepted: a YAML file in UTF-8"
+        ) from None
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file{_near_file(path)}") from None
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    return loads(text, name=str(path), path=path)
+
+
+def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loaded:
+    """Check a configuration given as text; `name` stands for the file in errors. Raises ConfigError only."""
+    document = yaml_text.parse(text)
+    lines = [
+        (p.place, _line(name, document, p.path, p.what, accepted=p.accepted, place=p.place, key=True))
+        for p in document.problems
+    ]
+    if document.values is None or (lines and not isinstance(document.values, dict)):
+        raise _refusal(
+            lines or [(None, f"{name}: the file is empty; accepted: version: 1, scene, wall, views")]
+        )
+    if not isinstance(document.values, dict):
+        raise ConfigError(f"{name}:1:1: this is not a mapping; accepted: {TOP}")
+    _check_version(name, document)
+    try:
+        config = Config.model_validate(document.values)
+    except ValidationError as error:
+        # a value that YAML refused already is null now: its second refusal would only confuse
+        known = {problem.path for problem in document.problems}
+        for details in error.errors(include_url=False):
+            if _yaml_path(document.values, details) not in known and not _is_echo(document, details):
+                lines.append(_explained(name, document, details))
+    if lines:
+        raise _refusal(lines)
+    return Loaded(config=config, path=path or Path(name), name=name, document=document)
+
+
+def dump(config: Config) -> str:
+    """The whole configuration, defaults spelled out, as YAML that loads to an equal one."""
+    return yaml_text.write(config.model_dump(mode="json", exclude_none=True))
+
+
+def default_for_model(path: str | Path) -> Loaded:
+    """The demo's wall (2 x 2 panels of 480 x 270) around a model of the user's: framed, lit and circled."""
+    path = Path(path)
+    values = {
+        "version": VERSION,
+        "scene": {"source": path.name or str(path)},
+        "wall": {
+            "grid": {"columns": 2, "rows": 2, "pixels": [480, 270], "size": [0.48, 0.27], "bezel": 0.006}
+        },
+        "views": [
+            {"id": "main", "camera": "auto", "path": {"type": "orbit", "period_s": 20.0}, "refresh_hz": 30.0}
+        ],
+    }
+    return loads(yaml_text.write(values), name=str(path), path=path)
+
+
+def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
+    """The same wall around another model: its own lights and motion, framed and circled."""
+    text = str(Path(source).absolute()) if Path(source).exists() else str(source)
+    views = []
+    for view in loaded.config.views:
+        camera = CameraConfig(fov=view.camera.fov)
+        path = view.path if isinstance(view.path, OrbitPathConfig) else OrbitPathConfig(type="orbit")
+        views.append(view.model_copy(update={"camera": camera, "path": path}))
+    try:
+        scene = SceneConfig(source=text)
+    except ValidationError:
+        raise ConfigError(f"{text!r} is not a scene; accepted: a name or a model file") from None
+    return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": tuple(views)}))
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """ "; did you mean X?" if one of the known words is close, else nothing."""
+    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {close[0]}?" if close else ""
+
+
+def shown(path: YamlPath) -> str:
+    """A YAML path as people write it: views[0].camera.fov."""
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return text.removeprefix(".")
+
+
+def _near_file(path: Path) -> str:
+    folder = path.parent
+    return nearest(path.name, (p.name for p in folder.iterdir())) if folder.is_dir() else ""
+
+
+def _refusal(lines: list[tuple[yaml_text.Place | None, str]]) -> ConfigError:
+    lines = sorted(lines, key=lambda pair: (pair[0].line, pair[0].column) if pair[0] else (0, 0))
+    return ConfigError("\n".join(dict.fromkeys(text for _, text in lines)))
+
+
+def _check_version(name: str, document: Document) -> None:
+    """Another version's errors would be noise: say only that it is another version."""
+    values: Mapping[str, Any] = document.values
+    version = values.get("version", _ABSENT)
+    if version is _ABSENT:
+        raise ConfigError(_line(name, document, ("version",), "is missing", accepted=f"version: {VERSION}"))
+    if version != VERSION or isinstance(version, (bool, float)):
+        raise ConfigError(
+            _line(name, document, ("version",), "this version is not known", accepted=str(VERSION))
+        )
+
+
+def _has(values: Any, step: str | int) -> bool:
+    if isinstance(values, dict):
+        return step in values
+    return isinstance(values, list) and isinstance(step, int) and step < len(values)
+
+
+def _value_at(values: Any, path: YamlPath) -> Any:
+    for step in path:
+        if not _has(values, step):
+            return _ABSENT
+        values = values[step]
+    return values
+
+
+def _line(
+    name: str,
+    document: Document,
+    path: YamlPath,
+    message: str,
+    *,
+    accepted: str = "",
+    near: str = "",
+    key: bool = False,
+    place: yaml_text.Place | None = None,
+) -> str:
+    place = place or document.place(path, key=key)
+    where = f"{name}:{place.line}:{place.column}" if place else name
+    value = _value_at(document.values, path)
+    what = shown(path)
+    if what and not key and value is not _ABSENT and not isinstance(value, dict):
+        what += f" = {_short(value)}"
+    parts = [where, what, message] if what else [where, message]
+    return ": ".join(parts) + (f"; accepted: {accepted}" if accepted else "") + near
+
+
+def _short(value: Any) -> str:
+    if value is None:
+        return "null"
+    text = {True: "true", False: "false"}[value] if isinstance(value, bool) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
+    """pydantic's location without the union tags in it, plus the `at` of our own refusals."""
+    location = (*details["loc"], *details.get("ctx", {}).get("at", ()))
+    path: list[str | int] = []
+    tagged = False
+    for i, step in enumerate(location):
+        kinds = [values.get(key) for key in ("type", "op", "method")] if isinstance(values, dict) else []
+        if not tagged and step in kinds:
+            tagged = True
+            continue
+        if _has(values, step):
+            values, tagged = values[step], False
+            path.append(step)
+        elif i == len(location) - 1 and details["type"] in ("missing", "extra_forbidden"):
+            path.append(step)
+    return tuple(path)
+
+
+def _is_echo(document: Document, details: ErrorDetails) -> bool:
+    """A list that is too short only because its entries were refused one by one."""
+    value = _value_at(document.values, _yaml_path(document.values, details))
+    return details["type"] == "too_short" and len(value) >= details["ctx"]["min_length"]
+
+
+def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[yaml_text.Place | None, str]:
+    path, kind = _yaml_path(document.values, details), details["type"]
+    key = kind in ("extra_forbidden", "missing")
+    near = ""
+    if kind == "extra_forbidden":
+        known = json_schema.keys_of(json_schema.at(path[:-1], document.values))
+        message, accepted, near = "unknown key", ", ".join(known), nearest(str(path[-1]), known)
+    elif kind == "refused":
+        message, accepted = details["ctx"]["problem"], details["ctx"]["accepted"]
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        path, message, tags = _untagged(document, path, details)
+        accepted, near = ", ".join(tags), nearest(str(_value_at(document.values, path)), tags)
+    else:
+        part = json_schema.at(path, document.values)
+        message, accepted = _message(kind, details), json_schema.accepted(part)
+        near = nearest(str(_value_at(document.values, path)), json_schema.choices(part))
+    place = document.place(path, key=key)
+    return place, _line(name, document, path, message, accepted=accepted, near=near, key=key)
+
+
+def _untagged(document: Document, path: YamlPath, details: ErrorDetails) -> tuple[YamlPath, str, list[str]]:
+    """A mapping of several kinds that does not say which, or says one that is not known."""
+    part = json_schema.at(path, document.values)
+    value = _value_at(document.values, path)
+    if not isinstance(value, dict):
+        return path, "is not a mapping", [json_schema.accepted(part)]
+    key = str(details["ctx"]["discriminator"]).strip("'")
+    key = key if key in ("type", "op") else "method"  # sampling's discriminator is a function
+    kinds = part.get(json_schema.KINDS) or list(METHODS)
+    return ((*path, key), "is not known", kinds) if key in value else (path, f"{key} is missing", kinds)
+
+
+def _message(kind: str, details: ErrorDetails) -> str:
+    """Short words for pydantic's own errors; what is accepted comes from the schema."""
+    known = {
+        "missing": "is missing",
+        "finite_number": "is not a finite number",
+        "float_type": "is not a number",
+        "int_type": "is not a whole number",
+        "bool_type": "is not true or false",
+        "string_type": "is not text",
+        "literal_error": "is not one of the choices",
+        "tuple_type": "is not a list",
+        "model_type": "is not a mapping",
+        "model_attributes_type": "is not a mapping",
+        "string_too_short": "is empty",
+        "string_too_long": "is too long",
+        "string_pattern_mismatch": "has characters that are not allowed",
+        "too_short": "has too few entries",
+        "too_long": "has too many entries",
+        "greater_than_equal": "is too small",
+        "greater_than": "is too small",
+        "less_than_equal": "is too large",
+        "less_than": "is too large",
+    }
+    return known.get(kind) or details["msg"][:1].lower() + details["msg"][1:]

@@ -1,0 +1,84 @@
+"""`sampling:` which pixels are traced next, and how new samples replace old ones."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, TypeAlias
+
+from annotated_types import Ge, Gt, Le
+from pydantic import Discriminator, Field, Tag
+
+from wall.config.base import Model, Number, Whole
+
+METHODS = ("framed", "frameless", "hilbert")
+
+
+class _Common(Model):
+    threads: Annotated[Whole, Ge(1), Le(256)] = Field(
+        default=1, description="worker threads of one rank; each owns its pixels"
+    )
+    samples_per_batch: Annotated[Whole, Ge(64), Le(65536)] = Field(
+        default=1024, description="samples traced under one event"
+    )
+    seed: Annotated[Whole, Ge(0), Le(2**32 - 1)] = Field(default=1, description="seed of every random choice")
+
+
+class FramedSampling(_Common):
+    """Every pixel once, shown when the frame is complete: the double-buffered baseline."""
+
+    method: Literal["framed"] = Field(default="framed", description="whole frames, double-buffered")
+
+
+class FramelessSampling(_Common):
+    """Pixels in random order, each under the newest input, shown at once (Bishop et al. 1994)."""
+
+    method: Literal["frameless"] = Field(
+        default="frameless", description="random order, each sample shown at once"
+    )
+
+
+class HilbertSampling(_Common):
+    """Chunks of a Hilbert curve, permuted by their workers, blended into the picture (Parker et al. 1999)."""
+
+    method: Literal["hilbert"] = Field(
+        default="hilbert", description="permuted chunks of a Hilbert curve, blended"
+    )
+    chunk_pixels: Annotated[Whole, Ge(4), Le(65536)] = Field(
+        default=64, description="pixels of one chunk of the curve"
+    )
+    camera_update_percent: Annotated[Number, Gt(0.0), Le(100.0)] = Field(
+        default=2.0, description="a worker takes the newest camera every so many percent of its pixels"
+    )
+    blend: Annotated[Number, Gt(0.0), Le(1.0)] = Field(
+        default=0.5, description="weight of a new sample against the picture before it; 1 replaces"
+    )
+
+
+def _method_of(value: Any) -> Any:
+    if isinstance(value, dict):
+        return value.get("method", "frameless")
+    return getattr(value, "method", "frameless")
+
+
+SamplingConfig = Annotated[
+    Annotated[FramedSampling, Tag("framed")]
+    | Annotated[FramelessSampling, Tag("frameless")]
+    | Annotated[HilbertSampling, Tag("hilbert")],
+    Discriminator(_method_of),
+]
+
+
+AnySampling: TypeAlias = FramedSampling | FramelessSampling | HilbertSampling
+
+
+def switched(sampling: AnySampling, method: str) -> AnySampling:
+    """The same threads, batch and seed under another method of METHODS; hilbert takes its own defaults."""
+    if method == sampling.method:
+        return sampling
+    kinds: dict[str, type[AnySampling]] = {
+        "framed": FramedSampling,
+        "frameless": FramelessSampling,
+        "hilbert": HilbertSampling,
+    }
+    return kinds[method](
+        threads=sampling.threads, samples_per_batch=sampling.samples_per_batch, seed=sampling.seed
+    )

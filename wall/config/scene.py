@@ -1,0 +1,160 @@
+"""`scene:` what is rendered: a source, its lights and sky, and how things move."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field, model_validator
+
+from wall.config.base import (
+    Color,
+    Direction,
+    Flag,
+    Model,
+    Number,
+    Period,
+    Point,
+    Seconds,
+    Text,
+    Whole,
+    check_times,
+    refusal,
+)
+
+
+class PointLightConfig(Model):
+    """A light that shines equally in all directions."""
+
+    type: Literal["point"] = Field(description="a light at a point")
+    position: Point = Field(description="where it stands, world units")
+    intensity: Color = Field(description="linear RGB, W/sr")
+
+
+class DirectionalLightConfig(Model):
+    """A light so far away that its rays are parallel: the sun."""
+
+    type: Literal["directional"] = Field(description="parallel light, like the sun's")
+    direction: Direction = Field(description="from the surface towards the light, world frame, any length")
+    irradiance: Color = Field(description="linear RGB on a surface that faces the light, W/m^2")
+
+
+LightConfig = Annotated[PointLightConfig | DirectionalLightConfig, Field(discriminator="type")]
+
+
+class SkyConfig(Model):
+    """What rays see that leave the scene: a gradient by height."""
+
+    zenith: Color = Field(default=(0.35, 0.55, 0.95), description="radiance straight up, linear RGB")
+    horizon: Color = Field(default=(0.9, 0.95, 1.0), description="radiance at the horizon, linear RGB")
+    ground: Color = Field(default=(0.25, 0.23, 0.2), description="radiance straight down, linear RGB")
+
+
+class RotationConfig(Model):
+    """A turn about an axis through the object's own centre."""
+
+    axis: Direction = Field(description="axis of the turn, world frame, any length")
+    degrees: Annotated[Number, Ge(-36000.0), Le(36000.0)] = Field(
+        description="angle, counterclockwise seen from the axis' tip"
+    )
+
+
+class KeyframeConfig(Model):
+    """Where something is at one time."""
+
+    time: Seconds = Field(description="seconds of the animation")
+    position: Point = Field(description="where its centre is then, world units")
+    rotation: RotationConfig | None = Field(
+        default=None, description="how it is turned then; absent = as in the source"
+    )
+
+
+class SpinConfig(Model):
+    """An object that turns on the spot."""
+
+    type: Literal["spin"] = Field(description="turn about an axis through a centre")
+    object: Text = Field(description="name of the object, or a pattern with * and ?")
+    axis: Direction = Field(default=(0.0, 1.0, 0.0), description="axis, world frame, any length")
+    period_s: Period = Field(description="seconds for a full turn")
+    center: Point | None = Field(
+        default=None, description="a point of the axis, world units; absent = the object's own centre"
+    )
+
+
+class _MovesObjectOrLight(Model):
+    object: Text | None = Field(default=None, description="name of the object, or a pattern with * and ?")
+    light: Annotated[Whole, Ge(0), Le(65535)] | None = Field(
+        default=None, description="index of the light in scene.lights, from 0"
+    )
+
+    @model_validator(mode="after")
+    def _one_target(self) -> _MovesObjectOrLight:
+        if (self.object is None) == (self.light is None):
+            came = (
+                "names neither an object nor a light"
+                if self.object is None
+                else "names both an object and a light"
+            )
+            raise refusal(came, accepted="exactly one of object, light")
+        return self
+
+
+class OrbitConfig(_MovesObjectOrLight):
+    """An object or light that circles a centre."""
+
+    type: Literal["orbit"] = Field(description="circle a centre, keeping the distance it has at the start")
+    center: Point = Field(description="centre of the circle, world units")
+    axis: Direction = Field(default=(0.0, 1.0, 0.0), description="axis, world frame, any length")
+    period_s: Period = Field(description="seconds for a full circle")
+
+
+class KeyframesConfig(_MovesObjectOrLight):
+    """An object or light that moves through given places at given times."""
+
+    type: Literal["keyframes"] = Field(description="move through given places at given times")
+    keyframes: Annotated[tuple[KeyframeConfig, ...], Field(min_length=1, max_length=10000)] = Field(
+        description="places with growing times"
+    )
+    loop: Flag = Field(default=True, description="begin again after the last keyframe; false = stay there")
+
+    @model_validator(mode="after")
+    def _times_grow(self) -> KeyframesConfig:
+        check_times([k.time for k in self.keyframes], loop=self.loop)
+        if self.light is not None:
+            for i, keyframe in enumerate(self.keyframes):
+                if keyframe.rotation is not None:
+                    raise refusal(
+                        "a light has no rotation", accepted="time, position", at=("keyframes", i, "rotation")
+                    )
+        return self
+
+
+AnimationConfig = Annotated[SpinConfig | OrbitConfig | KeyframesConfig, Field(discriminator="type")]
+
+
+class SceneConfig(Model):
+    """What is rendered."""
+
+    source: Text = Field(
+        description="a built-in scene (courtyard, forest), or a .glb, .gltf, .obj, .ply or .stl file "
+        "relative to this one"
+    )
+    lights: Annotated[tuple[LightConfig, ...], Field(max_length=1024)] | None = Field(
+        default=None, description="lights; absent = the source's own, or sensible ones"
+    )
+    sky: SkyConfig | None = Field(default=None, description="sky; absent = the source's own, or a blue one")
+    animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
+        default=None, description="rigid motion; absent = the source's own, [] = nothing moves"
+    )
+
+    @model_validator(mode="after")
+    def _lights_exist(self) -> SceneConfig:
+        for i, track in enumerate(self.animation or ()):
+            light = getattr(track, "light", None)
+            if light is not None and self.lights is not None and light >= len(self.lights):
+                raise refusal(
+                    f"there are {len(self.lights)} lights in scene.lights",
+                    accepted=f"0 to {len(self.lights) - 1}" if self.lights else "no light can be moved",
+                    at=("animation", i, "light"),
+                )
+        return self

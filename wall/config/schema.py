@@ -1,0 +1,183 @@
+"""The whole configuration, and every model it is made of under one name."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field, model_validator
+
+from wall.config.base import Flag, Model, Number, Text, Whole, refusal
+from wall.config.graph import (
+    GraphConfig,
+    NodeConfig,
+    NodeGraph,
+    PresetGraph,
+    ReconstructNode,
+    SamplesNode,
+    SinkNode,
+    TileNode,
+)
+from wall.config.sampling import (
+    METHODS,
+    AnySampling,
+    FramedSampling,
+    FramelessSampling,
+    HilbertSampling,
+    SamplingConfig,
+    switched,
+)
+from wall.config.scene import (
+    AnimationConfig,
+    DirectionalLightConfig,
+    KeyframeConfig,
+    KeyframesConfig,
+    LightConfig,
+    OrbitConfig,
+    PointLightConfig,
+    RotationConfig,
+    SceneConfig,
+    SkyConfig,
+    SpinConfig,
+)
+from wall.config.screens import BezelConfig, CornersConfig, GridConfig, PanelConfig, WallConfig
+from wall.config.views import (
+    CameraConfig,
+    CameraKeyframeConfig,
+    KeyframesPathConfig,
+    OrbitPathConfig,
+    PathConfig,
+    ViewConfig,
+)
+
+__all__ = [
+    "METHODS",
+    "AnimationConfig",
+    "AnySampling",
+    "BezelConfig",
+    "BrowserConfig",
+    "CameraConfig",
+    "CameraKeyframeConfig",
+    "Config",
+    "CornersConfig",
+    "DirectionalLightConfig",
+    "FramedSampling",
+    "FramelessSampling",
+    "GraphConfig",
+    "GridConfig",
+    "HilbertSampling",
+    "KeyframeConfig",
+    "KeyframesConfig",
+    "KeyframesPathConfig",
+    "LightConfig",
+    "NodeConfig",
+    "NodeGraph",
+    "OrbitConfig",
+    "OrbitPathConfig",
+    "OutputConfig",
+    "PanelConfig",
+    "PathConfig",
+    "PointLightConfig",
+    "PresetGraph",
+    "ReconstructNode",
+    "RotationConfig",
+    "SamplesNode",
+    "SamplingConfig",
+    "SceneConfig",
+    "SinkNode",
+    "SkyConfig",
+    "SpinConfig",
+    "TileNode",
+    "TransportConfig",
+    "ViewConfig",
+    "WallConfig",
+    "switched",
+]
+
+
+class TransportConfig(Model):
+    """How ranks talk."""
+
+    kind: Literal["zmq", "loopback"] = Field(
+        default="zmq", description="zmq: between processes; loopback: inside one"
+    )
+    bind: Text = Field(
+        default="127.0.0.1", description="address that compositors listen on; 0.0.0.0 for several hosts"
+    )
+    codec: Literal["none", "lz4", "zstd"] = Field(
+        default="none", description="compression of samples on the wire"
+    )
+    credit_bytes: Annotated[Whole, Ge(16384), Le(1 << 30)] = Field(
+        default=262144, description="bytes one renderer may have under way; less = fresher, more = steadier"
+    )
+    heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(
+        default=0.5, description="seconds between signs of life"
+    )
+    lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(
+        default=2.0, description="seconds of silence that mean a rank is lost"
+    )
+
+    @model_validator(mode="after")
+    def _lost_is_later(self) -> TransportConfig:
+        if self.lost_after_s < 2 * self.heartbeat_s:
+            raise refusal(
+                f"one late heartbeat (every {self.heartbeat_s:g} s) would lose a rank",
+                accepted=f"at least {2 * self.heartbeat_s:g}, or a shorter heartbeat_s",
+                at=("lost_after_s",),
+            )
+        return self
+
+
+class BrowserConfig(Model):
+    """The page that shows and steers the wall."""
+
+    host: Text = Field(
+        default="127.0.0.1", description="address the page is served on; others than loopback let everyone in"
+    )
+    port: Annotated[Whole, Ge(0), Le(65535)] = Field(
+        default=0, description="port of the page; 0 = any free one"
+    )
+    open: Flag = Field(default=True, description="open the page where there is a desktop")
+
+
+class OutputConfig(Model):
+    """Where results go."""
+
+    directory: Text = Field(
+        default="OUT", description="folder of pictures and summary.json, relative to where wall is started"
+    )
+    browser: BrowserConfig = Field(default=BrowserConfig(), description="the live page")
+    record_hz: Annotated[Number, Ge(0.01), Le(240.0)] = Field(
+        default=10.0, description="pictures a second that the recorder keeps"
+    )
+
+
+class Config(Model):
+    """A wall, a scene, and how the one is shown on the other."""
+
+    version: Literal[1] = Field(description="version of this format")
+    scene: SceneConfig = Field(description="what is rendered")
+    wall: WallConfig = Field(description="where the panels stand")
+    views: Annotated[tuple[ViewConfig, ...], Field(min_length=1, max_length=64)] = Field(
+        description="who looks, from where"
+    )
+    sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
+    graph: GraphConfig = Field(
+        default=PresetGraph(), description="how samples become pictures: sort-first, or nodes"
+    )
+    transport: TransportConfig = Field(default=TransportConfig(), description="how ranks talk")
+    output: OutputConfig = Field(default=OutputConfig(), description="where results go")
+
+    @model_validator(mode="after")
+    def _one_view(self) -> Config:
+        if len(self.views) > 1:
+            raise refusal(
+                "several views on one wall are not supported yet",
+                accepted="exactly one view",
+                at=("views", 1),
+            )
+        return self
+
+    def sampling_of(self, view: int) -> AnySampling:
+        """The sampling that holds for a view: its own, or the top-level one."""
+        return self.views[view].sampling or self.sampling

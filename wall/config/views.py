@@ -1,0 +1,140 @@
+"""`views:` who looks, from where, and how the camera moves."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Le
+from pydantic import BeforeValidator, Field, model_validator
+
+from wall.config.base import (
+    Direction,
+    Flag,
+    Model,
+    Name,
+    Number,
+    Period,
+    Point,
+    Seconds,
+    check_times,
+    refusal,
+)
+from wall.config.sampling import SamplingConfig
+
+DEFAULT_FOV_DEGREES = 45.0
+
+
+class CameraConfig(Model):
+    """Where the viewer stands in the world. Without position and target, the whole scene is framed."""
+
+    position: Point | None = Field(
+        default=None, description="where the eye is, world units; absent = framed automatically"
+    )
+    target: Point | None = Field(
+        default=None, description="what it looks at, world units; absent = framed automatically"
+    )
+    up: Direction = Field(
+        default=(0.0, 1.0, 0.0), description="the direction that is up in the picture, world frame"
+    )
+    fov: Annotated[Number, Ge(1.0), Le(170.0)] | None = Field(
+        default=None,
+        description="vertical field of view over the whole wall, degrees; absent = 45, or what `eye` gives",
+    )
+
+    @property
+    def auto(self) -> bool:
+        """Whether the camera is placed so that the whole scene is seen."""
+        return self.position is None
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> CameraConfig:
+        if (self.position is None) != (self.target is None):
+            raise refusal(
+                "has only one of position and target", accepted="both, or neither (framed automatically)"
+            )
+        if self.position is not None and self.target is not None and _same(self.position, self.target):
+            raise refusal("is where the eye is", accepted="a point away from position", at=("target",))
+        return self
+
+
+def _same(a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
+    """Whether two points are too close to give a direction, at their own scale."""
+    return math.dist(a, b) <= 1e-9 * max(1.0, *map(abs, a), *map(abs, b))
+
+
+def _spelled_out(value: Any) -> Any:
+    return {} if value == "auto" else value
+
+
+class OrbitPathConfig(Model):
+    """The camera circles its target."""
+
+    type: Literal["orbit"] = Field(description="circle the target about the up direction")
+    period_s: Period = Field(default=20.0, description="seconds for a full circle")
+
+
+class CameraKeyframeConfig(Model):
+    """Where the eye is, and what it looks at, at one time."""
+
+    time: Seconds = Field(description="seconds of the animation")
+    position: Point = Field(description="where the eye is then, world units")
+    target: Point = Field(description="what it looks at then, world units")
+
+    @model_validator(mode="after")
+    def _looks_somewhere(self) -> CameraKeyframeConfig:
+        if _same(self.position, self.target):
+            raise refusal("is where the eye is", accepted="a point away from position", at=("target",))
+        return self
+
+
+class KeyframesPathConfig(Model):
+    """The camera moves smoothly through given places."""
+
+    type: Literal["keyframes"] = Field(description="move through given places at given times")
+    loop: Flag = Field(default=True, description="begin again after the last keyframe; false = stay there")
+    keyframes: Annotated[tuple[CameraKeyframeConfig, ...], Field(min_length=1, max_length=10000)] = Field(
+        description="places with growing times"
+    )
+
+    @model_validator(mode="after")
+    def _times_grow(self) -> KeyframesPathConfig:
+        check_times([k.time for k in self.keyframes], loop=self.loop)
+        return self
+
+
+PathConfig = Annotated[OrbitPathConfig | KeyframesPathConfig, Field(discriminator="type")]
+CameraOrAuto = Annotated[
+    CameraConfig, BeforeValidator(_spelled_out, json_schema_input_type=Literal["auto"] | CameraConfig)
+]
+
+
+class ViewConfig(Model):
+    """One viewer's picture."""
+
+    id: Name = Field(default="main", description="name of the view")
+    camera: CameraOrAuto = Field(
+        default=CameraConfig(), description="where the viewer stands, or auto: the whole scene is framed"
+    )
+    eye: Point | None = Field(
+        default=None,
+        description="the viewer's eye before the wall, metres in the wall's frame; absent = "
+        "before its centre at the distance that gives camera.fov",
+    )
+    path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
+    refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(
+        default=60.0, description="pictures shown a second"
+    )
+    sampling: SamplingConfig | None = Field(
+        default=None, description="replaces the top-level sampling for this view"
+    )
+
+    @model_validator(mode="after")
+    def _one_field_of_view(self) -> ViewConfig:
+        if self.eye is not None and self.camera.fov is not None:
+            raise refusal(
+                "the eye's place before the wall fixes the field of view already",
+                accepted="one of eye, camera.fov",
+                at=("camera", "fov"),
+            )
+        return self
