@@ -7,11 +7,13 @@ stands; every placement is a float64 matrix `world_from_object`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.data import Float32, Float64
+from wall.scene.animation import Motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +37,7 @@ class Mesh:
     vertices: Float32                    # (v, 3) object space, relative to `origin`
     triangles: NDArray[np.uint32]        # (t, 3)
     material: int                        # index in Scene.materials
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)       # object space, float64; add to vertices
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)       # object space, float64; add to vertices; a Scene has it in the instances' matrices, and zero here
     normals: Float32 | None = None       # (v, 3) unit shading normals; None = flat
     uvs: Float32 | None = None           # (v, 2), v up
     colors: Float32 | None = None        # (v, 3) linear RGB, multiplies base_color
@@ -60,6 +62,9 @@ class DirectionalLight:
     irradiance: tuple[float, float, float]          # linear RGB, W m^-2 on a facing surface
 
 
+Light: TypeAlias = PointLight | DirectionalLight
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sky:
     """Radiance by height of the direction: ground below, horizon at 0, zenith above (linear blend in y)."""
@@ -67,6 +72,29 @@ class Sky:
     zenith: tuple[float, float, float] = (0.35, 0.55, 0.95)
     horizon: tuple[float, float, float] = (0.9, 0.95, 1.0)
     ground: tuple[float, float, float] = (0.25, 0.23, 0.2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Track:
+    """One motion of every instance whose name matches a pattern, or of one light."""
+
+    motion: Motion
+    objects: str = ""                    # fnmatch pattern over instance names; "" = a light
+    light: int = -1                      # index in the source's lights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """What a file or a scene function gives, before the configuration adds to it; None = does not say."""
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    instances: tuple[Instance, ...]
+    textures: tuple[Texture, ...] = ()
+    lights: tuple[Light, ...] | None = None
+    sky: Sky | None = None
+    animation: tuple[Track, ...] = ()
+    notes: tuple[str, ...] = ()          # each repair or assumption, for a reader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,178 @@
+"""From a configuration to a scene: load or make the source, add its lights, sky and animation, find its bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+
+from wall.config.scene import SceneConfig
+from wall.data import Float64
+from wall.errors import SceneError
+from wall.scene.animation import Moving, Tracks, compile_tracks
+from wall.scene.bounds import framing_sphere, middle, world_boxes
+from wall.scene.configured import configured
+from wall.scene.courtyard import courtyard
+from wall.scene.forest import forest
+from wall.scene.lights import STUDIO_SKY, default_lights
+from wall.scene.loading import load
+from wall.scene.model import (
+    DirectionalLight,
+    Instance,
+    Light,
+    Material,
+    Mesh,
+    Moment,
+    PointLight,
+    Sky,
+    Source,
+    Texture,
+    Track,
+)
+
+BUILT_IN = {"courtyard": courtyard, "forest": forest}
+NAMES_SHOWN = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """Everything that is traced; arrays are read-only. Object k is instances[k]."""
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    textures: tuple[Texture, ...]
+    instances: tuple[Instance, ...]
+    point_lights: tuple[PointLight, ...]
+    directional_lights: tuple[DirectionalLight, ...]
+    sky: Sky
+    tracks: Tracks
+    notes: tuple[str, ...]               # each repair or assumption, for a reader
+    center: Float64                      # (3,) world, middle of the bounding box at rest
+    radius: float                        # world units, of the smallest sphere about `center`
+    rest: Float64                        # (bodies, 4, 4): instances, point lights, directional lights
+
+    @property
+    def triangles(self) -> int:
+        """Triangles in the picture: each mesh counts once for every instance."""
+        return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
+
+    @property
+    def animated(self) -> bool:
+        return bool(self.tracks)
+
+    def at(self, time: float) -> Moment:
+        """Everything that moves, at a scene time in seconds; only moving rows are computed."""
+        poses = self.rest
+        if self.tracks:
+            poses = self.rest.copy()
+            self.tracks.apply(poses, time)
+        objects, lights = len(self.instances), len(self.instances) + len(self.point_lights)
+        directions = poses[lights:, :3, 3]
+        return Moment(
+            world_from_object=poses[:objects],
+            point_positions=poses[objects:lights, :3, 3],
+            directions=directions / np.sqrt((directions**2).sum(axis=1, keepdims=True)),
+        )
+
+
+def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
+    """The scene that a configuration asks for.
+
+    Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
+    Raises SceneError where a model cannot be used, or where the animation names what does not exist.
+    """
+    return assemble(configured(make_source(scene_config.source, base_folder), scene_config))
+
+
+def make_source(name: str, base_folder: Path) -> Source:
+    """A built-in scene by its name, or a model file."""
+    if name in BUILT_IN:
+        return BUILT_IN[name]()
+    return load(base_folder / name)
+
+
+def assemble(source: Source) -> Scene:
+    """Resolve names and defaults, and lay out what moves."""
+    lights = default_lights() if source.lights is None else source.lights
+    points = tuple(light for light in lights if isinstance(light, PointLight))
+    suns = tuple(light for light in lights if isinstance(light, DirectionalLight))
+    center, radius = framing_sphere(source.meshes, source.instances)
+    instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances)
+    return Scene(
+        meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes),
+        materials=source.materials,
+        textures=source.textures,
+        instances=instances,
+        point_lights=points,
+        directional_lights=suns,
+        sky=source.sky or STUDIO_SKY,
+        tracks=compile_tracks(_movings(source, (*points, *suns), lights)),
+        notes=source.notes,
+        center=center,
+        radius=radius,
+        rest=_rest(instances, points, suns),
+    )
+
+
+def _about_zero(instance: Instance, mesh: Mesh) -> Instance:
+    """The mesh's origin goes into the float64 matrix, so that nobody downstream has to add it."""
+    matrix = instance.world_from_object.copy()
+    matrix[:3, 3] += matrix[:3, :3] @ np.asarray(mesh.origin)
+    return replace(instance, world_from_object=matrix)
+
+
+def _rest(instances: Sequence[Instance], points: Sequence[PointLight], suns: Sequence[DirectionalLight]) -> Float64:
+    """(bodies, 4, 4) poses at rest, read-only: lights are frames without rotation at their position or direction."""
+    rest = np.tile(np.eye(4), (len(instances) + len(points) + len(suns), 1, 1))
+    if instances:
+        rest[: len(instances)] = [instance.world_from_object for instance in instances]
+    for row, light in enumerate((*points, *suns), start=len(instances)):
+        rest[row, :3, 3] = light.position if isinstance(light, PointLight) else light.direction
+    rest.setflags(write=False)
+    return rest
+
+
+def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -> list[Moving]:
+    """Every motion of every body; `bodies` are the lights in row order, `lights` in the order they are named by."""
+    movings: list[Moving] = []
+    boxes = world_boxes(source.meshes, source.instances) if source.animation else np.empty((0, 2, 3))
+    for number, track in enumerate(source.animation):
+        where = f"scene.animation[{number}]"
+        if track.objects:
+            movings += _moving_objects(track, source.instances, boxes, where=where)
+            continue
+        if not 0 <= track.light < len(lights):
+            raise SceneError(f"{where}.light = {track.light}: the scene has {len(lights)} lights, counted from 0")
+        light = lights[track.light]
+        row = next(k for k, body in enumerate(bodies) if body is light)
+        center = light.position if isinstance(light, PointLight) else light.direction
+        movings.append(Moving(body=len(source.instances) + row, motion=track.motion, center=center))
+    return movings
+
+
+def _moving_objects(track: Track, instances: Sequence[Instance], boxes: Float64, *, where: str) -> list[Moving]:
+    """Matched instances that stand in one frame are parts of one object, and share its centre."""
+    matched = [k for k, instance in enumerate(instances) if fnmatchcase(instance.name, track.objects)]
+    if not matched:
+        raise SceneError(f"{where}.object = {track.objects!r}: no such object; {_names(track.objects, instances)}")
+    parts: dict[bytes, list[int]] = {}
+    for k in matched:
+        parts.setdefault(instances[k].world_from_object.tobytes(), []).append(k)
+    movings = []
+    for rows in parts.values():
+        x, y, z = middle(boxes[rows]).tolist()
+        movings += [Moving(body=row, motion=track.motion, center=(x, y, z)) for row in rows]
+    return movings
+
+
+def _names(wanted: str, instances: Sequence[Instance]) -> str:
+    """The scene's object names, the likeliest first, as the end of an error."""
+    known = sorted({instance.name for instance in instances})
+    near = get_close_matches(wanted, known, n=1)
+    meant = f"did you mean {near[0]!r}? " if near else ""
+    more = f" and {len(known) - NAMES_SHOWN} more" if len(known) > NAMES_SHOWN else ""
+    return f"{meant}objects are {', '.join(known[:NAMES_SHOWN])}{more}"

@@ -1,0 +1,48 @@
+"""Which features a scene uses: what it lacks is not compiled into the tracer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from wall.scene.build import Scene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Needs:
+    """One bool for each feature that the tracer can leave out."""
+
+    textures: bool
+    vertex_colors: bool
+    smooth_normals: bool
+    mirrors: bool
+    point_lights: bool
+    directional_lights: bool
+    instancing: bool                     # a mesh is placed more than once
+    animation: bool
+    emission: bool
+
+
+def needs(scene: Scene) -> Needs:
+    """Look at what the instances really use: a texture that no placed mesh shows is not needed."""
+    meshes = [scene.meshes[k] for k in {instance.mesh for instance in scene.instances}]
+    materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
+    textured = any(mesh.uvs is not None and scene.materials[mesh.material].texture is not None for mesh in meshes)
+    return Needs(
+        textures=textured,
+        vertex_colors=any(mesh.colors is not None for mesh in meshes),
+        smooth_normals=any(mesh.normals is not None for mesh in meshes),
+        mirrors=any(material.mirror > 0.0 for material in materials),
+        point_lights=bool(scene.point_lights),
+        directional_lights=bool(scene.directional_lights),
+        instancing=len(meshes) < len(scene.instances),
+        animation=scene.animated,
+        emission=any(max(material.emission) > 0.0 for material in materials),
+    )
+
+
+def describe(needs: Needs) -> str:
+    """One line for a reader: "compiled in: textures, ...; left out: mirrors, ..."."""
+    words = {field.name: field.name.replace("_", " ") for field in fields(needs)}
+    used = [word for name, word in words.items() if getattr(needs, name)]
+    unused = [word for name, word in words.items() if not getattr(needs, name)]
+    return f"compiled in: {', '.join(used) or 'nothing'}; left out: {', '.join(unused) or 'nothing'}"
