@@ -1,0 +1,1 @@
+"""Where a picture ends: PNG files, a recorded sequence, a page in the browser."""
