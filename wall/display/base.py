@@ -1,7 +1,7 @@
 """What a sink gets, and the three verbs it has. Values only; no sink knows another.
 
-Frame: *virtual screen* pixels, origin at the top left corner of the wall, x right, y down; the gaps between panels
-are their bezels.
+Frame: *virtual screen* pixels, origin at the top left corner of the wall, x right, y down; the gaps between
+panels are their bezels.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from wall.errors import LocalProtocolError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,43 +36,13 @@ class WallPicture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PanelPlace:
-    """Where one panel stands in the virtual screen."""
-
-    id: str
-    x: int
-    y: int
-    width: int
-    height: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WallLayout:
-    """Every panel's place; known before the first picture."""
-
-    width: int                       # virtual screen pixels
-    height: int
-    panels: tuple[PanelPlace, ...]
-
-    def __post_init__(self) -> None:
-        for panel in self.panels:
-            inside_x = 0 <= panel.x and panel.x + panel.width <= self.width
-            inside_y = 0 <= panel.y and panel.y + panel.height <= self.height
-            if not (inside_x and inside_y):
-                raise LocalProtocolError(
-                    f"panel {panel.id}: {panel.width} x {panel.height} pixels at ({panel.x}, {panel.y}) "
-                    f"leave the virtual screen of {self.width} x {self.height}"
-                )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RankStatus:
     """One process of the run, as its row in the table shows it."""
 
     rank: int
     role: str                        # "head", "compositor", "renderer", ...
     panel: str                       # panel id; "" when it serves no single panel
-    region: str                      # what it renders, for a reader: "0,0 480x270"; "" when it renders nothing
+    region: str                      # what it renders, in words; "" when it renders nothing
     samples_per_s: float
     bytes_per_s: float
     oldest_sample_s: float | None    # age of the oldest displayed sample; None when it shows none
@@ -92,13 +60,13 @@ class Status:
     sampler: str
     samplers: tuple[str, ...]                          # what may be asked for
     ranks: tuple[RankStatus, ...]
-    latency_ms: tuple[float, float, float] | None      # p50, p95, p99 of input to changed picture; None: no input yet
-    recent_latency_ms: tuple[float, ...] = ()          # newest last, for the plot
+    latency_ms: tuple[float, float, float]             # p50, p95, p99, input to changed picture; 0: no input
+    latencies_ms: tuple[float, ...]                    # the recent ones, newest last, for the plot
     refresh_hz: float                                  # pictures shown a second
 
 
 class Sink(Protocol):
-    """Where a picture ends. Both verbs are called by one thread."""
+    """Where a picture ends. Called by one thread."""
 
     def show(self, picture: WallPicture, status: Status) -> None:
         """Take the newest picture. At most once a refresh; must not block; left out when nothing changed."""
@@ -108,15 +76,3 @@ class Sink(Protocol):
 
     def dropped(self) -> dict[str, int]:
         """What was thrown away so far, by name."""
-
-
-def layout_of(picture: WallPicture) -> WallLayout:
-    """The places of a picture's panels.
-
-    Raises LocalProtocolError when a panel leaves the virtual screen.
-    """
-    places = (
-        PanelPlace(id=p.id, x=p.screen[0], y=p.screen[1], width=p.rgb.shape[1], height=p.rgb.shape[0])
-        for p in picture.panels
-    )
-    return WallLayout(width=picture.width, height=picture.height, panels=tuple(places))

@@ -1,0 +1,93 @@
+"""The last picture as PNG files: the whole wall with its bezels, and every panel."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from wall.display.base import Status, WallPicture
+from wall.errors import LocalProtocolError, RunError
+
+BEZEL_RGB = (13, 14, 17)             # sRGB; a little lighter than black: a dark panel keeps its edge
+QUICK = 1                            # zlib level: 4 times faster than the default and a few per cent larger
+
+
+def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB) -> NDArray[np.uint8]:
+    """All panels at their places in the virtual screen.
+
+    Returns (height, width, 3) uint8 sRGB; pixels that belong to no panel have `bezel_rgb`. Where panels
+    overlap, the later one is seen. Raises LocalProtocolError when a panel leaves the virtual screen.
+    """
+    out = np.empty((picture.height, picture.width, 3), np.uint8)
+    out[:] = bezel_rgb
+    for panel in picture.panels:
+        (x, y), (h, w) = panel.screen, panel.rgb.shape[:2]
+        if x < 0 or y < 0 or x + w > picture.width or y + h > picture.height:
+            raise LocalProtocolError(
+                f"panel {panel.id}: {w} x {h} pixels at ({x}, {y}) leave the virtual screen "
+                f"of {picture.width} x {picture.height}"
+            )
+        out[y : y + h, x : x + w] = panel.rgb
+    return out
+
+
+def file_names(ids: list[str]) -> list[str]:
+    """One file name a panel: panel-ID.png, characters that a path could trip over replaced, all different."""
+    names: list[str] = []
+    for panel_id in ids:
+        stem = "panel-" + (re.sub(r"[^A-Za-z0-9._-]", "_", panel_id)[:64] or "_")
+        taken = {name.lower() for name in names}     # some file systems do not tell upper from lower case
+        tries = (stem if n == 1 else f"{stem}~{n}" for n in range(1, len(ids) + 1))
+        names.append(next(f"{t}.png" for t in tries if f"{t}.png".lower() not in taken))
+    return names
+
+
+def make_folder(folder: Path) -> None:
+    """Create a folder. Raises RunError naming it and the reason when that cannot be done."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunError(f"cannot create the folder {folder}: {error.strerror or error}") from error
+
+
+def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
+    """Write (h, w, 3) uint8 sRGB; a reader of `path` sees the old file or the whole new one, never a part.
+
+    Raises RunError naming the file and the reason when it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        Image.fromarray(rgb).save(part, format="PNG", compress_level=QUICK)
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+
+
+class PngSink:
+    """Keeps the newest picture; `close` writes it as wall.png and panel-ID.png."""
+
+    def __init__(self, folder: Path, *, bezel_rgb: tuple[int, int, int] = BEZEL_RGB) -> None:
+        make_folder(folder)
+        self._folder, self._bezel_rgb = folder, bezel_rgb
+        self._picture: WallPicture | None = None
+
+    def show(self, picture: WallPicture, status: Status) -> None:
+        self._picture = picture
+
+    def close(self) -> None:
+        """Write the files, if a picture was shown. Raises RunError naming the file that could not be."""
+        picture, self._picture = self._picture, None
+        if picture is None:
+            return
+        write_png(self._folder / "wall.png", whole_wall(picture, self._bezel_rgb))
+        for panel, name in zip(picture.panels, file_names([p.id for p in picture.panels]), strict=True):
+            write_png(self._folder / name, panel.rgb)
+
+    def dropped(self) -> dict[str, int]:
+        return {}

@@ -1,0 +1,107 @@
+"""Record what the wall shows as a numbered sequence of JPEG pictures and a line of facts about each.
+
+A picture is taken when its turn has come and something changed. Composing, compressing and writing happen in the
+recorder's own thread; when that falls behind, pictures are dropped and counted, and nobody waits.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import threading
+from pathlib import Path
+from typing import TextIO
+
+import simplejpeg
+
+from wall.display.base import Status, WallPicture
+from wall.display.png import make_folder, whole_wall
+from wall.errors import RunError
+
+QUALITY = 90                 # JPEG: no blocks to be seen on rendered edges, a tenth of the PNG's bytes
+QUEUE_PICTURES = 4           # a slow disk may lag this far; each holds a whole wall in memory
+CLOSE_S = 5.0                # what waits in the queue is still written, a disk that hangs is left behind
+ROUNDING_S = 1e-4            # a display at exactly the recorder's rate must not lose pictures to rounding
+
+_Taken = tuple[WallPicture, tuple[float, float, float]]
+
+
+class Recorder:
+    """At most `hz` pictures a second: FOLDER/000000.jpg, 000001.jpg, ... and FOLDER/index.jsonl.
+
+    A line of the index holds `file`, `time` (seconds of the head's clock), `camera_event`, `scene_event` and
+    `latency_ms` [p50, p95, p99]. An earlier recording in the folder is replaced.
+    """
+
+    def __init__(self, folder: Path, *, hz: float) -> None:
+        """Raises RunError when the folder cannot be created or written."""
+        make_folder(folder)
+        try:
+            for old in folder.glob("[0-9]*.jpg"):
+                old.unlink()
+            self._index: TextIO = (folder / "index.jsonl").open("w", encoding="utf-8")
+        except OSError as error:
+            raise RunError(f"cannot record to {folder}: {error.strerror or error}") from error
+        self._folder, self._period = folder, 1.0 / hz
+        self._due = float("-inf")
+        self._seen: tuple[int, ...] = ()
+        self._queue: queue.Queue[_Taken | None] = queue.Queue(QUEUE_PICTURES)
+        self._behind = self._unwritten = 0
+        self._failure: OSError | None = None
+        self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
+        self._thread.start()
+
+    def show(self, picture: WallPicture, status: Status) -> None:
+        versions = tuple(panel.version for panel in picture.panels)
+        if picture.time < self._due - ROUNDING_S or versions == self._seen:
+            return
+        late = picture.time - self._due
+        self._due = self._due + self._period if late < self._period else picture.time + self._period
+        self._seen = versions
+        try:
+            self._queue.put_nowait((picture, status.latency_ms))
+        except queue.Full:
+            self._behind += 1
+
+    def close(self) -> None:
+        """Write what waits, at most CLOSE_S long. Raises RunError if pictures could not be written."""
+        if not self._thread.is_alive():
+            return
+        try:
+            self._queue.put(None, timeout=CLOSE_S)
+        except queue.Full:
+            self._failure = self._failure or OSError(f"the disk did not answer for {CLOSE_S:g} s")
+        else:
+            self._thread.join(CLOSE_S)
+        if self._failure is not None:
+            why = self._failure.strerror or self._failure
+            raise RunError(f"{self._folder}: {self._unwritten} pictures could not be recorded: {why}")
+
+    def dropped(self) -> dict[str, int]:
+        counts = {"recorder_behind": self._behind, "recorder_unwritten": self._unwritten}
+        return {name: n for name, n in counts.items() if n}
+
+    def _write_all(self) -> None:
+        number = 0
+        with self._index:
+            while (taken := self._queue.get()) is not None:
+                try:
+                    self._write(number, *taken)
+                    number += 1
+                except OSError as error:
+                    self._unwritten += 1
+                    self._failure = self._failure or error
+
+    def _write(self, number: int, picture: WallPicture, latency_ms: tuple[float, float, float]) -> None:
+        name = f"{number:06d}.jpg"
+        jpeg = simplejpeg.encode_jpeg(whole_wall(picture), QUALITY, "RGB", "444", True)
+        (self._folder / name).write_bytes(jpeg)
+        line = {
+            "file": name,
+            "time": picture.time,
+            "camera_event": picture.camera_event,
+            "scene_event": picture.scene_event,
+            "latency_ms": list(latency_ms),
+        }
+        self._index.write(json.dumps(line) + "\n")
+        self._index.flush()
