@@ -40,6 +40,12 @@ Bezel = Annotated[BezelConfig, BeforeValidator(_all_sides, json_schema_input_typ
 IdPattern = Annotated[Text, Field(max_length=64)]
 
 
+def _check_bezel(bezel: BezelConfig, size: tuple[float, float]) -> None:
+    if max(bezel.left, bezel.right) > size[0] or max(bezel.top, bezel.bottom) > size[1]:
+        most = f"at most {size[0]:g} m at the sides, {size[1]:g} m above and below"
+        raise refusal("is wider than the panel itself", accepted=most, at=("bezel",))
+
+
 class GridConfig(Model):
     """Equal panels in rows and columns, all in one plane, its centre at the origin of the wall's frame."""
 
@@ -54,6 +60,7 @@ class GridConfig(Model):
 
     @model_validator(mode="after")
     def _ids_differ(self) -> GridConfig:
+        _check_bezel(self.bezel, self.size)
         if self.columns * self.rows > MAX_PANELS:
             raise refusal(
                 f"{self.columns} x {self.rows} panels are too many", accepted=f"at most {MAX_PANELS}"
@@ -102,6 +109,13 @@ class PanelConfig(Model):
     corners: CornersConfig = Field(description="where the lit area is")
     bezel: Bezel = Field(default=BezelConfig(), description="dark frame, metres: one number or four sides")
     host: Text | None = Field(default=None, description="machine the panel hangs on; absent = any")
+
+    @model_validator(mode="after")
+    def _bezel_is_thin(self) -> PanelConfig:
+        corners = self.corners
+        width = math.dist(corners.lower_left, corners.lower_right)
+        _check_bezel(self.bezel, (width, math.dist(corners.lower_left, corners.upper_left)))
+        return self
 
 
 class WallConfig(Model):

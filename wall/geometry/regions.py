@@ -1,0 +1,91 @@
+"""Which rank renders what: panels cut into rectangles of nearly equal area."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from wall.data import Rect, Region
+from wall.errors import ConfigError
+from wall.geometry.panels import Wall
+
+MAX_EDGE = 4096  # pixels; positions on the wire keep two sub-pixel bits up to this
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """A panel, and how many ranks share it."""
+
+    panel: int  # index in Wall.panels
+    ranks: int
+
+
+class HasSources(Protocol):
+    """What `regions` needs to know of a compositing graph."""
+
+    @property
+    def sources(self) -> Sequence[Source]: ...
+
+
+def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:
+    """The region of every renderer, in rank order: source by source, each cut by `split`.
+
+    Raises
+    ------
+    ConfigError : a region would have an edge above MAX_EDGE pixels, or a panel has fewer pixels than ranks
+    """
+    found: list[Region] = []
+    for source in graph.sources:
+        panel = wall.panels[source.panel]
+        whole = Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
+        size = f"{whole.width} x {whole.height} pixels"
+        if source.ranks > whole.area:
+            raise ConfigError(
+                f"panel {panel.id} ({size}): {source.ranks} ranks are too many; accepted: at most {whole.area}"
+            )
+        rects = split(whole, source.ranks)
+        if any(max(rect.width, rect.height) > MAX_EDGE for rect in rects):
+            raise ConfigError(
+                f"panel {panel.id} ({size}): with ranks: {source.ranks} a region has an edge above {MAX_EDGE} "
+                f"pixels; accepted: {_ranks_needed(whole, source.ranks)} ranks for this panel, or more"
+            )
+        found.extend(Region(panel=source.panel, rect=rect) for rect in rects)
+    return tuple(found)
+
+
+def split(rect: Rect, n: int) -> tuple[Rect, ...]:
+    """Cut a rectangle into n that cover it exactly, of nearly equal area and as square as may be.
+
+    Halves the number again and again, always across the longer edge, in proportion. Each cut is rounded to a
+    whole pixel, so with edges of parts above 100 pixels areas differ by a few per cent. ValueError unless
+    1 <= n <= area.
+    """
+    if not 1 <= n <= rect.area:
+        raise ValueError(
+            f"{rect.width} x {rect.height} pixels cannot be cut in {n} parts; accepted: 1 to {rect.area}"
+        )
+    if n == 1:
+        return (rect,)
+    few = n // 2
+    if rect.width >= rect.height:
+        cut = _cut(rect.width, rect.height, few, n)
+        first = Rect(x=rect.x, y=rect.y, width=cut, height=rect.height)
+        rest = Rect(x=rect.x + cut, y=rect.y, width=rect.width - cut, height=rect.height)
+    else:
+        cut = _cut(rect.height, rect.width, few, n)
+        first = Rect(x=rect.x, y=rect.y, width=rect.width, height=cut)
+        rest = Rect(x=rect.x, y=rect.y + cut, width=rect.width, height=rect.height - cut)
+    return split(first, few) + split(rest, n - few)
+
+
+def _cut(long: int, short: int, few: int, n: int) -> int:
+    """Where to cut the long edge for `few` of n parts, leaving both sides at least a pixel for each part."""
+    least, most = -(-few // short), long - -(-(n - few) // short)
+    return min(max((2 * long * few + n) // (2 * n), least), most)
+
+
+def _ranks_needed(rect: Rect, ranks: int) -> int:
+    while any(max(part.width, part.height) > MAX_EDGE for part in split(rect, ranks)):
+        ranks += 1
+    return ranks
