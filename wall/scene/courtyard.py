@@ -5,6 +5,7 @@ Y is up, a unit is a metre; the terrace is ten wide. About 60,000 triangles; twe
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -27,13 +28,13 @@ SAFFRON: Vector = (0.86, 0.48, 0.06)
 CORAL: Vector = (0.82, 0.20, 0.14)
 SAGE: Vector = (0.22, 0.34, 0.13)
 PLUM: Vector = (0.28, 0.06, 0.22)
-GOLD: Vector = (0.90, 0.58, 0.16)
+GOLD: Vector = (0.88, 0.44, 0.06)
 
 SUN_DIRECTION: Vector = (0.62, 0.52, 0.59)
-SUN_SHARE: Vector = (0.98, 0.77, 0.50)         # irradiance / pi, low evening sun
-EVENING = Sky(zenith=(0.13, 0.22, 0.44), horizon=(0.62, 0.46, 0.36), ground=(0.16, 0.12, 0.11))
+SUN_SHARE: Vector = (1.10, 0.84, 0.52)         # irradiance / pi, low evening sun
+EVENING = Sky(zenith=(0.04, 0.13, 0.42), horizon=(0.24, 0.40, 0.60), ground=(0.05, 0.06, 0.14))
 
-COLUMNS, GONDOLAS = 12, 8
+COLUMNS, GONDOLAS, FLAGS = 9, 8, 10
 
 
 def courtyard() -> Source:
@@ -41,6 +42,7 @@ def courtyard() -> Source:
     parts = Assembly()
     _terrace(parts)
     _colonnade(parts)
+    _bunting(parts)
     _fountain(parts)
     _carousel(parts)
     _garden(parts)
@@ -61,7 +63,7 @@ def _terrace(parts: Assembly) -> None:
     mosaic = parts.texture(Texture(name="mosaic", texels=_mosaic(1024)))
     floor = parts.material(Material(name="mosaic", base_color=(1.0, 1.0, 1.0), texture=mosaic))
     stone = _plain(parts, "limestone", LIMESTONE)
-    rock = _plain(parts, "rock", (0.30, 0.24, 0.20))
+    rock = _plain(parts, "rock", (0.25, 0.19, 0.17))
     disc = lathe([(4.9, 0.0), (2.5, 0.0), (0.0, 0.0)], 96)
     flat = disc.vertices[:, [0, 2]] / 9.8 + 0.5
     parts.put("floor", Shape(vertices=disc.vertices, triangles=disc.triangles, uvs=flat * [1, -1] + [0, 1]), floor)
@@ -71,19 +73,18 @@ def _terrace(parts: Assembly) -> None:
 
 
 def _rock() -> Shape:
-    """The underside: a cone of cragged rings."""
+    """The underside: a cone of cragged rings that hangs in the air."""
     chance = np.random.default_rng(7)
-    rings, sides = 14, 64
-    depth = np.linspace(0.0, 1.0, rings)
-    radius = 5.5 * np.sqrt(1.0 - depth**1.6)
+    rings, sides = 12, 40
+    depth = np.linspace(0.0, 1.0, rings)[:, None]
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     angle[-1] = 0.0
-    crag = chance.uniform(0.84, 1.06, (rings, sides + 1))
-    crag[:, -1] = crag[:, 0]
-    crag[0] = 1.0
-    across = radius[:, None] * crag
-    down = -0.62 - 3.0 * depth[:, None] * (1.0 + 0.12 * (crag - 1.0) / 0.1)
-    points = np.stack([across * np.sin(angle), np.broadcast_to(down, across.shape), across * np.cos(angle)], -1)
+    crag = np.cumsum(chance.uniform(-0.05, 0.05, (rings, sides + 1)), axis=0)
+    fall = chance.uniform(0.75, 1.25, sides + 1)
+    crag[:, -1], fall[-1] = crag[:, 0], fall[0]
+    across = 5.55 * (1.0 - depth**1.5) * (1.0 + crag)
+    down = np.broadcast_to(-0.62 - 2.5 * depth * np.where(depth < 1.0, fall, 1.0), across.shape)
+    points = np.stack([across * np.sin(angle), down, across * np.cos(angle)], -1)
     return sheet(points[::-1])
 
 
@@ -128,6 +129,23 @@ def _colonnade(parts: Assembly) -> None:
         parts.place(f"jewel {k}", jewels[k % 4], matrix @ placed(0.0, 2.46 + 0.20, 0.0))
 
 
+def _bunting(parts: Assembly) -> None:
+    """Strings of little flags from column to column, each flag its own colour at its corners."""
+    cloth = _plain(parts, "cloth", (1.0, 1.0, 1.0))
+    colors = np.array([CORAL, IVORY, TEAL, SAFFRON, INDIGO])
+    flags: list[Shape] = []
+    hang = np.linspace(0.0, 1.0, FLAGS + 1)
+    for k in range(COLUMNS):
+        start, end = (_on_circle(4.55, (k + side) / COLUMNS, 2.36)[:3, 3] for side in (0, 1))
+        rope = start + hang[:, None] * (end - start) - [0.0, 0.5, 0.0] * (4.0 * hang * (1.0 - hang))[:, None]
+        for number, (left, right) in enumerate(itertools.pairwise(rope)):
+            tip = (left + right) / 2.0 - [0.0, 0.24, 0.0]
+            corners = np.stack([0.92 * left + 0.08 * right, 0.08 * left + 0.92 * right, tip])
+            one = Shape(vertices=corners, triangles=np.array([[0, 2, 1]], np.uint32), uvs=np.zeros((3, 2)))
+            flags.append(one.painted(colors[(k * 2 + number) % len(colors)] * np.array([[0.85], [0.85], [1.1]])))
+    parts.put("bunting", join(flags), cloth)
+
+
 def _on_circle(radius: float, turn: float, height: float = 0.0) -> Float64:
     """(4, 4) placement on a circle about the y axis, facing outward."""
     angle = 2.0 * math.pi * turn
@@ -141,14 +159,14 @@ def _fountain(parts: Assembly) -> None:
     stem = [(0.34, 0.30), (0.30, 0.44), (0.16, 0.60), (0.15, 0.80), (0.24, 0.92), (0.62, 1.06), (0.72, 1.16), (0.72, 1.20), (0.64, 1.20), (0.60, 1.12)]
     parts.put("basin", join([lathe(low, 72), lathe(stem, 56)]), stone)
     parts.put("water", join([lathe([(1.36, 0.42), (0.0, 0.42)], 72), lathe([(0.63, 1.16), (0.0, 1.16)], 48)]), water)
-    knot = torus_knot(2, 3, radius=0.58, thickness=0.15, steps=360, sides=24)
-    parts.place("knot", parts.mesh("knot", knot, _plain(parts, "gold", GOLD, 0.22)), placed(0.0, 2.05, 0.0))
+    knot = torus_knot(2, 3, radius=0.74, thickness=0.17, steps=360, sides=24)
+    parts.place("knot", parts.mesh("knot", knot, _plain(parts, "gold", GOLD, 0.12)), placed(0.0, 2.25, 0.0))
     parts.move("knot", Spin(axis=UP, period_s=9.0))
     moon = sphere(0.13, segments=36)
     for k, (color, period) in enumerate(((CORAL, 5.0), (TEAL, 7.0), (IVORY, 11.0))):
         mesh = parts.mesh(f"moon {k}", moon, _plain(parts, f"moon {k}", color, 0.05))
-        parts.place(f"moon {k}", mesh, _on_circle(1.25 + 0.12 * k, k / 3.0, 2.05))
-        parts.move(f"moon {k}", Orbit(center=(0.0, 2.05, 0.0), axis=(0.35 - 0.3 * k, 1.0, 0.2 * k), period_s=period))
+        parts.place(f"moon {k}", mesh, _on_circle(1.5 + 0.12 * k, k / 3.0, 2.25))
+        parts.move(f"moon {k}", Orbit(center=(0.0, 2.25, 0.0), axis=(0.35 - 0.3 * k, 1.0, 0.2 * k), period_s=period))
 
 
 def _carousel(parts: Assembly) -> None:
@@ -157,16 +175,16 @@ def _carousel(parts: Assembly) -> None:
     colors = (CORAL, TEAL, SAFFRON, PLUM)
     paints = [_plain(parts, f"paint {k}", color) for k, color in enumerate(colors)]
     toys = [
-        torus(0.24, 0.10).moved(_tilted()),
-        lathe([(0.0, -0.34), (0.30, 0.0), (0.0, 0.34)], 6),
-        sphere(0.28, segments=40),
-        torus_knot(2, 5, radius=0.22, thickness=0.055, steps=240, sides=12),
+        torus(0.27, 0.11).moved(_tilted()),
+        lathe([(0.0, -0.40), (0.34, 0.0), (0.0, 0.40)], 6),
+        sphere(0.31, segments=40),
+        torus_knot(2, 5, radius=0.27, thickness=0.065, steps=240, sides=12),
     ]
     rod = parts.mesh("rod", lathe([(0.16, 0.0), (0.16, 0.04), (0.03, 0.07), (0.025, 0.66), (0.0, 0.66)], 20), pole)
     for k in range(GONDOLAS):
         mesh = parts.mesh(f"toy {k}", toys[k % 4], paints[(k + k // 4) % 4])
         parts.place(f"rod {k}", rod, _on_circle(2.75, k / GONDOLAS))
-        parts.place(f"toy {k}", mesh, _on_circle(2.75, k / GONDOLAS, 0.98))
+        parts.place(f"toy {k}", mesh, _on_circle(2.75, k / GONDOLAS, 1.05))
         parts.move(f"toy {k}", Spin(axis=UP, period_s=3.0 + 0.5 * k))
     parts.move("rod *", Spin(axis=UP, period_s=24.0, center=ON_AXIS))
     parts.move("toy *", Spin(axis=UP, period_s=24.0, center=ON_AXIS))
@@ -217,7 +235,7 @@ def _lanterns(parts: Assembly) -> tuple[PointLight, ...]:
         orbit = Orbit(center=(0.0, height, 0.0), axis=UP, period_s=period)
         parts.move(f"lantern {k}", orbit)
         x, y, z = matrix[:3, 3].tolist()
-        r, g, b = (1.1 * part for part in color)
+        r, g, b = (2.4 * part for part in color)
         lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
         parts.tracks.append(Track(motion=orbit, light=k))
     return tuple(lights)

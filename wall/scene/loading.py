@@ -1,9 +1,187 @@
+"""Models from files, through trimesh: glTF/GLB, OBJ, PLY and STL, with node transforms and instancing kept.
+
+A mesh of the file is one Mesh however often the file places it. Nothing is merged, centred or turned: glTF says that
+y is up, the other formats do not say and are taken as they are. A file that cannot be used raises SceneError; what
+could be repaired is in the notes.
+"""
+
 from __future__ import annotations
 
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
-from wall.scene.model import Source
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from wall.data import Float64
+from wall.errors import SceneError
+from wall.scene.appearance import Palette
+from wall.scene.bounds import framing_sphere
+from wall.scene.model import Instance, Mesh, Source
+from wall.scene.repair import RawMesh, Repaired, repair
+
+FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+FLATTEST = 1e-7                        # smallest over largest stretch of a placement that can still be inverted
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7      # of a whole model, world units; others are scaled to radius 1
+NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
 
 
 def load(path: Path) -> Source:
-    raise NotImplementedError
+    """Read a model file. Raises SceneError: missing, unknown format, unreadable, or nothing left to draw."""
+    loaded, notes = _read(path)
+    up = "" if path.suffix.lower() in (".glb", ".gltf") else f"{path.name}: the format does not say which way is up; y is"
+    palette = Palette(linear_vertex_colors=path.suffix.lower() in (".glb", ".gltf"))
+    meshes: list[Mesh] = []
+    numbers: dict[str, tuple[int, float]] = {}
+    for name, geometry in loaded.geometry.items():
+        repaired = _mesh(name, geometry, palette)
+        notes += repaired.notes if isinstance(repaired, Repaired) else repaired
+        if isinstance(repaired, Repaired):
+            numbers[name] = (len(meshes), repaired.unit)
+            meshes.append(repaired.mesh)
+    instances = list(_instances(loaded, numbers, notes))
+    notes += palette.notes
+    if not instances:
+        raise SceneError(f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
+                         + "".join(f"\n  {note}" for note in notes))
+    source = Source(
+        meshes=tuple(meshes),
+        materials=tuple(palette.materials),
+        textures=tuple(palette.textures),
+        instances=tuple(instances),
+    )
+    return _comfortable(source, [*notes, up] if up else notes)
+
+
+def _read(path: Path) -> tuple[Any, list[str]]:
+    """trimesh's scene of a file, and what trimesh only whispers to its log: textures and materials it gave up."""
+    known = ", ".join(FORMATS)
+    if path.suffix.lower() not in FORMATS:
+        raise SceneError(f"{path}: no built-in scene and no known kind of model, known are {known}")
+    if not path.is_file():
+        raise SceneError(f"{path}: there is no such file")
+    options = {"split_objects": True} if path.suffix.lower() == ".obj" else {}
+    with _overheard(path.name) as notes:
+        try:
+            with np.errstate(all="ignore"):
+                return trimesh.load_scene(path, process=False, **options), notes
+        except Exception as error:                       # parsers of broken files raise anything
+            reason = f"{type(error).__name__}: {error}"
+            raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
+
+
+@contextmanager
+def _overheard(where: str) -> Iterator[list[str]]:
+    """Collect trimesh's complaints of a load as notes; its logger is put back as it was."""
+    notes: list[str] = []
+
+    def hear(record: logging.LogRecord) -> bool:
+        text = record.getMessage()
+        if any(word in text.lower() for word in NOTEWORTHY):
+            cause = f" ({record.exc_info[1]})" if record.exc_info and record.exc_info[1] else ""
+            notes.append(f"{where}: {text}{cause}")
+        return record.levelno >= level
+
+    logger = logging.getLogger("trimesh")
+    level = logger.getEffectiveLevel()
+    set_level = logger.level
+    logger.setLevel(logging.DEBUG)
+    logger.addFilter(hear)
+    try:
+        yield notes
+    finally:
+        logger.removeFilter(hear)
+        logger.setLevel(set_level)
+
+
+def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, ...]:
+    """One of the file's geometries, repaired; or why there is nothing to draw in it."""
+    triangles = _triangles(geometry)
+    vertices = np.asarray(geometry.vertices, np.float64)
+    if triangles is None or vertices.ndim != 2 or vertices.shape[1] != 3:
+        return (f"{name!r} is no triangle mesh ({type(geometry).__name__} of {len(vertices)} points), and is left out",)
+    if len(triangles) == 0:
+        return (f"mesh {name!r} is empty, and is left out",)
+    visual = getattr(geometry, "visual", None)
+    normals = geometry.vertex_normals if "vertex_normals" in geometry._cache else None
+    if getattr(visual, "kind", None) == "face" and triangles.min() >= 0 and triangles.max() < len(vertices):
+        colors = palette.linear(np.repeat(np.asarray(visual.face_colors), 3, axis=0))
+        corners = triangles.reshape(-1)
+        own = np.arange(len(corners), dtype=np.int64).reshape(-1, 3)
+        return repair(RawMesh(name=name, vertices=vertices[corners], triangles=own, colors=colors), palette.plain())
+    colors_or_none = palette.vertex_colors(visual, len(vertices))
+    material = palette.material(visual) if colors_or_none is None or hasattr(visual, "material") else palette.plain()
+    textured = palette.materials[material].texture is not None
+    uvs = getattr(visual, "uv", None) if textured else None
+    raw = RawMesh(
+        name=name,
+        vertices=vertices,
+        triangles=triangles,
+        normals=None if normals is None else np.asarray(normals, np.float64),
+        uvs=None if uvs is None else np.asarray(uvs, np.float64)[:, :2],
+        colors=colors_or_none,
+    )
+    return repair(raw, material)
+
+
+def _triangles(geometry: Any) -> NDArray[np.int64] | None:
+    """(t, 3) of a mesh; also of a PLY that keeps its surface as strips, which trimesh takes for points."""
+    if isinstance(geometry, trimesh.Trimesh):
+        return np.asarray(geometry.faces, np.int64).reshape(-1, 3)
+    strips = geometry.metadata.get("_ply_raw", {}).get("tristrips", {}).get("data")
+    if strips is None:
+        return None
+    rows = strips.values() if isinstance(strips, dict) else [strips[name]["f1"] for name in strips.dtype.names]
+    return np.concatenate([strip_triangles(np.ravel(row).astype(np.int64)) for lists in rows for row in np.atleast_2d(lists)])
+
+
+def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(t, 3) triangles of a strip in which -1 begins a new one; every second triangle is turned round."""
+    if len(strip) < 3:
+        return np.empty((0, 3), np.int64)
+    windows = np.stack([strip[:-2], strip[1:-1], strip[2:]], 1)
+    breaks = np.where(strip == -1, np.arange(len(strip)), -1)
+    start = np.maximum.accumulate(breaks)[:-2] + 1
+    odd = (np.arange(len(windows)) - start) % 2 == 1
+    windows[odd] = windows[odd][:, [1, 0, 2]]
+    return windows[(windows >= 0).all(axis=1)]
+
+
+def _instances(loaded: Any, numbers: dict[str, tuple[int, float]], notes: list[str]) -> Iterator[Instance]:
+    """Every placement in the file's graph of a mesh that is left."""
+    for node in loaded.graph.nodes_geometry:
+        matrix, geometry = loaded.graph[node]
+        if geometry not in numbers:
+            continue
+        number, unit = numbers[geometry]
+        placement = np.array(matrix, np.float64)
+        unnamed = str(node).isdigit() or loaded.geometry[geometry].metadata.get("from_gltf_primitive")
+        name = str(geometry if unnamed else node)
+        if not np.isfinite(placement).all() or _flat(placement[:3, :3]):
+            notes.append(f"object {name!r}: its placement squashes it flat or is not finite; left out")
+            continue
+        placement[:3, :3] *= unit
+        placement[3] = 0.0, 0.0, 0.0, 1.0
+        yield Instance(name=name, mesh=number, world_from_object=placement)
+
+
+def _flat(matrix: Float64) -> bool:
+    stretch = np.linalg.svd(matrix, compute_uv=False)
+    return bool(stretch[-1] <= FLATTEST * stretch[0])
+
+
+def _comfortable(source: Source, notes: list[str]) -> Source:
+    """The source with its notes; a model of extreme size is scaled about the world's origin to radius 1."""
+    from dataclasses import replace
+
+    _, radius = framing_sphere(source.meshes, source.instances)
+    if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
+        scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
+        placed = (replace(i, world_from_object=scale @ i.world_from_object) for i in source.instances)
+        source = replace(source, instances=tuple(placed))
+        notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
+    return replace(source, notes=tuple(notes))

@@ -1,0 +1,127 @@
+"""What surfaces look like, from trimesh's materials to ours: base colour, texture, vertex colours, emission.
+
+Colour spaces: glTF factors and vertex colours are linear, as its specification says; so is an OBJ's Kd. PLY and OBJ
+vertex colours are sRGB by custom, and are made linear. Textures stay sRGB bytes; the tracer decodes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from PIL import Image
+
+from wall.data import Float32, Float64
+from wall.scene.animation import Vector
+from wall.scene.model import Material, Texture
+
+LARGEST_TEXTURE_PX = 4096      # 48 MiB of texels; larger images are halved until they fit
+
+
+@dataclass(slots=True)
+class Palette:
+    """Materials and textures met so far; equal objects in the file become one entry."""
+
+    linear_vertex_colors: bool
+    materials: list[Material] = field(default_factory=list)
+    textures: list[Texture] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    _materials: dict[int, int] = field(default_factory=dict)
+    _textures: dict[int, int | None] = field(default_factory=dict)
+
+    def material(self, visual: Any) -> int:
+        """Number of the material of a trimesh visual; one without any is light grey."""
+        found = getattr(visual, "material", None)
+        key = id(found) if found is not None else -1
+        if key not in self._materials:
+            self.materials.append(self._converted(found))
+            self._materials[key] = len(self.materials) - 1
+        return self._materials[key]
+
+    def plain(self) -> int:
+        """A white material for meshes that bring a colour at each vertex."""
+        if -2 not in self._materials:
+            self.materials.append(Material(name="vertex colours", base_color=(1.0, 1.0, 1.0)))
+            self._materials[-2] = len(self.materials) - 1
+        return self._materials[-2]
+
+    def _converted(self, found: Any) -> Material:
+        if found is None:
+            return Material(name="default")
+        name = str(getattr(found, "name", None) or "unnamed")
+        base = Material(name=name)
+        if isinstance(found, trimesh.visual.material.PBRMaterial):
+            base = replace(base, base_color=_factor(found.baseColorFactor, base.base_color),
+                           emission=_factor(found.emissiveFactor, (0.0, 0.0, 0.0)))
+            image = found.baseColorTexture
+            if found.baseColorFactor is None:
+                base = replace(base, base_color=(1.0, 1.0, 1.0))     # glTF's default
+            if found.emissiveTexture is not None and max(base.emission) > 0.0:
+                self.notes.append(f"material {name!r}: its emissive texture is not used, so it does not glow")
+                base = replace(base, emission=(0.0, 0.0, 0.0))
+        else:
+            image = getattr(found, "image", None)
+            written = getattr(found, "kwargs", {}).get("kd")
+            base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
+        return replace(base, texture=self._texture(image, name))
+
+    def _texture(self, image: Any, name: str) -> int | None:
+        if image is None:
+            return None
+        if id(image) not in self._textures:
+            self._textures[id(image)] = self._decoded(image, name)
+        return self._textures[id(image)]
+
+    def _decoded(self, image: Image.Image, name: str) -> int | None:
+        try:
+            shrink = max(1, -(-max(image.size) // LARGEST_TEXTURE_PX))
+            if shrink > 1:
+                self.notes.append(f"material {name!r}: its {image.width}x{image.height} texture is reduced {shrink} times")
+                image = image.reduce(shrink)
+            if "A" in image.getbands() or "transparency" in image.info:
+                self.notes.append(f"material {name!r}: the alpha of its texture is not used; it is opaque")
+            texels = np.ascontiguousarray(image.convert("RGBA").convert("RGB"), np.uint8)
+        except Exception as error:                       # Pillow's decoders raise anything on broken data
+            self.notes.append(f"material {name!r}: its texture cannot be decoded ({error}); its plain colour is used")
+            return None
+        self.textures.append(Texture(name=name, texels=texels))
+        return len(self.textures) - 1
+
+    def vertex_colors(self, visual: Any, count: int) -> Float32 | None:
+        """(count, 3) linear RGB of a mesh that brings colours for its vertices."""
+        rows = None
+        if getattr(visual, "kind", None) == "vertex":
+            rows = np.asarray(visual.vertex_colors)
+        elif hasattr(visual, "vertex_attributes"):
+            rows = visual.vertex_attributes.get("color")
+        if rows is None or np.ndim(rows) != 2 or len(rows) != count or np.shape(rows)[1] < 3:
+            return None
+        return self.linear(rows)
+
+    def linear(self, rows: NDArray[Any]) -> Float32:
+        """(n, 3) linear RGB of (n, 3 or 4) colours as the file has them, integers or floats in 0..1."""
+        scale = float(np.iinfo(rows.dtype).max) if np.issubdtype(rows.dtype, np.integer) else 1.0
+        values = np.clip(np.nan_to_num(rows[:, :3].astype(np.float64)) / scale, 0.0, 1.0)
+        return (values if self.linear_vertex_colors else srgb_to_linear(values)).astype(np.float32)
+
+
+def srgb_to_linear(values: Float64) -> Float64:
+    """Linear light of sRGB values in 0..1 (IEC 61966-2-1)."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def _factor(color: Any, default: Vector) -> Vector:
+    """A colour as three floats in 0..1; bytes are scaled, anything unfit gives the default."""
+    if color is None:
+        return default
+    values = np.asarray(color)
+    if values.ndim == 0 and values.dtype.kind in "fiu":
+        values = np.repeat(values, 3)
+    if values.ndim != 1 or len(values) < 3 or values.dtype.kind not in "fiu" or not np.isfinite(values[:3]).all():
+        return default
+    scale = 255.0 if values.dtype.kind in "iu" and values.dtype.itemsize == 1 else 1.0
+    r, g, b = np.clip(values[:3].astype(np.float64) / scale, 0.0, 1.0).tolist()
+    return (r, g, b)
