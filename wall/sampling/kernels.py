@@ -125,3 +125,28 @@ def clear_epochs(xy, slots, x0, y0, epochs):
             epochs[slots[y, x]] = 0
             cleared += 1
     return cleared
+
+
+@kernel
+def progressive_positions(pixels, seed, k, xy):
+    """Positions of sample k: the R2 sequence, shifted in each pixel by hashes of (seed, x, y, dimension).
+
+    pixels : (n, 2) int32; xy : (n, 2) float32, written. A position stays inside its pixel: shifts are below 1 - 2^-10.
+    """
+    for i in range(pixels.shape[0]):
+        x, y = pixels[i, 0], pixels[i, 1]
+        key = hash_uint32(hash_uint32(np.uint32(seed), np.uint32(x)), np.uint32(y))
+        u = hash_uint32(key, np.uint32(0)) * 2.0**-32 + (k + 1) * 0.7548776662466927
+        v = hash_uint32(key, np.uint32(1)) * 2.0**-32 + (k + 1) * 0.5698402909980532
+        xy[i, 0] = x + (u - np.floor(u)) * (1.0 - 2.0**-10)
+        xy[i, 1] = y + (v - np.floor(v)) * (1.0 - 2.0**-10)
+
+
+@kernel
+def accumulate(samples, x0, y0, sums, counts):
+    """Add samples to their pixels in float64. sums : (h, w, 3) float64; counts : (h, w) int64, pixel (0, 0) at x0, y0."""
+    for k in range(samples.shape[0]):
+        x, y = int(samples[k]["xy"][0]) - x0, int(samples[k]["xy"][1]) - y0
+        for c in range(3):
+            sums[y, x, c] += samples[k]["radiance"][c]
+        counts[y, x] += 1

@@ -526,7 +526,8 @@ def trace(
         counts[PRIMARY] += count
         for lane in range(16):
             p[DEPTH + lane] = p[T_FAR + lane]                                       # stays infinite on a miss
-            p[OBJECT + lane] = np.float32(bits[INSTANCE + lane] + np.uint32(1))     # 0 on a miss
+            missed = bits[GEOMETRY + lane] == MISS
+            p[OBJECT + lane] = ZERO if missed else np.float32(bits[INSTANCE + lane]) + ONE
         counts[SHADOW] += light_packet(
             scene, surfaces, normals, colors, uvs, texels, textures, to_linear, points, suns, emission, work
         )

@@ -100,7 +100,8 @@ class Tracer:
         work = self._work
         work.counts[:] = 0
         kept = kernels.trace(*self.arguments(xy, samples))
-        return samples[:kept], Traced(*(int(c) for c in work.counts))
+        primary, shadow, secondary, bad = (int(count) for count in work.counts)
+        return samples[:kept], Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
 
     def arguments(self, xy: Float32, samples: Samples) -> tuple[Any, ...]:
         """Everything that kernels.trace wants, in its order; for trace() and for measuring the kernel alone."""

@@ -1,0 +1,1 @@
+"""Who does what: manager, renderers, compositors, and how they find each other."""

@@ -1,0 +1,34 @@
+"""How the ranks of a run come into being and learn each other's addresses; after that nothing differs.
+
+Under `mpirun` the launcher has made the ranks, and MPI gathers the addresses once. Otherwise this process forks
+the others, after it has loaded the scene and the kernels, so that they start at once and share that memory.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Protocol
+
+MPI_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
+
+
+class Bootstrap(Protocol):
+    rank: int
+    size: int
+
+    def allgather(self, text: str) -> list[str]:
+        """Every rank's text, in rank order. Called the same number of times by all, at the start and the end only."""
+        ...
+
+    def dead(self) -> dict[int, str]:
+        """Ranks known to have ended badly, with how they ended; ranks that nobody watches are left out."""
+        ...
+
+    def finish(self) -> None:
+        """End what was started, within a bounded time."""
+        ...
+
+
+def under_mpi() -> bool:
+    """Whether an MPI launcher started this process."""
+    return any(mark in os.environ for mark in MPI_MARKS)

@@ -1,0 +1,195 @@
+"""Rank 0: the manager's thread, a compositor, the sinks, and an eye on everyone else."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from wall.config.schema import METHODS
+from wall.display.base import RankStatus, Sink, Status, WallPicture
+from wall.errors import RunError
+from wall.processes.bootstrap import Bootstrap
+from wall.processes.clock import Clock
+from wall.processes.compositor import Compositor
+from wall.processes.manager import Manager
+from wall.processes.plan import HEAD, Plan
+from wall.processes.renderer import peak_memory
+from wall.transport.base import Hub
+
+STATUS_PERIOD_S = 0.25
+SETTLED_S = 0.4              # a complete picture that has not changed for this long is final
+RECENT_LATENCIES = 240       # shown in the viewer's plot
+
+
+class Head:
+    def __init__(self, plan: Plan, bootstrap: Bootstrap, hub: Hub, control_hub: Hub, clock: Clock, sinks: list[Sink],
+                 commands: Callable[[], list[dict[str, Any]]], *, still: bool) -> None:
+        self._plan, self._bootstrap, self._clock, self._sinks = plan, bootstrap, clock, sinks
+        self._compositor = Compositor(plan, HEAD, hub)
+        self.manager = Manager(plan, control_hub, clock, commands, still=still)
+        self.lost: dict[int, str] = {}           # ranks that died or went silent: how
+        self.stopping = ""                       # why the run ends, once it does
+        self._began = clock.now()
+        self._changed = self._began
+        self._refreshes = 0
+        self._status: Status | None = None
+        self._status_due = 0.0
+
+    def run(self, *, seconds: float | None, until_complete: bool) -> None:
+        """The compositor's loop, until time is up, the picture is complete, or nobody renders any more."""
+        self.manager.start()
+        clock, period = self._clock, 1.0 / self._plan.view.refresh_hz
+        due = clock.now()
+        while not self.stopping:
+            taken = self._compositor.take_in()
+            now = clock.now()
+            if now >= due:
+                due = max(due + period, now)
+                self._refresh(now)
+                self._watch(now)
+                if seconds is not None and now - self._began >= seconds:
+                    self.stopping = "time is up"
+                elif until_complete and self._complete(now):
+                    self.stopping = "complete"
+            if not taken:
+                self._compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
+
+    def finish(self) -> None:
+        """Stop everyone, show what still came in, close the sinks."""
+        self.manager.stop()
+        while self._compositor.take_in():
+            pass
+        self._refresh(self._clock.now())
+        for sink in self._sinks:
+            sink.close()
+
+    def picture(self) -> WallPicture:
+        wall, event = self._plan.layout.wall, self.manager.event
+        return WallPicture(
+            width=wall.width, height=wall.height, panels=self._compositor.pictures(), time=self._clock.now(),
+            camera_event=event.camera_event, scene_event=event.scene_event,
+        )
+
+    def _refresh(self, now: float) -> None:
+        before = [p.version for p in self._compositor.pictures()]
+        self._compositor.refresh()
+        picture = self.picture()
+        if [p.version for p in picture.panels] != before or self._refreshes == 0:
+            self._changed = now
+            self._refreshes += 1
+        if now >= self._status_due or self._status is None:
+            self._status_due = now + STATUS_PERIOD_S
+            self._status = self.status(now)
+        for sink in self._sinks:
+            sink.show(picture, self._status)
+        self.manager.latency.shown(self._compositor.newest_event(), self._clock.now())
+
+    def _watch(self, now: float) -> None:
+        """Notice ranks that died or fell silent; their regions only grow old. End when no renderer is left."""
+        if self.manager.failure is not None:
+            raise RunError(f"the manager failed: {self.manager.failure!r}") from self.manager.failure
+        limit = self._plan.layout.config.transport.lost_after_s
+        for rank, how in self._bootstrap.dead().items():
+            self.lost.setdefault(rank, f"died ({how}) after {now - self._began:.1f} s")
+        silent = self.manager.silent(now, limit)
+        for rank, seconds in silent.items():
+            self.lost.setdefault(rank, f"silent for {seconds:.1f} s")
+        for rank in [r for r, how in self.lost.items() if how.startswith("silent") and r not in silent]:
+            del self.lost[rank]                  # it was only late
+        if all(rank in self.lost for rank in self._plan.layout.renderers()):
+            self.stopping = "no renderer is left"
+
+    def _complete(self, now: float) -> bool:
+        """Whether every other rank says that it has nothing left to do under the newest event, and all of it is shown."""
+        event = self.manager.event
+        for rank in range(1, self._plan.layout.size):
+            beat = self.manager.heartbeats.get(rank)
+            if beat is None or not beat[1].complete or (beat[1].camera_event, beat[1].scene_event) != event.number:
+                return False
+        return now - self._changed >= SETTLED_S and self._compositor.newest_event() == event.number
+
+    def status(self, now: float) -> Status:
+        latencies = list(self.manager.latency.seconds)[-RECENT_LATENCIES:]
+        return Status(
+            seconds=now - self._began,
+            paused=self.manager.event.paused,
+            sampler=self.manager.event.sampler,
+            samplers=METHODS,
+            ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),
+            latency_ms=percentiles_ms(latencies) if latencies else None,
+            recent_latency_ms=tuple(1000.0 * s for s in latencies),
+            refresh_hz=self._refreshes / max(now - self._began, 1e-3),
+        )
+
+    def _rank_status(self, rank: int, now: float) -> RankStatus:
+        layout = self._plan.layout
+        beat = self.manager.heartbeats.get(rank)
+        heartbeat = beat[1] if beat else None
+        panel = layout.region(rank).panel if layout.role(rank) == "renderer" else None
+        own = self._compositor.panels.get(panel) if panel is not None else None
+        return RankStatus(
+            rank=rank,
+            role=layout.role(rank),
+            panel=layout.wall.panels[panel].id if panel is not None else "",
+            region=layout.describe(rank),
+            samples_per_s=heartbeat.samples_per_s if heartbeat else 0.0,
+            bytes_per_s=heartbeat.bytes_per_s if heartbeat else 0.0,
+            oldest_sample_s=own.oldest_sample(now) if own else None,
+            dropped=sum(heartbeat.dropped.values()) if heartbeat else 0,
+            alive=rank == HEAD or (beat is not None and rank not in self.lost),
+            memory_mb=(heartbeat.peak_memory if heartbeat else peak_memory() if rank == HEAD else 0) / 2**20,
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """What summary.json holds."""
+        manager, compositor, layout = self.manager, self._compositor, self._plan.layout
+        beats = {rank: beat for rank, (_, beat) in manager.heartbeats.items()}
+        dropped = compositor.drops()
+        dropped.merge(manager.counters.counts)
+        for sink in self._sinks:
+            dropped.merge(sink.dropped())
+        for beat in beats.values():
+            dropped.merge(beat.dropped)
+        seconds = self._clock.now() - self._began
+        traced = sum(b.samples_traced for b in beats.values())
+        return {
+            "seconds": round(seconds, 3),
+            "ended": self.stopping or "interrupted",
+            "samples_traced": traced,
+            "samples_shown": compositor.samples_shown() + sum(b.samples_shown for b in beats.values()),
+            "secondary_rays": sum(b.secondary_rays for b in beats.values()),
+            "packets": sum(b.packets for r, b in beats.items() if layout.role(r) == "renderer"),
+            "bytes": sum(b.bytes for r, b in beats.items() if layout.role(r) == "renderer"),
+            "refreshes": self._refreshes,
+            "dropped": dict(sorted(dropped.counts.items())),
+            "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(manager.latency.seconds)), strict=True)),
+            "lost": {str(rank): how for rank, how in sorted(self.lost.items())},
+            "ranks": [self._rank_summary(rank, beats.get(rank)) for rank in range(layout.size)],
+        }
+
+    def _rank_summary(self, rank: int, beat: Any) -> dict[str, Any]:
+        layout = self._plan.layout
+        hello = self.manager.hellos.get(rank)
+        return {
+            "rank": rank,
+            "role": layout.role(rank),
+            "region": layout.describe(rank),
+            "host": hello.host if hello else socket.gethostname() if rank == HEAD else "",
+            "samples_traced": beat.samples_traced if beat else 0,
+            "samples_per_s": round(beat.samples_traced / max(beat.seconds, 1e-3)) if beat and beat.seconds else 0,
+            "bytes_per_s": round(beat.bytes / max(beat.seconds, 1e-3)) if beat and beat.seconds else 0,
+            "peak_memory": beat.peak_memory if beat else peak_memory() if rank == HEAD else 0,
+        }
+
+
+def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
+    """Median, 95th and 99th percentile in milliseconds, 0 where nothing was measured."""
+    if not seconds:
+        return (0.0, 0.0, 0.0)
+    p50, p95, p99 = np.percentile(np.array(seconds), [50, 95, 99]) * 1000.0
+    return (round(float(p50), 3), round(float(p95), 3), round(float(p99), 3))
+
+

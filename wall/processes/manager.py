@@ -1,0 +1,188 @@
+"""The manager: turns inputs into numbered events, tells everyone, and hears how they are.
+
+Director is the pure part: commands and the time in, the newest event out. Manager runs it in a thread of the head.
+All commands that arrive while an event is made share the next one (Ohlenburg and Broll, "Parallel Multi-View
+Rendering on Multi-Core Processor Systems").
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from wall.config.schema import METHODS
+from wall.data import Camera, Counters, Event
+from wall.errors import RemoteProtocolError
+from wall.geometry.steering import Command, Steering, parse
+from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
+from wall.processes.clock import Clock
+from wall.processes.plan import Plan, first_event
+from wall.transport.base import Hub
+
+EVENTS_A_REFRESH = 2         # frameless samples gain from inputs between refreshes; more only costs updates
+COMMAND_POLL_S = 0.004       # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+BYE_WAIT_S = 0.8             # for the ranks' last words
+
+
+class Director:
+    """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
+
+    def __init__(self, plan: Plan, now: float) -> None:
+        self._plan, self._view = plan, plan.view
+        self._steering: Steering | None = None
+        self._scene_time, self._path_time, self._last = 0.0, 0.0, now
+        self.paused = False
+        self.sampler = plan.layout.sampling.method
+        self.event = first_event(plan, now)
+
+    def update(self, commands: list[Command], now: float) -> bool:
+        """Apply what came in until `now`. Returns whether there is a new event."""
+        if not self.paused:
+            self._scene_time += now - self._last
+            self._path_time += now - self._last
+        self._last = now
+        for command in commands:
+            self._apply(command)
+        camera = self._camera()
+        scene_time = self._scene_time if self._plan.scene.animated else 0.0
+        old = self.event
+        turned = camera != old.camera or self.sampler != (old.sampler or self.sampler)
+        moved = scene_time != old.scene_time
+        if not turned and not moved and self.paused == old.paused:
+            return False
+        self.event = Event(
+            view=0,
+            camera_event=old.camera_event + turned,
+            scene_event=old.scene_event + moved,
+            scene_time=scene_time,
+            input_time=now,
+            camera=camera,
+            sampler=self.sampler,
+            paused=self.paused,
+        )
+        return True
+
+    def _camera(self) -> Camera:
+        return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
+
+    def _apply(self, command: Command) -> None:
+        if command.kind == "pause":
+            self.paused = not self.paused
+        elif command.kind == "reset":
+            self._steering = None
+        elif command.kind == "sampler":
+            self.sampler = command.value if command.value in METHODS else self.sampler
+        else:
+            steering = self._steering or Steering.from_camera(self._camera(), self._view.target)
+            if command.kind == "orbit":
+                self._steering = steering.orbit(command.x, command.y)
+            elif command.kind == "pan":
+                self._steering = steering.pan(command.x, command.y)
+            elif command.kind == "zoom":
+                self._steering = steering.zoom(command.x)
+
+
+class Latency:
+    """From an event's input to the refresh that first showed a sample of it, on the head's clock."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[tuple[int, int], float]] = deque(maxlen=4096)
+        self.seconds: deque[float] = deque(maxlen=65536)
+
+    def published(self, event: Event) -> None:
+        self._waiting.append((event.number, event.input_time))
+
+    def shown(self, number: tuple[int, int], now: float) -> None:
+        while self._waiting and self._waiting[0][0] <= number:
+            self.seconds.append(now - self._waiting.popleft()[1])
+
+
+class Manager(threading.Thread):
+    """Owns the control hub. Other threads read `event`, `heartbeats` and `gone`, and call `stop`."""
+
+    def __init__(
+        self, plan: Plan, hub: Hub, clock: Clock, commands: Callable[[], list[dict[str, Any]]], *, still: bool
+    ) -> None:
+        super().__init__(name="manager", daemon=True)
+        self._hub, self._clock, self._commands, self._still = hub, clock, commands, still
+        self._director = Director(plan, clock.now())
+        self._stopping = threading.Event()
+        self._heartbeat_s = plan.layout.config.transport.heartbeat_s
+        self._tick_s = 1.0 / (plan.view.refresh_hz * EVENTS_A_REFRESH)
+        self.event = self._director.event
+        self.latency, self.counters = Latency(), Counters()
+        self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}     # by rank: when it came, what it said
+        self.hellos: dict[int, Hello] = {}
+        self.failure: BaseException | None = None
+        if still:
+            self._director.paused = True
+
+    def stop(self) -> None:
+        """Tell everyone, collect their last words, end the thread. Bounded."""
+        self._stopping.set()
+        self.join(BYE_WAIT_S + 1.0)
+
+    def run(self) -> None:
+        try:
+            self._run()
+        except BaseException as failure:
+            self.failure = failure
+
+    def _run(self) -> None:
+        due = beat = self._clock.now()
+        while not self._stopping.is_set():
+            now = self._clock.now()
+            commands = self._parse(self._commands())
+            if (now >= due or commands) and self._director.update(commands, now):
+                self._publish(now)
+                beat = now
+            elif now - beat >= self._heartbeat_s:      # the newest event again: a sign of life, and it may have been lost
+                self._hub.broadcast(serialise(self.event))
+                beat = now
+            if now >= due:
+                due = max(due + self._tick_s, now)
+            self._hub.wait(min(COMMAND_POLL_S, max(0.0, due - now)))
+            self._listen()
+        self._say_goodbye()
+
+    def _publish(self, now: float) -> None:
+        self.event = self._director.event
+        self.latency.published(self.event)
+        self._hub.broadcast(serialise(self.event))
+
+    def _parse(self, raw: list[dict[str, Any]]) -> list[Command]:
+        commands = []
+        for command in raw:
+            try:
+                commands.append(parse(command))
+            except RemoteProtocolError:
+                self.counters.add("bad_command")
+        return commands
+
+    def _listen(self) -> None:
+        for peer, data in self._hub.messages():
+            try:
+                message = parse_control(data)
+            except RemoteProtocolError:
+                self.counters.add("bad_message")
+                continue
+            if isinstance(message, Hello):
+                self.hellos[message.rank] = message
+                self._hub.send(peer, serialise(self.event))        # whoever joins late gets the state
+            elif isinstance(message, Heartbeat):
+                self.heartbeats[message.rank] = (self._clock.now(), message)
+            elif isinstance(message, Ping):
+                self._hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
+
+    def _say_goodbye(self) -> None:
+        self._hub.broadcast(serialise(Stop(reason="end of run")))
+        limit = self._clock.now() + BYE_WAIT_S
+        while self._clock.now() < limit and not all(beat.last for _, beat in self.heartbeats.values()):
+            self._hub.wait(0.02)
+            self._listen()
+
+    def silent(self, now: float, seconds: float) -> Mapping[int, float]:
+        """Ranks not heard for more than `seconds`, and for how long."""
+        return {rank: now - heard for rank, (heard, _) in self.heartbeats.items() if now - heard > seconds}

@@ -1,0 +1,196 @@
+"""The renderer: always the newest event, one batch at a time, sent at once."""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+import time
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+
+from wall.data import Counters, Event
+from wall.errors import RemoteProtocolError, RunError
+from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
+from wall.packets.samples import decode
+from wall.processes.clock import HeadClock
+from wall.processes.plan import Plan
+from wall.processes.worker import Worker, make_samplers
+from wall.tracing.resident import Resident
+from wall.transport.base import Link
+
+IDLE_WAIT_S = 0.05           # a complete view looks for a new event this often, if none wakes it
+HEAD_LOST_BEATS = 3.0        # times lost_after_s without a word from the head, then a rank ends itself
+
+
+class Control:
+    """A rank's side of the control link: the newest event, signs of life, the head's clock."""
+
+    def __init__(self, link: Link, plan: Plan, rank: int) -> None:
+        self._link, self._rank, self._plan = link, rank, plan
+        self._transport = plan.layout.config.transport
+        self.clock, self.counters = HeadClock(), Counters()
+        self.event: Event | None = None
+        self.stopped = False
+        self._beat_due, self._pings = 0.0, 0
+        self._heard = time.monotonic()
+        self._head_host = ""
+        link.send(serialise(Hello(
+            rank=rank, role=plan.layout.role(rank), region=plan.layout.describe(rank), pid=os.getpid(), host=socket.gethostname(),
+        )))
+
+    def newest(self) -> Event | None:
+        """Take in what came. Raises RunError when the head has been silent for too long."""
+        for data in self._link.receive():
+            self._heard = time.monotonic()
+            try:
+                message = parse_control(data)
+            except RemoteProtocolError:
+                self.counters.add("bad_message")
+                continue
+            if isinstance(message, Event):
+                if self.event is None or message.number >= self.event.number:
+                    self.event = message
+            elif isinstance(message, Stop):
+                self.stopped = True
+            elif isinstance(message, Pong):
+                self.clock.learn(message.sent, message.head_time)
+        silence = time.monotonic() - self._heard
+        if silence > HEAD_LOST_BEATS * self._transport.lost_after_s:
+            raise RunError(f"rank {self._rank}: nothing from the head for {silence:.1f} s; giving up")
+        return self.event
+
+    def beat_due(self) -> bool:
+        return time.monotonic() >= self._beat_due
+
+    def beat(self, heartbeat: Heartbeat) -> None:
+        self._beat_due = time.monotonic() + self._transport.heartbeat_s
+        self._link.send(serialise(heartbeat))
+        if self._pings < 8:                            # the fastest of a few round trips sets the clock
+            self._pings += 1
+            self._link.send(serialise(Ping(sent=time.monotonic())))
+
+    def wait(self, seconds: float) -> None:
+        self._link.wait(seconds)
+
+
+class Renderer:
+    def __init__(self, plan: Plan, resident: Resident, rank: int, control: Control, outbox: Link) -> None:
+        self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
+        self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
+        self._method = self._sampling.method
+        self._samplers = make_samplers(self._sampling, "", self._region)
+        self._workers = [Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))]
+        self._pool = ThreadPoolExecutor(len(self._workers)) if len(self._workers) > 1 else None
+        self._running: dict[Future[bytes | None], Worker] = {}
+        self._counters = Counters()
+        self._packets = self._bytes = 0
+        self._complete = False
+        self._began, self._last = time.monotonic(), (time.monotonic(), 0, 0)
+
+    def run(self) -> None:
+        """Until the head says stop."""
+        control, outbox = self._control, self._outbox
+        while not control.stopped:
+            event = control.newest()
+            self._report()
+            if event is None or not outbox.ready():
+                outbox.wait(0.002)
+                continue
+            self._follow_sampler(event)
+            found = False
+            for packet in self._step(event):
+                found = True
+                self._offer(packet)
+            if found == self._complete:
+                self._complete = not found
+                self._report(now=True)
+            if not found:
+                control.wait(IDLE_WAIT_S)
+        self._drain()
+        control.beat(self._heartbeat(last=True))
+
+    def _step(self, event: Event) -> Iterator[bytes]:
+        """Packets that are ready: of the one worker, or of those threads that finished first."""
+        if self._pool is None:
+            packet = self._workers[0].step(event)
+            if packet is not None:
+                yield packet
+            return
+        for worker in self._workers:
+            if worker not in self._running.values():
+                self._running[self._pool.submit(worker.step, event)] = worker
+        done, _ = wait(self._running, return_when=FIRST_COMPLETED)
+        for future in done:
+            del self._running[future]
+            packet = future.result()
+            if packet is not None:
+                yield packet
+        if self._running:                  # others still work: not idle even if these had nothing
+            yield from ()
+
+    def _offer(self, packet: bytes) -> None:
+        self._packets += 1
+        self._bytes += len(packet)
+        for dropped in self._outbox.offer(packet):
+            batch = decode(dropped)
+            self._workers[batch.sequence % len(self._workers)].forget(batch.samples["xy"])
+
+    def _follow_sampler(self, event: Event) -> None:
+        """The viewer chose another sampler: start over with it."""
+        if event.sampler and event.sampler != self._method:
+            self._drain()
+            self._method = event.sampler
+            self._samplers[:] = make_samplers(self._sampling, event.sampler, self._region)
+
+    def _drain(self) -> None:
+        for future in list(self._running):
+            packet = future.result()
+            if packet is not None:
+                self._offer(packet)
+        self._running.clear()
+
+    def _report(self, *, now: bool = False) -> None:
+        if now or self._control.beat_due():
+            self._control.beat(self._heartbeat(last=False))
+
+    def _heartbeat(self, *, last: bool) -> Heartbeat:
+        traced = sum(worker.samples_traced for worker in self._workers)
+        now, (then, traced_then, bytes_then) = time.monotonic(), self._last
+        span = max(now - then, 1e-3)
+        if span > 0.2:
+            self._last = (now, traced, self._bytes)
+            self._rates = ((traced - traced_then) / span, (self._bytes - bytes_then) / span)
+        samples_per_s, bytes_per_s = getattr(self, "_rates", (0.0, 0.0))
+        bad = sum(worker.bad_samples for worker in self._workers)
+        dropped = Counters(dict(self._counters.counts))
+        dropped.merge(self._outbox.counters.counts)
+        dropped.merge(self._control.counters.counts)
+        dropped.add("not_finite", bad)
+        event = self._control.event
+        return Heartbeat(
+            rank=self._rank,
+            time=self._control.clock.now(),
+            samples_traced=traced,
+            secondary_rays=sum(worker.secondary_rays for worker in self._workers),
+            samples_per_s=samples_per_s,
+            bytes_per_s=bytes_per_s,
+            packets=self._packets,
+            bytes=self._bytes,
+            seconds=now - self._began,
+            peak_memory=peak_memory(),
+            dropped=dropped.counts,
+            complete=self._complete,
+            camera_event=event.camera_event if event else -1,
+            scene_event=event.scene_event if event else -1,
+            last=last,
+        )
+
+    def close(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True)
+
+
+def peak_memory() -> int:
+    """Largest resident set of this process so far, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

@@ -1,0 +1,206 @@
+"""`wall run`: make the ranks, join the stages, end cleanly.
+
+The same few lines run under mpirun and on a laptop; only where the ranks come from differs (bootstrap.py).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from wall.config.loading import Loaded
+from wall.display.base import Sink
+from wall.display.browser import Browser
+from wall.display.png import PngSink
+from wall.display.recorder import Recorder
+from wall.errors import ConfigError
+from wall.processes.bootstrap import Bootstrap, under_mpi
+from wall.processes.bootstrap_local import LocalBootstrap
+from wall.processes.clock import HeadClock
+from wall.processes.compositor import FurtherCompositor
+from wall.processes.head import Head
+from wall.processes.plan import HEAD, Layout, Plan, make_layout, make_plan
+from wall.processes.renderer import Control, Renderer
+from wall.processes.warm import warm_up
+from wall.tracing.resident import Resident, make_resident
+from wall.transport.zeromq import ZmqHub, ZmqLink
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What the command line adds to a configuration."""
+
+    out: Path
+    seconds: float | None = None         # None: until stopped
+    headless: bool = False               # no browser page
+    until_complete: bool = False         # stop when the still picture has all its samples
+    still: bool = False                  # begin paused
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    summary: dict[str, Any]
+    failed: str                          # why the run failed, "" if it did not
+
+
+def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome | None:
+    """Run a wall. Gives the outcome at rank 0, None at the others.
+
+    `say` shows a line of progress; `opened` is called with the page's address. Raises ConfigError, RunError.
+    """
+    layout = make_layout(loaded)
+    return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
+
+
+def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
+    plan, resident = _prepare(layout, say)
+
+    def main(bootstrap: LocalBootstrap) -> None:
+        serve(plan, resident, bootstrap)
+
+    say(f"starting {layout.size} processes")
+    bootstrap = LocalBootstrap.start(layout.size, main)
+    try:
+        return lead(plan, resident, bootstrap, options, opened)
+    finally:
+        bootstrap.finish()
+
+
+def _run_mpi(
+    layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]
+) -> Outcome | None:
+    from wall.processes.bootstrap_mpi import MpiBootstrap
+
+    bootstrap = MpiBootstrap()
+    check_size(layout, bootstrap.size)
+    plan, resident = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
+    if bootstrap.rank != HEAD:
+        serve(plan, resident, bootstrap)
+        return None
+    return lead(plan, resident, bootstrap, options, opened)
+
+
+def check_size(layout: Layout, size: int) -> None:
+    """Refuse a launch with more or fewer ranks than the configuration places."""
+    if size == layout.size:
+        return
+    extra = layout.graph.compositors - 1
+    raise ConfigError(
+        f"{layout.loaded.path}: {size} ranks were launched, the configuration needs {layout.size}: 1 head"
+        + (f" + {extra} further compositor{'s' * (extra > 1)}" if extra else "")
+        + f" + {len(layout.regions)} renderer{'s' * (len(layout.regions) > 1)} (mpirun -n {layout.size} wall run ...)"
+    )
+
+
+def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, Resident]:
+    say("loading the scene")
+    plan = make_plan(layout)
+    say("building the ray tracing trees")
+    resident = make_resident(plan.scene)
+    warm_up(plan, resident, say)
+    return plan, resident
+
+
+def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
+    """Be a rank other than the head, until it says stop."""
+    layout, rank = plan.layout, bootstrap.rank
+    config = layout.config.transport
+    hub = ZmqHub(config.bind, credit_bytes=config.credit_bytes) if layout.role(rank) == "compositor" else None
+    endpoints = [json.loads(text) for text in bootstrap.allgather(json.dumps({"data": hub.endpoint if hub else ""}))]
+    link = ZmqLink(endpoints[HEAD]["control"], rank=rank)
+    control = Control(link, plan, rank)
+    if hub is not None:
+        outbox = ZmqLink(endpoints[HEAD]["data"], rank=rank)
+        try:
+            FurtherCompositor(plan, rank, hub, control, outbox).run()
+        finally:
+            _close(outbox, link, hub)
+        return
+    outbox = ZmqLink(endpoints[layout.compositor_of(layout.region(rank).panel)]["data"], rank=rank)
+    renderer = Renderer(plan, resident, rank, control, outbox)
+    try:
+        renderer.run()
+    finally:
+        renderer.close()
+        _close(outbox, link)
+
+
+def _close(*things: Any) -> None:
+    for thing in things:
+        thing.close()
+
+
+def lead(plan: Plan, resident: Resident, bootstrap: Bootstrap, options: Options, opened: Callable[[str], None]) -> Outcome:
+    """Be the head: serve the page, run the wall, write what is asked for at the end."""
+    config = plan.layout.config
+    options.out.mkdir(parents=True, exist_ok=True)
+    hub = ZmqHub(config.transport.bind, credit_bytes=config.transport.credit_bytes)
+    control_hub = ZmqHub(config.transport.bind, credit_bytes=config.transport.credit_bytes)
+    sinks, browser = make_sinks(plan, options)
+    head: Head | None = None
+    try:
+        bootstrap.allgather(json.dumps({"data": hub.endpoint, "control": control_hub.endpoint}))
+        commands = browser.commands if browser else list
+        head = Head(plan, bootstrap, hub, control_hub, HeadClock(), sinks, commands, still=options.still)
+        if browser:
+            opened(browser.address)
+        with _signals(head):
+            head.run(seconds=options.seconds, until_complete=options.until_complete)
+    finally:
+        if head is not None:
+            head.finish()
+        else:
+            _close(*sinks)
+        bootstrap.finish()
+        _close(hub, control_hub)
+    summary = head.summary()
+    write_json(options.out / "summary.json", summary)
+    failed = "; ".join(f"rank {rank} {how}" for rank, how in sorted(head.lost.items()))
+    return Outcome(summary=summary, failed=failed)
+
+
+def make_sinks(plan: Plan, options: Options) -> tuple[list[Sink], Browser | None]:
+    """The sinks that the graph names; `--headless` leaves the browser out."""
+    output, wall = plan.layout.config.output, plan.layout.wall
+    kinds = {sink.kind for sink in plan.layout.graph.sinks}
+    sinks: list[Sink] = []
+    browser = None
+    if "png" in kinds:
+        sinks.append(PngSink(options.out))
+    if "recorder" in kinds:
+        sinks.append(Recorder(options.out / "recording", hz=output.record_hz))
+    if "browser" in kinds and not options.headless:
+        browser = Browser(output.browser.host, output.browser.port, wall)
+        sinks.append(browser)
+    return sinks, browser
+
+
+def write_json(path: Path, value: Any) -> None:
+    temporary = path.with_suffix(".part")
+    temporary.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+
+
+class _signals:  # noqa: N801
+    """While inside, Ctrl-C and SIGTERM end the run in order instead of tearing it apart."""
+
+    def __init__(self, head: Head) -> None:
+        self._head = head
+
+    def __enter__(self) -> None:
+        self._before = {s: signal.signal(s, self._stop) for s in (signal.SIGINT, signal.SIGTERM)}
+
+    def __exit__(self, *_: object) -> None:
+        for s, handler in self._before.items():
+            signal.signal(s, handler)
+
+    def _stop(self, number: int, frame: FrameType | None) -> None:
+        self._head.stopping = "interrupted" if number == signal.SIGINT else "terminated"
+
+

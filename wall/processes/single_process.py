@@ -1,0 +1,58 @@
+"""The whole chain in one process: the reading path, where a debugger starts, the truth that distributed runs match.
+
+Same stages, same packets, same pictures; an in-process loop instead of sockets, a clock turned by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from wall.processes.panel import PanelCompositor
+from wall.data import Event
+from wall.display.base import PanelPicture
+from wall.packets.samples import decode
+from wall.processes.clock import ManualClock
+from wall.processes.plan import Plan, first_event
+from wall.processes.worker import Worker, make_samplers
+from wall.tracing.resident import Resident
+
+BATCH_SECONDS = 1e-3          # what a batch takes on the hand-turned clock
+
+
+class SingleProcess:
+    """Every renderer and every compositor of a plan, stepped in turn."""
+
+    def __init__(self, plan: Plan, resident: Resident) -> None:
+        self.plan, self.clock = plan, ManualClock()
+        self.event: Event = first_event(plan, now=0.0)
+        layout = plan.layout
+        self.workers: list[Worker] = []
+        for rank in layout.renderers():
+            samplers = make_samplers(layout.sampling, "", layout.region(rank))
+            self.workers += [Worker(plan, resident, rank, self.clock, samplers, k) for k in range(len(samplers))]
+        self.panels = [PanelCompositor(panel) for panel in layout.wall.panels]
+
+    def step(self) -> int:
+        """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
+        traced = 0
+        for worker in self.workers:
+            packet = worker.step(self.event)
+            if packet is None:
+                continue
+            batch = decode(packet)
+            self.panels[batch.panel].insert(batch)
+            traced += len(batch.samples)
+        self.clock.advance(BATCH_SECONDS)
+        return traced
+
+    def until_complete(self) -> list[PanelPicture]:
+        """Step under the present event until every renderer has nothing left to do."""
+        for _ in self._steps():
+            pass
+        for panel in self.panels:
+            panel.refresh()
+        return [panel.picture() for panel in self.panels]
+
+    def _steps(self) -> Iterator[int]:
+        while traced := self.step():
+            yield traced

@@ -1,0 +1,60 @@
+"""Compile the kernels that a scene needs before any rank starts, once a machine, saying so meanwhile.
+
+numba compiles a kernel when it is first called with new argument types; here that happens on a few pixels, in an order
+that lets progress be shown. A lock in the cache folder makes ranks that start together wait for one compiler.
+"""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from wall.data import Rect, Region
+from wall.jit import cache_folder, compiled_kernels
+from wall.packets.samples import decode
+from wall.processes.clock import ManualClock
+from wall.processes.panel import PanelCompositor
+from wall.processes.plan import Plan, first_event
+from wall.processes.worker import Worker, make_samplers
+from wall.tracing.resident import Resident
+
+TINY = Rect(x=0, y=0, width=8, height=8)
+
+
+def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
+    """Run the chain on a few pixels with every sampler. From the cache it takes a second, compiling half a minute."""
+    say(f"loading kernels ({compiled_kernels()} in the cache)" if compiled_kernels() else "compiling kernels")
+    with _one_compiler():
+        for method in ("framed", "frameless", "hilbert"):
+            say(f"kernels of {method}: tracing, sampling, packets, display")
+            _one_pixel_block(plan, resident, method)
+
+
+def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
+    layout = plan.layout
+    rank = layout.renderers()[0]
+    tiny = Region(panel=layout.region(rank).panel, rect=TINY)
+    small = replace(plan, layout=replace(layout, regions=(tiny, *layout.regions[1:])))
+    clock = ManualClock()
+    samplers = make_samplers(layout.sampling, method, tiny)
+    worker = Worker(small, resident, rank, clock, samplers, 0)
+    panel = PanelCompositor(layout.panel(rank))
+    event = first_event(plan, 0.0)
+    packet = worker.step(event)
+    if packet is not None:
+        batch = decode(packet)
+        panel.insert(batch)
+        worker.forget(batch.samples["xy"])
+    panel.refresh()
+    panel.buffer.oldest_sample(0.0)
+
+
+@contextmanager
+def _one_compiler() -> Iterator[None]:
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

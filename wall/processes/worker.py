@@ -1,0 +1,97 @@
+"""One thread's share of a renderer: choose, trace, observe, encode. This is the hot path; read it first."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.config.schema import AnySampling, FramedSampling, HilbertSampling, switched
+from wall.data import Batch, Event, Float32, Region
+from wall.packets.samples import Codec, encode
+from wall.processes.clock import Clock
+from wall.processes.plan import Plan
+from wall.sampling.base import Sampler
+from wall.sampling.frameless import FramelessSampler
+from wall.sampling.framed import FrameCounter, FramedSampler
+from wall.sampling.hilbert import HilbertSampler
+from wall.tracing.resident import Resident
+from wall.tracing.tracer import Tracer
+
+
+class Worker:
+    """Traces its own pixels of one region. `step(newest)` gives the next packet, or None when nothing is missing."""
+
+    def __init__(self, plan: Plan, resident: Resident, rank: int, clock: Clock, samplers: list[Sampler], worker: int) -> None:
+        layout = plan.layout
+        self.samplers, self.worker = samplers, worker
+        self.samples_traced, self.secondary_rays, self.bad_samples = 0, 0, 0
+        self._region, self._rank, self._clock = layout.region(rank), rank, clock
+        self._codec = Codec.named(layout.config.transport.codec)
+        self._tracers = {
+            coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent) for coherent in (False, True)
+        }
+        self._placed: dict[bool, Event | None] = {False: None, True: None}
+        self._sequence, self._workers = worker, len(samplers)
+
+    @property
+    def sampler(self) -> Sampler:
+        return self.samplers[self.worker]
+
+    def step(self, newest: Event) -> bytes | None:
+        targets = self.sampler.choose(newest)
+        if targets is None:
+            return None
+        tracer = self._tracer_at(targets.event, self.sampler.coherent)
+        began = self._clock.now()
+        samples, cost = tracer.trace(targets.xy)
+        samples["time"] = np.linspace(0.0, self._clock.now() - began, len(samples), dtype=np.float32)
+        self.sampler.observe(samples)
+        self.samples_traced += cost.primary
+        self.secondary_rays += cost.shadow + cost.secondary
+        self.bad_samples += cost.bad
+        self._sequence += self._workers
+        batch = Batch(
+            view=targets.event.view,
+            panel=self._region.panel,
+            rect=self._region.rect,
+            rank=self._rank,
+            sequence=self._sequence,
+            camera_event=targets.event.camera_event,
+            scene_event=targets.event.scene_event,
+            base_time=began,
+            samples=samples,
+            frame=targets.frame,
+            frame_samples=targets.frame_samples,
+            skipped=cost.bad,
+            blend=targets.blend,
+        )
+        return encode(batch, self._codec)
+
+    def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
+        tracer = self._tracers[coherent]
+        if self._placed[coherent] is not event:
+            tracer.take(event)
+            self._placed[coherent] = event
+        return tracer
+
+    def forget(self, xy: Float32) -> None:
+        """A packet of ours was dropped before it was sent."""
+        self.sampler.forget(xy)
+
+
+def make_samplers(sampling: AnySampling, method: str, region: Region) -> list[Sampler]:
+    """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty."""
+    if method:
+        sampling = switched(sampling, method)
+    workers, batch, seed = sampling.threads, sampling.samples_per_batch, sampling.seed
+    if isinstance(sampling, FramedSampling):
+        counter = FrameCounter(workers)
+        return [FramedSampler(region.rect, counter, batch=batch, worker=k, workers=workers) for k in range(workers)]
+    if isinstance(sampling, HilbertSampling):
+        return [
+            HilbertSampler(
+                region.rect, batch=batch, seed=seed, chunk=sampling.chunk_pixels, blend=sampling.blend,
+                camera_update_percent=sampling.camera_update_percent, worker=k, workers=workers,
+            )
+            for k in range(workers)
+        ]
+    return [FramelessSampler(region.rect, batch=batch, seed=seed, worker=k, workers=workers) for k in range(workers)]

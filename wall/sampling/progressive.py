@@ -1,0 +1,36 @@
+"""Progressive sampling of whole pictures: the reference that everything else is measured against.
+
+Sample k of pixel (x, y) lies at the k-th point of the R2 sequence, shifted by a hash of (seed, x, y): well spread in
+every pixel, different between pixels, and the same however the picture is divided among threads and ranks.
+R2: M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.data import Float32, Float64, Rect, Samples
+from wall.sampling import kernels
+from wall.sampling.ownership import block_order
+
+
+class ProgressiveSampler:
+    """One band of a picture: `positions(k)` for sample k of every pixel, `add` what was traced, `mean()` at the end."""
+
+    def __init__(self, rect: Rect, *, seed: int) -> None:
+        self._pixels, self._rect, self._seed = block_order(rect, worker=0, workers=1), rect, seed
+        self._sums = np.zeros((rect.height, rect.width, 3))
+        self._counts = np.zeros((rect.height, rect.width), np.int64)
+
+    def positions(self, k: int) -> Float32:
+        """(n, 2) float32 panel pixels, 16 of a 4 x 4 block in a row."""
+        xy = np.empty((len(self._pixels), 2), np.float32)
+        kernels.progressive_positions(self._pixels, self._seed, k, xy)
+        return xy
+
+    def add(self, samples: Samples) -> None:
+        kernels.accumulate(samples, self._rect.x, self._rect.y, self._sums, self._counts)
+
+    def mean(self) -> Float64:
+        """(h, w, 3) float64 linear RGB; pixels whose samples were all unusable are 0."""
+        return self._sums / np.maximum(self._counts, 1)[:, :, None]
