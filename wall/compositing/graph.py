@@ -51,6 +51,10 @@ class Graph:
         """The rank whose region is regions(graph, wall)[0]."""
         return self.compositors
 
+    def compositor_of(self, panel: int) -> int:
+        """Which compositor (0 = the head) takes the samples of a panel in."""
+        return self.compositor_of_panel[panel]
+
     def panels_of(self, compositor: int) -> tuple[int, ...]:
         """Indices of the panels that a compositor reconstructs."""
         return tuple(panel for panel, on in enumerate(self.compositor_of_panel) if on == compositor)

@@ -19,6 +19,7 @@ from wall.geometry.panels import Panel, Wall
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides
 AUTO_ELEVATION = math.radians(20.0)
 AUTO_MARGIN = 1.05  # air around a scene that is framed automatically
+NEAREST_EYE_M = 1e-6  # nearer to a panel's plane, its pixels have no directions
 WIDEST_CONE = math.radians(80.0)  # beyond it the eye would stand inside the scene
 
 
@@ -31,6 +32,7 @@ class View:
     refresh_hz: float
     target: Float64  # (3,) world; what the camera looks at, and steering turns about, at time 0
     up: Float64  # (3,) world, unit
+    spread: float  # height of the wall (metres) over the eye's distance to it
     still: Camera  # the camera without its path
     path: PathConfig | None
 
@@ -106,22 +108,7 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
     ConfigError : a wall that is not flat has no eye, or the eye is behind a panel
     """
     config = loaded.config.views[view]
-    if config.eye is not None:
-        eye = np.array(config.eye, dtype=np.float64)
-    elif wall.flat:
-        eye = default_eye(wall, config.camera.fov or DEFAULT_FOV_DEGREES)
-    else:
-        raise loaded.error(
-            ("views", view), "the wall is not flat, so the eye's place is needed", "eye: [x, y, z] in metres"
-        )
-    for panel in wall.panels:
-        if (before := distance_before(panel, eye)) < 1e-6:
-            where = (
-                f"is {-before:.3g} m behind panel {panel.id}"
-                if before < -1e-6
-                else f"is in the plane of panel {panel.id}"
-            )
-            raise loaded.error(("views", view, "eye"), where, "a point that sees the front of every panel")
+    eye = _eye(loaded, wall, view)
     up = _unit(np.array(config.camera.up, dtype=np.float64), otherwise=(0.0, 1.0, 0.0))
     if config.camera.position is not None and config.camera.target is not None:
         target = np.array(config.camera.target, dtype=np.float64)
@@ -137,9 +124,27 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
         refresh_hz=config.refresh_hz,
         target=target,
         up=up,
+        spread=_spread(window_ahead(wall, eye), eye),
         still=still,
         path=config.path,
     )
+
+
+def _eye(loaded: Loaded, wall: Wall, view: int) -> Float64:
+    config = loaded.config.views[view]
+    if config.eye is None and not wall.flat:
+        message = "the wall is not flat, so the eye's place is needed"
+        raise loaded.error(("views", view), message, "eye: [x, y, z] in metres")
+    if config.eye is None:
+        return default_eye(wall, config.camera.fov or DEFAULT_FOV_DEGREES)
+    eye = np.array(config.eye, dtype=np.float64)
+    for panel in wall.panels:
+        before = distance_before(panel, eye)
+        if before < NEAREST_EYE_M:
+            where = f"is {-before:.3g} m behind" if before < -NEAREST_EYE_M else "is in the plane of"
+            accepted = "a point that sees the front of every panel"
+            raise loaded.error(("views", view, "eye"), f"{where} panel {panel.id}", accepted)
+    return eye
 
 
 def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Float64) -> Camera:
@@ -147,7 +152,7 @@ def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Floa
 
     The centre is seen in the middle of that rectangle, from 30 degrees to the right and 20 degrees above.
     """
-    corners = outline(wall) if wall.flat else _panel_ahead(wall, eye).corners
+    corners = window_ahead(wall, eye)
     axis = _unit((corners[1] + corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0))
     half_angle = min(cone_inside(corners, eye, axis), WIDEST_CONE)
     distance = AUTO_MARGIN * (radius if radius > 0 and math.isfinite(radius) else 1.0) / math.sin(half_angle)
@@ -158,10 +163,23 @@ def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Floa
     return _camera(center - distance * (rotation @ axis), rotation)
 
 
-def _panel_ahead(wall: Wall, eye: Float64) -> Panel:
-    """The panel nearest to straight ahead (-z of the wall's frame)."""
-    ways = [_unit((p.corners[1] + p.corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0)) for p in wall.panels]
-    return wall.panels[int(np.argmin([way[2] for way in ways]))]
+def window_ahead(wall: Wall, eye: Float64) -> Float64:
+    """(3, 3) lower left, lower right, upper left of what the eye looks through; metres, wall frame.
+
+    All of a flat wall; of another the panel nearest to straight ahead (-z of the wall's frame).
+    """
+    if wall.flat:
+        return outline(wall)
+    middles = [(panel.corners[1] + panel.corners[2]) / 2 - eye for panel in wall.panels]
+    ahead = int(np.argmin([_unit(middle, otherwise=(0.0, 0.0, -1.0))[2] for middle in middles]))
+    return wall.panels[ahead].corners
+
+
+def _spread(corners: Float64, eye: Float64) -> float:
+    """Height of a rectangle over the eye's distance to its plane."""
+    up, right = corners[2] - corners[0], corners[1] - corners[0]
+    normal = np.cross(right, up) / (np.linalg.norm(right) * np.linalg.norm(up))
+    return float(np.linalg.norm(up) / abs((eye - corners[0]) @ normal))
 
 
 def _ground_axes(up: Float64) -> tuple[Float64, Float64]:
@@ -188,7 +206,7 @@ def _keyframed(path: KeyframesPathConfig, time: float) -> tuple[Float64, Float64
 
 
 def rotation_about(axis: Float64, angle: float) -> Float64:
-    """(3, 3): the turn by `angle` radians about a unit axis, counterclockwise seen from its tip (Rodrigues)."""
+    """(3, 3): the turn by `angle` radians about a unit axis, counterclockwise from its tip (Rodrigues)."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turn: Float64 = np.eye(3) + math.sin(angle) * skew + (1.0 - math.cos(angle)) * (skew @ skew)

@@ -38,7 +38,7 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Panel:
-    """One display. Panels of a grid share one Plane object, so that their rays are those of the whole wall."""
+    """One display. Panels of a grid share one Plane object, so their rays are those of the whole wall."""
 
     id: str
     index: int  # in Wall.panels

@@ -42,12 +42,12 @@ def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:
         size = f"{whole.width} x {whole.height} pixels"
         if source.ranks > whole.area:
             raise ConfigError(
-                f"panel {panel.id} ({size}): {source.ranks} ranks are too many; accepted: at most {whole.area}"
+                f"panel {panel.id} ({size}): {source.ranks} ranks are too many; accepted: up to {whole.area}"
             )
         rects = split(whole, source.ranks)
         if any(max(rect.width, rect.height) > MAX_EDGE for rect in rects):
             raise ConfigError(
-                f"panel {panel.id} ({size}): with ranks: {source.ranks} a region has an edge above {MAX_EDGE} "
+                f"panel {panel.id} ({size}): with ranks: {source.ranks} a region is larger than {MAX_EDGE} "
                 f"pixels; accepted: {_ranks_needed(whole, source.ranks)} ranks for this panel, or more"
             )
         found.extend(Region(panel=source.panel, rect=rect) for rect in rects)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from wall.config.schema import METHODS
 from wall.data import Camera, Float64
 from wall.errors import RemoteProtocolError
-from wall.geometry.cameras import look_at
+from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset"]
 Vector: TypeAlias = tuple[float, float, float]
@@ -130,6 +130,11 @@ class Steering:
             nearest=span / ZOOM_RANGE,
             farthest=span * ZOOM_RANGE,
         )
+
+    @classmethod
+    def from_view(cls, view: View, time: float) -> Steering:
+        """Take over a view where its path is at a scene time (seconds)."""
+        return cls.from_camera(view.camera_at(time), view.target_at(time), up=view.up, spread=view.spread)
 
     def orbit(self, dx: float, dy: float) -> Steering:
         """Turn about the target: dragging right turns the scene right, dragging down shows it from above."""
