@@ -16,15 +16,15 @@ Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]
 Samples: TypeAlias = NDArray[np.void]
 
-BACKGROUND = 0               # object id of rays that left the scene; object k of the scene has id k + 1
+BACKGROUND = 0  # object id of rays that left the scene; object k of the scene has id k + 1
 
 SAMPLE = np.dtype(
     [
-        ("xy", np.float32, (2,)),         # panel pixels
-        ("radiance", np.float32, (3,)),   # linear RGB, W sr^-1 m^-2
-        ("depth", np.float32),            # distance from the eye along the ray, world units; inf = background
-        ("time", np.float32),             # seconds after the batch's base time
-        ("object", np.uint32),            # object id
+        ("xy", np.float32, (2,)),  # panel pixels
+        ("radiance", np.float32, (3,)),  # linear RGB, W sr^-1 m^-2
+        ("depth", np.float32),  # distance from the eye along the ray, world units; inf = background
+        ("time", np.float32),  # seconds after the batch's base time
+        ("object", np.uint32),  # object id
     ]
 )
 
@@ -47,7 +47,7 @@ class Rect:
 class Region:
     """The part of a view that one rank renders: a rectangle of one panel."""
 
-    panel: int               # index in Wall.panels
+    panel: int  # index in Wall.panels
     rect: Rect
 
 
@@ -58,8 +58,8 @@ class Camera:
     A wall-frame direction d (x right, y up, -z into the wall) points to `world_from_wall @ d` in the world.
     """
 
-    position: tuple[float, float, float]                       # world units, float64
-    world_from_wall: tuple[float, ...]                         # 9 numbers, row major rotation
+    position: tuple[float, float, float]  # world units, float64
+    world_from_wall: tuple[float, ...]  # 9 numbers, row major rotation
 
     def rotation(self) -> Float64:
         return np.array(self.world_from_wall, dtype=np.float64).reshape(3, 3)
@@ -78,10 +78,10 @@ class Event:
     view: int
     camera_event: int
     scene_event: int
-    scene_time: float        # seconds of the animation
-    input_time: float        # when the input that caused it arrived, seconds of the head's clock
+    scene_time: float  # seconds of the animation
+    input_time: float  # when the input that caused it arrived, seconds of the head's clock
     camera: Camera
-    sampler: str = ""        # sampling method asked for; "" keeps the configured one
+    sampler: str = ""  # sampling method asked for; "" keeps the configured one
     paused: bool = False
 
     @property
@@ -95,17 +95,17 @@ class Batch:
 
     view: int
     panel: int
-    rect: Rect               # of panel pixels; every sample lies inside
+    rect: Rect  # of panel pixels; every sample lies inside
     rank: int
-    sequence: int            # counts this rank's batches
+    sequence: int  # counts this rank's batches
     camera_event: int
     scene_event: int
-    base_time: float         # seconds of the head's clock
-    samples: Samples         # (n,) SAMPLE
-    frame: int = 0           # 0: show at once; k > 0: belongs to double-buffered frame k
-    frame_samples: int = 0   # with frame > 0: how many samples, kept or skipped, make that frame complete
-    skipped: int = 0         # samples traced for this batch but left out, their radiance not being finite
-    blend: float = 1.0       # weight of a new sample against the picture before it; 1 replaces
+    base_time: float  # seconds of the head's clock
+    samples: Samples  # (n,) SAMPLE
+    frame: int = 0  # 0: show at once; k > 0: belongs to double-buffered frame k
+    frame_samples: int = 0  # with frame > 0: how many samples, kept or skipped, make that frame complete
+    skipped: int = 0  # samples traced for this batch but left out, their radiance not being finite
+    blend: float = 1.0  # weight of a new sample against the picture before it; 1 replaces
 
 
 @dataclass(slots=True)

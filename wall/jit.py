@@ -18,7 +18,9 @@ PACKAGE = Path(__file__).resolve().parent
 
 def kernel_sources() -> list[Path]:
     """Every file whose text decides what a kernel compiles to."""
-    return sorted([*PACKAGE.rglob("kernels*.py"), PACKAGE / "tracing" / "embree.py", PACKAGE / "jit.py", PACKAGE / "data.py"])
+    return sorted(
+        [*PACKAGE.rglob("kernels*.py"), PACKAGE / "tracing" / "embree.py", PACKAGE / "jit.py", PACKAGE / "data.py"]
+    )
 
 
 def cache_folder() -> Path:

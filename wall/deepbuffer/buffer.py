@@ -11,7 +11,7 @@ import numpy as np
 from wall.data import Batch, Counters, Float32
 from wall.deepbuffer import kernels
 
-JITTER_POSITIONS = 4         # samples of one event after which a blended pixel is complete
+JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
 
 
 class _Records:
@@ -31,8 +31,20 @@ class _Records:
         key = np.uint64((batch.camera_event << 32) | batch.scene_event)
         complete_at = 1 if batch.blend >= 1.0 else JITTER_POSITIONS
         late, outside = kernels.insert(
-            batch.samples, batch.base_time, key, np.float32(batch.blend), self.shown, self.history, self.mean, self.count,
-            self.depth, self.objects, self.times, self.keys, self.dirty, complete_at,
+            batch.samples,
+            batch.base_time,
+            key,
+            np.float32(batch.blend),
+            self.shown,
+            self.history,
+            self.mean,
+            self.count,
+            self.depth,
+            self.objects,
+            self.times,
+            self.keys,
+            self.dirty,
+            complete_at,
         )
         return int(late), int(outside)
 
@@ -44,9 +56,9 @@ class DeepBuffer:
         self.width, self.height = width, height
         self.counters = Counters()
         self.samples_shown = 0
-        self.newest_event = (-1, -1)         # of the samples in the picture
+        self.newest_event = (-1, -1)  # of the samples in the picture
         self._front = _Records(width, height)
-        self._back: dict[int, _Frame] = {}   # by rank: the frame that is being put together
+        self._back: dict[int, _Frame] = {}  # by rank: the frame that is being put together
 
     @property
     def radiance(self) -> Float32:

@@ -6,11 +6,13 @@ import numpy as np
 
 from wall.jit import kernel
 
-TILE = 16                # pixels; what is redone when one of its pixels changed
+TILE = 16  # pixels; what is redone when one of its pixels changed
 
 
 @kernel
-def insert(samples, base_time, key, blend, shown, history, mean, count, depth, objects, times, keys, dirty, complete_at):
+def insert(
+    samples, base_time, key, blend, shown, history, mean, count, depth, objects, times, keys, dirty, complete_at
+):
     """Fold a batch into the newest-sample records of a panel.
 
     A sample older than what its pixel has is late and left out. Samples of one event are averaged; the picture of

@@ -15,8 +15,8 @@ from multiprocessing.process import BaseProcess
 
 from wall.errors import RunError, WallError
 
-START_WAIT_S = 30.0          # forked ranks have little to do before they report; longer means one is stuck
-STOP_WAIT_S = 1.0            # for ranks to end by themselves after they were told to
+START_WAIT_S = 30.0  # forked ranks have little to do before they report; longer means one is stuck
+STOP_WAIT_S = 1.0  # for ranks to end by themselves after they were told to
 _PR_SET_PDEATHSIG = 1
 
 
@@ -36,7 +36,9 @@ class LocalBootstrap:
         pairs = [socket.socketpair() for _ in range(size - 1)]
         children = []
         for rank in range(1, size):
-            child = context.Process(target=_run_child, args=(rank, size, pairs, main, os.getpid()), name=f"wall rank {rank}")
+            child = context.Process(
+                target=_run_child, args=(rank, size, pairs, main, os.getpid()), name=f"wall rank {rank}"
+            )
             child.start()
             children.append(child)
         for _, theirs in pairs:
@@ -75,7 +77,11 @@ class LocalBootstrap:
 
 
 def _run_child(
-    rank: int, size: int, pairs: list[tuple[socket.socket, socket.socket]], main: Callable[[LocalBootstrap], None], parent: int
+    rank: int,
+    size: int,
+    pairs: list[tuple[socket.socket, socket.socket]],
+    main: Callable[[LocalBootstrap], None],
+    parent: int,
 ) -> None:
     """A forked rank: dies with its parent, leaves Ctrl-C to it, and says why it failed."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -97,7 +103,7 @@ def _run_child(
         traceback.print_exc()
     finally:
         sys.stderr.flush()
-        os._exit(code)       # no exit handlers of the parent's libraries
+        os._exit(code)  # no exit handlers of the parent's libraries
 
 
 def _send(pipe: socket.socket, text: str) -> None:

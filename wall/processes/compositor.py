@@ -16,7 +16,7 @@ from wall.processes.plan import Plan
 from wall.processes.renderer import Control, peak_memory
 from wall.transport.base import Hub, Link
 
-DRAIN_BYTES = 1 << 20        # taken in at once; more would delay a refresh
+DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 
 
 class Compositor:
@@ -26,9 +26,7 @@ class Compositor:
         self.hub, self.counters = hub, Counters()
         self.packets = self.bytes = 0
         self.panels = {k: PanelCompositor(plan.layout.wall.panels[k]) for k in plan.layout.panels_of(rank)}
-        self.remote = {
-            k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels
-        }
+        self.remote = {k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels}
 
     def take_in(self) -> int:
         """Fold in what has arrived, at most DRAIN_BYTES of it. Returns packets taken."""
@@ -175,11 +173,12 @@ def _bounds(dirty: NDArray[np.bool_], pixels: tuple[int, int]) -> Rect:
     rows, columns = np.flatnonzero(dirty.any(1)), np.flatnonzero(dirty.any(0))
     x, y = int(columns[0]) * 16, int(rows[0]) * 16
     return Rect(
-        x=x, y=y, width=min((int(columns[-1]) + 1) * 16, pixels[0]) - x, height=min((int(rows[-1]) + 1) * 16, pixels[1]) - y
+        x=x,
+        y=y,
+        width=min((int(columns[-1]) + 1) * 16, pixels[0]) - x,
+        height=min((int(rows[-1]) + 1) * 16, pixels[1]) - y,
     )
 
 
 def _tiles(rect: Rect) -> tuple[slice, slice]:
     return slice(rect.y // 16, -(-(rect.y + rect.height) // 16)), slice(rect.x // 16, -(-(rect.x + rect.width) // 16))
-
-

@@ -20,18 +20,28 @@ from wall.processes.renderer import peak_memory
 from wall.transport.base import Hub
 
 STATUS_PERIOD_S = 0.25
-SETTLED_S = 0.4              # a complete picture that has not changed for this long is final
-RECENT_LATENCIES = 240       # shown in the viewer's plot
+SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
+RECENT_LATENCIES = 240  # shown in the viewer's plot
 
 
 class Head:
-    def __init__(self, plan: Plan, bootstrap: Bootstrap, hub: Hub, control_hub: Hub, clock: Clock, sinks: list[Sink],
-                 commands: Callable[[], list[dict[str, Any]]], *, still: bool) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        bootstrap: Bootstrap,
+        hub: Hub,
+        control_hub: Hub,
+        clock: Clock,
+        sinks: list[Sink],
+        commands: Callable[[], list[dict[str, Any]]],
+        *,
+        still: bool,
+    ) -> None:
         self._plan, self._bootstrap, self._clock, self._sinks = plan, bootstrap, clock, sinks
         self._compositor = Compositor(plan, HEAD, hub)
         self.manager = Manager(plan, control_hub, clock, commands, still=still)
-        self.lost: dict[int, str] = {}           # ranks that died or went silent: how
-        self.stopping = ""                       # why the run ends, once it does
+        self.lost: dict[int, str] = {}  # ranks that died or went silent: how
+        self.stopping = ""  # why the run ends, once it does
         self._began = clock.now()
         self._changed = self._began
         self._refreshes = 0
@@ -69,8 +79,12 @@ class Head:
     def picture(self) -> WallPicture:
         wall, event = self._plan.layout.wall, self.manager.event
         return WallPicture(
-            width=wall.width, height=wall.height, panels=self._compositor.pictures(), time=self._clock.now(),
-            camera_event=event.camera_event, scene_event=event.scene_event,
+            width=wall.width,
+            height=wall.height,
+            panels=self._compositor.pictures(),
+            time=self._clock.now(),
+            camera_event=event.camera_event,
+            scene_event=event.scene_event,
         )
 
     def _refresh(self, now: float) -> None:
@@ -98,7 +112,7 @@ class Head:
         for rank, seconds in silent.items():
             self.lost.setdefault(rank, f"silent for {seconds:.1f} s")
         for rank in [r for r, how in self.lost.items() if how.startswith("silent") and r not in silent]:
-            del self.lost[rank]                  # it was only late
+            del self.lost[rank]  # it was only late
         if all(rank in self.lost for rank in self._plan.layout.renderers()):
             self.stopping = "no renderer is left"
 
@@ -191,5 +205,3 @@ def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
         return (0.0, 0.0, 0.0)
     p50, p95, p99 = np.percentile(np.array(seconds), [50, 95, 99]) * 1000.0
     return (round(float(p50), 3), round(float(p95), 3), round(float(p99), 3))
-
-

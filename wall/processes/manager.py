@@ -21,9 +21,9 @@ from wall.processes.clock import Clock
 from wall.processes.plan import Plan, first_event
 from wall.transport.base import Hub
 
-EVENTS_A_REFRESH = 2         # frameless samples gain from inputs between refreshes; more only costs updates
-COMMAND_POLL_S = 0.004       # a quarter of a 60 Hz refresh: how long a viewer's command may wait
-BYE_WAIT_S = 0.8             # for the ranks' last words
+EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
+COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+BYE_WAIT_S = 0.8  # for the ranks' last words
 
 
 class Director:
@@ -113,7 +113,7 @@ class Manager(threading.Thread):
         self._tick_s = 1.0 / (plan.view.refresh_hz * EVENTS_A_REFRESH)
         self.event = self._director.event
         self.latency, self.counters = Latency(), Counters()
-        self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}     # by rank: when it came, what it said
+        self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
         self.hellos: dict[int, Hello] = {}
         self.failure: BaseException | None = None
         if still:
@@ -138,7 +138,7 @@ class Manager(threading.Thread):
             if (now >= due or commands) and self._director.update(commands, now):
                 self._publish(now)
                 beat = now
-            elif now - beat >= self._heartbeat_s:      # the newest event again: a sign of life, and it may have been lost
+            elif now - beat >= self._heartbeat_s:  # the newest event again: a sign of life, and it may have been lost
                 self._hub.broadcast(serialise(self.event))
                 beat = now
             if now >= due:
@@ -170,7 +170,7 @@ class Manager(threading.Thread):
                 continue
             if isinstance(message, Hello):
                 self.hellos[message.rank] = message
-                self._hub.send(peer, serialise(self.event))        # whoever joins late gets the state
+                self._hub.send(peer, serialise(self.event))  # whoever joins late gets the state
             elif isinstance(message, Heartbeat):
                 self.heartbeats[message.rank] = (self._clock.now(), message)
             elif isinstance(message, Ping):

@@ -46,5 +46,5 @@ class PanelCompositor:
         return self._picture
 
     def _hand_over(self, *, version: int) -> PanelPicture:
-        rgb = self._rgb.copy()          # sinks keep what they get: never written again
+        rgb = self._rgb.copy()  # sinks keep what they get: never written again
         return PanelPicture(id=self.panel.id, rgb=rgb, screen=self.panel.screen, version=version)

@@ -28,7 +28,7 @@ class Layout:
     loaded: Loaded
     wall: Wall
     graph: Graph
-    regions: tuple[Region, ...]          # of each renderer, in rank order
+    regions: tuple[Region, ...]  # of each renderer, in rank order
 
     @property
     def config(self) -> Config:
@@ -96,6 +96,11 @@ def make_plan(layout: Layout) -> Plan:
 def first_event(plan: Plan, now: float) -> Event:
     """What every run begins with: the view at time 0."""
     return Event(
-        view=0, camera_event=0, scene_event=0, scene_time=0.0, input_time=now, camera=plan.view.camera_at(0.0),
+        view=0,
+        camera_event=0,
+        scene_event=0,
+        scene_time=0.0,
+        input_time=now,
+        camera=plan.view.camera_at(0.0),
         sampler=plan.layout.sampling.method,
     )

@@ -19,7 +19,7 @@ from wall.sampling.progressive import ProgressiveSampler
 from wall.tracing.resident import Resident, make_resident
 from wall.tracing.tracer import Tracer
 
-BAND_ROWS = 16               # rows of one piece of work
+BAND_ROWS = 16  # rows of one piece of work
 FLOAT32_EXACT_PIXELS = 8192  # sub-pixel positions stay finer than 1/1024 pixel up to here
 
 Progress = Callable[[int, int], None]
@@ -65,7 +65,9 @@ def _pieces(wall: Wall, size: tuple[int, int] | None, loaded: Loaded) -> list[Pa
         plane = Plane(origin=first.origin + left * first.per_x, per_x=first.per_x * scale, per_y=first.per_y * scale)
         return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
     if size is not None:
-        raise ConfigError(f"{loaded.path}: --size draws through the plane of a flat wall; this wall has panels at angles. Leave it out")
+        raise ConfigError(
+            f"{loaded.path}: --size draws through the plane of a flat wall; this wall has panels at angles. Leave it out"
+        )
     return list(wall.panels)
 
 
@@ -77,8 +79,15 @@ def _bands(panel: Panel) -> list[Rect]:
 
 
 def _render_bands(
-    plan: Plan, resident: Resident, event: Event, bands: list[tuple[Panel, Rect]], spp: int, seed: int, progress: Progress,
-    *, threads: int | None = None,
+    plan: Plan,
+    resident: Resident,
+    event: Event,
+    bands: list[tuple[Panel, Rect]],
+    spp: int,
+    seed: int,
+    progress: Progress,
+    *,
+    threads: int | None = None,
 ) -> list[Float32]:
     count = max(1, min(threads or len(os.sched_getaffinity(0)), len(bands)))
     rendered: dict[int, Float32] = {}

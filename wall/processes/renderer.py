@@ -19,8 +19,8 @@ from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
 from wall.transport.base import Link
 
-IDLE_WAIT_S = 0.05           # a complete view looks for a new event this often, if none wakes it
-HEAD_LOST_BEATS = 3.0        # times lost_after_s without a word from the head, then a rank ends itself
+IDLE_WAIT_S = 0.05  # a complete view looks for a new event this often, if none wakes it
+HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the head, then a rank ends itself
 
 
 class Control:
@@ -35,9 +35,17 @@ class Control:
         self._beat_due, self._pings = 0.0, 0
         self._heard = time.monotonic()
         self._head_host = ""
-        link.send(serialise(Hello(
-            rank=rank, role=plan.layout.role(rank), region=plan.layout.describe(rank), pid=os.getpid(), host=socket.gethostname(),
-        )))
+        link.send(
+            serialise(
+                Hello(
+                    rank=rank,
+                    role=plan.layout.role(rank),
+                    region=plan.layout.describe(rank),
+                    pid=os.getpid(),
+                    host=socket.gethostname(),
+                )
+            )
+        )
 
     def newest(self) -> Event | None:
         """Take in what came. Raises RunError when the head has been silent for too long."""
@@ -66,7 +74,7 @@ class Control:
     def beat(self, heartbeat: Heartbeat) -> None:
         self._beat_due = time.monotonic() + self._transport.heartbeat_s
         self._link.send(serialise(heartbeat))
-        if self._pings < 8:                            # the fastest of a few round trips sets the clock
+        if self._pings < 8:  # the fastest of a few round trips sets the clock
             self._pings += 1
             self._link.send(serialise(Ping(sent=time.monotonic())))
 
@@ -80,7 +88,9 @@ class Renderer:
         self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
         self._method = self._sampling.method
         self._samplers = make_samplers(self._sampling, "", self._region)
-        self._workers = [Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))]
+        self._workers = [
+            Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
+        ]
         self._pool = ThreadPoolExecutor(len(self._workers)) if len(self._workers) > 1 else None
         self._running: dict[Future[bytes | None], Worker] = {}
         self._counters = Counters()
@@ -126,7 +136,7 @@ class Renderer:
             packet = future.result()
             if packet is not None:
                 yield packet
-        if self._running:                  # others still work: not idle even if these had nothing
+        if self._running:  # others still work: not idle even if these had nothing
             yield from ()
 
     def _offer(self, packet: bytes) -> None:

@@ -37,16 +37,16 @@ class Options:
     """What the command line adds to a configuration."""
 
     out: Path
-    seconds: float | None = None         # None: until stopped
-    headless: bool = False               # no browser page
-    until_complete: bool = False         # stop when the still picture has all its samples
-    still: bool = False                  # begin paused
+    seconds: float | None = None  # None: until stopped
+    headless: bool = False  # no browser page
+    until_complete: bool = False  # stop when the still picture has all its samples
+    still: bool = False  # begin paused
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
     summary: dict[str, Any]
-    failed: str                          # why the run failed, "" if it did not
+    failed: str  # why the run failed, "" if it did not
 
 
 def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome | None:
@@ -136,7 +136,9 @@ def _close(*things: Any) -> None:
         thing.close()
 
 
-def lead(plan: Plan, resident: Resident, bootstrap: Bootstrap, options: Options, opened: Callable[[str], None]) -> Outcome:
+def lead(
+    plan: Plan, resident: Resident, bootstrap: Bootstrap, options: Options, opened: Callable[[str], None]
+) -> Outcome:
     """Be the head: serve the page, run the wall, write what is asked for at the end."""
     config = plan.layout.config
     options.out.mkdir(parents=True, exist_ok=True)
@@ -202,5 +204,3 @@ class _signals:  # noqa: N801
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
         self._head.stopping = "interrupted" if number == signal.SIGINT else "terminated"
-
-

@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wall.processes.panel import PanelCompositor
 from wall.data import Event
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode
 from wall.processes.clock import ManualClock
+from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, first_event
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
 
-BATCH_SECONDS = 1e-3          # what a batch takes on the hand-turned clock
+BATCH_SECONDS = 1e-3  # what a batch takes on the hand-turned clock
 
 
 class SingleProcess:

@@ -10,8 +10,8 @@ from wall.packets.samples import Codec, encode
 from wall.processes.clock import Clock
 from wall.processes.plan import Plan
 from wall.sampling.base import Sampler
-from wall.sampling.frameless import FramelessSampler
 from wall.sampling.framed import FrameCounter, FramedSampler
+from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
 from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
@@ -20,14 +20,17 @@ from wall.tracing.tracer import Tracer
 class Worker:
     """Traces its own pixels of one region. `step(newest)` gives the next packet, or None when nothing is missing."""
 
-    def __init__(self, plan: Plan, resident: Resident, rank: int, clock: Clock, samplers: list[Sampler], worker: int) -> None:
+    def __init__(
+        self, plan: Plan, resident: Resident, rank: int, clock: Clock, samplers: list[Sampler], worker: int
+    ) -> None:
         layout = plan.layout
         self.samplers, self.worker = samplers, worker
         self.samples_traced, self.secondary_rays, self.bad_samples = 0, 0, 0
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
         self._codec = Codec.named(layout.config.transport.codec)
         self._tracers = {
-            coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent) for coherent in (False, True)
+            coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent)
+            for coherent in (False, True)
         }
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
@@ -89,8 +92,14 @@ def make_samplers(sampling: AnySampling, method: str, region: Region) -> list[Sa
     if isinstance(sampling, HilbertSampling):
         return [
             HilbertSampler(
-                region.rect, batch=batch, seed=seed, chunk=sampling.chunk_pixels, blend=sampling.blend,
-                camera_update_percent=sampling.camera_update_percent, worker=k, workers=workers,
+                region.rect,
+                batch=batch,
+                seed=seed,
+                chunk=sampling.chunk_pixels,
+                blend=sampling.blend,
+                camera_update_percent=sampling.camera_update_percent,
+                worker=k,
+                workers=workers,
             )
             for k in range(workers)
         ]

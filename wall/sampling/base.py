@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 
 from wall.data import Event, Float32, Samples
 
-Pixels = NDArray[np.int32]           # (n, 2) panel pixels, x then y
+Pixels = NDArray[np.int32]  # (n, 2) panel pixels, x then y
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Targets:
     """The next batch: positions, 16 in a row a packet, and the event to trace them under."""
 
-    xy: Float32                      # (n, 2) panel pixels
+    xy: Float32  # (n, 2) panel pixels
     event: Event
-    frame: int = 0                   # see wall.data.Batch
+    frame: int = 0  # see wall.data.Batch
     frame_samples: int = 0
     blend: float = 1.0
 
@@ -31,7 +31,7 @@ class Targets:
 class Sampler(Protocol):
     """`choose` until it gives None: then the view is complete under `newest`, and nothing needs tracing."""
 
-    coherent: bool                   # whether its packets are small screen tiles (Embree's coherent traversal pays)
+    coherent: bool  # whether its packets are small screen tiles (Embree's coherent traversal pays)
 
     def choose(self, newest: Event) -> Targets | None: ...
 

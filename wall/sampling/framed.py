@@ -54,7 +54,7 @@ class FramedSampler:
         self._centres = (block_order(rect, worker=worker, workers=workers) + 0.5).astype(np.float32)
         self._counter, self._batch, self._area = counter, batch, rect.area
         self._frame, self._at = 0, len(self._centres)
-        self._again: list[Float32] = []          # positions of this frame that were lost on the way
+        self._again: list[Float32] = []  # positions of this frame that were lost on the way
 
     def choose(self, newest: Event) -> Targets | None:
         if self._at >= len(self._centres) and not self._again:

@@ -23,7 +23,7 @@ class FramelessSampler:
         self._pixels = block_order(rect, worker=worker, workers=workers)
         self._slots, self._rect, self._batch = slots_of(rect, self._pixels), rect, batch
         self._order = np.arange(len(self._pixels), dtype=np.int32)
-        self._epochs = np.zeros(len(self._pixels), np.uint32)      # 0: never sampled
+        self._epochs = np.zeros(len(self._pixels), np.uint32)  # 0: never sampled
         self._epoch, self._number = 1, (-1, -1)
         self._missing = len(self._pixels)
         self._seed, self._sweep, self._at = seed * workers + worker, 0, len(self._pixels)

@@ -19,7 +19,7 @@ from wall.sampling.ownership import hilbert_chunks, slots_of
 
 SAMPLES_A_VISIT = 2
 VISITS_TO_COMPLETE = 2
-STATISTICS_WINDOW = 16.0         # samples; four complete visits
+STATISTICS_WINDOW = 16.0  # samples; four complete visits
 
 
 class HilbertSampler:
@@ -42,8 +42,8 @@ class HilbertSampler:
         self._ends = np.cumsum([0, *(len(c) for c in chunks)])
         self._rect, self._slots = rect, slots_of(rect, self._pixels)
         self._chunk_of = np.repeat(np.arange(len(chunks)), [len(c) for c in chunks])
-        self._visits = np.zeros(len(chunks), np.int64)         # of each chunk, ever; its parity picks the diagonal
-        self._fresh = np.zeros(len(chunks), np.int64)          # of them, under the newest event
+        self._visits = np.zeros(len(chunks), np.int64)  # of each chunk, ever; its parity picks the diagonal
+        self._fresh = np.zeros(len(chunks), np.int64)  # of them, under the newest event
         self._order = np.arange(len(chunks), dtype=np.int32)
         self._seed, self._sweep, self._at = seed * workers + worker, 0, len(chunks)
         self._chunks_a_batch = max(1, batch // (SAMPLES_A_VISIT * chunk))

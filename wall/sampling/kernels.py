@@ -111,7 +111,7 @@ def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
         else:
             delta = value - mean[p]
             mean[p] += delta / count[p]
-            m2[p] += (delta * (value - mean[p]) - m2[p] / count[p])
+            m2[p] += delta * (value - mean[p]) - m2[p] / count[p]
     return foreign
 
 

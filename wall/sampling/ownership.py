@@ -12,7 +12,7 @@ from wall.data import Rect
 from wall.geometry.hilbert import hilbert_order
 from wall.sampling.base import Pixels
 
-BLOCK = 4                # a packet of 16 rays is a block of 4 x 4 pixels where the region allows
+BLOCK = 4  # a packet of 16 rays is a block of 4 x 4 pixels where the region allows
 
 
 def hilbert_chunks(rect: Rect, *, chunk: int, worker: int, workers: int) -> list[Pixels]:

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from wall.data import Float32
 from wall.errors import RunError
 
-PACKET = 16                      # rays traced together; the widest packet Embree has
-NO_HIT = 0xFFFFFFFF              # RTC_INVALID_GEOMETRY_ID
+PACKET = 16  # rays traced together; the widest packet Embree has
+NO_HIT = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
 
 # where each row of 16 floats of a packet starts: RTCRay16 is the first 12 rows, RTCHit16 follows
 ORIGIN_X, ORIGIN_Y, ORIGIN_Z, T_NEAR, DIRECTION_X, DIRECTION_Y, DIRECTION_Z, TIME = range(0, 128, 16)
 T_FAR, MASK, RAY_ID, FLAGS = range(128, 192, 16)
 NORMAL_X, NORMAL_Y, NORMAL_Z, HIT_U, HIT_V, PRIMITIVE, GEOMETRY, INSTANCE = range(192, 320, 16)
-RAY_FLOATS, RAY_HIT_FLOATS = 192, 352    # two spare rows: Embree 4.4 writes an instance-array index behind INSTANCE
+RAY_FLOATS, RAY_HIT_FLOATS = 192, 352  # two spare rows: Embree 4.4 writes an instance-array index behind INSTANCE
 
 _GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
@@ -74,8 +74,8 @@ def _external(name: str, signature: Any) -> Any:
 
 
 _PACKET_CALL = types.void(types.intp, types.intp, types.intp, types.intp)
-intersect16 = _external("rtcIntersect16", _PACKET_CALL)      # (valid, scene, ray-hit packet, arguments)
-occluded16 = _external("rtcOccluded16", _PACKET_CALL)        # (valid, scene, ray packet, arguments)
+intersect16 = _external("rtcIntersect16", _PACKET_CALL)  # (valid, scene, ray-hit packet, arguments)
+occluded16 = _external("rtcOccluded16", _PACKET_CALL)  # (valid, scene, ray packet, arguments)
 set_transform = _external("rtcSetGeometryTransform", types.void(types.intp, types.uint32, types.int32, types.intp))
 commit_geometry = _external("rtcCommitGeometry", types.void(types.intp))
 commit_scene = _external("rtcCommitScene", types.void(types.intp))
@@ -113,7 +113,9 @@ class Device:
     def check(self, doing: str) -> None:
         error = _library.rtcGetDeviceError(self.handle)
         if error:
-            raise RunError(f"Embree failed while {doing}: error {error} (2: bad argument, 3: bad operation, 4: out of memory)")
+            raise RunError(
+                f"Embree failed while {doing}: error {error} (2: bad argument, 3: bad operation, 4: out of memory)"
+            )
 
     def mesh(self, vertices: Float32, triangles: NDArray[np.uint32]) -> Handle:
         """A committed, robust scene of one triangle mesh.
@@ -124,8 +126,12 @@ class Device:
         triangles : (t, 3) uint32, contiguous
         """
         geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_TRIANGLE)
-        _library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices))
-        _library.rtcSetSharedGeometryBuffer(geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles))
+        _library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_VERTEX, 0, _FORMAT_FLOAT3, vertices.ctypes.data, 0, 12, len(vertices)
+        )
+        _library.rtcSetSharedGeometryBuffer(
+            geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles)
+        )
         _library.rtcCommitGeometry(geometry)
         scene = self._new_scene(_SCENE_ROBUST, _QUALITY_MEDIUM)
         _library.rtcAttachGeometryByID(scene, geometry, 0)

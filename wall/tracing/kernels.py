@@ -46,8 +46,8 @@ INF = np.float32(np.inf)
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MISS = np.uint32(NO_HIT)
 INV_PI = np.float32(1.0 / math.pi)
-MAX_BOUNCES = 4                    # mirror chains are cut here; what is behind the last mirror is dropped
-IRRADIANCE_STEPS = 256             # of the sky table over the normal's height -1..1
+MAX_BOUNCES = 4  # mirror chains are cut here; what is behind the last mirror is dropped
+IRRADIANCE_STEPS = 256  # of the sky table over the normal's height -1..1
 
 # One flat array holds everything about 16 rays, one row of 16 floats a quantity, so that LLVM sees constant
 # distances between rows and turns the loops over lanes into vector code. Rows start at these offsets:
@@ -66,24 +66,24 @@ COUNTS = 4
 class Workspace(NamedTuple):
     """One thread's packet, 64-byte aligned; see workspace() in tracer.py, which sets the rows that never change."""
 
-    packet: Float32                    # (PACKET_FLOATS,)
-    bits: NDArray[np.uint32]           # the same memory
-    valid: NDArray[np.int32]           # (16,) -1 or 0, lanes of the ray-hit packet
-    lit: NDArray[np.int32]             # (16,) -1 or 0, lanes of the shadow packet
-    arguments: NDArray[np.uint32]      # RTCIntersectArguments
-    counts: NDArray[np.int64]          # (4,) rays by kind
+    packet: Float32  # (PACKET_FLOATS,)
+    bits: NDArray[np.uint32]  # the same memory
+    valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the ray-hit packet
+    lit: NDArray[np.int32]  # (16,) -1 or 0, lanes of the shadow packet
+    arguments: NDArray[np.uint32]  # RTCIntersectArguments
+    counts: NDArray[np.int64]  # (4,) rays by kind
 
 
 class Surfaces(NamedTuple):
     """What every scene has; meshes stand one after another in the vertex and triangle arrays."""
 
-    triangles: NDArray[np.uint32]      # (t, 3) vertex numbers within the mesh
-    mesh_table: NDArray[np.uint32]     # (m, 4) first triangle, first vertex, material, flags: 1 normals, 2 colours, 4 uvs
-    materials: Float32                 # (k, 8) base colour, mirror share, emission, 0
+    triangles: NDArray[np.uint32]  # (t, 3) vertex numbers within the mesh
+    mesh_table: NDArray[np.uint32]  # (m, 4) first triangle, first vertex, material, flags: 1 normals, 2 colours, 4 uvs
+    materials: Float32  # (k, 8) base colour, mirror share, emission, 0
     instance_mesh: NDArray[np.uint32]  # (n,)
-    placements: Float32                # (n, 12) normal_from_object (9, row major), lift base, lift slope, 0
-    sky: Float32                       # (3, 3) radiance of zenith, horizon, ground
-    irradiance: Float32                # (257, 3) sky irradiance over pi, by height of the normal
+    placements: Float32  # (n, 12) normal_from_object (9, row major), lift base, lift slope, 0
+    sky: Float32  # (3, 3) radiance of zenith, horizon, ground
+    irradiance: Float32  # (257, 3) sky irradiance over pi, by height of the normal
 
 
 @kernel
@@ -129,8 +129,16 @@ def place_instances(world_from_object, eye, scene, geometries, transforms, place
         else:
             scale = 1.0 / determinant * size
             placements[k, 0], placements[k, 1], placements[k, 2] = c0 * scale, c1 * scale, c2 * scale
-            placements[k, 3], placements[k, 4], placements[k, 5] = (c * h - b * i) * scale, (a * i - c * g) * scale, (b * g - a * h) * scale
-            placements[k, 6], placements[k, 7], placements[k, 8] = (b * f - c * e) * scale, (c * d - a * f) * scale, (a * e - b * d) * scale
+            placements[k, 3], placements[k, 4], placements[k, 5] = (
+                (c * h - b * i) * scale,
+                (a * i - c * g) * scale,
+                (b * g - a * h) * scale,
+            )
+            placements[k, 6], placements[k, 7], placements[k, 8] = (
+                (b * f - c * e) * scale,
+                (c * d - a * f) * scale,
+                (a * e - b * d) * scale,
+            )
         norm = 0.0
         for q in range(9):
             norm += float(placements[k, q]) ** 2
@@ -195,14 +203,28 @@ def gather_surfaces(surfaces, normals, work):
         instance = bits[INSTANCE + lane]
         m = surfaces.instance_mesh[instance]
         place = surfaces.placements[instance]
-        a, b, c, d, e, f, g, h, i = place[0], place[1], place[2], place[3], place[4], place[5], place[6], place[7], place[8]
+        a, b, c, d, e, f, g, h, i = (
+            place[0],
+            place[1],
+            place[2],
+            place[3],
+            place[4],
+            place[5],
+            place[6],
+            place[7],
+            place[8],
+        )
         x, y, z = p[NORMAL_X + lane], p[NORMAL_Y + lane], p[NORMAL_Z + lane]
         p[GX + lane], p[GY + lane], p[GZ + lane] = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
         if normals is not None:
             if surfaces.mesh_table[m, 3] & np.uint32(1):
                 t = surfaces.mesh_table[m, 0] + bits[PRIMITIVE + lane]
                 vertex = surfaces.mesh_table[m, 1]
-                i0, i1, i2 = vertex + surfaces.triangles[t, 0], vertex + surfaces.triangles[t, 1], vertex + surfaces.triangles[t, 2]
+                i0, i1, i2 = (
+                    vertex + surfaces.triangles[t, 0],
+                    vertex + surfaces.triangles[t, 1],
+                    vertex + surfaces.triangles[t, 2],
+                )
                 u, v = p[HIT_U + lane], p[HIT_V + lane]
                 w = ONE - u - v
                 x = w * normals[i0, 0] + u * normals[i1, 0] + v * normals[i2, 0]
@@ -240,7 +262,7 @@ def finish_surfaces(work):
         square = nx * nx + ny * ny + nz * nz
         side = ONE / math.sqrt(square)
         side = -side if nx * gx + ny * gy + nz * gz < ZERO else side
-        smooth = square > ZERO           # opposite vertex normals may cancel
+        smooth = square > ZERO  # opposite vertex normals may cancel
         p[NX + lane] = nx * side if smooth else gx
         p[NY + lane] = ny * side if smooth else gy
         p[NZ + lane] = nz * side if smooth else gz
@@ -258,7 +280,11 @@ def colour_surfaces(surfaces, colors, uvs, texels, textures, to_linear, work):
         if flags & np.uint32(6) == np.uint32(0):
             continue
         t, vertex = surfaces.mesh_table[m, 0] + bits[PRIMITIVE + lane], surfaces.mesh_table[m, 1]
-        i0, i1, i2 = vertex + surfaces.triangles[t, 0], vertex + surfaces.triangles[t, 1], vertex + surfaces.triangles[t, 2]
+        i0, i1, i2 = (
+            vertex + surfaces.triangles[t, 0],
+            vertex + surfaces.triangles[t, 1],
+            vertex + surfaces.triangles[t, 2],
+        )
         u, v = p[HIT_U + lane], p[HIT_V + lane]
         w = ONE - u - v
         if colors is not None:
@@ -283,7 +309,7 @@ def texel_at(texels, texture, to_linear, u, v):
     first, width, height = texture[0], texture[1], texture[2]
     x = (u - math.floor(u)) * width - np.float32(0.5)
     y = (ONE - (v - math.floor(v))) * height - np.float32(0.5)
-    if not (x > -ONE and y > -ONE):     # NaN coordinates read texel 0
+    if not (x > -ONE and y > -ONE):  # NaN coordinates read texel 0
         x, y = ZERO, ZERO
     x0, y0 = int(math.floor(x)), int(math.floor(y))
     fx, fy = np.float32(x - x0), np.float32(y - y0)
@@ -373,7 +399,7 @@ def add_light(light, scene, work):
     occluded16(lit.ctypes.data, scene, p.ctypes.data + 4 * SHADE, work.arguments.ctypes.data)
     red, green, blue = light[3], light[4], light[5]
     for lane in range(16):
-        seen = p[SHADE + T_FAR + lane] >= ZERO       # Embree sets it to -inf where something is in the way
+        seen = p[SHADE + T_FAR + lane] >= ZERO  # Embree sets it to -inf where something is in the way
         weight = p[COS + lane] if seen and p[HITS + lane] > ZERO else ZERO
         p[LR + lane] += p[AR + lane] * red * weight
         p[LG + lane] += p[AG + lane] * green * weight
@@ -458,9 +484,13 @@ def reflect(surfaces, work):
         dx, dy, dz = p[DIRECTION_X + lane], p[DIRECTION_Y + lane], p[DIRECTION_Z + lane]
         turn = np.float32(2.0) * (nx * dx + ny * dy + nz * dz)
         if (dx - turn * nx) * gx + (dy - turn * ny) * gy + (dz - turn * nz) * gz <= ZERO:
-            nx, ny, nz = gx, gy, gz          # the shading normal would send it inside
+            nx, ny, nz = gx, gy, gz  # the shading normal would send it inside
             turn = np.float32(2.0) * (nx * dx + ny * dy + nz * dz)
-        p[DIRECTION_X + lane], p[DIRECTION_Y + lane], p[DIRECTION_Z + lane] = dx - turn * nx, dy - turn * ny, dz - turn * nz
+        p[DIRECTION_X + lane], p[DIRECTION_Y + lane], p[DIRECTION_Z + lane] = (
+            dx - turn * nx,
+            dy - turn * ny,
+            dz - turn * nz,
+        )
         p[ORIGIN_X + lane] = p[PX + lane] + lift * gx
         p[ORIGIN_Y + lane] = p[PY + lane] + lift * gy
         p[ORIGIN_Z + lane] = p[PZ + lane] + lift * gz
@@ -493,7 +523,23 @@ def write_samples(xy, first, count, samples, kept, work):
 
 @kernel
 def trace(
-    scene, frame, corner, xy, samples, surfaces, normals, colors, uvs, texels, textures, to_linear, points, suns, emission, mirrors, work
+    scene,
+    frame,
+    corner,
+    xy,
+    samples,
+    surfaces,
+    normals,
+    colors,
+    uvs,
+    texels,
+    textures,
+    to_linear,
+    points,
+    suns,
+    emission,
+    mirrors,
+    work,
 ):
     """Trace one sample for each position and write its record.
 
@@ -525,7 +571,7 @@ def trace(
         intersect16(valid, scene, packet, arguments)
         counts[PRIMARY] += count
         for lane in range(16):
-            p[DEPTH + lane] = p[T_FAR + lane]                                       # stays infinite on a miss
+            p[DEPTH + lane] = p[T_FAR + lane]  # stays infinite on a miss
             missed = bits[GEOMETRY + lane] == MISS
             p[OBJECT + lane] = ZERO if missed else np.float32(bits[INSTANCE + lane]) + ONE
         counts[SHADOW] += light_packet(

@@ -29,8 +29,8 @@ class Resident:
     scene: Scene
     needs: Needs
     device: Device
-    meshes: tuple[Handle, ...]           # Embree scene of each instance's mesh, instance order
-    extents: Float64                     # (n,) radius of each instance's mesh about its origin
+    meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
+    extents: Float64  # (n,) radius of each instance's mesh about its origin
     triangles: NDArray[np.uint32]
     mesh_table: NDArray[np.uint32]
     materials: Float32
@@ -57,7 +57,7 @@ def make_resident(scene: Scene) -> Resident:
     """Lay a scene out for tracing and build its meshes; only features that it needs get arrays."""
     wanted = needs(scene)
     vertex_counts = [len(mesh.vertices) for mesh in scene.meshes]
-    vertices = np.zeros((sum(vertex_counts) + 2, 3), np.float32)     # Embree may read 16 bytes past the last vertex
+    vertices = np.zeros((sum(vertex_counts) + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
     np.concatenate([mesh.vertices for mesh in scene.meshes], out=vertices[:-2])
     triangles = np.ascontiguousarray(np.concatenate([mesh.triangles for mesh in scene.meshes]), np.uint32)
     table = _mesh_table(scene.meshes, wanted)
@@ -66,7 +66,9 @@ def make_resident(scene: Scene) -> Resident:
     handles = []
     for mesh, row in zip(scene.meshes, table, strict=True):
         first, start = int(row[1]), int(row[0])
-        handles.append(device.mesh(vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)]))
+        handles.append(
+            device.mesh(vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)])
+        )
     radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in scene.meshes]
     of_instance = np.array([instance.mesh for instance in scene.instances], np.uint32)
     return Resident(

@@ -18,7 +18,7 @@ from wall.scene.model import Moment
 from wall.tracing import embree, kernels
 from wall.tracing.resident import Resident
 
-LIFT_ULPS = 16.0         # float32 roundings between a hit and its secondary ray's start; derived in docs/accuracy.md
+LIFT_ULPS = 16.0  # float32 roundings between a hit and its secondary ray's start; derived in docs/accuracy.md
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ class Tracer:
         self._frame = np.zeros((3, 3))
         self._points: Float32 | None = None
         self._suns: Float32 | None = None
-        self.singular = 0                # instances whose placement cannot be inverted, at the newest event
+        self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def take(self, event: Event) -> None:
         """Place everything for `event`: its camera, and its scene time."""
@@ -81,8 +81,14 @@ class Tracer:
     def place(self, origin: Float64, moment: Moment) -> None:
         resident = self._resident
         self.singular = kernels.place_instances(
-            moment.world_from_object, origin, self._scene, self._geometries, self._transforms,
-            self._surfaces.placements, resident.extents, LIFT_ULPS,
+            moment.world_from_object,
+            origin,
+            self._scene,
+            self._geometries,
+            self._transforms,
+            self._surfaces.placements,
+            resident.extents,
+            LIFT_ULPS,
         )
         scene = resident.scene
         if scene.point_lights:
@@ -107,8 +113,23 @@ class Tracer:
         """Everything that kernels.trace wants, in its order; for trace() and for measuring the kernel alone."""
         r = self._resident
         return (
-            self._scene, self._frame, self._corner, xy, samples, self._surfaces, r.normals, r.colors, r.uvs, r.texels,
-            r.textures, r.to_linear, self._points, self._suns, r.emission, r.mirrors, self._work,
+            self._scene,
+            self._frame,
+            self._corner,
+            xy,
+            samples,
+            self._surfaces,
+            r.normals,
+            r.colors,
+            r.uvs,
+            r.texels,
+            r.textures,
+            r.to_linear,
+            self._points,
+            self._suns,
+            r.emission,
+            r.mirrors,
+            self._work,
         )
 
 

@@ -1,0 +1,245 @@
+"""The `wall` command: reads its words, calls one function, says what came of it.
+
+Exit codes: 0 ok, 1 the run failed, 2 the configuration was refused.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from wall.errors import ConfigError, WallError
+
+OK, FAILED, REFUSED = 0, 1, 2
+MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    help="A ray-traced display wall: every process renders its own part of it, nothing waits for a frame.\n\n"
+    "Try [bold]wall run configs/demo.yaml[/], then open the address it prints. "
+    "[bold]wall check[/] says what a configuration does before it does it.",
+)
+measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.")
+app.add_typer(measure, name="measure")
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+console = Console(highlight=False)
+
+ConfigArgument = Annotated[
+    Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
+]
+
+
+@app.command()
+def run(
+    config: ConfigArgument,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Stop after so many seconds; without it, run until Ctrl-C")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for wall.png, panel-ID.png and summary.json")] = None,
+    scene: Annotated[Path | None, typer.Option(help="Show this model instead: .glb, .gltf, .obj, .ply or .stl")] = None,
+    headless: Annotated[bool, typer.Option("--headless", help="No browser page")] = False,
+    still: Annotated[bool, typer.Option("--still", help="Begin paused, at time 0")] = False,
+    until_complete: Annotated[
+        bool, typer.Option("--until-complete", help="Show time 0 and stop when the picture has all its samples")
+    ] = False,
+) -> None:
+    """Run a wall: start its processes here, or use the ranks that mpirun made.
+
+    [bold]wall run configs/demo.yaml --seconds 20[/]
+
+    [bold]mpirun -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
+    """
+    from wall.processes.run import Options
+    from wall.processes.run import run as run_wall
+
+    loaded = _load(config, scene)
+    options = Options(
+        out=out or Path(loaded.config.output.directory),
+        seconds=seconds,
+        headless=headless,
+        until_complete=until_complete,
+        still=still or until_complete,
+    )
+    with _Stages() as stages:
+        outcome = run_wall(
+            loaded, options, stages.say, lambda address: stages.opened(address, loaded.config.output.browser.open)
+        )
+    if outcome is None:
+        return
+    _show_summary(outcome.summary, options.out)
+    if outcome.failed:
+        _fail(f"the run failed: {outcome.failed}")
+
+
+@app.command()
+def render(
+    what: Annotated[
+        Path, typer.Argument(metavar="CONFIG|MODEL", help="A configuration, or a model file", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="picture.png (8-bit sRGB), .exr or .npy (linear float32)")
+    ],
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 64,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels; the wall's own if left out")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same picture")] = 1,
+    at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
+) -> None:
+    """Render one converged picture: the same bits for a seed, however many threads or ranks.
+
+    [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
+    """
+    from wall.display.picture_file import check_suffix, write_picture
+    from wall.processes.reference import render as render_picture
+
+    check_suffix(output)
+    loaded = _load(what, None)
+    with Progress(
+        TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=errors
+    ) as bar:
+        task = bar.add_task("rendering")
+        picture = render_picture(
+            loaded,
+            spp=spp,
+            seed=seed,
+            size=_size(size),
+            at=at,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    if picture is not None:
+        write_picture(output, picture)
+        console.print(f"wrote {output}: {picture.shape[1]}x{picture.shape[0]}, {spp} samples a pixel, seed {seed}")
+
+
+@app.command()
+def check(config: ConfigArgument) -> None:
+    """Check a configuration, and say what would run where, with what, at what cost."""
+    from wall.processes.check import check as check_config
+
+    for item in check_config(_load(config, None)):
+        console.print(item)
+
+
+@app.command()
+def schema(
+    output: Annotated[Path | None, typer.Option("-o", help="File to write; the terminal if left out")] = None,
+) -> None:
+    """Print the JSON Schema of configurations, for editors."""
+    import json
+
+    from wall.config.json_schema import schema as json_schema
+
+    text = json.dumps(json_schema(), indent=2)
+    if output is None:
+        print(text)
+    else:
+        output.write_text(text + "\n", encoding="utf-8")
+
+
+def _load(path: Path, scene: Path | None):  # type: ignore[no-untyped-def]
+    """A configuration, or the default one around a model; `scene` replaces what it shows."""
+    from wall.config.loading import default_for_model, load, with_scene
+
+    loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
+    return with_scene(loaded, scene) if scene is not None else loaded
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    width, x, height = text.lower().partition("x")
+    if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise ConfigError(f"--size {text}: wanted WIDTHxHEIGHT in pixels, such as 960x540")
+    return int(width), int(height)
+
+
+class _Stages:
+    """What a starting run is doing, one line at a time, with a spinner where there is a terminal."""
+
+    def __init__(self) -> None:
+        self._status = errors.status("starting") if errors.is_terminal else None
+
+    def __enter__(self) -> _Stages:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
+    def say(self, line: str) -> None:
+        if line.startswith("starting ") or self._status is None:
+            self._stop()  # the spinner's thread must not be there when processes are forked
+            errors.print(f"  {line}")
+            return
+        self._status.update(line)
+        self._status.start()
+
+    def opened(self, address: str, open_page: bool) -> None:
+        self._stop()
+        console.print(f"watch and steer the wall at [bold]{address}[/] (Ctrl-C ends the run)")
+        if open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            webbrowser.open(address)
+
+    def _stop(self) -> None:
+        if self._status is not None:
+            self._status.stop()
+
+
+def _show_summary(summary: dict, out: Path) -> None:  # type: ignore[type-arg]
+    table = Table(title=f"{summary['seconds']:.1f} s, ended: {summary['ended']}", title_justify="left")
+    for name in ("rank", "role", "region", "samples/s", "bytes/s", "peak memory"):
+        table.add_column(name, justify="left" if name in ("role", "region") else "right")
+    for rank in summary["ranks"]:
+        table.add_row(
+            str(rank["rank"]),
+            rank["role"],
+            rank["region"],
+            _si(rank["samples_per_s"]),
+            _si(rank["bytes_per_s"]),
+            f"{rank['peak_memory'] / 2**20:.0f} MB",
+        )
+    console.print(table)
+    latency = summary["latency_ms"]
+    console.print(
+        f"traced {_si(summary['samples_traced'])} samples, shown {_si(summary['samples_shown'])}; "
+        f"{_si(summary['packets'])} packets, {_si(summary['bytes'])}B; "
+        f"input to picture {latency['p50']:.1f} ms median, {latency['p95']:.1f} p95, {latency['p99']:.1f} p99"
+    )
+    if summary["dropped"]:
+        console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
+    console.print(f"results in {out}/")
+
+
+def _si(value: float) -> str:
+    """1234567 as 1.23 M."""
+    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value:.0f} "
+
+
+def _fail(message: str) -> NoReturn:
+    errors.print(message, style="red", markup=False)
+    raise SystemExit(FAILED)
+
+
+def main() -> None:
+    """Entry point: every refusal and failure is one readable text and an exit code."""
+    try:
+        app()
+    except ConfigError as error:
+        errors.print(str(error), style="red", markup=False)
+        sys.exit(REFUSED)
+    except WallError as error:
+        _fail(str(error))
+    except KeyboardInterrupt:
+        _fail("interrupted")
