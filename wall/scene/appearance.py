@@ -7,6 +7,7 @@ vertex colours are sRGB by custom, and are made linear. Textures stay sRGB bytes
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,11 +27,13 @@ class Palette:
     """Materials and textures met so far; equal objects in the file become one entry."""
 
     linear_vertex_colors: bool
+    beside: Path | None = None         # an image for surfaces with texture coordinates and no material
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     _materials: dict[int, int] = field(default_factory=dict)
     _textures: dict[int, int | None] = field(default_factory=dict)
+    _kept: list[Any] = field(default_factory=list)       # what the ids above stand for, so that none is given twice
 
     def material(self, visual: Any) -> int:
         """Number of the material of a trimesh visual; one without any is light grey."""
@@ -39,6 +42,7 @@ class Palette:
         if key not in self._materials:
             self.materials.append(self._converted(found))
             self._materials[key] = len(self.materials) - 1
+            self._kept.append(found)
         return self._materials[key]
 
     def plain(self) -> int:
@@ -64,15 +68,29 @@ class Palette:
                 base = replace(base, emission=(0.0, 0.0, 0.0))
         else:
             image = getattr(found, "image", None)
+            if image is not None and image.format is None:           # trimesh's own stand-in, not from a file
+                image = self._image_beside()
             written = getattr(found, "kwargs", {}).get("kd")
             base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
         return replace(base, texture=self._texture(image, name))
+
+    def _image_beside(self) -> Image.Image | None:
+        if self.beside is None:
+            return None
+        try:
+            image = Image.open(self.beside)
+        except (OSError, Image.DecompressionBombError) as error:
+            self.notes.append(f"{self.beside.name} cannot be read ({error})")
+            return None
+        self.notes.append(f"no material is named; {self.beside.name}, the image beside the model, is its texture")
+        return image
 
     def _texture(self, image: Any, name: str) -> int | None:
         if image is None:
             return None
         if id(image) not in self._textures:
             self._textures[id(image)] = self._decoded(image, name)
+            self._kept.append(image)
         return self._textures[id(image)]
 
     def _decoded(self, image: Image.Image, name: str) -> int | None:

@@ -8,8 +8,10 @@ could be repaired is in the notes.
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+IMAGES = (".png", ".jpg", ".jpeg", ".webp")
 FLATTEST = 1e-7                        # smallest over largest stretch of a placement that can still be inverted
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7      # of a whole model, world units; others are scaled to radius 1
 NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
@@ -34,7 +37,7 @@ def load(path: Path) -> Source:
     """Read a model file. Raises SceneError: missing, unknown format, unreadable, or nothing left to draw."""
     loaded, notes = _read(path)
     up = "" if path.suffix.lower() in (".glb", ".gltf") else f"{path.name}: the format does not say which way is up; y is"
-    palette = Palette(linear_vertex_colors=path.suffix.lower() in (".glb", ".gltf"))
+    palette = Palette(linear_vertex_colors=not up, beside=_image_beside(path))
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -72,6 +75,13 @@ def _read(path: Path) -> tuple[Any, list[str]]:
         except Exception as error:                       # parsers of broken files raise anything
             reason = f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
+
+
+def _image_beside(path: Path) -> Path | None:
+    """The only image in the model's folder whose name begins with the first word of the model's."""
+    word = re.split(r"[^A-Za-z0-9]", path.stem)[0].lower()
+    images = [p for p in path.parent.iterdir() if p.suffix.lower() in IMAGES and p.stem.lower().startswith(word)]
+    return images[0] if word and len(images) == 1 else None
 
 
 @contextmanager
@@ -176,8 +186,6 @@ def _flat(matrix: Float64) -> bool:
 
 def _comfortable(source: Source, notes: list[str]) -> Source:
     """The source with its notes; a model of extreme size is scaled about the world's origin to radius 1."""
-    from dataclasses import replace
-
     _, radius = framing_sphere(source.meshes, source.instances)
     if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
