@@ -1,7 +1,7 @@
 """Record what the wall shows as a numbered sequence of JPEG pictures and a line of facts about each.
 
-A picture is taken when its turn has come and something changed. Composing, compressing and writing happen in the
-recorder's own thread; when that falls behind, pictures are dropped and counted, and nobody waits.
+A picture is taken when its turn has come and something changed. Composing, compressing and writing happen in
+the recorder's own thread; when that falls behind, pictures are dropped and counted, and nobody waits.
 """
 
 from __future__ import annotations

@@ -1,0 +1,292 @@
+"""The live page: one page over HTTP, pictures and status over a websocket, steering commands back.
+
+The server has a thread and an event loop of its own. `show` only puts the newest picture where the viewers find
+it. A viewer holds at most IN_FLIGHT pictures that it has not drawn; a slow one gets fewer, never older, pictures.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+import threading
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSCloseCode, WSMsgType, web
+from PIL import Image
+
+from wall.data import Counters
+from wall.display.base import Status, WallPicture
+from wall.display.png import QUICK, whole_wall
+from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
+from wall.display.stream import encode_jpeg, layout_message, panel_message, picture_message, status_message
+from wall.errors import RemoteProtocolError, RunError
+from wall.geometry.panels import Wall
+
+IN_FLIGHT = 2                # one on its way while one is drawn; more would only be older
+STATUS_PERIOD_S = 0.25       # as often as numbers can be read
+MAX_VIEWERS = 8
+MAX_COMMANDS = 256           # 4 s of one viewer's dragging
+HEARTBEAT_S = 5.0            # a viewer whose machine vanished is forgotten after about this time
+CLOSE_S = 0.9
+
+PAGE = Path(__file__).resolve().parent / "page"
+TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-cache",
+}
+
+
+@dataclass(slots=True, eq=False)
+class _Viewer:
+    socket: web.WebSocketResponse
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    versions: dict[int, int] = field(default_factory=dict)     # of every panel, as last sent
+    in_flight: deque[int] = field(default_factory=deque)       # numbers of pictures sent, not yet drawn
+    number: int = 0
+    told: tuple[bool, str] | None = None                       # paused, sampler, as last sent
+    status_due: float = 0.0
+
+
+class Browser:
+    """Serves the page from construction to `close`.
+
+    `commands` gives what the viewers asked for since the last call, checked by steering.parse_message.
+    """
+
+    def __init__(self, host: str, port: int, wall: Wall, *, max_viewers: int = MAX_VIEWERS) -> None:
+        """Port 0 takes any free one. Raises RunError naming host and port when they cannot be had."""
+        self._host, self._port, self._max_viewers = host, port, max_viewers
+        self._layout = layout_message(wall)
+        self._names = _own_names(host)
+        self._newest: tuple[WallPicture, Status] | None = None
+        self._viewers: set[_Viewer] = set()
+        self._commands: deque[dict[str, Any]] = deque()
+        self._counters = Counters()
+        self._jpegs: dict[int, tuple[int, bytes]] = {}         # panel: version, JPEG; the encoder's own
+        self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
+        self._loop = asyncio.new_event_loop()
+        self._stopping = asyncio.Event()
+        bound: Future[str] = Future()
+        self._thread = threading.Thread(target=self._serve, args=(bound,), name="browser", daemon=True)
+        self._thread.start()
+        self.address = bound.result()
+
+    def show(self, picture: WallPicture, status: Status) -> None:
+        self._newest = (picture, status)
+        if self._viewers:
+            self._call(self._wake_viewers)
+
+    def commands(self) -> list[dict[str, Any]]:
+        taken = []
+        while self._commands:
+            taken.append(self._commands.popleft())
+        return taken
+
+    def dropped(self) -> dict[str, int]:
+        return dict(self._counters.counts)
+
+    def close(self) -> None:
+        """Tell the viewers, stop serving; within a second."""
+        self._call(self._stopping.set)
+        self._thread.join(CLOSE_S)
+
+    def _call(self, what: Any) -> None:
+        with contextlib.suppress(RuntimeError):     # the loop is closed: nobody is there to be told
+            self._loop.call_soon_threadsafe(what)
+
+    def _wake_viewers(self) -> None:
+        for viewer in self._viewers:
+            viewer.wake.set()
+
+    # Below, everything runs in the server's thread, except _encode and _png in the encoder's.
+
+    def _serve(self, bound: Future[str]) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._run(bound))
+        except Exception as error:
+            if bound.done():
+                raise
+            bound.set_exception(RunError(f"the page cannot be served at {self._host}: {error!r}"))
+        finally:
+            self._encoder.shutdown(wait=False, cancel_futures=True)
+            self._loop.close()
+
+    async def _run(self, bound: Future[str]) -> None:
+        app = web.Application(middlewares=[self._guard])
+        app.on_response_prepare.append(_add_headers)
+        app.router.add_get("/", _page)
+        app.router.add_get("/stream", self._stream)
+        app.router.add_get("/wall.png", self._wall_png)
+        app.router.add_get("/status.json", self._status_json)
+        app.router.add_get("/{name}", _page)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, self._host, self._port).start()
+        except OSError as error:
+            await runner.cleanup()
+            bound.set_exception(RunError(self._why_not(error)))
+            return
+        bound.set_result(self._address(*runner.addresses[0][:2]))
+        await self._stopping.wait()
+        goodbyes = [
+            v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers
+        ]
+        await asyncio.gather(*goodbyes, return_exceptions=True)
+        await runner.cleanup()
+
+    def _why_not(self, error: OSError) -> str:
+        where = f"the page cannot be served at {self._host} port {self._port}"
+        if error.errno == errno.EADDRINUSE:
+            return f"{where}: another program has this port; wanted a free one, or 0 for any"
+        return f"{where}: {error.strerror or error}"
+
+    def _address(self, host: str, port: int) -> str:
+        if host in ("0.0.0.0", "::"):
+            host = socket.gethostname()
+        return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
+        if not host_is_ours(request.headers.get("Host", ""), self._host, self._names):
+            self._counters.add("browser_foreign_request")
+            raise web.HTTPForbidden(text="this address is not mine; open the one that was printed\n")
+        if request.path != "/" and request.headers.get("Sec-Fetch-Site") == "cross-site":
+            self._counters.add("browser_foreign_request")
+            raise web.HTTPForbidden(text="other sites' pages may not use this one\n")
+        response: web.StreamResponse = await handler(request)
+        return response
+
+    async def _status_json(self, request: web.Request) -> web.Response:
+        if self._newest is None:
+            raise web.HTTPServiceUnavailable(text="no picture yet\n")
+        text = status_message(self._newest[1], viewers=len(self._viewers), page_dropped=self.dropped())
+        return web.Response(text=text, content_type="application/json")
+
+    async def _wall_png(self, request: web.Request) -> web.Response:
+        if self._newest is None:
+            raise web.HTTPServiceUnavailable(text="no picture yet\n")
+        body = await self._loop.run_in_executor(self._encoder, _png, self._newest[0])
+        return web.Response(body=body, content_type="image/png")
+
+    async def _stream(self, request: web.Request) -> web.WebSocketResponse:
+        if not origin_is_ours(request.headers.get("Origin"), request.headers.get("Host", "")):
+            self._counters.add("browser_foreign_request")
+            raise web.HTTPForbidden(text="other sites' pages may not steer this wall\n")
+        connection = web.WebSocketResponse(
+            timeout=0.2, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES
+        )
+        await connection.prepare(request)
+        if len(self._viewers) >= self._max_viewers:
+            self._counters.add("browser_viewer_refused")
+            await connection.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
+            return connection
+        viewer = _Viewer(connection)
+        self._viewers.add(viewer)
+        feeder = asyncio.create_task(self._feed(viewer))
+        try:
+            async for message in connection:
+                self._take(viewer, message.data if message.type is WSMsgType.TEXT else "")
+        finally:
+            self._viewers.discard(viewer)
+            feeder.cancel()
+            await asyncio.gather(feeder, return_exceptions=True)
+        return connection
+
+    def _take(self, viewer: _Viewer, text: str) -> None:
+        try:
+            message = parse_message(text)
+        except RemoteProtocolError:
+            self._counters.add("browser_bad_message")
+            return
+        if message["kind"] == "shown":
+            self._drawn(viewer, message["number"])
+        elif len(self._commands) >= MAX_COMMANDS:
+            self._counters.add("browser_command_overflow")
+        else:
+            self._commands.append(message)
+
+    def _drawn(self, viewer: _Viewer, number: int) -> None:
+        if number not in viewer.in_flight:
+            self._counters.add("browser_bad_message")
+            return
+        while viewer.in_flight.popleft() != number:
+            pass
+        viewer.wake.set()
+
+    async def _feed(self, viewer: _Viewer) -> None:
+        """Send what is new until the connection ends."""
+        try:
+            await viewer.socket.send_str(self._layout)
+            while True:
+                if self._newest is not None:
+                    await self._send(viewer, *self._newest)
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(viewer.wake.wait(), STATUS_PERIOD_S)
+                viewer.wake.clear()
+        except ConnectionError:
+            return                                             # the viewer left
+        except Exception as error:
+            self._counters.add("browser_feed_failed")
+            await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
+
+    async def _send(self, viewer: _Viewer, picture: WallPicture, status: Status) -> None:
+        answer = (status.paused, status.sampler)               # to a command; the viewer waits for it
+        if self._loop.time() >= viewer.status_due or answer != viewer.told:
+            viewer.status_due, viewer.told = self._loop.time() + STATUS_PERIOD_S, answer
+            await viewer.socket.send_str(status_message(status))
+        changed = [k for k, p in enumerate(picture.panels) if viewer.versions.get(k) != p.version]
+        if not changed or len(viewer.in_flight) >= IN_FLIGHT:
+            return
+        viewer.number += 1
+        viewer.in_flight.append(viewer.number)
+        encoded = await self._loop.run_in_executor(self._encoder, self._encode, picture, changed)
+        await viewer.socket.send_str(picture_message(picture, panels=len(changed), number=viewer.number))
+        for k, jpeg in zip(changed, encoded, strict=True):
+            panel = picture.panels[k]
+            await viewer.socket.send_bytes(panel_message(k, panel, jpeg=jpeg, number=viewer.number))
+            viewer.versions[k] = panel.version
+
+    def _encode(self, picture: WallPicture, changed: list[int]) -> list[bytes]:
+        """JPEGs of the changed panels; one version is compressed once, however many watch it."""
+        for k in changed:
+            panel = picture.panels[k]
+            if self._jpegs.get(k, (None,))[0] != panel.version:
+                self._jpegs[k] = (panel.version, encode_jpeg(panel))
+        return [self._jpegs[k][1] for k in changed]
+
+
+def _own_names(host: str) -> frozenset[str]:
+    if is_loopback(host):
+        return frozenset()                          # needs none; asking for the full name can take seconds
+    return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})
+
+
+async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(HEADERS)
+
+
+async def _page(request: web.Request) -> web.Response:
+    path = PAGE / request.match_info.get("name", "index.html")
+    if path.parent != PAGE or path.suffix not in TYPES or not path.is_file():
+        raise web.HTTPNotFound(text="no such page\n")
+    text = path.read_text(encoding="utf-8")
+    return web.Response(text=text, content_type=TYPES[path.suffix], charset="utf-8")
+
+
+def _png(picture: WallPicture) -> bytes:
+    out = BytesIO()
+    Image.fromarray(whole_wall(picture)).save(out, format="PNG", compress_level=QUICK)
+    return out.getvalue()
