@@ -39,7 +39,7 @@ os.environ.setdefault("NUMBA_THREADING_LAYER", "workqueue")
 
 import numba  # noqa: E402  (the cache folder must be known first)
 
-numba.config.CACHE_DIR = str(_folder)
+numba.config.CACHE_DIR = str(_folder)  # type: ignore[attr-defined]
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -60,7 +60,7 @@ class Compositor:
 
     def pictures(self) -> tuple[PanelPicture, ...]:
         """All panels of the wall, in order: own ones, and the newest framelets of the others."""
-        shown = {**self.panels, **self.remote}
+        shown: dict[int, PanelCompositor | RemotePanel] = {**self.panels, **self.remote}
         return tuple(shown[k].picture() for k in sorted(shown))
 
     def newest_event(self) -> tuple[int, int]:

@@ -133,8 +133,8 @@ class Head:
             sampler=self.manager.event.sampler,
             samplers=METHODS,
             ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),
-            latency_ms=percentiles_ms(latencies) if latencies else None,
-            recent_latency_ms=tuple(1000.0 * s for s in latencies),
+            latency_ms=percentiles_ms(latencies),
+            latencies_ms=tuple(1000.0 * s for s in latencies),
             refresh_hz=self._refreshes / max(now - self._began, 1e-3),
         )
 

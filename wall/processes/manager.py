@@ -34,7 +34,7 @@ class Director:
         self._steering: Steering | None = None
         self._scene_time, self._path_time, self._last = 0.0, 0.0, now
         self.paused = False
-        self.sampler = plan.layout.sampling.method
+        self.sampler: str = plan.layout.sampling.method
         self.event = first_event(plan, now)
 
     def update(self, commands: list[Command], now: float) -> bool:

@@ -49,7 +49,7 @@ def render(
         gathered = world.gather(b"".join(band.tobytes() for band in mine))
         if gathered is None:
             return None
-        rendered = [np.zeros(0)] * len(bands)
+        rendered = [np.zeros(0, np.float32)] * len(bands)
         for rank, data in enumerate(gathered):
             rendered[rank :: world.size] = _unpack(data, bands[rank :: world.size])
     return _assemble(pieces, bands, rendered)

@@ -86,7 +86,7 @@ class Renderer:
     def __init__(self, plan: Plan, resident: Resident, rank: int, control: Control, outbox: Link) -> None:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
-        self._method = self._sampling.method
+        self._method: str = self._sampling.method
         self._samplers = make_samplers(self._sampling, "", self._region)
         self._workers = [
             Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))

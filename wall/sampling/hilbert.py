@@ -56,7 +56,7 @@ class HilbertSampler:
     @property
     def variance(self) -> Float32:
         """(p,) float32: running variance of each owned pixel's luminance, 0 before its first sample."""
-        return self._m2 / np.maximum(self.count, 1)
+        return (self._m2 / np.maximum(self.count, 1)).astype(np.float32)
 
     def choose(self, newest: Event) -> Targets | None:
         event = self._take_camera(newest)

@@ -67,7 +67,7 @@ for _name, (_result, _arguments) in _SIGNATURES.items():
 def _external(name: str, signature: Any) -> Any:
     """An Embree function that kernels can call by name (by ctypes where JIT is disabled)."""
     function = getattr(_library, name)
-    if numba.config.DISABLE_JIT:
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
     return types.ExternalFunction(name, signature)
@@ -88,7 +88,8 @@ def aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     raw = np.zeros(size + 64, np.uint8)
     start = -raw.ctypes.data % 64
-    return raw[start : start + size].view(dtype).reshape(shape)
+    rows: NDArray[Any] = raw[start : start + size].view(dtype).reshape(shape)
+    return rows
 
 
 def query_arguments(*, coherent: bool) -> NDArray[np.uint32]:

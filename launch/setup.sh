@@ -1,0 +1,40 @@
+# Sourced by the scripts beside it: make .venv/ in the clone and install what the project's files name.
+# setup EXTRAS...   (skipped when nothing changed since the last time)
+
+setup() {
+    local extras; extras=$(IFS=,; echo "$*")
+    local python=${PYTHON:-python3}
+    local stamp=.venv/installed-$extras
+    local wanted; wanted=$(cat pyproject.toml launch/constraints.txt | cksum)
+    if [ -f "$stamp" ] && [ "$(cat "$stamp")" = "$wanted" ]; then
+        export PATH="$PWD/.venv/bin:$PATH"
+        return
+    fi
+    "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || {
+        echo "wall needs Python 3.11 or newer; '$python' is $("$python" --version 2>&1 || echo missing)." >&2
+        echo "Name another one: PYTHON=/path/to/python3.12 $0" >&2
+        exit 1
+    }
+    echo "setting up .venv (once; about a minute)"
+    "$python" -m venv .venv || {
+        echo "could not make a virtual environment; on Debian: apt install python3-venv" >&2
+        exit 1
+    }
+    export PATH="$PWD/.venv/bin:$PATH"
+    python -m pip install --disable-pip-version-check --no-input -c launch/constraints.txt -e ".[$extras]" 2>&1 | progress
+    [ "${PIPESTATUS[0]}" = 0 ] || { echo "installing failed; the lines above say why" >&2; exit 1; }
+    echo "$wanted" > "$stamp"
+}
+
+# One line that changes, on a terminal; otherwise a line for every package.
+progress() {
+    local line log=""
+    while IFS= read -r line; do
+        case "$line" in
+            Collecting*|Downloading*|Installing*|Building*|"  Preparing"*)
+                if [ -t 1 ]; then printf '\r\033[K  %.70s' "$line"; else printf '  %.100s\n' "$line"; fi ;;
+            *ERROR*|*error*) printf '\n%s\n' "$line" ;;
+            Successfully*) if [ -t 1 ]; then printf '\r\033[K'; fi; echo "  installed $(wc -w <<<"$line") packages" ;;
+        esac
+    done
+}

@@ -1,0 +1,64 @@
+"""`wall check`: what a configuration does, before it does it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from wall.config.loading import Loaded
+from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
+from wall.processes.clock import ManualClock
+from wall.processes.plan import Plan, first_event, make_layout, make_plan
+from wall.processes.warm import warm_up
+from wall.processes.worker import Worker, make_samplers
+from wall.scene.needs import describe, needs
+from wall.tracing.resident import make_resident
+
+PROBE_S = 0.3
+
+
+def check(loaded: Loaded) -> Iterator[str | Table]:
+    """Lines and tables for a reader. Raises ConfigError where the configuration is refused."""
+    layout = make_layout(loaded)
+    plan = make_plan(layout)
+    scene, wall, sampling = plan.scene, layout.wall, layout.sampling
+    yield f"{loaded.path}: ok"
+    yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
+    yield (
+        f"scene: {loaded.config.scene.source}, {scene.triangles:,} triangles in {len(scene.instances):,} objects "
+        f"of {len(scene.meshes):,} meshes, {len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
+    )
+    yield f"tracer: {describe(needs(scene))}"
+    for note in scene.notes:
+        yield f"note: {note}"
+    table = Table(title=f"{layout.size} ranks (mpirun -n {layout.size} wall run {loaded.path})", title_justify="left")
+    for column in ("rank", "role", "region", "sends to"):
+        table.add_column(column)
+    for rank in range(layout.size):
+        target = f"rank {layout.compositor_of(layout.region(rank).panel)}" if layout.role(rank) == "renderer" else ""
+        table.add_row(str(rank), layout.role(rank), layout.describe(rank), target)
+    yield table
+    rate = probe(plan)
+    packet = BYTES_A_SAMPLE + HEADER_BYTES / sampling.samples_per_batch
+    yield (
+        f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; one core of this "
+        f"machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
+        f"{rate * packet / 1e6:.0f} MB/s before compression ({packet:.1f} bytes a sample)"
+    )
+
+
+def probe(plan: Plan) -> float:
+    """Samples a second that one core of this machine traces and encodes of the first renderer's region."""
+    resident = make_resident(plan.scene)
+    warm_up(plan, resident, lambda line: None)
+    rank = plan.layout.renderers()[0]
+    samplers = make_samplers(plan.layout.sampling, "", plan.layout.region(rank))
+    worker = Worker(plan, resident, rank, ManualClock(), samplers, 0)
+    event = first_event(plan, 0.0)
+    began = time.perf_counter()
+    while time.perf_counter() - began < PROBE_S:
+        if worker.step(event) is None:
+            worker.sampler.restart()
+    return worker.samples_traced / (time.perf_counter() - began)
