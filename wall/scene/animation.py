@@ -99,7 +99,8 @@ class Paths:
 
     def at(self, time: float) -> Float64:
         """(n, 4, 4) rigid matrices at a time in seconds."""
-        since = np.where(self.loop, np.mod(time - self.first, self.length), np.clip(time - self.first, 0.0, self.length))
+        after = time - self.first
+        since = np.where(self.loop, np.mod(after, self.length), np.clip(after, 0.0, self.length))
         local = self.first + since
         each = np.arange(len(self.rows))
         right = np.clip((self.times <= local[:, None]).sum(axis=1), 1, self.times.shape[1] - 1)

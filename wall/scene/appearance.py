@@ -97,7 +97,8 @@ class Palette:
         try:
             shrink = max(1, -(-max(image.size) // LARGEST_TEXTURE_PX))
             if shrink > 1:
-                self.notes.append(f"material {name!r}: its {image.width}x{image.height} texture is reduced {shrink} times")
+                size = f"{image.width}x{image.height}"
+                self.notes.append(f"material {name!r}: its {size} texture is reduced {shrink} times")
                 image = image.reduce(shrink)
             if "A" in image.getbands() or "transparency" in image.info:
                 self.notes.append(f"material {name!r}: the alpha of its texture is not used; it is opaque")

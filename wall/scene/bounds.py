@@ -39,7 +39,8 @@ def _outlines(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Iterator
             mesh = meshes[instance.mesh]
             points = mesh.vertices.astype(np.float64)
             if placed > EXACT_VERTICES:
-                points = np.stack(np.meshgrid(*zip(points.min(axis=0), points.max(axis=0), strict=True)), -1).reshape(-1, 3)
+                ends = np.stack([points.min(axis=0), points.max(axis=0)], 1)
+                points = np.stack(np.meshgrid(*ends), -1).reshape(-1, 3)
             local[instance.mesh] = points + np.asarray(mesh.origin)
         matrix = instance.world_from_object
         yield local[instance.mesh] @ matrix[:3, :3].T + matrix[:3, 3]

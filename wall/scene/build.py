@@ -13,7 +13,7 @@ import numpy as np
 from wall.config.scene import SceneConfig
 from wall.data import Float64
 from wall.errors import SceneError
-from wall.scene.animation import Moving, Tracks, compile_tracks
+from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.configured import configured
 from wall.scene.courtyard import courtyard
@@ -131,9 +131,13 @@ def _rest(instances: Sequence[Instance], points: Sequence[PointLight], suns: Seq
     if instances:
         rest[: len(instances)] = [instance.world_from_object for instance in instances]
     for row, light in enumerate((*points, *suns), start=len(instances)):
-        rest[row, :3, 3] = light.position if isinstance(light, PointLight) else light.direction
+        rest[row, :3, 3] = _place(light)
     rest.setflags(write=False)
     return rest
+
+
+def _place(light: Light) -> Vector:
+    return light.position if isinstance(light, PointLight) else light.direction
 
 
 def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -> list[Moving]:
@@ -148,9 +152,8 @@ def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -
         if not 0 <= track.light < len(lights):
             raise SceneError(f"{where}.light = {track.light}: the scene has {len(lights)} lights, counted from 0")
         light = lights[track.light]
-        row = next(k for k, body in enumerate(bodies) if body is light)
-        center = light.position if isinstance(light, PointLight) else light.direction
-        movings.append(Moving(body=len(source.instances) + row, motion=track.motion, center=center))
+        row = len(source.instances) + next(k for k, body in enumerate(bodies) if body is light)
+        movings.append(Moving(body=row, motion=track.motion, center=_place(light)))
     return movings
 
 

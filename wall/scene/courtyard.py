@@ -9,6 +9,7 @@ import itertools
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.data import Float64
 from wall.scene.animation import Orbit, Spin, Vector
@@ -88,7 +89,7 @@ def _rock() -> Shape:
     return sheet(points[::-1])
 
 
-def _mosaic(size: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+def _mosaic(size: int) -> NDArray[np.uint8]:
     """A round pavement: rings of trapezoid stones around a star, each stone its own shade; (size, size, 3) sRGB."""
     chance = np.random.default_rng(3)
     y, x = (np.mgrid[:size, :size] + 0.5) / size * 2.0 - 1.0
@@ -109,7 +110,7 @@ def _mosaic(size: int) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     across = np.minimum(radius - edges[ring], edges[ring + 1] - radius)
     sideways = np.minimum(along % 1.0, 1.0 - along % 1.0) * 2.0 * np.pi * radius / stones
     joint = np.clip(np.minimum(across, sideways) / 0.0035, 0.0, 1.0)[..., None]
-    return np.clip(color * (0.62 + 0.38 * joint), 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(color * (0.62 + 0.38 * joint), 0, 255), np.uint8)
 
 
 def _colonnade(parts: Assembly) -> None:
@@ -118,10 +119,12 @@ def _colonnade(parts: Assembly) -> None:
     profile = [(0.30, 0.0), (0.30, 0.10), (0.26, 0.12), (0.24, 0.20), (0.20, 0.24)]
     shaft = [(0.19, 0.26), (0.188, 0.9), (0.175, 1.6), (0.155, 2.2)]
     capital = [(0.18, 2.22), (0.20, 2.28), (0.24, 2.34), (0.28, 2.36), (0.28, 2.46), (0.0, 2.46)]
-    column = parts.mesh("column", join([lathe(profile, 40), lathe(shaft, 120, flutes=15, depth=0.10), lathe(capital, 40)]), ivory)
+    stones = [lathe(profile, 40), lathe(shaft, 120, flutes=15, depth=0.10), lathe(capital, 40)]
+    column = parts.mesh("column", join(stones), ivory)
+    polish = (("coral", CORAL, 0.06), ("teal", TEAL, 0.10), ("saffron", SAFFRON, 0.06), ("indigo", INDIGO, 0.12))
     jewels = [
         parts.mesh(f"jewel {name}", sphere(0.23, segments=40), _plain(parts, name, color, mirror))
-        for name, color, mirror in (("coral", CORAL, 0.06), ("teal", TEAL, 0.10), ("saffron", SAFFRON, 0.06), ("indigo", INDIGO, 0.12))
+        for name, color, mirror in polish
     ]
     for k in range(COLUMNS):
         matrix = _on_circle(4.55, k / COLUMNS)
@@ -155,8 +158,10 @@ def _on_circle(radius: float, turn: float, height: float = 0.0) -> Float64:
 def _fountain(parts: Assembly) -> None:
     """Two basins of water, a golden knot above, three moons around it."""
     stone, water = _plain(parts, "basin", IVORY), _plain(parts, "water", (0.03, 0.16, 0.18), 0.45)
-    low = [(1.55, 0.0), (1.55, 0.10), (1.45, 0.14), (1.42, 0.40), (1.50, 0.44), (1.50, 0.50), (1.36, 0.50), (1.34, 0.36)]
-    stem = [(0.34, 0.30), (0.30, 0.44), (0.16, 0.60), (0.15, 0.80), (0.24, 0.92), (0.62, 1.06), (0.72, 1.16), (0.72, 1.20), (0.64, 1.20), (0.60, 1.12)]
+    low = [(1.55, 0.0), (1.55, 0.10), (1.45, 0.14), (1.42, 0.40), (1.50, 0.44), (1.50, 0.50)]
+    low += [(1.36, 0.50), (1.34, 0.36)]
+    stem = [(0.34, 0.30), (0.30, 0.44), (0.16, 0.60), (0.15, 0.80), (0.24, 0.92), (0.62, 1.06)]
+    stem += [(0.72, 1.16), (0.72, 1.20), (0.64, 1.20), (0.60, 1.12)]
     parts.put("basin", join([lathe(low, 72), lathe(stem, 56)]), stone)
     parts.put("water", join([lathe([(1.36, 0.42), (0.0, 0.42)], 72), lathe([(0.63, 1.16), (0.0, 1.16)], 48)]), water)
     knot = torus_knot(2, 3, radius=0.74, thickness=0.17, steps=360, sides=24)
@@ -197,11 +202,14 @@ def _tilted() -> Float64:
 
 def _garden(parts: Assembly) -> None:
     """Cypresses and round bushes in terracotta pots, between the columns."""
-    clay, leaf, dark = _plain(parts, "clay", TERRACOTTA), _plain(parts, "sage", SAGE), _plain(parts, "cypress", (0.07, 0.17, 0.08))
+    clay, leaf = _plain(parts, "clay", TERRACOTTA), _plain(parts, "sage", SAGE)
+    dark = _plain(parts, "cypress", (0.07, 0.17, 0.08))
     pot_profile = [(0.16, 0.0), (0.25, 0.34), (0.29, 0.36), (0.29, 0.44), (0.24, 0.44), (0.23, 0.38), (0.0, 0.38)]
     pot = parts.mesh("pot", lathe(pot_profile, 36), clay)
-    cypress = parts.mesh("cypress", _leaves([(0.05, 0.36), (0.22, 0.5), (0.27, 0.85), (0.22, 1.4), (0.12, 1.9), (0.0, 2.2)], 1), dark)
-    bush = parts.mesh("bush", _leaves([(0.0, 0.34), (0.24, 0.42), (0.34, 0.66), (0.32, 0.86), (0.18, 1.04), (0.0, 1.1)], 2), leaf)
+    slim = [(0.05, 0.36), (0.22, 0.5), (0.27, 0.85), (0.22, 1.4), (0.12, 1.9), (0.0, 2.2)]
+    round_ = [(0.0, 0.34), (0.24, 0.42), (0.34, 0.66), (0.32, 0.86), (0.18, 1.04), (0.0, 1.1)]
+    cypress = parts.mesh("cypress", _leaves(slim, 1), dark)
+    bush = parts.mesh("bush", _leaves(round_, 2), leaf)
     for k in range(COLUMNS):
         if k % 3 == 2:
             continue

@@ -51,7 +51,8 @@ def forest() -> Source:
 def height(x: Float64, z: Float64) -> Float64:
     """Ground height: long hills, a rise to the rim behind, a hollow for the lake; any shape, world units."""
     hills = 1.1 * np.sin(0.21 * x + 0.7) * np.cos(0.17 * z - 0.4) + 0.5 * np.sin(0.43 * x - 0.31 * z)
-    ridge = 4.2 * np.exp(-((x + 11.0) ** 2 + (z + 13.0) ** 2) / 90.0) + 2.6 * np.exp(-((x - 14.0) ** 2 + (z + 12.0) ** 2) / 60.0)
+    ridge = 4.2 * np.exp(-((x + 11.0) ** 2 + (z + 13.0) ** 2) / 90.0)
+    ridge += 2.6 * np.exp(-((x - 14.0) ** 2 + (z + 12.0) ** 2) / 60.0)
     lake_x, lake_z, radius = LAKE
     hollow = 2.6 * np.exp(-(((x - lake_x) ** 2 + (z - lake_z) ** 2) / radius**2) ** 2)
     return np.asarray(hills + ridge - hollow + 0.05 * np.sin(2.3 * x) * np.sin(1.9 * z), np.float64)
@@ -148,7 +149,8 @@ def _leafy(leaves: Float64, bark: Float64, seed: int) -> Shape:
     balls = []
     for k in range(9):
         turn, out = 2.4 * k, 0.42 * math.sqrt((k + 0.5) / 9.0)
-        middle = np.array([out * math.sin(turn), 1.15 + 0.62 * chance.random() + 0.3 * (1 - out / 0.42), out * math.cos(turn)])
+        up = 1.45 + 0.62 * chance.random() - 0.71 * out
+        middle = np.array([out * math.sin(turn), up, out * math.cos(turn)])
         balls.append(_rough_ball(middle, chance.uniform(0.32, 0.46), chance, leaves))
     return join([trunk, *balls])
 
@@ -174,7 +176,11 @@ def _rough_ball(middle: Float64, radius: float, chance: np.random.Generator, col
 
 def _balloons(parts: Assembly, paint: int) -> None:
     """Three striped balloons that drift round the middle."""
-    stripes = (((0.78, 0.10, 0.07), (0.90, 0.82, 0.66)), ((0.04, 0.26, 0.42), (0.90, 0.66, 0.16)), ((0.40, 0.06, 0.28), (0.85, 0.45, 0.30)))
+    stripes = (
+        ((0.78, 0.10, 0.07), (0.90, 0.82, 0.66)),
+        ((0.04, 0.26, 0.42), (0.90, 0.66, 0.16)),
+        ((0.40, 0.06, 0.28), (0.85, 0.45, 0.30)),
+    )
     flights = ((9.0, 7.5, 0.02, 90.0), (15.0, 9.5, 0.38, 140.0), (19.0, 6.5, 0.72, -180.0))
     for k, ((one, other), (radius, up, turn, period)) in enumerate(zip(stripes, flights, strict=True)):
         mesh = parts.mesh(f"balloon {k}", _balloon(np.array(one), np.array(other)), paint)

@@ -36,8 +36,9 @@ NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't
 def load(path: Path) -> Source:
     """Read a model file. Raises SceneError: missing, unknown format, unreadable, or nothing left to draw."""
     loaded, notes = _read(path)
-    up = "" if path.suffix.lower() in (".glb", ".gltf") else f"{path.name}: the format does not say which way is up; y is"
-    palette = Palette(linear_vertex_colors=not up, beside=_image_beside(path))
+    gltf = path.suffix.lower() in (".glb", ".gltf")
+    notes += [] if gltf else [f"{path.name}: the format does not say which way is up; y is taken to be"]
+    palette = Palette(linear_vertex_colors=gltf, beside=_image_beside(path))
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -57,7 +58,7 @@ def load(path: Path) -> Source:
         textures=tuple(palette.textures),
         instances=tuple(instances),
     )
-    return _comfortable(source, [*notes, up] if up else notes)
+    return _comfortable(source, notes)
 
 
 def _read(path: Path) -> tuple[Any, list[str]]:
@@ -67,7 +68,7 @@ def _read(path: Path) -> tuple[Any, list[str]]:
         raise SceneError(f"{path}: no built-in scene and no known kind of model, known are {known}")
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
-    options = {"split_objects": True} if path.suffix.lower() == ".obj" else {}
+    options: dict[str, Any] = {"split_objects": True} if path.suffix.lower() == ".obj" else {}
     with _overheard(path.name) as notes:
         try:
             with np.errstate(all="ignore"):
@@ -116,7 +117,7 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
         return (f"{name!r} is no triangle mesh ({type(geometry).__name__} of {len(vertices)} points), and is left out",)
     if len(triangles) == 0:
         return (f"mesh {name!r} is empty, and is left out",)
-    visual = getattr(geometry, "visual", None)
+    visual: Any = getattr(geometry, "visual", None)
     normals = geometry.vertex_normals if "vertex_normals" in geometry._cache else None
     if getattr(visual, "kind", None) == "face" and triangles.min() >= 0 and triangles.max() < len(vertices):
         colors = palette.linear(np.repeat(np.asarray(visual.face_colors), 3, axis=0))
@@ -146,7 +147,8 @@ def _triangles(geometry: Any) -> NDArray[np.int64] | None:
     if strips is None:
         return None
     rows = strips.values() if isinstance(strips, dict) else [strips[name]["f1"] for name in strips.dtype.names]
-    return np.concatenate([strip_triangles(np.ravel(row).astype(np.int64)) for lists in rows for row in np.atleast_2d(lists)])
+    found = [strip_triangles(np.ravel(row).astype(np.int64)) for lists in rows for row in np.atleast_2d(lists)]
+    return np.concatenate(found)
 
 
 def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:

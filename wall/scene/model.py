@@ -37,7 +37,7 @@ class Mesh:
     vertices: Float32                    # (v, 3) object space, relative to `origin`
     triangles: NDArray[np.uint32]        # (t, 3)
     material: int                        # index in Scene.materials
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)       # object space, float64; add to vertices; a Scene has it in the instances' matrices, and zero here
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)       # add to vertices, object space; zero in a Scene
     normals: Float32 | None = None       # (v, 3) unit shading normals; None = flat
     uvs: Float32 | None = None           # (v, 2), v up
     colors: Float32 | None = None        # (v, 3) linear RGB, multiplies base_color

@@ -46,7 +46,7 @@ def crease_normals(vertices: Float64, triangles: NDArray[np.integer]) -> Smoothe
     triangles : (t, 3) indices, none without area
     """
     normals = face_normals(vertices, triangles)
-    place = _same_position(vertices)[triangles]
+    place = same_position(vertices)[triangles]
     links = _smooth_corners(place, normals)
     if len(links) == 0:
         return None
@@ -69,7 +69,7 @@ def crease_normals(vertices: Float64, triangles: NDArray[np.integer]) -> Smoothe
     )
 
 
-def _same_position(vertices: Float64) -> NDArray[np.int64]:
+def same_position(vertices: Float64) -> NDArray[np.int64]:
     """(v,) equal numbers for bitwise equal positions."""
     order = np.lexsort(vertices.T)
     ordered = vertices[order]
@@ -115,4 +115,5 @@ def _corner_angles(vertices: Float64, triangles: NDArray[np.integer]) -> Float64
     corners = vertices[triangles]
     ahead = np.roll(corners, -1, axis=1) - corners
     ahead /= np.maximum(np.linalg.norm(ahead, axis=2, keepdims=True), np.finfo(np.float64).tiny)
-    return np.arccos(np.clip(-(ahead * np.roll(ahead, 1, axis=1)).sum(axis=2), -1.0, 1.0))
+    angles: Float64 = np.arccos(np.clip(-(ahead * np.roll(ahead, 1, axis=1)).sum(axis=2), -1.0, 1.0))
+    return angles

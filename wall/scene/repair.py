@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wall.data import Float32, Float64
 from wall.scene.model import Mesh
-from wall.scene.normals import crease_normals
+from wall.scene.normals import crease_normals, same_position
 
 FARTHEST = 1e100           # products of three coordinates still fit float64
 THINNEST = 1e-7            # height over length of a triangle; less is below what float32 vertices can tell apart
@@ -54,8 +54,10 @@ def repair(raw: RawMesh, material: int) -> Repaired | tuple[str, ...]:
     origin, extent = low / 2.0 + high / 2.0, float((high - low).max())
     unit = 1.0 if SMALLEST_EXTENT <= extent <= LARGEST_EXTENT else extent
     if np.linalg.norm(origin) > REMOTE * extent:
-        notes.append(f"mesh {raw.name!r} lies {np.linalg.norm(origin):.3g} from the origin and is {extent:.3g} large: "
-                     "kept about its own middle, as exactly as its file gives it")
+        notes.append(
+            f"mesh {raw.name!r} lies {np.linalg.norm(origin):.3g} from the origin and is {extent:.3g} large: "
+            "kept about its own middle, as exactly as its file gives it"
+        )
     kept = RawMesh(
         name=raw.name,
         vertices=(vertices - origin) / unit,
@@ -74,17 +76,21 @@ def repair(raw: RawMesh, material: int) -> Repaired | tuple[str, ...]:
 def _usable(raw: RawMesh) -> tuple[NDArray[np.int64], list[str]]:
     """Triangles whose corners exist and are finite."""
     notes = []
-    there = ((raw.triangles >= 0) & (raw.triangles < len(raw.vertices))).all(axis=1)
+    there = np.all((raw.triangles >= 0) & (raw.triangles < len(raw.vertices)), axis=1)
     if not there.all():
-        notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~there)} triangles name a vertex that is not there "
-                     f"(it has {len(raw.vertices)}), dropped")
+        notes.append(
+            f"mesh {raw.name!r}: {np.count_nonzero(~there)} triangles name a vertex that is not there "
+            f"(it has {len(raw.vertices)}), dropped"
+        )
     triangles = raw.triangles[there]
     with np.errstate(invalid="ignore"):
-        finite = (np.abs(raw.vertices) <= FARTHEST).all(axis=1)
+        finite = np.atleast_1d(np.all(np.abs(raw.vertices) <= FARTHEST, axis=1))
     touched = ~finite[triangles].all(axis=1)
     if touched.any():
-        notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~finite)} vertices are NaN, infinite or beyond {FARTHEST:g}; "
-                     f"{np.count_nonzero(touched)} triangles that touch them dropped")
+        notes.append(
+            f"mesh {raw.name!r}: {np.count_nonzero(~finite)} vertices are NaN, infinite or beyond {FARTHEST:g}; "
+            f"{np.count_nonzero(touched)} triangles that touch them dropped"
+        )
     return triangles[~touched], notes
 
 
@@ -118,7 +124,8 @@ def _given_normals(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> F
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         good = np.isfinite(length) & (length > 1e-12)
     if not good.all():
-        notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~good)} of its normals are no directions; all computed anew")
+        bad = np.count_nonzero(~good)
+        notes.append(f"mesh {raw.name!r}: {bad} of its normals are no directions; all computed anew")
         return None
     return np.asarray(normals / length, np.float64)
 
@@ -127,7 +134,7 @@ def _given_uvs(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> Float
     if raw.uvs is None or len(raw.uvs) != len(raw.vertices):
         return None
     uvs = raw.uvs[used]
-    good = np.isfinite(uvs).all(axis=1)
+    good = np.atleast_1d(np.isfinite(uvs).all(axis=1))
     if not good.all():
         notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~good)} texture coordinates are not finite, taken as 0")
     return np.where(good[:, None], uvs, 0.0)
@@ -157,9 +164,6 @@ def _shaded(raw: RawMesh, material: int, origin: tuple[float, float, float]) -> 
 
 def _welded(raw: RawMesh) -> RawMesh:
     """Bitwise equal positions stored once (an STL repeats each about six times); the surface stays the same."""
-    order = np.lexsort(raw.vertices.T)
-    ordered = raw.vertices[order]
-    fresh = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
-    place = np.empty(len(order), np.int64)
-    place[order] = np.cumsum(fresh) - 1
-    return RawMesh(name=raw.name, vertices=ordered[fresh], triangles=place[raw.triangles])
+    places = same_position(raw.vertices)
+    _, first = np.unique(places, return_index=True)
+    return RawMesh(name=raw.name, vertices=raw.vertices[first], triangles=places[raw.triangles])

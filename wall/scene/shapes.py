@@ -90,9 +90,10 @@ def box(width: float, height: float, depth: float) -> Shape:
     """Standing on y = 0, centred in x and z."""
     x, z = width / 2, depth / 2
     low = np.array([[-x, 0, z], [x, 0, z], [x, 0, -z], [-x, 0, -z]])
-    high = low + [0, height, 0]
+    high = low + np.array([0.0, height, 0.0])
     sides = [np.stack([[low[k], low[(k + 1) % 4]], [high[k], high[(k + 1) % 4]]]) for k in range(4)]
-    return join([sheet(side) for side in (*sides, np.stack([high[[0, 1]], high[[3, 2]]]), np.stack([low[[3, 2]], low[[0, 1]]]))])
+    top, bottom = np.stack([high[[0, 1]], high[[3, 2]]]), np.stack([low[[3, 2]], low[[0, 1]]])
+    return join([sheet(side) for side in (*sides, top, bottom)])
 
 
 def tube(path: Float64, radius: float, *, sides: int = 20) -> Shape:
