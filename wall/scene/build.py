@@ -97,7 +97,7 @@ def make_source(name: str, base_folder: Path) -> Source:
 
 def assemble(source: Source) -> Scene:
     """Resolve names and defaults, and lay out what moves."""
-    lights = default_lights() if source.lights is None else source.lights
+    lights: tuple[Light, ...] = default_lights() if source.lights is None else source.lights
     points = tuple(light for light in lights if isinstance(light, PointLight))
     suns = tuple(light for light in lights if isinstance(light, DirectionalLight))
     center, radius = framing_sphere(source.meshes, source.instances)
@@ -130,7 +130,8 @@ def _rest(instances: Sequence[Instance], points: Sequence[PointLight], suns: Seq
     rest = np.tile(np.eye(4), (len(instances) + len(points) + len(suns), 1, 1))
     if instances:
         rest[: len(instances)] = [instance.world_from_object for instance in instances]
-    for row, light in enumerate((*points, *suns), start=len(instances)):
+    lights: tuple[Light, ...] = (*points, *suns)
+    for row, light in enumerate(lights, start=len(instances)):
         rest[row, :3, 3] = _place(light)
     rest.setflags(write=False)
     return rest
