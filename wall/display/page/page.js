@@ -1,0 +1,123 @@
+// The connection, and who gets what came over it. Pictures go to the wall, numbers to the readout, commands back.
+
+import { Readout } from "./readout.js";
+import { Steering } from "./steering.js";
+import { Wall } from "./wall.js";
+
+const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
+const SILENT_MS = 3000;           // status comes four times a second; this long without any is a lost connection
+const RETRY_MS = [250, 500, 1000, 2000];
+const TOO_MANY = 1013;
+const ENDED = 1001;
+
+const wall = new Wall(document.getElementById("wall"), document.getElementById("room"));
+const readout = new Readout((panel) => wall.point(panel));
+const steering = new Steering(document.getElementById("wall"), (command) => send(command), () => wall.height());
+
+let socket = null;
+let attempts = 0;
+let heard = 0;
+let ended = false;
+
+function send(message) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function connect() {
+  const mine = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/stream`);
+  mine.binaryType = "arraybuffer";
+  socket = mine;
+  heard = performance.now();
+  const pictures = new Pictures(mine);
+  mine.onmessage = ({ data }) => {
+    heard = performance.now();
+    if (data instanceof ArrayBuffer) pictures.panel(data);
+    else take(JSON.parse(data), pictures);
+  };
+  mine.onclose = (event) => { if (socket === mine) lost(event.code); };
+}
+
+function take(message, pictures) {
+  if (message.kind === "layout") {
+    attempts = 0;
+    ended = false;
+    wall.build(message);
+    readout.connected();
+  } else if (message.kind === "picture") {
+    pictures.begin(message);
+  } else if (message.kind === "status") {
+    steering.samplers = message.samplers;
+    readout.show(message);
+  }
+}
+
+function lost(code) {
+  const wait = RETRY_MS[Math.min(attempts++, RETRY_MS.length - 1)];
+  socket = null;
+  ended ||= code === ENDED;
+  if (ended) readout.ended();
+  else if (code === TOO_MANY) readout.lost("Too many viewers are watching this wall. Waiting for a place.");
+  else readout.lost("Connection lost. Trying again.");
+  setTimeout(connect, wait);
+}
+
+setInterval(() => {
+  if (socket && performance.now() - heard > SILENT_MS) {
+    const silent = socket;
+    lost(0);
+    silent.close();
+  }
+}, 500);
+
+// All panels of one picture are shown together; the answer `shown` lets the server send the next one.
+class Pictures {
+  #socket; #head = null; #panels = []; #drawn = Promise.resolve();
+
+  constructor(socket) { this.#socket = socket; }
+
+  begin(head) {
+    this.#head = head;
+    this.#panels = [];
+  }
+
+  panel(buffer) {
+    const view = new DataView(buffer);
+    const jpeg = new Blob([new Uint8Array(buffer, HEADER_BYTES)], { type: "image/jpeg" });
+    this.#panels.push({ index: view.getUint16(4, true), image: createImageBitmap(jpeg) });
+    if (this.#panels.length === this.#head.panels) this.#finish(this.#head, this.#panels);
+  }
+
+  #finish(head, panels) {
+    this.#drawn = this.#drawn.then(async () => {
+      const images = await Promise.allSettled(panels.map((p) => p.image));
+      await new Promise(requestAnimationFrame);
+      images.forEach(({ value }, k) => value && wall.draw(panels[k].index, value));
+      document.body.dataset.picture = head.number;
+      if (this.#socket.readyState === WebSocket.OPEN) {
+        this.#socket.send(JSON.stringify({ kind: "shown", number: head.number }));
+      }
+    });
+  }
+}
+
+function toggleDetails() {
+  document.body.classList.toggle("bare");
+  wall.arrange();
+}
+
+const help = document.getElementById("help");
+steering.actions = {
+  help: () => (help.open ? help.close() : help.showModal()),
+  details: toggleDetails,
+  fullscreen: () => (document.fullscreenElement ? document.exitFullscreen() : document.body.requestFullscreen()),
+  pause: () => readout.pause(),
+  sampler: (name) => readout.sampler(name),
+};
+readout.onpause = () => steering.pause();
+readout.onsampler = (name) => steering.sampler(name);
+document.getElementById("pause").onclick = () => steering.pause();
+document.getElementById("reset").onclick = () => steering.reset();
+document.getElementById("help-open").onclick = steering.actions.help;
+help.onclick = (event) => { if (event.target === help) help.close(); };
+
+connect();
