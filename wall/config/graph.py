@@ -28,12 +28,8 @@ class ReconstructNode(Model):
     op: Literal["reconstruct"] = Field(description="samples to a framelet of the panel")
     id: Name = Field(description="name of the node")
     input: Name = Field(description="id of a samples node")
-    filter: Literal["newest"] = Field(
-        default="newest", description="newest: every pixel shows its newest sample"
-    )
-    on: Annotated[Whole, Ge(0), Le(1023)] = Field(
-        default=0, description="which compositor does it; 0 is the head"
-    )
+    filter: Literal["newest"] = Field(default="newest", description="newest: every pixel shows its newest sample")
+    on: Annotated[Whole, Ge(0), Le(1023)] = Field(default=0, description="which compositor does it; 0 is the head")
 
 
 class TileNode(Model):
@@ -68,9 +64,7 @@ class PresetGraph(Model):
         description="sort-first: every panel has its own ranks, one picture of all panels",
     )
     ranks_per_panel: Ranks = Field(default=1, description="renderers that share one panel")
-    compositors: Ranks = Field(
-        default=1, description="processes that fold samples into pictures, the head among them"
-    )
+    compositors: Ranks = Field(default=1, description="processes that fold samples into pictures, the head among them")
     sinks: Annotated[tuple[SinkKind, ...], Field(min_length=1, max_length=3)] = Field(
         default=("browser", "png"), description="where the pictures end"
     )
@@ -79,9 +73,7 @@ class PresetGraph(Model):
 class NodeGraph(Model):
     """A graph written out node by node."""
 
-    compositors: Ranks = Field(
-        default=1, description="processes that fold samples into pictures, the head among them"
-    )
+    compositors: Ranks = Field(default=1, description="processes that fold samples into pictures, the head among them")
     nodes: Annotated[tuple[NodeConfig, ...], Field(min_length=1, max_length=4096)] = Field(
         description="nodes in any order"
     )

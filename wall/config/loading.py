@@ -54,9 +54,7 @@ def load(path: str | Path) -> Loaded:
             raise ConfigError(f"{path}: this is a folder; accepted: a YAML file")
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ConfigError(
-            f"{path}: byte {error.start} is not UTF-8 text; accepted: a YAML file in UTF-8"
-        ) from None
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8 text; accepted: a YAML file in UTF-8") from None
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file{_near_file(path)}") from None
     except (OSError, ValueError) as error:
@@ -72,11 +70,11 @@ def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loade
         for p in document.problems
     ]
     if document.values is None or (lines and not isinstance(document.values, dict)):
-        raise _refusal(
-            lines or [(None, f"{name}: the file is empty; accepted: version: 1, scene, wall, views")]
-        )
+        raise _refusal(lines or [(None, f"{name}: the file is empty; accepted: version: 1, scene, wall, views")])
     if not isinstance(document.values, dict):
         raise ConfigError(f"{name}:1:1: this is not a mapping; accepted: {TOP}")
+    if any(problem.path == ("version",) for problem in document.problems):
+        raise _refusal(lines)
     _check_version(name, document)
     try:
         config = Config.model_validate(document.values)
@@ -102,12 +100,8 @@ def default_for_model(path: str | Path) -> Loaded:
     values = {
         "version": VERSION,
         "scene": {"source": path.name or str(path)},
-        "wall": {
-            "grid": {"columns": 2, "rows": 2, "pixels": [480, 270], "size": [0.48, 0.27], "bezel": 0.006}
-        },
-        "views": [
-            {"id": "main", "camera": "auto", "path": {"type": "orbit", "period_s": 20.0}, "refresh_hz": 30.0}
-        ],
+        "wall": {"grid": {"columns": 2, "rows": 2, "pixels": [480, 270], "size": [0.48, 0.27], "bezel": 0.006}},
+        "views": [{"id": "main", "camera": "auto", "path": {"type": "orbit", "period_s": 20.0}, "refresh_hz": 30.0}],
     }
     return loads(yaml_text.write(values), name=str(path), path=path)
 
@@ -135,8 +129,13 @@ def nearest(word: str, known: Iterable[str]) -> str:
 
 def shown(path: YamlPath) -> str:
     """A YAML path as people write it: views[0].camera.fov."""
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{_plain(step)}" for step in path)
     return text.removeprefix(".")
+
+
+def _plain(key: str) -> str:
+    """A key as it stands, or quoted if it is long or holds what would spoil a line."""
+    return key if key.isprintable() and 0 < len(key) <= 60 else _short(key)
 
 
 def _near_file(path: Path) -> str:
@@ -156,9 +155,7 @@ def _check_version(name: str, document: Document) -> None:
     if version is _ABSENT:
         raise ConfigError(_line(name, document, ("version",), "is missing", accepted=f"version: {VERSION}"))
     if version != VERSION or isinstance(version, (bool, float)):
-        raise ConfigError(
-            _line(name, document, ("version",), "this version is not known", accepted=str(VERSION))
-        )
+        raise ConfigError(_line(name, document, ("version",), "this version is not known", accepted=str(VERSION)))
 
 
 def _has(values: Any, step: str | int) -> bool:
@@ -205,7 +202,7 @@ def _short(value: Any) -> str:
 
 def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
     """pydantic's location without the union tags in it, plus the `at` of our own refusals."""
-    location = (*details["loc"], *details.get("ctx", {}).get("at", ()))
+    location = details["loc"]
     path: list[str | int] = []
     tagged = False
     for i, step in enumerate(location):
@@ -218,7 +215,7 @@ def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
             path.append(step)
         elif i == len(location) - 1 and details["type"] in ("missing", "extra_forbidden"):
             path.append(step)
-    return tuple(path)
+    return (*path, *details.get("ctx", {}).get("at", ()))
 
 
 def _is_echo(document: Document, details: ErrorDetails) -> bool:

@@ -31,20 +31,14 @@ class FramedSampling(_Common):
 class FramelessSampling(_Common):
     """Pixels in random order, each under the newest input, shown at once (Bishop et al. 1994)."""
 
-    method: Literal["frameless"] = Field(
-        default="frameless", description="random order, each sample shown at once"
-    )
+    method: Literal["frameless"] = Field(default="frameless", description="random order, each sample shown at once")
 
 
 class HilbertSampling(_Common):
     """Chunks of a Hilbert curve, permuted by their workers, blended into the picture (Parker et al. 1999)."""
 
-    method: Literal["hilbert"] = Field(
-        default="hilbert", description="permuted chunks of a Hilbert curve, blended"
-    )
-    chunk_pixels: Annotated[Whole, Ge(4), Le(65536)] = Field(
-        default=64, description="pixels of one chunk of the curve"
-    )
+    method: Literal["hilbert"] = Field(default="hilbert", description="permuted chunks of a Hilbert curve, blended")
+    chunk_pixels: Annotated[Whole, Ge(4), Le(65536)] = Field(default=64, description="pixels of one chunk of the curve")
     camera_update_percent: Annotated[Number, Gt(0.0), Le(100.0)] = Field(
         default=2.0, description="a worker takes the newest camera every so many percent of its pixels"
     )
@@ -79,6 +73,4 @@ def switched(sampling: AnySampling, method: str) -> AnySampling:
         "frameless": FramelessSampling,
         "hilbert": HilbertSampling,
     }
-    return kinds[method](
-        threads=sampling.threads, samples_per_batch=sampling.samples_per_batch, seed=sampling.seed
-    )
+    return kinds[method](threads=sampling.threads, samples_per_batch=sampling.samples_per_batch, seed=sampling.seed)

@@ -90,11 +90,7 @@ class _MovesObjectOrLight(Model):
     @model_validator(mode="after")
     def _one_target(self) -> _MovesObjectOrLight:
         if (self.object is None) == (self.light is None):
-            came = (
-                "names neither an object nor a light"
-                if self.object is None
-                else "names both an object and a light"
-            )
+            came = "names neither an object nor a light" if self.object is None else "names both an object and a light"
             raise refusal(came, accepted="exactly one of object, light")
         return self
 
@@ -123,9 +119,7 @@ class KeyframesConfig(_MovesObjectOrLight):
         if self.light is not None:
             for i, keyframe in enumerate(self.keyframes):
                 if keyframe.rotation is not None:
-                    raise refusal(
-                        "a light has no rotation", accepted="time, position", at=("keyframes", i, "rotation")
-                    )
+                    raise refusal("a light has no rotation", accepted="time, position", at=("keyframes", i, "rotation"))
         return self
 
 

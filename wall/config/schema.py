@@ -98,21 +98,13 @@ __all__ = [
 class TransportConfig(Model):
     """How ranks talk."""
 
-    kind: Literal["zmq", "loopback"] = Field(
-        default="zmq", description="zmq: between processes; loopback: inside one"
-    )
-    bind: Text = Field(
-        default="127.0.0.1", description="address that compositors listen on; 0.0.0.0 for several hosts"
-    )
-    codec: Literal["none", "lz4", "zstd"] = Field(
-        default="none", description="compression of samples on the wire"
-    )
+    kind: Literal["zmq", "loopback"] = Field(default="zmq", description="zmq: between processes; loopback: inside one")
+    bind: Text = Field(default="127.0.0.1", description="address that compositors listen on; 0.0.0.0 for several hosts")
+    codec: Literal["none", "lz4", "zstd"] = Field(default="none", description="compression of samples on the wire")
     credit_bytes: Annotated[Whole, Ge(16384), Le(1 << 30)] = Field(
         default=262144, description="bytes one renderer may have under way; less = fresher, more = steadier"
     )
-    heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(
-        default=0.5, description="seconds between signs of life"
-    )
+    heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(default=0.5, description="seconds between signs of life")
     lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(
         default=2.0, description="seconds of silence that mean a rank is lost"
     )
@@ -134,9 +126,7 @@ class BrowserConfig(Model):
     host: Text = Field(
         default="127.0.0.1", description="address the page is served on; others than loopback let everyone in"
     )
-    port: Annotated[Whole, Ge(0), Le(65535)] = Field(
-        default=0, description="port of the page; 0 = any free one"
-    )
+    port: Annotated[Whole, Ge(0), Le(65535)] = Field(default=0, description="port of the page; 0 = any free one")
     open: Flag = Field(default=True, description="open the page where there is a desktop")
 
 
@@ -162,9 +152,7 @@ class Config(Model):
         description="who looks, from where"
     )
     sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
-    graph: GraphConfig = Field(
-        default=PresetGraph(), description="how samples become pictures: sort-first, or nodes"
-    )
+    graph: GraphConfig = Field(default=PresetGraph(), description="how samples become pictures: sort-first, or nodes")
     transport: TransportConfig = Field(default=TransportConfig(), description="how ranks talk")
     output: OutputConfig = Field(default=OutputConfig(), description="where results go")
 

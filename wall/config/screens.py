@@ -54,17 +54,13 @@ class GridConfig(Model):
     pixels: tuple[Pixels, Pixels] = Field(description="width and height of one panel, pixels")
     size: tuple[Metres, Metres] = Field(description="width and height of one panel's lit area, metres")
     bezel: Bezel = Field(default=BezelConfig(), description="dark frame, metres: one number or four sides")
-    id: IdPattern = Field(
-        default="r{row}c{column}", description="pattern of the panels' ids; row 0 is the top one"
-    )
+    id: IdPattern = Field(default="r{row}c{column}", description="pattern of the panels' ids; row 0 is the top one")
 
     @model_validator(mode="after")
     def _ids_differ(self) -> GridConfig:
         _check_bezel(self.bezel, self.size)
         if self.columns * self.rows > MAX_PANELS:
-            raise refusal(
-                f"{self.columns} x {self.rows} panels are too many", accepted=f"at most {MAX_PANELS}"
-            )
+            raise refusal(f"{self.columns} x {self.rows} panels are too many", accepted=f"at most {MAX_PANELS}")
         ids = {self.panel_id(row, column) for row in range(self.rows) for column in range(self.columns)}
         if len(ids) < self.columns * self.rows:
             raise refusal("gives two panels the same id", accepted="text with {row} and {column}", at=("id",))

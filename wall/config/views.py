@@ -34,9 +34,7 @@ class CameraConfig(Model):
     target: Point | None = Field(
         default=None, description="what it looks at, world units; absent = framed automatically"
     )
-    up: Direction = Field(
-        default=(0.0, 1.0, 0.0), description="the direction that is up in the picture, world frame"
-    )
+    up: Direction = Field(default=(0.0, 1.0, 0.0), description="the direction that is up in the picture, world frame")
     fov: Annotated[Number, Ge(1.0), Le(170.0)] | None = Field(
         default=None,
         description="vertical field of view over the whole wall, degrees; absent = 45, or what `eye` gives",
@@ -50,9 +48,7 @@ class CameraConfig(Model):
     @model_validator(mode="after")
     def _looks_somewhere(self) -> CameraConfig:
         if (self.position is None) != (self.target is None):
-            raise refusal(
-                "has only one of position and target", accepted="both, or neither (framed automatically)"
-            )
+            raise refusal("has only one of position and target", accepted="both, or neither (framed automatically)")
         if self.position is not None and self.target is not None and _same(self.position, self.target):
             raise refusal("is where the eye is", accepted="a point away from position", at=("target",))
         return self
@@ -122,12 +118,8 @@ class ViewConfig(Model):
         "before its centre at the distance that gives camera.fov",
     )
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
-    refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(
-        default=60.0, description="pictures shown a second"
-    )
-    sampling: SamplingConfig | None = Field(
-        default=None, description="replaces the top-level sampling for this view"
-    )
+    refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="pictures shown a second")
+    sampling: SamplingConfig | None = Field(default=None, description="replaces the top-level sampling for this view")
 
     @model_validator(mode="after")
     def _one_field_of_view(self) -> ViewConfig:

@@ -70,9 +70,7 @@ def parse(text: str) -> Document:
     document = Document()
     if len(text) > MAX_CHARACTERS:
         what = f"{len(text)} characters are too many"
-        document.problems.append(
-            Problem(place=None, path=(), what=what, accepted=f"at most {MAX_CHARACTERS}")
-        )
+        document.problems.append(Problem(place=None, path=(), what=what, accepted=f"at most {MAX_CHARACTERS}"))
         return document
     try:
         node = YAML(typ="safe", pure=True).compose(io.StringIO(text))
@@ -114,9 +112,7 @@ def _syntax(error: MarkedYAMLError) -> Problem:
     mark = error.problem_mark or error.context_mark
     what = _one_line(": ".join(part for part in (error.context, error.problem) if part)) or "not valid YAML"
     if "\\t" in what:
-        return Problem(
-            place=mark and _place(mark), path=(), what="a tab cannot indent YAML", accepted="spaces"
-        )
+        return Problem(place=mark and _place(mark), path=(), what="a tab cannot indent YAML", accepted="spaces")
     return Problem(place=mark and _place(mark), path=(), what=f"not valid YAML: {what}")
 
 
@@ -145,6 +141,9 @@ def _value(document: Document, node: Node, path: YamlPath) -> Any:
     if len(path) > MAX_DEPTH:
         document.refuse(node, path, "nested too deeply", accepted=f"at most {MAX_DEPTH} levels")
         return None
+    if not isinstance(node, ScalarNode) and str(node.tag) not in (_TAG + "map", _TAG + "seq"):
+        document.refuse(node, path, f"tags ({_tag_name(node)}) are not used here", accepted="a plain value")
+        return None
     if isinstance(node, MappingNode):
         return _mapping(document, node, path)
     if isinstance(node, SequenceNode):
@@ -161,14 +160,10 @@ def _mapping(document: Document, node: MappingNode, path: YamlPath) -> dict[str,
             continue
         here = (*path, key)
         if key == "<<":
-            document.refuse(
-                key_node, here, "merge keys (<<) are not used here", accepted="the keys written out"
-            )
+            document.refuse(key_node, here, "merge keys (<<) are not used here", accepted="the keys written out")
         elif key in values:
             first = document.keys[here]
-            document.refuse(
-                key_node, here, f"this key stands on line {first.line} already", accepted="each key once"
-            )
+            document.refuse(key_node, here, f"this key stands on line {first.line} already", accepted="each key once")
         else:
             document.keys[here] = _place(key_node.start_mark)
             values[key] = _value(document, value_node, here)
@@ -186,16 +181,18 @@ def _scalar(document: Document, node: Node, path: YamlPath) -> Any:
         return text.lower() == "true"
     if kind in ("int", "float"):
         return _number(document, node, path)
-    document.refuse(node, path, f"tags (!{kind.lstrip('!')}) are not used here", accepted="a plain value")
+    document.refuse(node, path, f"tags ({_tag_name(node)}) are not used here", accepted="a plain value")
     return None
+
+
+def _tag_name(node: Node) -> str:
+    return "!" + str(node.tag).removeprefix(_TAG).lstrip("!")[:40]
 
 
 def _number(document: Document, node: Node, path: YamlPath) -> int | float | None:
     text = str(node.value).replace("_", "").lower()
     if len(text) > 64 or (str(node.tag).endswith("int") and len(text.lstrip("+-0xob")) > MAX_DIGITS):
-        document.refuse(
-            node, path, f"{text[:12]}... has too many digits", accepted=f"at most {MAX_DIGITS} digits"
-        )
+        document.refuse(node, path, f"{text[:12]}... has too many digits", accepted=f"at most {MAX_DIGITS} digits")
         return None
     try:
         if str(node.tag).endswith("int"):

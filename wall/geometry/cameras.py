@@ -18,7 +18,6 @@ from wall.geometry.panels import Panel, Wall
 
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides
 AUTO_ELEVATION = math.radians(20.0)
-AUTO_MARGIN = 1.05  # air around a scene that is framed automatically
 NEAREST_EYE_M = 1e-6  # nearer to a panel's plane, its pixels have no directions
 WIDEST_CONE = math.radians(80.0)  # beyond it the eye would stand inside the scene
 
@@ -87,9 +86,7 @@ def outline(wall: Wall) -> Float64:
     first = wall.panels[0]
     right = first.plane.per_x / np.linalg.norm(first.plane.per_x)
     up = np.cross(first.plane.normal, right)
-    around = np.concatenate(
-        [panel.corners for panel in wall.panels] + [[_fourth(panel)] for panel in wall.panels]
-    )
+    around = np.concatenate([panel.corners for panel in wall.panels] + [[_fourth(panel)] for panel in wall.panels])
     x, y = (around - first.corners[0]) @ right, (around - first.corners[0]) @ up
     low, high = first.corners[0] + y.min() * up, first.corners[0] + y.max() * up
     return np.array([low + x.min() * right, low + x.max() * right, high + x.min() * right])
@@ -155,7 +152,8 @@ def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Floa
     corners = window_ahead(wall, eye)
     axis = _unit((corners[1] + corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0))
     half_angle = min(cone_inside(corners, eye, axis), WIDEST_CONE)
-    distance = AUTO_MARGIN * (radius if radius > 0 and math.isfinite(radius) else 1.0) / math.sin(half_angle)
+    size = radius if radius > 0 and math.isfinite(radius) else 1.0
+    distance = size / math.sin(half_angle)
     ahead, right = _ground_axes(up)
     level = math.sin(AUTO_AZIMUTH) * right - math.cos(AUTO_AZIMUTH) * ahead
     towards_eye = math.cos(AUTO_ELEVATION) * level + math.sin(AUTO_ELEVATION) * up

@@ -49,9 +49,7 @@ def catmull_rom(times: Sequence[float], points: ArrayLike, time: float, *, loop:
     arrive = span * _tangent(times, places, i + 1, loop=loop)
     step = places[i + 1] - places[i]
     # written about places[i], so that points far from the origin lose nothing
-    found: Float64 = places[i] + s * (
-        leave + s * (3 * step - 2 * leave - arrive + s * (leave + arrive - 2 * step))
-    )
+    found: Float64 = places[i] + s * (leave + s * (3 * step - 2 * leave - arrive + s * (leave + arrive - 2 * step)))
     return found
 
 

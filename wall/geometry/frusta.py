@@ -77,6 +77,6 @@ def cone_inside(corners: Float64, eye: ArrayLike, axis: Float64) -> float:
     around = [lower_left, lower_right, lower_right + upper_left - lower_left, upper_left]
     angles = []
     for start, end in zip(around, around[1:] + around[:1], strict=True):
-        inward = np.cross(start, end)  # edges run counterclockwise for the eye, so their planes face inwards
+        inward = np.cross(end, start)  # counterclockwise edges, seen from the eye
         angles.append(float(np.arcsin(np.clip(inward @ axis / np.linalg.norm(inward), -1.0, 1.0))))
     return min(angles)

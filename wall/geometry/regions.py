@@ -62,9 +62,7 @@ def split(rect: Rect, n: int) -> tuple[Rect, ...]:
     1 <= n <= area.
     """
     if not 1 <= n <= rect.area:
-        raise ValueError(
-            f"{rect.width} x {rect.height} pixels cannot be cut in {n} parts; accepted: 1 to {rect.area}"
-        )
+        raise ValueError(f"{rect.width} x {rect.height} pixels cannot be cut in {n} parts; accepted: 1 to {rect.area}")
     if n == 1:
         return (rect,)
     few = n // 2

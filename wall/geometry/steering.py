@@ -18,9 +18,7 @@ from wall.geometry.cameras import View, look_at
 Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset"]
 Vector: TypeAlias = tuple[float, float, float]
 
-STEEPEST = math.radians(
-    89.0
-)  # at the pole itself "up" has no direction, and beyond it the picture would flip
+STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the picture would flip
 ZOOM_RANGE = 1000.0  # times nearer or farther than where steering began
 ZOOM_STEP = 10.0  # the most that one command may do
 FARTHEST_DRAG = 10.0  # wall heights; a command sums the drags of one animation frame
@@ -53,9 +51,7 @@ def parse(message: Mapping[str, Any]) -> Command:
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
         raise RemoteProtocolError(f"command {kind} came with {got}: want {', '.join(wanted) or 'nothing'}")
     if kind == "sampler" and message["value"] not in METHODS:
-        raise RemoteProtocolError(
-            f"command sampler {_short(message['value'])}: want one of {', '.join(METHODS)}"
-        )
+        raise RemoteProtocolError(f"command sampler {_short(message['value'])}: want one of {', '.join(METHODS)}")
     numbers = {name: _number(kind, name, message[name]) for name in wanted if name != "value"}
     value = str(message["value"]) if kind == "sampler" else ""
     return Command(kind=kind, value=value, **numbers)  # type: ignore[arg-type]  # kind is one of Kind by now
@@ -65,19 +61,13 @@ def _number(kind: str, name: str, number: Any) -> float:
     low, high = (1 / ZOOM_STEP, ZOOM_STEP) if kind == "zoom" else (-FARTHEST_DRAG, FARTHEST_DRAG)
     is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
     if not is_number or not low <= number <= high:
-        raise RemoteProtocolError(
-            f"command {kind}: {name} = {_short(number)}: want a number from {low:g} to {high:g}"
-        )
+        raise RemoteProtocolError(f"command {kind}: {name} = {_short(number)}: want a number from {low:g} to {high:g}")
     return float(number)
 
 
 def _short(value: Any) -> str:
     kinds = (str, int, float, bool, type(None))
-    text = (
-        repr(value[:40] if isinstance(value, str) else value)
-        if isinstance(value, kinds)
-        else type(value).__name__
-    )
+    text = repr(value[:40] if isinstance(value, str) else value) if isinstance(value, kinds) else type(value).__name__
     return text if len(text) <= 44 else text[:41] + "..."
 
 

@@ -1,0 +1,82 @@
+"""Every configuration in configs/ is what it says, and comes back from its own dump."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wall.compositing.graph import build
+from wall.config import json_schema
+from wall.config.loading import dump, load, loads
+from wall.geometry.cameras import resolve_view
+from wall.geometry.panels import expand
+from wall.geometry.regions import regions
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+SHIPPED = sorted(CONFIGS.glob("*.yaml"))
+# what launching each under mpirun takes: one head, further compositors, renderers
+RANKS = {
+    "cave_corner": 4,
+    "demo": 5,
+    "forest": 3,
+    "four_by_two_bezels": 9,
+    "one_panel": 2,
+    "sampler_framed": 3,
+    "sampler_frameless": 3,
+    "sampler_hilbert": 3,
+    "two_by_two": 9,
+    "two_compositors": 5,
+    "two_panels": 3,
+}
+
+
+def test_every_shipped_configuration_is_listed_here() -> None:
+    assert {path.stem for path in SHIPPED} == set(RANKS)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_configuration_comes_back_from_its_dump(path: Path) -> None:
+    config = load(path).config
+
+    assert loads(dump(config)).config == config
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) -> None:
+    loaded = load(path)
+    wall = expand(loaded.config.wall)
+    graph = build(loaded, wall)
+
+    view = resolve_view(loaded, wall, (0.0, 0.0, 0.0), 6.0)
+
+    assert graph.ranks_needed == RANKS[path.stem]
+    pixels = sum(panel.pixels[0] * panel.pixels[1] for panel in wall.panels)
+    assert sum(region.rect.area for region in regions(graph, wall)) == pixels
+    assert view.camera_at(1.5) == view.camera_at(1.5)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_configuration_names_its_schema_and_says_what_it_shows(path: Path) -> None:
+    first, second, third = path.read_text().splitlines()[:3]
+
+    assert first == f"# yaml-language-server: $schema={json_schema.FILE_NAME}"
+    assert second == "#"
+    assert third.startswith("# ")
+    assert len(third) > 40
+
+
+def test_shipped_schema_is_the_one_the_models_give() -> None:
+    assert (CONFIGS / json_schema.FILE_NAME).read_text() == json_schema.schema_text()
+
+
+def test_every_field_of_the_schema_is_described() -> None:
+    definitions = json_schema.schema()["$defs"]
+    silent = [
+        f"{name}.{key}"
+        for name, definition in definitions.items()
+        for key, part in definition["properties"].items()
+        if not part.get("description")
+    ]
+
+    assert silent == []
