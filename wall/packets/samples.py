@@ -125,7 +125,7 @@ def _depth_code(samples: Samples) -> tuple[int, int, int]:
     return low, min(15, (65534 // (high - low + 1)).bit_length() - 1), bad
 
 
-def _planes(body: np.ndarray[tuple[int], np.dtype[np.uint8]], n: int) -> tuple[np.ndarray, ...]:  # type: ignore[type-arg]
+def _planes(body: np.ndarray[tuple[int], np.dtype[np.uint8]], n: int) -> tuple[np.ndarray, ...]:
     """Colour (n,) uint32, then x, y, depth, object (n,) uint16: views of one body."""
     words = body[4 * n :].view(np.uint16)
     return body[: 4 * n].view(np.uint32), words[:n], words[n : 2 * n], words[2 * n : 3 * n], words[3 * n :]

@@ -1,0 +1,221 @@
+"""Everything on the wire that is not samples: events, signs of life, stop, framelets.
+
+Each message is a header (magic, version, kind, length, CRC-32) and a body: fixed structs for events and framelets, JSON
+with checked types for the rest, which is rare. parse_control() gives a message or raises RemoteProtocolError.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import zlib
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, TypeAlias
+
+import lz4.block
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Camera, Event, Rect
+from wall.errors import LocalProtocolError, RemoteProtocolError
+
+MAGIC, VERSION = b"WALL", 1
+KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
+MAX_TEXT_BYTES = 16384           # of a JSON body
+MAX_EDGE = 16384                 # pixels of a framelet
+_HEADER = struct.Struct("<4sBBxxII")
+_EVENT = struct.Struct("<HIIdd3d9dB31p")
+_FRAMELET = struct.Struct("<HHHHHIII")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello:
+    """A rank is here: the first thing it says, again after a reconnection."""
+
+    rank: int
+    role: str
+    region: str
+    pid: int
+    host: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heartbeat:
+    """A rank lives, and what it has done so far."""
+
+    rank: int
+    time: float                  # seconds of the head's clock
+    samples_traced: int = 0
+    samples_shown: int = 0
+    secondary_rays: int = 0
+    samples_per_s: float = 0.0   # lately
+    bytes_per_s: float = 0.0
+    packets: int = 0
+    bytes: int = 0
+    seconds: float = 0.0         # since it began
+    peak_memory: int = 0         # bytes
+    dropped: dict[str, int] = field(default_factory=dict)
+    complete: bool = False       # nothing left to do under the event below
+    camera_event: int = -1
+    scene_event: int = -1
+    last: bool = False           # its last word
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ping:
+    sent: float                  # the sender's own monotonic clock
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pong:
+    sent: float                  # as it came
+    head_time: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stop:
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Framelet:
+    """A rectangle of a panel as another compositor shows it, 8-bit sRGB."""
+
+    panel: int
+    rect: Rect
+    camera_event: int
+    scene_event: int
+    data: bytes                  # lz4 of width * height * 3 bytes
+
+    @classmethod
+    def of(cls, *, panel: int, rect: Rect, rgb: NDArray[np.uint8], camera_event: int, scene_event: int) -> Framelet:
+        """rgb : (height, width, 3) uint8."""
+        data = bytes(lz4.block.compress(rgb.tobytes(), store_size=False))
+        return cls(panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data)
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """(height, width, 3) uint8. Raises RemoteProtocolError if the data is not that."""
+        size = 3 * self.rect.area
+        try:
+            raw = lz4.block.decompress(self.data, uncompressed_size=size)
+        except (lz4.block.LZ4BlockError, ValueError) as error:
+            raise RemoteProtocolError(f"framelet of panel {self.panel}: does not decompress ({error})") from error
+        if len(raw) != size:
+            raise RemoteProtocolError(f"framelet of panel {self.panel}: {len(raw)} bytes, {size} wanted")
+        return np.frombuffer(raw, np.uint8).reshape(self.rect.height, self.rect.width, 3)
+
+
+Message: TypeAlias = Event | Framelet | Hello | Heartbeat | Ping | Pong | Stop
+_JSON_KINDS: dict[int, type[Hello] | type[Heartbeat] | type[Ping] | type[Pong] | type[Stop]] = {
+    KIND_HELLO: Hello,
+    KIND_HEARTBEAT: Heartbeat,
+    KIND_PING: Ping,
+    KIND_PONG: Pong,
+    KIND_STOP: Stop,
+}
+
+
+def serialise(message: Message) -> bytes:
+    """The bytes of a message. Raises LocalProtocolError where it does not fit the format."""
+    if isinstance(message, Event):
+        kind, body = KIND_EVENT, _event_body(message)
+    elif isinstance(message, Framelet):
+        r = message.rect
+        head = _FRAMELET.pack(
+            message.panel, r.x, r.y, r.width, r.height, message.camera_event, message.scene_event, len(message.data)
+        )
+        kind, body = KIND_FRAMELET, head + message.data
+    else:
+        kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
+        body = json.dumps(asdict(message), allow_nan=False).encode()
+        if len(body) > MAX_TEXT_BYTES:
+            raise LocalProtocolError(f"a {type(message).__name__} of {len(body)} bytes; at most {MAX_TEXT_BYTES}")
+    return _HEADER.pack(MAGIC, VERSION, kind, len(body), zlib.crc32(body, kind)) + body
+
+
+def parse_control(data: bytes | memoryview) -> Message:
+    """The message of some bytes. Raises RemoteProtocolError for anything else."""
+    if len(data) < _HEADER.size:
+        raise RemoteProtocolError(f"a message of {len(data)} bytes; its header alone has {_HEADER.size}")
+    magic, version, kind, length, checksum = _HEADER.unpack_from(data)
+    body = bytes(data[_HEADER.size :])
+    if magic != MAGIC or version != VERSION:
+        raise RemoteProtocolError(f"not a message of version {VERSION}: starts with {bytes(data[:6])!r}")
+    if length != len(body) or zlib.crc32(body, kind) != checksum:
+        raise RemoteProtocolError(f"message of kind {kind}: {len(body)} bytes of {length}, or a checksum that differs")
+    if kind == KIND_EVENT:
+        return _parse_event(body)
+    if kind == KIND_FRAMELET:
+        return _parse_framelet(body)
+    if kind in _JSON_KINDS:
+        return _parse_json(_JSON_KINDS[kind], body)
+    raise RemoteProtocolError(f"unknown kind of message {kind}")
+
+
+def _event_body(event: Event) -> bytes:
+    sampler = event.sampler.encode()
+    if len(sampler) > 30:
+        raise LocalProtocolError(f"sampler name {event.sampler!r} is longer than 30 bytes")
+    return _EVENT.pack(
+        event.view, event.camera_event, event.scene_event, event.scene_time, event.input_time,
+        *event.camera.position, *event.camera.world_from_wall, event.paused, sampler,
+    )  # fmt: skip
+
+
+def _parse_event(body: bytes) -> Event:
+    if len(body) != _EVENT.size:
+        raise RemoteProtocolError(f"an event of {len(body)} bytes; it has {_EVENT.size}")
+    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler = _EVENT.unpack(body)
+    if not all(map(math.isfinite, (scene_time, input_time, *pose))) or paused > 1:
+        raise RemoteProtocolError(f"event {camera_event}/{scene_event}: a number is not finite")
+    try:
+        name = sampler.decode()
+    except UnicodeDecodeError as error:
+        raise RemoteProtocolError(f"event {camera_event}/{scene_event}: sampler name is not text") from error
+    return Event(
+        view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=input_time,
+        camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=name, paused=bool(paused),
+    )  # fmt: skip
+
+
+def _parse_framelet(body: bytes) -> Framelet:
+    if len(body) < _FRAMELET.size:
+        raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {_FRAMELET.size}")
+    panel, x, y, width, height, camera_event, scene_event, length = _FRAMELET.unpack_from(body)
+    if length != len(body) - _FRAMELET.size or not 0 < width <= MAX_EDGE or not 0 < height <= MAX_EDGE:
+        raise RemoteProtocolError(f"framelet of panel {panel}: {width}x{height} with {length} bytes is out of range")
+    rect = Rect(x=x, y=y, width=width, height=height)
+    data = body[_FRAMELET.size :]
+    return Framelet(panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data)
+
+
+def _parse_json(cls: Any, body: bytes) -> Message:
+    """A message whose JSON has exactly its fields, of their types; numbers finite."""
+    name = cls.__name__
+    if len(body) > MAX_TEXT_BYTES:
+        raise RemoteProtocolError(f"a {name} of {len(body)} bytes; at most {MAX_TEXT_BYTES}")
+    try:
+        values = json.loads(body)
+    except (ValueError, RecursionError) as error:
+        raise RemoteProtocolError(f"a {name} that is not JSON ({error})") from error
+    known = {f.name: f.type for f in fields(cls)}
+    if not isinstance(values, dict) or values.keys() != known.keys():
+        raise RemoteProtocolError(f"a {name} with other fields than {', '.join(known)}")
+    for key, kind in known.items():
+        if not _fits(values[key], str(kind)):
+            raise RemoteProtocolError(f"a {name} whose {key} is {str(values[key])[:40]!r}; wanted {kind}")
+    message: Message = cls(**values)
+    return message
+
+
+def _fits(value: Any, kind: str) -> bool:
+    if kind == "bool":
+        return isinstance(value, bool)
+    if kind == "int":
+        return isinstance(value, int) and not isinstance(value, bool) and -1 <= value < 2**63
+    if kind == "float":
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if kind == "str":
+        return isinstance(value, str)
+    return isinstance(value, dict) and len(value) <= 64 and all(_fits(v, "int") for v in value.values())

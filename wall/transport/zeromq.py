@@ -1,0 +1,232 @@
+"""ZeroMQ: DEALER links to a ROUTER hub. The only file that imports zmq.
+
+Messages have two parts: a tag (data, control, ask, grant) and a body. ROUTER_MANDATORY makes a vanished peer an
+error that is counted instead of a silent drop; ZMTP heartbeats close connections to frozen hosts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import time
+from collections import deque
+from typing import TypeVar
+
+import zmq
+
+from wall.data import Counters
+from wall.errors import RunError
+from wall.transport.addresses import reachable
+from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link
+from wall.transport.credit import HubCredit, LinkCredit
+
+DATA, CONTROL, ASK, GRANT = b"D", b"C", b"A", b"G"
+LINGER_MS = 200                  # for the last words of a socket that is closed
+HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000   # of ZMTP; machines with more ranks than cores are late by seconds
+ASK_AGAIN_S = 1.0                # a link without credit for so long asks again
+MAX_PEERS = 4096
+T = TypeVar("T")
+_ASK = struct.Struct("<Q")       # bytes sent so far
+_GRANT = struct.Struct("<QQ")    # limit, window
+
+
+def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:
+    socket = context.socket(kind)
+    socket.setsockopt(zmq.LINGER, LINGER_MS)
+    socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+    socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+    socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
+    socket.setsockopt(zmq.RECONNECT_IVL, 50)
+    socket.setsockopt(zmq.RECONNECT_IVL_MAX, 1000)
+    return socket
+
+
+class ZmqLink(Link):
+    """Belongs to the thread that made it."""
+
+    def __init__(self, endpoint: str, *, rank: int) -> None:
+        self.counters = Counters()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._socket = _socket(self._context, zmq.DEALER)
+        self._socket.setsockopt(zmq.ROUTING_ID, b"rank %d " % rank + os.urandom(8).hex().encode())
+        self._socket.connect(endpoint)
+        self._credit = LinkCredit(self.counters)
+        self._messages: deque[bytes] = deque()
+        self._outgoing: deque[bytes] = deque()
+        self._asked = float("-inf")
+        self._ask()
+
+    def offer(self, packet: bytes) -> list[bytes]:
+        self._pump()
+        return self._credit.offer(packet, lambda data: self._put(DATA, data))
+
+    def ready(self) -> bool:
+        self._pump()
+        return self._credit.ready
+
+    def send(self, message: bytes) -> None:
+        self._outgoing.append(message)
+        if len(self._outgoing) > MAX_CONTROL:
+            self._outgoing.popleft()
+            self.counters.add("control_overflow")
+        self._flush_control()
+
+    def receive(self) -> list[bytes]:
+        self._pump()
+        messages = list(self._messages)
+        self._messages.clear()
+        return messages
+
+    def wait(self, seconds: float) -> None:
+        if not self._messages:
+            self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
+
+    def close(self) -> None:
+        if not self._socket.closed:
+            self._flush_control()
+            self._socket.close()
+            self._context.term()
+
+    def _pump(self) -> None:
+        """Take in what came, send what waits."""
+        while (parts := _receive(self._socket)) is not None:
+            if len(parts) == 2 and parts[0] == CONTROL:
+                _keep(self._messages, parts[1], self.counters)
+            elif len(parts) == 2 and parts[0] == GRANT and len(parts[1]) == _GRANT.size:
+                self._credit.grant(*_GRANT.unpack(parts[1]))
+            else:
+                self.counters.add("bad_frame")
+        self._credit.flush(lambda data: self._put(DATA, data))
+        self._flush_control()
+        if self._credit.starved and time.monotonic() - self._asked > ASK_AGAIN_S:
+            self._ask()
+
+    def _ask(self) -> None:
+        self._asked = time.monotonic()
+        self._put(ASK, _ASK.pack(self._credit.sent))
+
+    def _flush_control(self) -> None:
+        while self._outgoing and self._put(CONTROL, self._outgoing[0]):
+            self._outgoing.popleft()
+
+    def _put(self, tag: bytes, body: bytes) -> bool:
+        try:
+            self._socket.send_multipart((tag, body), zmq.NOBLOCK)
+        except zmq.Again:
+            return False
+        return True
+
+
+class ZmqHub(Hub):
+    """Belongs to the thread that uses it first; it may be made by another."""
+
+    def __init__(self, bind: str, *, credit_bytes: int) -> None:
+        self.counters = Counters()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._socket = _socket(self._context, zmq.ROUTER)
+        self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
+        self._socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
+        try:
+            port = self._socket.bind_to_random_port(f"tcp://{bind}")
+        except zmq.ZMQError as error:
+            self._socket.close()
+            self._context.term()
+            raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted an address of this host") from error
+        self.endpoint = f"tcp://{reachable(bind)}:{port}"
+        self._window = credit_bytes
+        self._peers: dict[bytes, HubCredit] = {}
+        self._data: deque[tuple[bytes, bytes]] = deque()
+        self._messages: deque[tuple[bytes, bytes]] = deque()
+
+    def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
+        self._pump(max_bytes)
+        taken, size = [], 0
+        while self._data and size < max_bytes:
+            taken.append(self._data.popleft())
+            size += len(taken[-1][1])
+        return taken
+
+    def release(self, peer: bytes, size: int) -> None:
+        credit = self._peers.get(peer)
+        if credit is not None:
+            credit.consume(size)
+            self._grant(peer, credit)
+
+    def messages(self) -> list[tuple[bytes, bytes]]:
+        self._pump(MAX_MESSAGE_BYTES)
+        messages = list(self._messages)
+        self._messages.clear()
+        return messages
+
+    def send(self, peer: bytes, message: bytes) -> None:
+        self._put(peer, CONTROL, message)
+
+    def broadcast(self, message: bytes) -> None:
+        for peer in list(self._peers):
+            self._put(peer, CONTROL, message)
+
+    def wait(self, seconds: float) -> None:
+        if not (self._data or self._messages):
+            self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
+
+    def close(self) -> None:
+        if not self._socket.closed:
+            self._socket.close()
+            self._context.term()
+
+    def _pump(self, max_bytes: int) -> None:
+        size = sum(len(packet) for _, packet in self._data)
+        while size < max_bytes and (parts := _receive(self._socket)) is not None:
+            if len(parts) != 3:
+                self.counters.add("bad_frame")
+                continue
+            peer, tag, body = parts
+            if peer not in self._peers and not self._welcome(peer):
+                continue
+            if tag == DATA:
+                self._data.append((peer, body))
+                size += len(body)
+            elif tag == CONTROL:
+                _keep(self._messages, (peer, body), self.counters)
+            elif tag == ASK and len(body) == _ASK.size:
+                self._peers[peer] = HubCredit(self._window, *_ASK.unpack(body))
+                self._grant(peer, self._peers[peer])
+            else:
+                self.counters.add("bad_frame")
+
+    def _welcome(self, peer: bytes) -> bool:
+        if len(self._peers) >= MAX_PEERS:
+            self.counters.add("too_many_peers")
+            return False
+        self._peers[peer] = HubCredit(self._window)
+        return True
+
+    def _grant(self, peer: bytes, credit: HubCredit) -> None:
+        limit = credit.due()
+        if limit is not None:
+            self._put(peer, GRANT, _GRANT.pack(limit, self._window))
+
+    def _put(self, peer: bytes, tag: bytes, body: bytes) -> None:
+        try:
+            self._socket.send_multipart((peer, tag, body), zmq.NOBLOCK)
+        except zmq.Again:
+            self.counters.add("peer_full")
+        except zmq.ZMQError as error:
+            if error.errno != zmq.EHOSTUNREACH:
+                raise
+            self._peers.pop(peer, None)          # it says hello again if it comes back
+            self.counters.add("peer_gone")
+
+
+def _receive(socket: zmq.Socket[bytes]) -> list[bytes] | None:
+    with contextlib.suppress(zmq.Again):
+        return socket.recv_multipart(zmq.NOBLOCK)
+    return None
+
+
+def _keep(messages: deque[T], message: T, counters: Counters) -> None:
+    messages.append(message)
+    if len(messages) > MAX_CONTROL:
+        messages.popleft()
+        counters.add("control_overflow")
