@@ -7,11 +7,14 @@ could be repaired is in the notes.
 
 from __future__ import annotations
 
+import io
 import logging
 import re
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from logging.handlers import MemoryHandler
 from pathlib import Path
 from typing import Any
 
@@ -68,14 +71,23 @@ def _read(path: Path) -> tuple[Any, list[str]]:
         raise SceneError(f"{path}: no built-in scene and no known kind of model, known are {known}")
     if not path.is_file():
         raise SceneError(f"{path}: there is no such file")
-    options: dict[str, Any] = {"split_objects": True} if path.suffix.lower() == ".obj" else {}
     with _overheard(path.name) as notes:
         try:
-            with np.errstate(all="ignore"):
-                return trimesh.load_scene(path, process=False, **options), notes
+            with np.errstate(all="ignore"), warnings.catch_warnings():
+                warnings.simplefilter("ignore")          # numpy's, about numbers that trimesh's parsers stumble on
+                return _parsed(path), notes
         except Exception as error:                       # parsers of broken files raise anything
             reason = f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
+
+
+def _parsed(path: Path) -> Any:
+    """trimesh's scene. An OBJ keeps its objects apart, and may have any bytes in its comments and names."""
+    if path.suffix.lower() != ".obj":
+        return trimesh.load_scene(path, process=False)
+    text = io.StringIO(path.read_bytes().decode("utf-8", "replace"))
+    beside = trimesh.resolvers.FilePathResolver(str(path))
+    return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True)
 
 
 def _image_beside(path: Path) -> Path | None:
@@ -89,24 +101,23 @@ def _image_beside(path: Path) -> Path | None:
 def _overheard(where: str) -> Iterator[list[str]]:
     """Collect trimesh's complaints of a load as notes; its logger is put back as it was."""
     notes: list[str] = []
-
-    def hear(record: logging.LogRecord) -> bool:
-        text = record.getMessage()
-        if any(word in text.lower() for word in NOTEWORTHY):
-            cause = f" ({record.exc_info[1]})" if record.exc_info and record.exc_info[1] else ""
-            notes.append(f"{where}: {text}{cause}")
-        return record.levelno >= level
-
     logger = logging.getLogger("trimesh")
-    level = logger.getEffectiveLevel()
-    set_level = logger.level
+    before = logger.level, logger.propagate
+    ear = MemoryHandler(capacity=1 << 20, flushLevel=logging.CRITICAL + 1)
+    logger.addHandler(ear)
     logger.setLevel(logging.DEBUG)
-    logger.addFilter(hear)
+    logger.propagate = False
     try:
         yield notes
     finally:
-        logger.removeFilter(hear)
-        logger.setLevel(set_level)
+        logger.setLevel(before[0])
+        logger.propagate = before[1]
+        logger.removeHandler(ear)
+        for record in ear.buffer:
+            text = record.getMessage()
+            cause = record.exc_info[1] if record.exc_info else None
+            if any(word in text.lower() for word in NOTEWORTHY):
+                notes.append(f"{where}: {text} ({type(cause).__name__}: {cause})" if cause else f"{where}: {text}")
 
 
 def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, ...]:

@@ -1,0 +1,316 @@
+"""Model files, written here byte by byte or by trimesh: what must load, and what must be refused or repaired aloud."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from wall.config.scene import SceneConfig
+from wall.errors import SceneError
+from wall.scene.build import Scene, build
+from wall.scene.loading import load, strip_triangles
+from wall.scene.model import Source
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+def written(path: Path, text: str | bytes) -> Path:
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def scene_of(path: Path) -> Scene:
+    return build(SceneConfig(source=path.name), path.parent)
+
+
+def world_triangles(scene: Scene | Source) -> np.ndarray:
+    """(t, 3, 3) every placed triangle's corners, world, float64."""
+    placed = []
+    for instance in scene.instances:
+        mesh, matrix = scene.meshes[instance.mesh], instance.world_from_object
+        points = mesh.vertices.astype(np.float64) + mesh.origin
+        placed.append((points @ matrix[:3, :3].T + matrix[:3, 3])[mesh.triangles])
+    return np.concatenate(placed)
+
+
+def test_glb_keeps_one_mesh_for_many_nodes(tmp_path: Path) -> None:
+    world = trimesh.Scene()
+    ball = trimesh.creation.icosphere(subdivisions=1)
+    places = [trimesh.transformations.translation_matrix([3.0 * k, 0, 0]) for k in range(5)]
+    world.add_geometry(ball, node_name="ball 0", geom_name="ball")
+    for k, place in enumerate(places[1:], start=1):
+        world.graph.update(frame_to=f"ball {k}", geometry="ball", matrix=place)
+    world.export(tmp_path / "balls.glb")
+    scene = scene_of(tmp_path / "balls.glb")
+    assert (len(scene.meshes), len(scene.instances), scene.triangles) == (1, 5, 5 * len(ball.faces))
+    assert {i.name for i in scene.instances} == {f"ball {k}" for k in range(5)}
+    np.testing.assert_allclose(scene.center, [6.0, 0.0, 0.0], atol=1e-6)
+    assert scene.radius == pytest.approx(7.0, abs=1e-5)
+
+
+def test_glb_transforms_of_nested_nodes_chain(tmp_path: Path) -> None:
+    world = trimesh.Scene()
+    turn = trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0])
+    shift = trimesh.transformations.translation_matrix([10.0, 0, 0])
+    world.graph.update(frame_from="world", frame_to="arm", matrix=turn)
+    world.add_geometry(trimesh.creation.box(), node_name="hand", parent_node_name="arm", transform=shift)
+    world.export(tmp_path / "arm.glb")
+    np.testing.assert_allclose(scene_of(tmp_path / "arm.glb").center, [0.0, 0.0, -10.0], atol=1e-6)
+
+
+def test_glb_base_colour_factor_is_linear_and_texture_is_kept(tmp_path: Path) -> None:
+    image = Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [9, 9, 9]]], np.uint8))
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[128, 64, 255, 255], baseColorTexture=image, name="m")
+    uv = np.array([[0.0, 0], [1, 0], [0, 1]])
+    mesh = trimesh.Trimesh(np.eye(3), [[0, 1, 2]], process=False)
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    mesh.export(tmp_path / "painted.glb")
+    source = load(tmp_path / "painted.glb")
+    (found,) = source.materials
+    np.testing.assert_allclose(found.base_color, np.array([128, 64, 255]) / 255, atol=1 / 510)   # bytes in trimesh
+    assert found.texture == 0
+    np.testing.assert_array_equal(source.textures[0].texels, np.asarray(image))
+    np.testing.assert_allclose(source.meshes[0].uvs, uv, atol=1e-6)
+
+
+def test_obj_with_mtl_and_texture(tmp_path: Path) -> None:
+    Image.new("RGB", (4, 2), (10, 20, 30)).save(tmp_path / "wood.png")
+    written(tmp_path / "m.mtl", "newmtl oak\nKd 0.25 0.5 1.0\nmap_Kd wood.png\n")
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl oak\nf 1/1 2/2 3/3\n"
+    source = load(written(tmp_path / "table.obj", text))
+    assert source.materials[0].base_color == (0.25, 0.5, 1.0)
+    assert source.textures[0].texels.shape == (2, 4, 3)
+    np.testing.assert_allclose(source.meshes[0].uvs, [[0, 0], [1, 0], [0, 1]])
+    assert source.materials[0].texture == 0
+
+
+def test_obj_in_another_encoding_is_read(tmp_path: Path) -> None:
+    source = load(written(tmp_path / "e.obj", b"# cr\xe9\xe9 \xe0 la main\n" + TRIANGLE.encode()))
+    assert len(source.meshes[0].triangles) == 1
+
+
+@pytest.mark.parametrize("present", [None, b"no image at all"], ids=["missing", "broken"])
+def test_bad_texture_file_is_noted_and_the_plain_colour_used(tmp_path: Path, present: bytes | None) -> None:
+    if present:
+        written(tmp_path / "wood.png", present)
+    written(tmp_path / "m.mtl", "newmtl oak\nKd 0.25 0.5 1.0\nmap_Kd wood.png\n")
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl oak\nf 1/1 2/2 3/3\n"
+    source = load(written(tmp_path / "table.obj", text))
+    assert source.materials[0].texture is None
+    assert source.materials[0].base_color == (0.25, 0.5, 1.0)
+    assert any("image" in note for note in source.notes)
+
+
+def test_missing_material_file_is_noted(tmp_path: Path) -> None:
+    source = load(written(tmp_path / "a.obj", "mtllib gone.mtl\nusemtl oak\n" + TRIANGLE))
+    assert any("gone.mtl" in note for note in source.notes)
+
+
+def test_truncated_texture_is_noted(tmp_path: Path) -> None:
+    chance = np.random.default_rng(1).integers(0, 255, (64, 64, 3)).astype(np.uint8)
+    Image.fromarray(chance).save(tmp_path / "wood.png")
+    written(tmp_path / "wood.png", (tmp_path / "wood.png").read_bytes()[:3000])
+    written(tmp_path / "m.mtl", "newmtl oak\nmap_Kd wood.png\n")
+    text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl oak\nf 1/1 2/2 3/3\n"
+    source = load(written(tmp_path / "table.obj", text))
+    assert source.textures == ()
+    assert any("cannot be decoded" in note for note in source.notes)
+
+
+def test_texture_with_alpha_is_opaque_and_noted(tmp_path: Path) -> None:
+    Image.new("RGBA", (2, 2), (10, 20, 30, 0)).save(tmp_path / "cow_skin.png")
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    source = load(written(tmp_path / "cow.obj", text))
+    np.testing.assert_array_equal(source.textures[0].texels[0, 0], [10, 20, 30])
+    assert any("alpha" in note for note in source.notes)
+    assert any("image beside the model" in note for note in source.notes)
+
+
+def test_obj_objects_stay_apart_and_quads_become_triangles(tmp_path: Path) -> None:
+    text = "o door\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no sill\nv 0 0 1\nv 1 0 1\nv 1 1 1\nf 5 6 7\n"
+    scene = scene_of(written(tmp_path / "house.obj", text))
+    assert sorted(i.name for i in scene.instances) == ["door", "sill"]
+    assert scene.triangles == 3
+
+
+def test_polygons_of_mixed_sizes_are_triangulated(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 2 0 0\nv 3 1 0\nv 2 2 0\nv 0 2 0\nv 0 0 1\nf 1 2 3 4 5\nf 1 2 6\n"
+    triangles = world_triangles(load(written(tmp_path / "fan.obj", text)))
+    areas = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1) / 2
+    assert areas.sum() == pytest.approx(5.0 + 1.0)
+
+
+def test_ply_vertex_colours_become_linear(tmp_path: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n"
+    header += "property list uchar int vertex_indices\nend_header\n"
+    body = "0 0 0 255 0 188\n1 0 0 255 0 188\n0 1 0 255 0 188\n3 0 1 2\n"
+    source = load(written(tmp_path / "c.ply", header + body))
+    assert source.meshes[0].colors is not None
+    expected = ((188 / 255 + 0.055) / 1.055) ** 2.4      # IEC 61966-2-1
+    np.testing.assert_allclose(source.meshes[0].colors, [[1.0, 0.0, expected]] * 3, atol=1e-6)
+
+
+def test_ply_face_colours_colour_whole_triangles(tmp_path: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "element face 2\nproperty list uchar int vertex_indices\n"
+    header += "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
+    source = load(written(tmp_path / "f.ply", header + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0 255 0\n"))
+    (mesh,) = source.meshes
+    assert mesh.colors is not None
+    np.testing.assert_array_equal(mesh.colors[mesh.triangles], [[[1, 0, 0]] * 3, [[0, 1, 0]] * 3])
+
+
+def test_ply_that_stores_strips(tmp_path: Path) -> None:
+    header = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    source = load(written(tmp_path / "s.ply", header + "0 0 0\n1 0 0\n0 1 0\n1 1 0\n5 5 0\n8 0 1 2 3 -1 2 3 4\n"))
+    triangles = world_triangles(source)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    assert len(triangles) == 3
+    assert (normals[:2, 2] > 0).all()
+
+
+def test_strips_turn_every_second_triangle_and_begin_again_after_a_break() -> None:
+    strip = np.array([0, 1, 2, 3, -1, 4, 5, 6, 7])
+    np.testing.assert_array_equal(strip_triangles(strip), [[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 5, 7]])
+    assert strip_triangles(np.array([1, 2])).shape == (0, 3)
+
+
+@pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
+def test_stl_soup_is_welded_and_smoothed(tmp_path: Path, kind: str) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3)
+    ball.export(tmp_path / "ball.stl", file_type=kind)
+    (mesh,) = load(tmp_path / "ball.stl").meshes
+    assert (len(mesh.vertices), len(mesh.triangles)) == (len(ball.vertices), len(ball.faces))
+    assert mesh.normals is not None
+    assert np.einsum("ij,ij->i", mesh.normals, mesh.vertices / np.linalg.norm(mesh.vertices, axis=1)[:, None]).min() > 0.999
+
+
+def test_normals_of_the_file_are_kept(tmp_path: Path) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 3 4\nf 1//1 2//1 3//1\n"
+    (mesh,) = load(written(tmp_path / "n.obj", text)).meshes
+    np.testing.assert_allclose(mesh.normals, [[0, 0.6, 0.8]] * 3, atol=1e-7)
+
+
+def test_mirroring_transform_is_kept(tmp_path: Path) -> None:
+    world = trimesh.Scene()
+    shape = trimesh.creation.box().apply_translation([2.0, 0, 0])
+    world.add_geometry(shape, node_name="left", transform=np.diag([-1.0, 1, 1, 1]))
+    world.export(tmp_path / "mirror.glb")
+    scene = scene_of(tmp_path / "mirror.glb")
+    assert np.linalg.det(scene.instances[0].world_from_object[:3, :3]) == pytest.approx(-1.0)
+    np.testing.assert_allclose(scene.center, [-2.0, 0, 0], atol=1e-6)
+
+
+def test_flattened_object_is_left_out_with_a_note(tmp_path: Path) -> None:
+    world = trimesh.Scene()
+    world.add_geometry(trimesh.creation.box(), node_name="good")
+    world.add_geometry(trimesh.creation.box(), node_name="squashed", transform=np.diag([1.0, 0, 1, 1]))
+    world.export(tmp_path / "two.glb")
+    source = load(tmp_path / "two.glb")
+    assert [i.name for i in source.instances] == ["good"]
+    assert any("squashed" in note for note in source.notes)
+
+
+def broken_glb(ball: Path, edit: object) -> bytes:
+    """A GLB whose JSON was edited; lengths stay right."""
+    raw = ball.read_bytes()
+    length = int.from_bytes(raw[12:16], "little")
+    tree = json.loads(raw[20 : 20 + length])
+    edit(tree)                                             # type: ignore[operator]
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunk = len(text).to_bytes(4, "little") + b"JSON" + text
+    rest = raw[20 + length :]
+    return raw[:8] + (12 + len(chunk) + len(rest)).to_bytes(4, "little") + chunk + rest
+
+
+def test_glb_indices_out_of_range_are_dropped_or_refused(tmp_path: Path) -> None:
+    trimesh.Trimesh(np.eye(3), [[0, 1, 2]], process=False).export(tmp_path / "t.glb")
+    raw = (tmp_path / "t.glb").read_bytes()
+    old, new = np.array([0, 1, 2], np.uint32).tobytes(), np.array([0, 1, 77], np.uint32).tobytes()
+    assert old in raw
+    with pytest.raises(SceneError, match="name a vertex that is not there"):
+        load(written(tmp_path / "bad.glb", raw.replace(old, new)))
+
+
+@pytest.mark.parametrize("bad", ["f 1 2 9", "f 1 2 -9"])
+def test_obj_indices_out_of_range_are_a_scene_error(tmp_path: Path, bad: str) -> None:
+    with pytest.raises(SceneError, match=r"a\.obj"):
+        load(written(tmp_path / "a.obj", TRIANGLE.replace("f 1 2 3", bad)))
+
+
+def test_glb_that_refers_to_a_missing_mesh_is_a_scene_error(tmp_path: Path) -> None:
+    trimesh.creation.box().export(tmp_path / "b.glb")
+    bad = broken_glb(tmp_path / "b.glb", lambda tree: tree["nodes"][-1].update(mesh=99))
+    with pytest.raises(SceneError, match=r"bad\.glb"):
+        load(written(tmp_path / "bad.glb", bad))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("gone.obj", None, "no such file"),
+        ("courtyrad", None, "known are .glb, .gltf, .obj, .ply, .stl"),
+        ("scene.blend", b"x", "known are .glb"),
+        ("empty.obj", b"", "empty.obj"),
+        ("empty.ply", b"", "empty.ply"),
+        ("empty.stl", b"", "empty.stl"),
+        ("empty.glb", b"", "empty.glb"),
+        ("points.obj", b"v 0 0 0\nv 1 0 0\n", "nothing that can be drawn"),
+        ("line.obj", b"v 0 0 0\nv 1 0 0\nl 1 2\n", "nothing that can be drawn"),
+        ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no area"),
+        ("dot.obj", b"v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", "no area"),
+        ("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "nan.obj"),
+        ("words.stl", b"solid of words, nothing else", "words.stl"),
+        ("words.gltf", b"{not json", "cannot be read as gltf"),
+        ("list.gltf", b"[1, 2]", "cannot be read as gltf"),
+        ("old.gltf", b'{"asset": {"version": "1.0"}}', "cannot be read as gltf"),
+        ("bare.gltf", b'{"asset": {"version": "2.0"}}', "bare.gltf"),
+        ("head.ply", b"ply\nformat ascii 1.0\nelement vertex 9999\nproperty float x\nend_header\n", "head.ply"),
+    ],
+)
+def test_unusable_files_are_scene_errors_that_name_the_file(
+    tmp_path: Path, name: str, content: bytes | None, told: str
+) -> None:
+    if content is not None:
+        written(tmp_path / name, content)
+    with pytest.raises(SceneError) as caught:
+        build(SceneConfig(source=name), tmp_path)
+    assert name in str(caught.value)
+    assert told in str(caught.value)
+
+
+def test_a_folder_is_no_model(tmp_path: Path) -> None:
+    (tmp_path / "folder.obj").mkdir()
+    with pytest.raises(SceneError, match="no such file"):
+        load(tmp_path / "folder.obj")
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj", "ply", "stl"])
+def test_mangled_bytes_give_a_source_or_a_scene_error(tmp_path: Path, kind: str) -> None:
+    """Truncations and random byte edits of a valid file; anything else that is raised fails the test."""
+    trimesh.creation.icosphere(subdivisions=1).export(tmp_path / f"good.{kind}")
+    good = np.frombuffer((tmp_path / f"good.{kind}").read_bytes(), np.uint8)
+    chance = np.random.default_rng(11)
+    outcomes = set()
+    for _ in range(60):
+        bad = good[: chance.integers(0, len(good))] if chance.random() < 0.4 else good.copy()
+        if len(bad) and chance.random() < 0.7:
+            bad = bad.copy()
+            bad[chance.integers(0, len(bad), chance.integers(1, 12))] = chance.integers(0, 256)
+        try:
+            source = load(written(tmp_path / f"bad.{kind}", bad.tobytes()))
+        except SceneError:
+            outcomes.add("refused")
+            continue
+        outcomes.add("loaded")
+        assert all(np.isfinite(mesh.vertices).all() for mesh in source.meshes)
+        assert all(mesh.triangles.max() < len(mesh.vertices) for mesh in source.meshes)
+    assert outcomes == {"refused", "loaded"}
