@@ -23,7 +23,23 @@ from wall.data import Float64
 
 Vector: TypeAlias = tuple[float, float, float]
 
-NEARLY_PARALLEL = 1e-9     # rad; below it slerp's sin(angle) quotient loses digits and a straight blend is exact
+NEARLY_PARALLEL = 1e-9     # rad between two quaternions; less is drawn as this much
+
+
+def _rotation_of_products() -> Float64:
+    """(16, 9): every entry of a rotation is a quadratic form of its quaternion, so one product gives all of them."""
+    table = np.zeros((4, 4, 9))
+    w, x, y, z = range(4)
+    for entry, signs in ((0, (1, 1, -1, -1)), (4, (1, -1, 1, -1)), (8, (1, -1, -1, 1))):
+        table[range(4), range(4), entry] = signs
+    for entry, a, b, c in ((1, x, y, z), (5, y, z, x), (6, z, x, y)):    # 2 (ab - wc), mirrored 2 (ab + wc)
+        mirrored = 3 * (entry % 3) + entry // 3
+        table[a, b, [entry, mirrored]] = 2.0
+        table[w, c, [entry, mirrored]] = -2.0, 2.0
+    return table.reshape(16, 9)
+
+
+ROTATION_OF_PRODUCTS = _rotation_of_products()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,10 +116,11 @@ class Paths:
     def at(self, time: float) -> Float64:
         """(n, 4, 4) rigid matrices at a time in seconds."""
         after = time - self.first
-        since = np.where(self.loop, np.mod(after, self.length), np.clip(after, 0.0, self.length))
+        since = np.where(self.loop, np.mod(after, self.length), np.minimum(np.maximum(after, 0.0), self.length))
         local = self.first + since
         each = np.arange(len(self.rows))
-        right = np.clip((self.times <= local[:, None]).sum(axis=1), 1, self.times.shape[1] - 1)
+        passed = (self.times <= local[:, None]).sum(axis=1)
+        right = np.minimum(np.maximum(passed, 1), self.times.shape[1] - 1)
         left = right - 1
         start, end = self.times[each, left], self.times[each, right]
         held = ~np.isfinite(end)                         # past a short row's last key
@@ -149,12 +166,9 @@ def compile_tracks(motions: Sequence[Moving]) -> Tracks:
 
 def slerp(start: Float64, end: Float64, share: Float64) -> Float64:
     """Unit quaternions (n, 4) between two in one half space; share (n, 1) in 0..1. After Shoemake 1985."""
-    angle = np.arccos(np.clip((start * end).sum(axis=1, keepdims=True), -1.0, 1.0))
-    close = angle < NEARLY_PARALLEL
-    sine = np.where(close, 1.0, np.sin(angle))
-    a = np.where(close, 1.0 - share, np.sin((1.0 - share) * angle) / sine)
-    b = np.where(close, share, np.sin(share * angle) / sine)
-    return a * start + b * end
+    angle = np.arccos(np.minimum((start * end).sum(axis=1, keepdims=True), 1.0))
+    angle = np.maximum(angle, NEARLY_PARALLEL)           # sin(x) / x is 1 there to the last digit: a straight blend
+    return np.asarray((np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle), np.float64)
 
 
 def quaternion(axis: Vector, degrees: float) -> tuple[float, float, float, float]:
@@ -167,20 +181,15 @@ def quaternion(axis: Vector, degrees: float) -> tuple[float, float, float, float
 
 def quaternion_matrices(quaternions: Float64) -> Float64:
     """(n, 3, 3) rotations of (n, 4) unit quaternions (w, x, y, z)."""
-    w, x, y, z = quaternions.T
-    flat = np.array([
-        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
-        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
-    ])
-    return np.ascontiguousarray(flat.T).reshape(-1, 3, 3)
+    products = quaternions[:, :, None] * quaternions[:, None, :]
+    return (products.reshape(-1, 16) @ ROTATION_OF_PRODUCTS).reshape(-1, 3, 3)
 
 
 def _placed(rotation: Float64, center: Float64, position: Float64) -> Float64:
     """(n, 4, 4) matrices that turn about `center` and carry it to `position`; both (n, 3)."""
     matrices = np.zeros((len(rotation), 4, 4))
     matrices[:, :3, :3] = rotation
-    matrices[:, :3, 3] = position - np.einsum("nij,nj->ni", rotation, center)
+    matrices[:, :3, 3] = position - (rotation @ center[:, :, None])[:, :, 0]
     matrices[:, 3, 3] = 1.0
     return matrices
 

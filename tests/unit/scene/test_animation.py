@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wall.scene.animation import Keyframes, Motion, Moving, Orbit, Spin, compile_tracks, quaternion
+from wall.scene.animation import Keyframes, Motion, Moving, Orbit, Spin, compile_tracks, quaternion, quaternion_matrices
 
 EXACT = 1e-12     # a few float64 roundings at coordinates near 1
 
@@ -50,6 +50,17 @@ def test_first_motion_is_the_innermost() -> None:
     np.testing.assert_allclose(moved([2.0, 2.0, 3.0], 1.0, spin, orbit)[:3], [0.0, 2.0, 1.0], atol=EXACT)
 
 
+def test_quaternion_matrices_turn_as_rodrigues_does() -> None:
+    chance = np.random.default_rng(3)
+    for axis, degrees in zip(chance.normal(size=(20, 3)), chance.uniform(-180, 180, 20), strict=True):
+        (matrix,) = quaternion_matrices(np.array([quaternion(tuple(axis), degrees)]))
+        k, point = axis / np.linalg.norm(axis), chance.normal(size=3)
+        angle = math.radians(degrees)
+        turned = point * math.cos(angle) + np.cross(k, point) * math.sin(angle)
+        turned += k * (k @ point) * (1 - math.cos(angle))
+        np.testing.assert_allclose(matrix @ point, turned, atol=EXACT)
+
+
 def path(*, loop: bool) -> Keyframes:
     turns = tuple(quaternion((0.0, 1.0, 0.0), degrees) for degrees in (0.0, 90.0, 90.0))
     return Keyframes(times=(1.0, 3.0, 4.0), positions=((0, 0, 0), (2, 0, 0), (2, 4, 0)), rotations=turns, loop=loop)
@@ -57,7 +68,13 @@ def path(*, loop: bool) -> Keyframes:
 
 @pytest.mark.parametrize(
     ("time", "center", "degrees"),
-    [(0.0, (0, 0, 0), 0.0), (1.0, (0, 0, 0), 0.0), (2.0, (1, 0, 0), 45.0), (3.5, (2, 2, 0), 90.0), (9.0, (2, 4, 0), 90.0)],
+    [
+        (0.0, (0, 0, 0), 0.0),
+        (1.0, (0, 0, 0), 0.0),
+        (2.0, (1, 0, 0), 45.0),
+        (3.5, (2, 2, 0), 90.0),
+        (9.0, (2, 4, 0), 90.0),
+    ],
 )
 def test_keyframes_blend_and_hold_at_both_ends(time: float, center: tuple[float, ...], degrees: float) -> None:
     np.testing.assert_allclose(moved([1.0, 2.0, 3.0], time, path(loop=False))[:3], center, atol=EXACT)
@@ -82,7 +99,8 @@ def test_slerp_takes_the_shorter_way_round() -> None:
 def test_paths_of_different_lengths_share_a_layer_without_disturbing_each_other() -> None:
     still = quaternion((0.0, 1.0, 0.0), 0.0)
     short = Keyframes(times=(0.0,), positions=((5, 0, 0),), rotations=(still,), loop=False)
-    long = Keyframes(times=(0.0, 1.0, 2.0), positions=((0, 0, 0), (1, 0, 0), (0, 8, 0)), rotations=(still,) * 3, loop=False)
+    corners = ((0, 0, 0), (1, 0, 0), (0, 8, 0))
+    long = Keyframes(times=(0.0, 1.0, 2.0), positions=corners, rotations=(still,) * 3, loop=False)
     both = compile_tracks([Moving(body=k, motion=m, center=(0.0, 0.0, 0.0)) for k, m in enumerate((short, long))])
     for time, place in ((0.0, (0, 0, 0)), (0.5, (0.5, 0, 0)), (1.5, (0.5, 4, 0)), (7.0, (0, 8, 0))):
         poses = np.tile(np.eye(4), (2, 1, 1))
@@ -92,9 +110,10 @@ def test_paths_of_different_lengths_share_a_layer_without_disturbing_each_other(
 
 def test_many_turns_equal_one_by_one_rodrigues() -> None:
     chance = np.random.default_rng(5)
+    periods = chance.uniform(-9, 9, 40)
     motions = [
-        Spin(axis=tuple(chance.normal(size=3)), period_s=float(chance.uniform(-9, 9)), center=tuple(chance.normal(size=3)))
-        for _ in range(40)
+        Spin(axis=tuple(axis), period_s=float(period), center=tuple(center))
+        for axis, center, period in zip(chance.normal(size=(40, 3)), chance.normal(size=(40, 3)), periods, strict=True)
     ]
     poses = np.tile(np.eye(4), (40, 1, 1))
     compile_tracks([Moving(body=k, motion=m, center=(0, 0, 0)) for k, m in enumerate(motions)]).apply(poses, 1.7)
@@ -103,5 +122,6 @@ def test_many_turns_equal_one_by_one_rodrigues() -> None:
         angle = 2 * np.pi * 1.7 / motion.period_s
         point = chance.normal(size=3)
         arm = point - motion.center
-        turned = arm * math.cos(angle) + np.cross(axis, arm) * math.sin(angle) + axis * (axis @ arm) * (1 - math.cos(angle))
+        turned = arm * math.cos(angle) + np.cross(axis, arm) * math.sin(angle)
+        turned += axis * (axis @ arm) * (1 - math.cos(angle))
         np.testing.assert_allclose((pose @ [*point, 1.0])[:3], motion.center + turned, atol=EXACT)

@@ -65,7 +65,8 @@ def test_glb_transforms_of_nested_nodes_chain(tmp_path: Path) -> None:
 
 def test_glb_base_colour_factor_is_linear_and_texture_is_kept(tmp_path: Path) -> None:
     image = Image.fromarray(np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [9, 9, 9]]], np.uint8))
-    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[128, 64, 255, 255], baseColorTexture=image, name="m")
+    factor = [128, 64, 255, 255]
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=factor, baseColorTexture=image, name="m")
     uv = np.array([[0.0, 0], [1, 0], [0, 1]])
     mesh = trimesh.Trimesh(np.eye(3), [[0, 1, 2]], process=False)
     mesh.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
@@ -160,7 +161,8 @@ def test_ply_face_colours_colour_whole_triangles(tmp_path: Path) -> None:
     header = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     header += "element face 2\nproperty list uchar int vertex_indices\n"
     header += "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"
-    source = load(written(tmp_path / "f.ply", header + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0 255 0\n"))
+    body = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0 255 0\n"
+    source = load(written(tmp_path / "f.ply", header + body))
     (mesh,) = source.meshes
     assert mesh.colors is not None
     np.testing.assert_array_equal(mesh.colors[mesh.triangles], [[[1, 0, 0]] * 3, [[0, 1, 0]] * 3])
@@ -189,7 +191,8 @@ def test_stl_soup_is_welded_and_smoothed(tmp_path: Path, kind: str) -> None:
     (mesh,) = load(tmp_path / "ball.stl").meshes
     assert (len(mesh.vertices), len(mesh.triangles)) == (len(ball.vertices), len(ball.faces))
     assert mesh.normals is not None
-    assert np.einsum("ij,ij->i", mesh.normals, mesh.vertices / np.linalg.norm(mesh.vertices, axis=1)[:, None]).min() > 0.999
+    outward = mesh.vertices / np.linalg.norm(mesh.vertices, axis=1)[:, None]
+    assert np.einsum("ij,ij->i", mesh.normals, outward).min() > 0.999
 
 
 def test_normals_of_the_file_are_kept(tmp_path: Path) -> None:

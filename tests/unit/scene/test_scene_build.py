@@ -125,7 +125,7 @@ def test_model_of_extreme_size_becomes_radius_one_with_a_note(tmp_path: Path, sc
 
 def test_model_a_million_units_away_is_placed_there_in_float64(tmp_path: Path) -> None:
     shape = trimesh.creation.icosphere(subdivisions=1)
-    rows = ["v {!r} {!r} {!r}".format(*map(float, v)) for v in shape.vertices + [1e6, 0, -1e6]]
+    rows = ["v {!r} {!r} {!r}".format(*map(float, v)) for v in shape.vertices + np.array([1e6, 0, -1e6])]
     (tmp_path / "a.obj").write_text("\n".join(rows + ["f {} {} {}".format(*(f + 1)) for f in shape.faces]))
     scene = configured(tmp_path, source="a.obj")
     np.testing.assert_allclose(scene.center, [1e6, 0.0, -1e6], atol=1e-6)
