@@ -16,7 +16,7 @@ import simplejpeg
 
 from wall.display.base import Status, WallPicture
 from wall.display.png import make_folder, whole_wall
-from wall.errors import RunError
+from wall.errors import RunError, WallError
 
 QUALITY = 90                 # JPEG: no blocks to be seen on rendered edges, a tenth of the PNG's bytes
 QUEUE_PICTURES = 4           # a slow disk may lag this far; each holds a whole wall in memory
@@ -47,7 +47,7 @@ class Recorder:
         self._seen: tuple[int, ...] = ()
         self._queue: queue.Queue[_Taken | None] = queue.Queue(QUEUE_PICTURES)
         self._behind = self._unwritten = 0
-        self._failure: OSError | None = None
+        self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
         self._thread.start()
 
@@ -74,7 +74,7 @@ class Recorder:
         else:
             self._thread.join(CLOSE_S)
         if self._failure is not None:
-            why = self._failure.strerror or self._failure
+            why = getattr(self._failure, "strerror", None) or self._failure
             raise RunError(f"{self._folder}: {self._unwritten} pictures could not be recorded: {why}")
 
     def dropped(self) -> dict[str, int]:
@@ -88,7 +88,7 @@ class Recorder:
                 try:
                     self._write(number, *taken)
                     number += 1
-                except OSError as error:
+                except (OSError, ValueError, WallError) as error:     # ValueError: too wide for a JPEG
                     self._unwritten += 1
                     self._failure = self._failure or error
 

@@ -3,7 +3,7 @@
 const DETAILS_WIDTH = 388;        // page.css, --details
 const BELOW_HEIGHT = 232;         // what the measurements need beneath the wall,
 const BELOW_ENOUGH = 344;         // and what they take when there is room
-const NARROW = 760;               // below this width everything is one scrolling column
+const NARROW = 900;               // below this width everything is one scrolling column
 const FRAME = 0.012;              // margin of the outer bezel, of the wall's height
 
 export class Wall {

@@ -1,0 +1,297 @@
+"""The browser sink's server as a script sees it: real sockets, no page."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import socket
+import time
+from contextlib import closing
+from dataclasses import replace
+
+import aiohttp
+import numpy as np
+import pytest
+from PIL import Image
+
+from wall.display.browser import IN_FLIGHT, Browser
+from wall.display.png import whole_wall
+from wall.display.stream import HEADER
+from wall.errors import RunError
+
+PATIENCE_S = 10.0
+
+
+@pytest.fixture
+def browser(two_panels):
+    sink = Browser("127.0.0.1", 0, two_panels, max_viewers=2)
+    with closing(sink):
+        yield sink
+
+
+def run(coroutine):
+    return asyncio.run(asyncio.wait_for(coroutine, PATIENCE_S))
+
+
+async def get(browser, path="", **headers):
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    async with (
+        aiohttp.ClientSession() as session,
+        session.get(browser.address + path, headers=named) as response,
+    ):
+        return response.status, response.headers, await response.read()
+
+
+class Viewer:
+    """What the page does, message by message."""
+
+    def __init__(self, socket):
+        self.socket = socket
+        self.statuses = []
+
+    async def next_picture(self):
+        """Number and panels {index: (version, rgb)} of the next picture."""
+        while (message := await self.socket.receive_json())["kind"] != "picture":
+            self.statuses.append(message)
+        panels = {}
+        for _ in range(message["panels"]):
+            data = await self.socket.receive_bytes()
+            _, _, index, _, _, version, number = HEADER.unpack(data[: HEADER.size])
+            assert number == message["number"]
+            panels[index] = (version, np.array(Image.open(io.BytesIO(data[HEADER.size :]))))
+        return message["number"], panels
+
+    async def drawn(self, number):
+        await self.socket.send_json({"kind": "shown", "number": number})
+
+    async def silent_while(self, seconds):
+        """Whether only status comes for a while."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0:
+            try:
+                message = await self.socket.receive(timeout=left)
+            except TimeoutError:
+                return True
+            if json.loads(message.data)["kind"] != "status":
+                return False
+        return True
+
+
+def with_viewer(browser, act, **options):
+    async def session():
+        async with (
+            aiohttp.ClientSession() as session,
+            session.ws_connect(browser.address + "stream", **options) as ws,
+        ):
+            return await act(Viewer(ws))
+
+    return run(session())
+
+
+async def until(condition):
+    while not condition():
+        await asyncio.sleep(0.005)
+
+
+def test_only_changed_panels_are_sent(browser, picture, status):
+    first = picture(1)
+    changed = replace(first, panels=(first.panels[0], replace(first.panels[1], version=2)))
+
+    async def act(viewer):
+        browser.show(first, status)
+        number, panels = await viewer.next_picture()
+        await viewer.drawn(number)
+        browser.show(changed, status)
+        return panels, (await viewer.next_picture())[1]
+
+    first_panels, second_panels = with_viewer(browser, act)
+    assert {k: v for k, (v, _) in first_panels.items()} == {0: 1, 1: 1}
+    assert {k: v for k, (v, _) in second_panels.items()} == {1: 2}
+    assert abs(first_panels[1][1].astype(int) - first.panels[1].rgb).max() <= 2     # flat colour
+
+
+def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, picture, status):
+    async def act(viewer):
+        browser.show(picture(1), status)
+        numbers = [(await viewer.next_picture())[0]]
+        for version in range(2, 2 + IN_FLIGHT - 1):
+            browser.show(picture(version), status)
+            numbers.append((await viewer.next_picture())[0])
+        for version in range(100, 200):
+            browser.show(picture(version), status)
+        quiet = await viewer.silent_while(0.3)
+        await viewer.drawn(numbers[-1])
+        return quiet, await viewer.next_picture()
+
+    quiet, (_, panels) = with_viewer(browser, act)
+    assert quiet
+    assert panels[0][0] == 199
+
+
+def test_new_viewer_gets_the_whole_wall_though_nothing_changes(browser, picture, status):
+    browser.show(picture(5), status)
+
+    async def act(viewer):
+        return (await viewer.next_picture())[1]
+
+    assert {k: v for k, (v, _) in with_viewer(browser, act).items()} == {0: 5, 1: 5}
+
+
+def test_viewer_hears_layout_then_status(browser, picture, status):
+    browser.show(picture(1), status)
+
+    async def act(viewer):
+        await viewer.next_picture()
+        return viewer.statuses
+
+    layout, first = with_viewer(browser, act)
+    assert (layout["kind"], first["kind"]) == ("layout", "status")
+    assert [p["id"] for p in layout["panels"]] == ["r0c0", "r0c1"]
+    assert first["sampler"] == "hilbert"
+
+
+def test_answer_to_a_command_does_not_wait_for_the_next_status(browser, picture, status, monkeypatch):
+    monkeypatch.setattr("wall.display.browser.STATUS_PERIOD_S", 10 * PATIENCE_S)
+    browser.show(picture(1), status)
+
+    async def act(viewer):
+        number, _ = await viewer.next_picture()
+        await viewer.drawn(number)
+        browser.show(picture(1), replace(status, paused=True))
+        return await viewer.socket.receive_json()
+
+    assert with_viewer(browser, act)["paused"] is True
+
+
+def test_commands_arrive_in_order_and_garbage_is_only_counted(browser):
+    async def act(viewer):
+        await viewer.socket.send_str('{"kind":"orbit","x":0.5,"y":0}')
+        await viewer.socket.send_str("garbage")
+        await viewer.socket.send_bytes(b"\x00\xff")
+        await viewer.socket.send_json({"kind": "shown", "number": 99})     # was never sent
+        await viewer.socket.send_str('{"kind":"pause"}')
+        got = []
+        while len(got) < 2:
+            got += browser.commands()
+            await asyncio.sleep(0.005)
+        return got
+
+    assert with_viewer(browser, act) == [{"kind": "orbit", "x": 0.5, "y": 0}, {"kind": "pause"}]
+    assert browser.dropped() == {"browser_bad_message": 3}
+
+
+def test_commands_that_nobody_fetches_are_bounded(browser):
+    async def act(viewer):
+        for k in range(300):
+            await viewer.socket.send_json({"kind": "orbit", "x": k / 100, "y": 0})
+        await until(lambda: browser.dropped().get("browser_command_overflow") == 300 - 256)
+
+    with_viewer(browser, act)
+    kept = browser.commands()
+    assert [c["x"] for c in kept] == [k / 100 for k in range(256)]
+
+
+def test_message_that_is_too_long_ends_only_that_viewer(browser, picture, status):
+    async def shout(viewer):
+        await viewer.socket.send_str("x" * 100_000)
+        while (message := await viewer.socket.receive()).type is aiohttp.WSMsgType.TEXT:
+            pass
+        return message.data
+
+    assert with_viewer(browser, shout) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+    browser.show(picture(1), status)
+
+    async def act(viewer):
+        return await viewer.next_picture()
+
+    assert with_viewer(browser, act)[0] == 1
+
+
+def test_viewers_beyond_the_limit_are_told_to_come_again(browser):
+    async def act(viewer):
+        url = browser.address + "stream"
+        async with aiohttp.ClientSession() as session, session.ws_connect(url) as second:
+            await second.receive_json()
+            async with session.ws_connect(url) as third:
+                return (await third.receive()).data
+
+    assert with_viewer(browser, act) == aiohttp.WSCloseCode.TRY_AGAIN_LATER
+    assert browser.dropped() == {"browser_viewer_refused": 1}
+
+
+def test_foreign_pages_get_nothing(browser, picture, status):
+    browser.show(picture(1), status)
+    assert run(get(browser, Host="evil.example"))[0] == 403
+    assert run(get(browser, "wall.png", Sec_Fetch_Site="cross-site"))[0] == 403
+    with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+        with_viewer(browser, lambda viewer: None, origin="http://evil.example")
+    assert browser.dropped() == {"browser_foreign_request": 3}
+
+
+@pytest.mark.parametrize("path", ["../browser.py", "%2e%2e/browser.py", "%2e%2e%2fbrowser.py", "page.py", "missing.js"])
+def test_only_the_pages_own_files_are_served(browser, path):
+    assert run(get(browser, path))[0] == 404
+
+
+def test_page_and_its_parts_are_served_and_load_nothing_from_elsewhere(browser):
+    status_code, headers, body = run(get(browser))
+    assert status_code == 200
+    assert b"<title>wall</title>" in body
+    assert headers["Content-Security-Policy"].startswith("default-src 'self'")
+    for name, kind in [("page.js", "text/javascript"), ("wall.js", "text/javascript"), ("page.css", "text/css")]:
+        code, headers, text = run(get(browser, name))
+        assert (code, headers["Content-Type"]) == (200, f"{kind}; charset=utf-8")
+        assert b"//cdn" not in text
+        assert b"@import" not in text
+
+
+def test_scripts_get_picture_and_status(browser, picture, status):
+    assert run(get(browser, "wall.png"))[0] == run(get(browser, "status.json"))[0] == 503      # nothing yet
+    shown = picture(3)
+    browser.show(shown, status)
+    code, _, png = run(get(browser, "wall.png"))
+    assert code == 200
+    assert np.array_equal(np.array(Image.open(io.BytesIO(png))), whole_wall(shown))
+    assert json.loads(run(get(browser, "status.json"))[2])["samplers"] == ["framed", "hilbert"]
+
+
+def test_taken_port_is_refused_by_number(two_panels):
+    with closing(socket.socket()) as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(RunError, match=rf"127\.0\.0\.1 port {port}: another program has this port"):
+            Browser("127.0.0.1", port, two_panels)
+
+
+@pytest.mark.parametrize("host", ["no.such.host.invalid", "192.0.2.1", "::zz"])
+def test_address_that_is_not_ours_is_refused_by_name(two_panels, host):
+    with pytest.raises(RunError, match=f"cannot be served at {host}"):
+        Browser(host, 0, two_panels)
+
+
+def test_close_tells_the_viewers_within_a_second_even_one_that_does_not_listen(browser, picture, status):
+    browser.show(picture(1), status)
+
+    async def act(viewer):
+        async with aiohttp.ClientSession() as session, session.ws_connect(browser.address + "stream"):  # deaf
+            await viewer.next_picture()
+            before = time.monotonic()
+            closing_it = asyncio.get_running_loop().run_in_executor(None, browser.close)
+            while (message := await viewer.socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
+                pass
+            await closing_it
+            return message.data, time.monotonic() - before
+
+    code, seconds = with_viewer(browser, act)
+    assert code == aiohttp.WSCloseCode.GOING_AWAY
+    assert seconds < 1.0
+    assert not browser._thread.is_alive()
+
+
+def test_show_after_close_is_harmless(browser, picture, status):
+    browser.close()
+    browser.show(picture(1), status)
+    browser.close()
+    assert browser.commands() == []

@@ -1,0 +1,101 @@
+"""Panels to one picture, and pictures to files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from wall.display.base import PanelPicture, WallPicture
+from wall.display.png import PngSink, file_names, whole_wall, write_png
+from wall.errors import LocalProtocolError, RunError
+
+BEZEL = (1, 2, 3)
+
+
+def wall_of(*panels: PanelPicture, size: tuple[int, int]) -> WallPicture:
+    return WallPicture(
+        width=size[0], height=size[1], panels=panels, time=0.0, camera_event=0, scene_event=0
+    )
+
+
+def panel(rgb: np.ndarray, x: int, y: int, name: str = "p") -> PanelPicture:
+    return PanelPicture(id=name, rgb=rgb, screen=(x, y), version=1)
+
+
+def test_every_pixel_is_its_panels_or_the_bezels():
+    rng = np.random.default_rng(4)
+    a, b = (rng.integers(0, 256, (3, 4, 3), dtype=np.uint8) for _ in range(2))
+    out = whole_wall(wall_of(panel(a, 0, 1), panel(b, 6, 0), size=(10, 4)), BEZEL)
+    expected = np.empty((4, 10, 3), np.uint8)
+    for y in range(4):
+        for x in range(10):
+            in_a, in_b = x < 4 and y >= 1, x >= 6 and y < 3
+            expected[y, x] = a[y - 1, x] if in_a else b[y, x - 6] if in_b else BEZEL
+    assert np.array_equal(out, expected)
+
+
+def test_composing_leaves_the_panels_pictures_alone():
+    rgb = np.full((2, 2, 3), 9, np.uint8)
+    out = whole_wall(wall_of(panel(rgb, 0, 0), size=(2, 2)))
+    out[:] = 0
+    assert (rgb == 9).all()
+
+
+@pytest.mark.parametrize("place", [(-1, 0), (0, -1), (3, 0), (0, 3)])
+def test_panel_that_leaves_the_virtual_screen_is_named(place):
+    picture = wall_of(panel(np.zeros((2, 2, 3), np.uint8), *place, name="left"), size=(4, 4))
+    with pytest.raises(LocalProtocolError, match=r"panel left: 2 x 2 pixels at .* 4 x 4"):
+        whole_wall(picture)
+
+
+def test_files_hold_exactly_the_last_picture(tmp_path, picture, status):
+    sink = PngSink(tmp_path / "deep" / "OUT", bezel_rgb=BEZEL)
+    last = picture(2, value=77)
+    sink.show(picture(1), status)
+    sink.show(last, status)
+    sink.close()
+    files = {path.name: np.array(Image.open(path)) for path in (tmp_path / "deep" / "OUT").iterdir()}
+    assert sorted(files) == ["panel-r0c0.png", "panel-r0c1.png", "wall.png"]
+    assert np.array_equal(files["wall.png"], whole_wall(last, BEZEL))
+    assert np.array_equal(files["panel-r0c1.png"], last.panels[1].rgb)
+
+
+def test_nothing_shown_writes_nothing(tmp_path):
+    PngSink(tmp_path).close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_file_is_replaced_whole_or_not_at_all(tmp_path):
+    path = tmp_path / "wall.png"
+    write_png(path, np.zeros((4, 4, 3), np.uint8))
+    held = path.open("rb")                  # a reader of the old picture keeps all of it
+    write_png(path, np.full((4, 4, 3), 255, np.uint8))
+    with held:
+        assert (np.array(Image.open(held)) == 0).all()
+    assert (np.array(Image.open(path)) == 255).all()
+    assert [p.name for p in tmp_path.iterdir()] == ["wall.png"]
+
+
+def test_failed_write_leaves_no_part_behind(tmp_path):
+    target = tmp_path / "wall.png"
+    (target / "in the way").mkdir(parents=True)
+    with pytest.raises(RunError, match=r"cannot write .*wall\.png: "):
+        write_png(target, np.zeros((2, 2, 3), np.uint8))
+    assert [p.name for p in tmp_path.iterdir()] == ["wall.png"]
+
+
+def test_folder_that_cannot_be_made_is_refused_before_the_run(tmp_path):
+    blocker = tmp_path / "file"
+    blocker.write_text("")
+    with pytest.raises(RunError, match=r"cannot create the folder .*file/OUT: Not a directory"):
+        PngSink(blocker / "OUT")
+
+
+def test_file_names_cannot_leave_the_folder_and_all_differ():
+    names = file_names(["a", "../../etc", "A", "a/b", "a_b", "", "x" * 300, "ä"])
+    assert names[:2] == ["panel-a.png", "panel-.._.._etc.png"]
+    assert len({name.lower() for name in names}) == 8
+    assert all(Path(name).name == name and len(name) < 80 for name in names)
