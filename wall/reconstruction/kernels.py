@@ -13,7 +13,7 @@ CURVE_STEPS = 4096
 
 @kernel
 def display_tiles(radiance, dirty, tile, curve, rgb):
-    """Encode the changed tiles of a picture for display: clip to 0..1, sRGB curve, 8 bits.
+    """Encode the changed tiles of a picture for display: clip to 0..1, sRGB curve, 8 bits; NaN shows as 0.
 
     Parameters
     ----------
@@ -34,7 +34,8 @@ def display_tiles(radiance, dirty, tile, curve, rgb):
             for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
                 for x in range(column * tile, min((column + 1) * tile, radiance.shape[1])):
                     for c in range(3):
-                        value = min(max(radiance[y, x, c], np.float32(0.0)), np.float32(1.0))
+                        value = radiance[y, x, c]
+                        value = min(value, np.float32(1.0)) if value > np.float32(0.0) else np.float32(0.0)
                         rgb[y, x, c] = curve[int(math.sqrt(value) * np.float32(CURVE_STEPS) + np.float32(0.5))]
                     redone += 1
     return redone

@@ -244,15 +244,17 @@ def finish_surfaces(work):
     """Positions, unit normals turned towards the ray, and the lift of secondary rays, for all lanes at once.
 
     The lift moves the start of a secondary ray along the geometric normal by more than the float32 error of the hit:
-    slope * (|P| + |T| + R), with P the hit, T the instance's place, R its radius, slope = ulps * 2^-24 * condition.
+    slope * (|O| + t |d| + |T| + R), with O + t d the hit, T the instance's place, R its radius, and
+    slope = ulps * 2^-24 * condition. O is 0 but behind a mirror.
     """
     p = work.packet
     for lane in range(16):
         t = p[T_FAR + lane]
         dx, dy, dz = p[DIRECTION_X + lane], p[DIRECTION_Y + lane], p[DIRECTION_Z + lane]
-        px, py, pz = p[ORIGIN_X + lane] + t * dx, p[ORIGIN_Y + lane] + t * dy, p[ORIGIN_Z + lane] + t * dz
-        p[PX + lane], p[PY + lane], p[PZ + lane] = px, py, pz
-        p[LIFT + lane] = p[LIFT_BASE + lane] + p[LIFT_SLOPE + lane] * (abs(px) + abs(py) + abs(pz))
+        ox, oy, oz = p[ORIGIN_X + lane], p[ORIGIN_Y + lane], p[ORIGIN_Z + lane]
+        p[PX + lane], p[PY + lane], p[PZ + lane] = ox + t * dx, oy + t * dy, oz + t * dz
+        way = abs(ox) + abs(oy) + abs(oz) + t * (abs(dx) + abs(dy) + abs(dz))
+        p[LIFT + lane] = p[LIFT_BASE + lane] + p[LIFT_SLOPE + lane] * way
         gx, gy, gz = p[GX + lane], p[GY + lane], p[GZ + lane]
         side = ONE / math.sqrt(gx * gx + gy * gy + gz * gz)
         side = -side if gx * dx + gy * dy + gz * dz > ZERO else side
@@ -367,22 +369,27 @@ def aim_directional(light, work):
 
 @inline_kernel
 def aim_point(light, work):
-    """Aim shadow rays at a point light (position relative to the eye); COS becomes the weight of its intensity."""
+    """Aim shadow rays at a point light (position relative to the eye); COS becomes the weight of its intensity.
+
+    Rays end a lift before the light, so that a lamp in a surface is not shaded by it. Weights are those of the hit
+    itself: the lifted start would brighten what lies close to a lamp.
+    """
     p = work.packet
     x, y, z = light[0], light[1], light[2]
+    reach = abs(x) + abs(y) + abs(z)
     for lane in range(16):
-        lx, ly, lz = x - p[SHADE + ORIGIN_X + lane], y - p[SHADE + ORIGIN_Y + lane], z - p[SHADE + ORIGIN_Z + lane]
+        px, py, pz = p[PX + lane], p[PY + lane], p[PZ + lane]
+        lx, ly, lz = x - px, y - py, z - pz
         square = lx * lx + ly * ly + lz * lz
-        distance = math.sqrt(square)
-        scale = ONE / distance
-        lx, ly, lz = lx * scale, ly * scale, lz * scale
+        scale = ONE / math.sqrt(square)
         cosine = p[NX + lane] * lx + p[NY + lane] * ly + p[NZ + lane] * lz
         side = p[GX + lane] * lx + p[GY + lane] * ly + p[GZ + lane] * lz
-        p[COS + lane] = cosine * INV_PI / square if min(cosine, side) > ZERO else ZERO
-        p[SHADE + DIRECTION_X + lane] = lx
-        p[SHADE + DIRECTION_Y + lane] = ly
-        p[SHADE + DIRECTION_Z + lane] = lz
-        p[SHADE + T_FAR + lane] = distance
+        p[COS + lane] = cosine * scale * INV_PI / square if min(cosine, side) > ZERO else ZERO
+        p[SHADE + DIRECTION_X + lane] = x - p[SHADE + ORIGIN_X + lane]
+        p[SHADE + DIRECTION_Y + lane] = y - p[SHADE + ORIGIN_Y + lane]
+        p[SHADE + DIRECTION_Z + lane] = z - p[SHADE + ORIGIN_Z + lane]
+        gap = p[LIFT + lane] + p[LIFT_SLOPE + lane] * reach
+        p[SHADE + T_FAR + lane] = max(ONE - gap * scale, ZERO)
 
 
 @inline_kernel

@@ -1,0 +1,73 @@
+"""What many tests start from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+from small_scenes import View, instance, material, quad, scene_of, sphere_mesh, view
+
+from wall.data import Event
+from wall.processes.clock import ManualClock
+from wall.scene.build import Scene
+from wall.scene.model import DirectionalLight, PointLight
+
+JIT_DISABLED = bool(numba.config.DISABLE_JIT)
+
+
+@pytest.fixture
+def compiled_only() -> None:
+    """For tests of many rays or pixels, which plain Python would take minutes for."""
+    if JIT_DISABLED:
+        pytest.skip("too many rays or pixels for NUMBA_DISABLE_JIT=1")
+
+
+@pytest.fixture
+def manual_clock() -> ManualClock:
+    """A clock at 100 s that only the test moves."""
+    return ManualClock(100.0)
+
+
+@pytest.fixture(scope="session")
+def tiny_scene() -> Scene:
+    """A floor, a ball and a smaller one beside it, under one sun and one lamp: 3 objects, 1,442 triangles."""
+    ball = sphere_mesh(1, segments=24)
+    return scene_of(
+        [quad(8.0, 8.0, material=0), ball],
+        [
+            instance(0, turn=("x", -90.0)),
+            instance(1, at=(-0.6, 1.0, 0.0)),
+            instance(1, at=(1.1, 0.4, 0.7), scale=0.4),
+        ],
+        materials=[material(0.8, 0.7, 0.5), material(0.3, 0.5, 0.9)],
+        lights=[
+            DirectionalLight(direction=(0.48, 0.64, 0.6), irradiance=(2.0, 1.9, 1.7)),
+            PointLight(position=(-2.0, 2.5, 2.0), intensity=(3.0, 3.0, 4.0)),
+        ],
+    )
+
+
+@pytest.fixture
+def tiny_view() -> View:
+    """32 x 24 pixels that show all of `tiny_scene`."""
+    return view((0.0, 2.2, 5.0), (0.0, 0.6, 0.0), pixels=(32, 24))
+
+
+@pytest.fixture
+def camera_path(tiny_view: View) -> Callable[[int], Event]:
+    """Event k of a camera that slides to the right, 0.1 units an event; its input came at 100 + k / 30 seconds."""
+
+    def event(k: int) -> Event:
+        x, y, z = tiny_view.event.camera.position
+        camera = replace(tiny_view.event.camera, position=(x + 0.1 * k, y, z))
+        return replace(tiny_view.event, camera_event=k, input_time=100.0 + k / 30.0, camera=camera)
+
+    return event
+
+
+@pytest.fixture
+def random_numbers() -> np.random.Generator:
+    return np.random.default_rng(20)
