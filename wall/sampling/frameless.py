@@ -1,7 +1,8 @@
 """Frameless sampling: every pixel in random order without replacement, each under the newest input.
 
 After Bishop, Fuchs, McMillan and Scher Zagier, "Frameless Rendering: Double Buffering Considered Harmful", 1994:
-the order is a random permutation of the pixels, so that all are updated once a sweep and no structure shows.
+the order is a random permutation of the pixels, so that all are updated once a sweep and no structure shows. Within a
+batch, which is traced under one event and sent at once, the order is free: there it follows a Hilbert curve.
 """
 
 from __future__ import annotations
@@ -11,7 +12,9 @@ import numpy as np
 from wall.data import Event, Float32, Rect, Samples
 from wall.sampling import kernels
 from wall.sampling.base import Targets
-from wall.sampling.ownership import block_order, slots_of
+from wall.sampling.ownership import hilbert_chunks, slots_of
+
+CHUNK = 64               # pixels of the Hilbert curve that are dealt to a thread at a time
 
 
 class FramelessSampler:
@@ -20,8 +23,10 @@ class FramelessSampler:
     coherent = False
 
     def __init__(self, rect: Rect, *, batch: int, seed: int, worker: int = 0, workers: int = 1) -> None:
-        self._pixels = block_order(rect, worker=worker, workers=workers)
-        self._slots, self._rect, self._batch = slots_of(rect, self._pixels), rect, batch
+        chunks = hilbert_chunks(rect, chunk=CHUNK, worker=worker, workers=workers)
+        pixels = np.concatenate(chunks) if chunks else np.zeros((0, 2), np.int32)
+        self._pixels, self._centres = pixels, (pixels + 0.5).astype(np.float32)
+        self._slots, self._rect, self._batch = slots_of(rect, pixels), rect, batch
         self._order = np.arange(len(self._pixels), dtype=np.int32)
         self._epochs = np.zeros(len(self._pixels), np.uint32)  # 0: never sampled
         self._epoch, self._number = 1, (-1, -1)
@@ -33,25 +38,27 @@ class FramelessSampler:
             self._number, self._epoch, self._missing = newest.number, self._epoch + 1, len(self._pixels)
         if self._missing == 0:
             return None
-        xy = np.empty((min(self._batch, self._missing), 2), np.float32)
+        numbers = np.empty(min(self._batch, self._missing), np.int32)
         filled = 0
-        while filled < len(xy):
+        while filled < len(numbers):
             if self._at >= len(self._order):
                 kernels.shuffle(self._order, self._seed, self._sweep)
                 self._sweep, self._at = self._sweep + 1, 0
             taken, self._at = kernels.next_pixels(
-                self._order, self._at, self._epochs, np.uint32(self._epoch), self._pixels, xy[filled:]
+                self._order, self._at, self._epochs, np.uint32(self._epoch), numbers[filled:]
             )
             filled += taken
         self._missing -= filled
-        return Targets(xy=xy, event=newest)
+        numbers.sort()       # along the curve: 16 in a row are neighbours, which doubles the tracing rate
+        return Targets(xy=self._centres[numbers], event=newest)
 
     def observe(self, samples: Samples) -> None:
         """Bishop's sampler is blind to what it sees."""
 
     def forget(self, xy: Float32) -> None:
-        self._missing += kernels.clear_epochs(xy, self._slots, self._rect.x, self._rect.y, self._epochs)
-        self._missing = min(self._missing, len(self._pixels))
+        self._missing += kernels.clear_epochs(
+            xy, self._slots, self._rect.x, self._rect.y, self._epochs, np.uint32(self._epoch)
+        )
 
     def restart(self) -> None:
         self._epochs[:] = 0

@@ -30,8 +30,8 @@ def shuffle(order, seed, sweep):
 
 
 @kernel
-def next_pixels(order, start, epochs, epoch, pixels, xy):
-    """Take the next pixels of a permutation that have no sample of this epoch yet, at their centres.
+def next_pixels(order, start, epochs, epoch, numbers):
+    """Take the next pixels of a permutation that have no sample of this epoch yet.
 
     Parameters
     ----------
@@ -39,8 +39,7 @@ def next_pixels(order, start, epochs, epoch, pixels, xy):
     start : int, where in the permutation to go on
     epochs : (n,) uint32, newest epoch sampled by pixel, updated
     epoch : uint32, the current one
-    pixels : (n, 2) int32, x and y of each pixel number
-    xy : (m, 2) float32, filled with centres
+    numbers : (m,) int32, filled with pixel numbers
 
     Returns
     -------
@@ -48,14 +47,13 @@ def next_pixels(order, start, epochs, epoch, pixels, xy):
     """
     taken = 0
     k = start
-    while k < order.shape[0] and taken < xy.shape[0]:
+    while k < order.shape[0] and taken < numbers.shape[0]:
         pixel = order[k]
         k += 1
         if epochs[pixel] == epoch:
             continue
         epochs[pixel] = epoch
-        xy[taken, 0] = pixels[pixel, 0] + 0.5
-        xy[taken, 1] = pixels[pixel, 1] + 0.5
+        numbers[taken] = pixel
         taken += 1
     return taken, k
 
@@ -116,14 +114,14 @@ def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
 
 
 @kernel
-def clear_epochs(xy, slots, x0, y0, epochs):
-    """Mark the pixels of positions that were lost as never sampled. Returns how many there were."""
+def clear_epochs(xy, slots, x0, y0, epochs, epoch):
+    """Mark the pixels of positions that were lost as never sampled. Returns how many had a sample of `epoch`."""
     cleared = 0
     for k in range(xy.shape[0]):
         x, y = int(xy[k, 0]) - x0, int(xy[k, 1]) - y0
-        if 0 <= x < slots.shape[1] and 0 <= y < slots.shape[0] and slots[y, x] >= 0 and epochs[slots[y, x]] != 0:
+        if 0 <= x < slots.shape[1] and 0 <= y < slots.shape[0] and slots[y, x] >= 0:
+            cleared += epochs[slots[y, x]] == epoch
             epochs[slots[y, x]] = 0
-            cleared += 1
     return cleared
 
 
