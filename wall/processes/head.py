@@ -21,6 +21,7 @@ from wall.transport.base import Hub
 
 STATUS_PERIOD_S = 0.25
 SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
+HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
 RECENT_LATENCIES = 240  # shown in the viewer's plot
 
 
@@ -68,13 +69,23 @@ class Head:
                 self._compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
 
     def finish(self) -> None:
-        """Stop everyone, show what still came in, close the sinks."""
+        """Complete the last view if that takes no time, stop everyone, show what came in, close the sinks."""
+        if self.manager.is_alive() and self.stopping != "no renderer is left":
+            self._hold()
         self.manager.stop()
         while self._compositor.take_in():
             pass
         self._refresh(self._clock.now())
         for sink in self._sinks:
             sink.close()
+
+    def _hold(self) -> None:
+        """Freeze the view, so that wall.png shows one moment with every sample."""
+        self.manager.hold()
+        limit = self._clock.now() + HOLD_S
+        while self._clock.now() < limit and not self._idle():
+            if not self._compositor.take_in():
+                self._compositor.hub.wait(0.005)
 
     def picture(self) -> WallPicture:
         wall, event = self._plan.layout.wall, self.manager.event
@@ -117,13 +128,19 @@ class Head:
             self.stopping = "no renderer is left"
 
     def _complete(self, now: float) -> bool:
-        """Whether every other rank says that it has nothing left to do under the newest event, and all of it is shown."""
-        event = self.manager.event
+        """Whether all is traced under the newest event, and all of it has been shown for a while."""
+        shown = self._compositor.newest_event() == self.manager.event.number
+        return shown and now - self._changed >= SETTLED_S and self._idle()
+
+    def _idle(self) -> bool:
+        """Whether every other living rank says that it has nothing left to do under the newest event."""
+        number = self.manager.event.number
         for rank in range(1, self._plan.layout.size):
             beat = self.manager.heartbeats.get(rank)
-            if beat is None or not beat[1].complete or (beat[1].camera_event, beat[1].scene_event) != event.number:
+            idle = beat is not None and beat[1].complete and (beat[1].camera_event, beat[1].scene_event) == number
+            if not idle and rank not in self.lost:
                 return False
-        return now - self._changed >= SETTLED_S and self._compositor.newest_event() == event.number
+        return True
 
     def status(self, now: float) -> Status:
         latencies = list(self.manager.latency.seconds)[-RECENT_LATENCIES:]

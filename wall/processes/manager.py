@@ -116,8 +116,13 @@ class Manager(threading.Thread):
         self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
         self.hellos: dict[int, Hello] = {}
         self.failure: BaseException | None = None
+        self._held = threading.Event()
         if still:
             self._director.paused = True
+
+    def hold(self) -> None:
+        """No new events from now on."""
+        self._held.set()
 
     def stop(self) -> None:
         """Tell everyone, collect their last words, end the thread. Bounded."""
@@ -135,7 +140,7 @@ class Manager(threading.Thread):
         while not self._stopping.is_set():
             now = self._clock.now()
             commands = self._parse(self._commands())
-            if (now >= due or commands) and self._director.update(commands, now):
+            if not self._held.is_set() and (now >= due or commands) and self._director.update(commands, now):
                 self._publish(now)
                 beat = now
             elif now - beat >= self._heartbeat_s:  # the newest event again: a sign of life, and it may have been lost

@@ -22,6 +22,7 @@ from wall.display.recorder import Recorder
 from wall.errors import ConfigError
 from wall.processes.bootstrap import Bootstrap, under_mpi
 from wall.processes.bootstrap_local import LocalBootstrap
+from wall.processes.bootstrap_threads import ThreadBootstrap
 from wall.processes.clock import HeadClock
 from wall.processes.compositor import FurtherCompositor
 from wall.processes.head import Head
@@ -29,7 +30,8 @@ from wall.processes.plan import HEAD, Layout, Plan, make_layout, make_plan
 from wall.processes.renderer import Control, Renderer
 from wall.processes.warm import warm_up
 from wall.tracing.resident import Resident, make_resident
-from wall.transport.zeromq import ZmqHub, ZmqLink
+from wall.transport.base import Hub
+from wall.transport.factory import connect, open_hub
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,11 +63,16 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
 def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
     plan, resident = _prepare(layout, say)
 
-    def main(bootstrap: LocalBootstrap) -> None:
+    def main(bootstrap: Bootstrap) -> None:
         serve(plan, resident, bootstrap)
 
-    say(f"starting {layout.size} processes")
-    bootstrap = LocalBootstrap.start(layout.size, main)
+    bootstrap: Bootstrap
+    if layout.config.transport.kind == "loopback":
+        say(f"starting {layout.size - 1} threads")
+        bootstrap = ThreadBootstrap.start(layout.size, main)
+    else:
+        say(f"starting {layout.size - 1} processes")
+        bootstrap = LocalBootstrap.start(layout.size, main)
     try:
         return lead(plan, resident, bootstrap, options, opened)
     finally:
@@ -79,6 +86,8 @@ def _run_mpi(
 
     bootstrap = MpiBootstrap()
     check_size(layout, bootstrap.size)
+    if layout.config.transport.kind == "loopback":
+        raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     plan, resident = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
     if bootstrap.rank != HEAD:
         serve(plan, resident, bootstrap)
@@ -110,25 +119,29 @@ def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, Resident
 def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
     """Be a rank other than the head, until it says stop."""
     layout, rank = plan.layout, bootstrap.rank
-    config = layout.config.transport
-    hub = ZmqHub(config.bind, credit_bytes=config.credit_bytes) if layout.role(rank) == "compositor" else None
+    hub = _hub(plan) if layout.role(rank) == "compositor" else None
     endpoints = [json.loads(text) for text in bootstrap.allgather(json.dumps({"data": hub.endpoint if hub else ""}))]
-    link = ZmqLink(endpoints[HEAD]["control"], rank=rank)
+    link = connect(endpoints[HEAD]["control"], rank=rank)
     control = Control(link, plan, rank)
     if hub is not None:
-        outbox = ZmqLink(endpoints[HEAD]["data"], rank=rank)
+        outbox = connect(endpoints[HEAD]["data"], rank=rank)
         try:
             FurtherCompositor(plan, rank, hub, control, outbox).run()
         finally:
             _close(outbox, link, hub)
         return
-    outbox = ZmqLink(endpoints[layout.compositor_of(layout.region(rank).panel)]["data"], rank=rank)
+    outbox = connect(endpoints[layout.compositor_of(layout.region(rank).panel)]["data"], rank=rank)
     renderer = Renderer(plan, resident, rank, control, outbox)
     try:
         renderer.run()
     finally:
         renderer.close()
         _close(outbox, link)
+
+
+def _hub(plan: Plan) -> Hub:
+    transport = plan.layout.config.transport
+    return open_hub(transport.kind, transport.bind, credit_bytes=transport.credit_bytes)
 
 
 def _close(*things: Any) -> None:
@@ -142,8 +155,8 @@ def lead(
     """Be the head: serve the page, run the wall, write what is asked for at the end."""
     config = plan.layout.config
     options.out.mkdir(parents=True, exist_ok=True)
-    hub = ZmqHub(config.transport.bind, credit_bytes=config.transport.credit_bytes)
-    control_hub = ZmqHub(config.transport.bind, credit_bytes=config.transport.credit_bytes)
+    hub = _hub(plan)
+    control_hub = _hub(plan)
     sinks, browser = make_sinks(plan, options)
     head: Head | None = None
     try:

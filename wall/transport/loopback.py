@@ -1,33 +1,40 @@
-"""In-process transport: queues instead of sockets, the same credit, deterministic order. For tests and single processes."""
+"""In-process transport: queues instead of sockets, the same credit. Ranks are threads, or take turns in one.
+
+deque's append and popleft are atomic, and each queue has one reader; the condition only wakes who waits.
+"""
 
 from __future__ import annotations
 
 import itertools
+import threading
 from collections import deque
 
 from wall.data import Counters
 from wall.transport.base import MAX_CONTROL, Hub, Link
 from wall.transport.credit import HubCredit, LinkCredit
 
+_hubs: dict[str, LoopbackHub] = {}
+_numbers = itertools.count()
+
 
 class LoopbackHub(Hub):
-    """Links are made with `LoopbackLink(hub)`; all belong to one thread."""
-
-    _numbers = itertools.count()
+    """Links find it by its endpoint, as with sockets."""
 
     def __init__(self, *, credit_bytes: int) -> None:
         self.counters = Counters()
-        self.endpoint = f"loopback:{next(self._numbers)}"
+        self.endpoint = f"loopback:{next(_numbers)}"
         self.window = credit_bytes
         self.links: dict[bytes, LoopbackLink] = {}
         self.data: deque[tuple[bytes, bytes]] = deque()
-        self.control: deque[tuple[bytes, bytes]] = deque(maxlen=MAX_CONTROL)
+        self.control: deque[tuple[bytes, bytes]] = deque()
+        self.something = threading.Condition()
         self._credits: dict[bytes, HubCredit] = {}
+        _hubs[self.endpoint] = self
 
     def welcome(self, link: LoopbackLink) -> bytes:
-        peer = b"%d" % len(self.links)
-        self.links[peer] = link
+        peer = b"%d" % len(self._credits)
         self._credits[peer] = HubCredit(self.window)
+        self.links[peer] = link
         self._grant(peer)
         return peer
 
@@ -39,44 +46,50 @@ class LoopbackHub(Hub):
         return taken
 
     def release(self, peer: bytes, size: int) -> None:
-        if peer in self._credits:
+        if peer in self.links:
             self._credits[peer].consume(size)
             self._grant(peer)
 
     def messages(self) -> list[tuple[bytes, bytes]]:
-        messages = list(self.control)
-        self.control.clear()
-        return messages
+        return _take_all(self.control)
 
     def send(self, peer: bytes, message: bytes) -> None:
-        if peer in self.links:
-            self.links[peer].inbox.append(message)
-        else:
+        link = self.links.get(peer)
+        if link is None:
             self.counters.add("peer_gone")
+            return
+        _keep(link.inbox, message, link.counters)
+        _wake(link.something)
 
     def broadcast(self, message: bytes) -> None:
-        for peer in self.links:
+        for peer in list(self.links):
             self.send(peer, message)
 
     def wait(self, seconds: float) -> None:
-        """Nothing can come while the one thread waits."""
+        with self.something:
+            if not (self.data or self.control):
+                self.something.wait(seconds)
 
     def close(self) -> None:
         self.links.clear()
-        self._credits.clear()
+        _hubs.pop(self.endpoint, None)
 
     def _grant(self, peer: bytes) -> None:
         limit = self._credits[peer].due()
-        if limit is not None:
-            self.links[peer].credit.grant(limit, self.window)
+        link = self.links.get(peer)
+        if limit is not None and link is not None:
+            link.credit.grant(limit, self.window)
+            _wake(link.something)
 
 
 class LoopbackLink(Link):
-    def __init__(self, hub: LoopbackHub) -> None:
+    def __init__(self, endpoint: str) -> None:
         self.counters = Counters()
         self.credit = LinkCredit(self.counters)
-        self.inbox: deque[bytes] = deque(maxlen=MAX_CONTROL)
-        self._hub, self._peer = hub, hub.welcome(self)
+        self.inbox: deque[bytes] = deque()
+        self.something = threading.Condition()
+        self._hub = _hubs[endpoint]
+        self._peer = self._hub.welcome(self)
 
     def offer(self, packet: bytes) -> list[bytes]:
         return self.credit.offer(packet, self._put)
@@ -86,20 +99,38 @@ class LoopbackLink(Link):
         return self.credit.ready
 
     def send(self, message: bytes) -> None:
-        self._hub.control.append((self._peer, message))
+        _keep(self._hub.control, (self._peer, message), self.counters)
+        _wake(self._hub.something)
 
     def receive(self) -> list[bytes]:
         self.credit.flush(self._put)
-        messages = list(self.inbox)
-        self.inbox.clear()
-        return messages
+        return _take_all(self.inbox)
 
     def wait(self, seconds: float) -> None:
-        """Nothing can come while the one thread waits."""
+        with self.something:
+            if not self.inbox:
+                self.something.wait(seconds)
 
     def close(self) -> None:
         self._hub.links.pop(self._peer, None)
 
     def _put(self, packet: bytes) -> bool:
         self._hub.data.append((self._peer, packet))
+        _wake(self._hub.something)
         return True
+
+
+def _keep(queue: deque, item: object, counters: Counters) -> None:  # type: ignore[type-arg]
+    queue.append(item)
+    if len(queue) > MAX_CONTROL:
+        queue.popleft()
+        counters.add("control_overflow")
+
+
+def _take_all(queue: deque) -> list:  # type: ignore[type-arg]
+    return [queue.popleft() for _ in range(len(queue))]
+
+
+def _wake(condition: threading.Condition) -> None:
+    with condition:
+        condition.notify()
