@@ -89,9 +89,7 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
         nodes.append(SamplesNode(op="samples", id=samples, panel=panel.id, ranks=preset.ranks_per_panel))
         nodes.append(ReconstructNode(op="reconstruct", id=framelet, input=samples, on=on))
     nodes.append(TileNode(op="tile", id="wall", inputs=tuple(f"p{i}" for i in range(count))))
-    nodes.extend(
-        SinkNode(op="sink", id=kind, kind=kind, input="wall") for kind in dict.fromkeys(preset.sinks)
-    )
+    nodes.extend(SinkNode(op="sink", id=kind, kind=kind, input="wall") for kind in dict.fromkeys(preset.sinks))
     return NodeGraph(compositors=preset.compositors, nodes=tuple(nodes))
 
 
@@ -141,9 +139,7 @@ class _Check:
             self._every_node_is_used_once()
         return self._found
 
-    def _refuse(
-        self, node: NodeConfig | None, at: Sequence[str | int], message: str, accepted: str = ""
-    ) -> None:
+    def _refuse(self, node: NodeConfig | None, at: Sequence[str | int], message: str, accepted: str = "") -> None:
         path = ("graph", "nodes", self._index[id(node)], *at) if node else ("graph", *at)
         self._found.append(self._loaded.error(path, message, accepted))
 
@@ -160,9 +156,7 @@ class _Check:
             for i, name in enumerate(inputs_of(node)):
                 at: list[str | int] = ["inputs", i] if isinstance(node, TileNode) else ["input"]
                 giver = self._by_id.get(name)
-                fitting = [
-                    n.id for n in self._config.nodes if GIVES[n.op] == TAKES[node.op] and n is not node
-                ]
+                fitting = [n.id for n in self._config.nodes if GIVES[n.op] == TAKES[node.op] and n is not node]
                 accepted = ", ".join(fitting) or f"a node that gives {TAKES[node.op]}"
                 if giver is None:
                     self._refuse(node, at, "there is no such node", accepted + nearest(name, fitting))
@@ -177,9 +171,7 @@ class _Check:
             if not isinstance(node, SamplesNode):
                 continue
             if node.panel not in panels:
-                self._refuse(
-                    node, ["panel"], "there is no such panel", ", ".join(panels) + nearest(node.panel, panels)
-                )
+                self._refuse(node, ["panel"], "there is no such panel", ", ".join(panels) + nearest(node.panel, panels))
             elif node.panel in seen:
                 self._refuse(
                     node,
@@ -202,11 +194,7 @@ class _Check:
             if isinstance(node, ReconstructNode):
                 used.add(node.on)
                 if node.on >= count:
-                    what = (
-                        "there is only compositor 0 (the head)"
-                        if count == 1
-                        else f"there are {count} compositors"
-                    )
+                    what = "there is only compositor 0 (the head)" if count == 1 else f"there are {count} compositors"
                     self._refuse(node, ["on"], what, f"0 to {count - 1}, or more graph.compositors")
         if idle := sorted(set(range(count)) - used):
             self._refuse(
@@ -229,9 +217,7 @@ class _Check:
             TopologicalSorter({node.id: inputs_of(node) for node in self._config.nodes}).prepare()
         except CycleError as error:
             names = " <- ".join(error.args[1])
-            self._refuse(
-                self._by_id[error.args[1][0]], [], f"needs its own result: {names}", "a graph without cycles"
-            )
+            self._refuse(self._by_id[error.args[1][0]], [], f"needs its own result: {names}", "a graph without cycles")
 
     def _every_node_is_used_once(self) -> None:
         users: dict[str, list[str]] = {node.id: [] for node in self._config.nodes}
@@ -249,6 +235,4 @@ class _Check:
                     f"a node with input: {node.id}",
                 )
             elif len(users[node.id]) > 1 and not isinstance(node, TileNode):
-                self._refuse(
-                    node, ["id"], f"is used more than once ({', '.join(users[node.id])})", "one user"
-                )
+                self._refuse(node, ["id"], f"is used more than once ({', '.join(users[node.id])})", "one user")

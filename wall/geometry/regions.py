@@ -65,22 +65,17 @@ def split(rect: Rect, n: int) -> tuple[Rect, ...]:
         raise ValueError(f"{rect.width} x {rect.height} pixels cannot be cut in {n} parts; accepted: 1 to {rect.area}")
     if n == 1:
         return (rect,)
+    long, short = max(rect.width, rect.height), min(rect.width, rect.height)
     few = n // 2
+    cut = min(max((2 * long * few + n) // (2 * n), 1), long - 1)
+    few = min(max(few, n - (long - cut) * short), cut * short)  # no more parts than pixels on either side
     if rect.width >= rect.height:
-        cut = _cut(rect.width, rect.height, few, n)
         first = Rect(x=rect.x, y=rect.y, width=cut, height=rect.height)
         rest = Rect(x=rect.x + cut, y=rect.y, width=rect.width - cut, height=rect.height)
     else:
-        cut = _cut(rect.height, rect.width, few, n)
         first = Rect(x=rect.x, y=rect.y, width=rect.width, height=cut)
         rest = Rect(x=rect.x, y=rect.y + cut, width=rect.width, height=rect.height - cut)
     return split(first, few) + split(rest, n - few)
-
-
-def _cut(long: int, short: int, few: int, n: int) -> int:
-    """Where to cut the long edge for `few` of n parts, leaving both sides at least a pixel for each part."""
-    least, most = -(-few // short), long - -(-(n - few) // short)
-    return min(max((2 * long * few + n) // (2 * n), least), most)
 
 
 def _ranks_needed(rect: Rect, ranks: int) -> int:

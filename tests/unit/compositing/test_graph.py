@@ -1,0 +1,177 @@
+"""The compositing graph: presets expand, and whatever is wrong with a graph is refused at its place."""
+
+from __future__ import annotations
+
+import pytest
+
+from wall.compositing.graph import Graph, build
+from wall.config.loading import loads
+from wall.config.schema import PresetGraph
+from wall.errors import ConfigError
+from wall.geometry.panels import expand
+from wall.geometry.regions import Source, regions
+
+HEAD = """\
+version: 1
+scene: {source: x}
+wall: {grid: {columns: 2, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}
+views: [{camera: auto}]
+"""
+NODES = """\
+graph:
+  compositors: 1
+  nodes:
+    - {id: out, op: sink, kind: png, input: w}
+    - {id: w, op: tile, inputs: [p0, p1]}
+    - {id: p0, op: reconstruct, input: s0}
+    - {id: p1, op: reconstruct, input: s1}
+    - {id: s1, op: samples, panel: r0c1, ranks: 3}
+    - {id: s0, op: samples, panel: r0c0, ranks: 2}
+"""
+
+
+def built(graph: str) -> Graph:
+    loaded = loads(HEAD + graph, name="a.yaml")
+    return build(loaded, expand(loaded.config.wall))
+
+
+def refusal(graph: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        built(graph)
+    return str(caught.value)
+
+
+def changed(*pairs: tuple[str, str]) -> str:
+    text = NODES
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def test_preset_gives_each_panel_its_ranks_and_one_picture() -> None:
+    graph = built("graph: {preset: sort-first, ranks_per_panel: 3, sinks: [png, recorder]}\n")
+
+    assert graph.sources == (Source(panel=0, ranks=3), Source(panel=1, ranks=3))
+    assert (graph.compositors, graph.renderers, graph.ranks_needed, graph.first_renderer) == (1, 6, 7, 1)
+    assert [sink.kind for sink in graph.sinks] == ["png", "recorder"]
+    assert graph.has_sink("png")
+    assert not graph.has_sink("browser")
+
+
+def test_absent_graph_is_the_plain_preset() -> None:
+    assert built("") == built("graph: sort-first\n") == built(f"graph: {{preset: {PresetGraph().preset}}}\n")
+
+
+def test_preset_deals_panels_to_compositors() -> None:
+    graph = built("graph: {compositors: 2}\n")
+
+    assert [graph.compositor_of(panel) for panel in (0, 1)] == [0, 1]
+    assert (graph.panels_of(0), graph.panels_of(1)) == ((0,), (1,))
+    assert graph.ranks_needed == 4
+
+
+def test_preset_with_more_compositors_than_panels_is_refused() -> None:
+    assert "a.yaml:5:22: graph.compositors = 3: 3 compositors cannot share 2 panels" in refusal(
+        "graph: {compositors: 3}\n"
+    )
+
+
+def test_nodes_in_any_order_come_out_inputs_first() -> None:
+    graph = built(NODES)
+
+    position = {node.id: i for i, node in enumerate(graph.nodes)}
+    assert sorted(position) == ["out", "p0", "p1", "s0", "s1", "w"]
+    assert position["s0"] < position["p0"] < position["w"] < position["out"]
+    assert position["s1"] < position["p1"] < position["w"]
+
+
+def test_renderers_follow_the_order_of_the_panels() -> None:
+    loaded = loads(HEAD + NODES)
+    wall = expand(loaded.config.wall)
+
+    found = regions(build(loaded, wall), wall)
+
+    assert [region.panel for region in found] == [0, 0, 1, 1, 1]
+
+
+def test_written_out_preset_is_the_preset() -> None:
+    written = built(
+        changed(
+            (", ranks: 3", ""),
+            (", ranks: 2", ""),
+            ("compositors: 1", "compositors: 2"),
+            ("input: s1}", "input: s1, on: 1}"),
+        )
+    )
+    preset = built("graph: {compositors: 2, sinks: [png]}\n")
+
+    assert written.sources == preset.sources
+    assert written.compositor_of_panel == preset.compositor_of_panel
+    assert written.ranks_needed == preset.ranks_needed
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "[p0, p1]",
+            "[p0, p2]",
+            "a.yaml:9:38: graph.nodes[1].inputs[1] = 'p2': there is no such node; accepted: p0, p1",
+        ),
+        ("input: s0", "input: s9", "graph.nodes[2].input = 's9': there is no such node; accepted: s1, s0"),
+        (
+            "input: s0",
+            "input: p1",
+            "graph.nodes[2].input = 'p1': reconstruct needs samples, reconstruct gives a framelet",
+        ),
+        ("[p0, p1]", "[s0, p1]", "graph.nodes[1].inputs[0] = 's0': tile needs a framelet, samples gives samples"),
+        (
+            "input: w",
+            "input: p0",
+            "graph.nodes[0].input = 'p0': sink needs a picture, reconstruct gives a framelet; accepted: w",
+        ),
+        ("input: w", "input: out", "sink needs a picture, sink gives nothing"),
+        (
+            "panel: r0c1",
+            "panel: r0cl",
+            "graph.nodes[4].panel = 'r0cl': there is no such panel; accepted: r0c0, r0c1; did",
+        ),
+        ("panel: r0c1", "panel: r0c0", "graph.nodes[5].panel = 'r0c0': node s1 covers this panel already"),
+        ("panel: r0c1", "panel: r0c0", "nobody renders panel r0c1; accepted: a samples node for every panel"),
+        ("id: p1", "id: p0", "graph.nodes[3].id = 'p0': nodes[2] has this id already"),
+        (
+            "input: s1}",
+            "input: s1, on: 1}",
+            "graph.nodes[3].on = 1: there is only compositor 0 (the head); accepted: 0 to 0",
+        ),
+        ("compositors: 1", "compositors: 3", "a.yaml:6:16: graph.compositors = 3: compositor 1, 2 has nothing to do"),
+        ("[p0, p1]", "[p0]", "graph.nodes[3].id = 'p1': nobody uses a framelet of this node"),
+        ("[p0, p1]", "[p0, p1, p1]", "graph.nodes[3].id = 'p1': is used more than once (w, w)"),
+        ("input: s1}", "input: s0}", "graph.nodes[5].id = 's0': is used more than once (p0, p1)"),
+        (
+            "    - {id: out, op: sink, kind: png, input: w}\n",
+            "",
+            "no picture ends anywhere; accepted: a node with op: sink",
+        ),
+        (
+            "    - {id: w,",
+            "    - {id: v, op: tile, inputs: [p0]}\n    - {id: w,",
+            "several pictures of one wall are not",
+        ),
+    ],
+)
+def test_wrong_graph_is_refused_at_its_place(old: str, new: str, expected: str) -> None:
+    assert expected in refusal(changed((old, new)))
+
+
+def test_cycle_is_refused_before_anything_follows_it() -> None:
+    message = refusal(changed(("input: s0", "input: p0")))
+
+    assert "graph.nodes[2].input = 'p0': reconstruct needs samples" in message
+
+
+def test_all_that_is_wrong_with_a_graph_is_said_at_once() -> None:
+    message = refusal(changed(("input: s0", "input: s9"), ("panel: r0c1", "panel: r9c9"), ("[p0, p1]", "[p0, q]")))
+
+    assert len(message.splitlines()) == 4
