@@ -130,7 +130,9 @@ def flat_wall(columns: int, rows: int, pixels: tuple[int, int], *, bezel: float 
     return expand(WallConfig(grid=grid))
 
 
-def view(position: Triple, target: Triple, *, pixels: tuple[int, int], fov: float = 45.0, up: Triple = (0, 1, 0)) -> View:
+def view(
+    position: Triple, target: Triple, *, pixels: tuple[int, int], fov: float = 45.0, up: Triple = (0.0, 1.0, 0.0)
+) -> View:
     """`fov` is the vertical angle in degrees."""
     wall = flat_wall(1, 1, pixels)
     event = Event(

@@ -1,7 +1,7 @@
 """The samples of one panel, newest per pixel, and what they show.
 
-One owner (the compositor that reconstructs the panel), arrays allocated once: 61 bytes a pixel, twice that for
-framed sources, whose unfinished frame waits in a second set of arrays.
+One owner (the compositor that reconstructs the panel), arrays allocated once: 63 bytes a pixel. The batches of an
+unfinished double-buffered frame wait beside it, 37 bytes a pixel.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ class _Records:
         shape = (height, width)
         self.shown, self.history, self.mean = (np.zeros((*shape, 3), np.float32) for _ in range(3))
         self.count = np.zeros(shape, np.uint16)
+        self.seen = np.zeros(shape, np.uint8)
         self.depth = np.full(shape, np.inf, np.float32)
         self.objects = np.zeros(shape, np.uint32)
         self.times = np.full(shape, -np.inf, np.float64)
@@ -39,6 +40,7 @@ class _Records:
             self.history,
             self.mean,
             self.count,
+            self.seen,
             self.depth,
             self.objects,
             self.times,
@@ -74,20 +76,19 @@ class DeepBuffer:
         if batch.frame == 0:
             self._show(batch)
             return
+        order = (batch.camera_event, batch.scene_event, batch.frame)
         frame = self._back.get(batch.rank)
-        if frame is None or batch.frame > frame.number:
-            if frame is not None and frame.seen:
-                self.counters.add("frame_incomplete", frame.seen)
-            frame = self._back[batch.rank] = _Frame(batch.frame)
-        if batch.frame < frame.number:
+        if frame is None or order > frame.order:
+            if frame is not None and frame.batches:
+                self.counters.add("frame_incomplete", frame.arrived)
+            frame = self._back[batch.rank] = _Frame(order, self.width, self.height)
+        if order < frame.order or frame.shown:
             self.counters.add("late", len(batch.samples))
             return
-        frame.batches.append(batch)
-        frame.seen += len(batch.samples) + batch.skipped
-        if frame.seen >= batch.frame_samples:
+        if frame.take(batch) >= batch.frame_samples:
             for part in frame.batches:
                 self._show(part)
-            self._back[batch.rank] = _Frame(batch.frame)
+            frame.finish()
 
     def _show(self, batch: Batch) -> None:
         late, outside = self._front.insert(batch)
@@ -111,8 +112,34 @@ class DeepBuffer:
 
 
 class _Frame:
-    """A double-buffered frame under way: its batches, shown together when all samples are there."""
+    """A double-buffered frame under way: its batches, shown together when every pixel is there.
 
-    def __init__(self, number: int) -> None:
-        self.number, self.seen = number, 0
+    Pixels are counted, not samples: a repeated packet, or one that was lost and traced again, must not complete a
+    frame that has holes. Frames are ordered by their event first: a rank that starts again counts from 1.
+    """
+
+    def __init__(self, order: tuple[int, int, int], width: int, height: int) -> None:
+        self.order, self.arrived, self.shown = order, 0, False
         self.batches: list[Batch] = []
+        self._sequences: set[int] = set()
+        self._seen = np.zeros(height * width, np.bool_)
+        self._width, self._height, self._pixels, self._skipped = width, height, 0, 0
+
+    def take(self, batch: Batch) -> int:
+        """Keep a batch; returns how many pixels of the frame are there, those skipped as unusable included."""
+        if batch.sequence not in self._sequences:
+            self._sequences.add(batch.sequence)
+            self.batches.append(batch)
+            self._skipped += batch.skipped
+            self.arrived += len(batch.samples) + batch.skipped
+            x, y = np.floor(batch.samples["xy"]).astype(np.int64).T
+            inside = (x >= 0) & (y >= 0) & (x < self._width) & (y < self._height)
+            pixels = (y * self._width + x)[inside]
+            fresh = np.unique(pixels[~self._seen[pixels]])
+            self._seen[fresh] = True
+            self._pixels += len(fresh)
+        return self._pixels + self._skipped
+
+    def finish(self) -> None:
+        """Shown: what comes of it from now on is late."""
+        self.shown, self.batches = True, []

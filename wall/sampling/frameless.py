@@ -14,11 +14,11 @@ from wall.sampling import kernels
 from wall.sampling.base import Targets
 from wall.sampling.ownership import hilbert_chunks, slots_of
 
-CHUNK = 64               # pixels of the Hilbert curve that are dealt to a thread at a time
+CHUNK = 64  # pixels of the Hilbert curve that are dealt to a thread at a time
 
 
 class FramelessSampler:
-    """One thread's pixels; a new permutation every sweep. Complete once every pixel has a sample of the newest event."""
+    """One thread's pixels; a new permutation every sweep. Complete once each has a sample of the newest event."""
 
     coherent = False
 
@@ -49,7 +49,7 @@ class FramelessSampler:
             )
             filled += taken
         self._missing -= filled
-        numbers.sort()       # along the curve: 16 in a row are neighbours, which doubles the tracing rate
+        numbers.sort()  # along the curve: 16 in a row are neighbours, which doubles the tracing rate
         return Targets(xy=self._centres[numbers], event=newest)
 
     def observe(self, samples: Samples) -> None:

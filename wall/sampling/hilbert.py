@@ -41,7 +41,7 @@ class HilbertSampler:
         self._pixels = np.concatenate(chunks) if chunks else np.zeros((0, 2), np.int32)
         self._ends = np.cumsum([0, *(len(c) for c in chunks)])
         self._rect, self._slots = rect, slots_of(rect, self._pixels)
-        self._chunk_of = np.repeat(np.arange(len(chunks)), [len(c) for c in chunks])
+        self._chunk_of = np.repeat(np.arange(len(chunks)), np.diff(self._ends))
         self._visits = np.zeros(len(chunks), np.int64)  # of each chunk, ever; its parity picks the diagonal
         self._fresh = np.zeros(len(chunks), np.int64)  # of them, under the newest event
         self._order = np.arange(len(chunks), dtype=np.int32)
@@ -103,8 +103,8 @@ class HilbertSampler:
 
     def forget(self, xy: Float32) -> None:
         pixels = xy.astype(np.int32) - np.array([self._rect.x, self._rect.y], np.int32)
-        chunks = np.unique(self._chunk_of[self._slots[pixels[:, 1], pixels[:, 0]]])
-        self._fresh[chunks] = 0
+        slots = self._slots[pixels[:, 1], pixels[:, 0]]
+        self._fresh[self._chunk_of[slots[slots >= 0]]] = 0  # another thread's: lost before the sampler was switched
 
     def restart(self) -> None:
         self._fresh[:] = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from wall.jit import inline_kernel, kernel
@@ -93,8 +95,8 @@ def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
     """
     foreign = 0
     for k in range(samples.shape[0]):
-        x = int(samples[k]["xy"][0]) - x0
-        y = int(samples[k]["xy"][1]) - y0
+        x = math.floor(samples[k]["xy"][0]) - x0
+        y = math.floor(samples[k]["xy"][1]) - y0
         if x < 0 or y < 0 or y >= slots.shape[0] or x >= slots.shape[1] or slots[y, x] < 0:
             foreign += 1
             continue
@@ -118,7 +120,7 @@ def clear_epochs(xy, slots, x0, y0, epochs, epoch):
     """Mark the pixels of positions that were lost as never sampled. Returns how many had a sample of `epoch`."""
     cleared = 0
     for k in range(xy.shape[0]):
-        x, y = int(xy[k, 0]) - x0, int(xy[k, 1]) - y0
+        x, y = math.floor(xy[k, 0]) - x0, math.floor(xy[k, 1]) - y0
         if 0 <= x < slots.shape[1] and 0 <= y < slots.shape[0] and slots[y, x] >= 0:
             cleared += epochs[slots[y, x]] == epoch
             epochs[slots[y, x]] = 0
@@ -142,7 +144,7 @@ def progressive_positions(pixels, seed, k, xy):
 
 @kernel
 def accumulate(samples, x0, y0, sums, counts):
-    """Add samples to their pixels in float64. sums : (h, w, 3) float64; counts : (h, w) int64, pixel (0, 0) at x0, y0."""
+    """Add samples to their pixels. sums : (h, w, 3) float64; counts : (h, w) int64; [0, 0] is pixel (x0, y0)."""
     for k in range(samples.shape[0]):
         x, y = int(samples[k]["xy"][0]) - x0, int(samples[k]["xy"][1]) - y0
         for c in range(3):

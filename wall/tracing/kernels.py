@@ -216,7 +216,7 @@ def gather_surfaces(surfaces, normals, work):
         )
         x, y, z = p[NORMAL_X + lane], p[NORMAL_Y + lane], p[NORMAL_Z + lane]
         p[GX + lane], p[GY + lane], p[GZ + lane] = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
-        if normals is not None:
+        if normals is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
             if surfaces.mesh_table[m, 3] & np.uint32(1):
                 t = surfaces.mesh_table[m, 0] + bits[PRIMITIVE + lane]
                 vertex = surfaces.mesh_table[m, 1]
@@ -289,7 +289,7 @@ def colour_surfaces(surfaces, colors, uvs, texels, textures, to_linear, work):
         )
         u, v = p[HIT_U + lane], p[HIT_V + lane]
         w = ONE - u - v
-        if colors is not None:
+        if colors is not None:  # noqa: SIM102
             if flags & np.uint32(2):
                 p[AR + lane] *= w * colors[i0, 0] + u * colors[i1, 0] + v * colors[i2, 0]
                 p[AG + lane] *= w * colors[i0, 1] + u * colors[i1, 1] + v * colors[i2, 1]
@@ -313,7 +313,7 @@ def texel_at(texels, texture, to_linear, u, v):
     y = (ONE - (v - math.floor(v))) * height - np.float32(0.5)
     if not (x > -ONE and y > -ONE):  # NaN coordinates read texel 0
         x, y = ZERO, ZERO
-    x0, y0 = int(math.floor(x)), int(math.floor(y))
+    x0, y0 = math.floor(x), math.floor(y)
     fx, fy = np.float32(x - x0), np.float32(y - y0)
     x1, y1 = (x0 + 1) % width, (y0 + 1) % height
     x0, y0 = x0 % width, y0 % height
@@ -588,7 +588,7 @@ def trace(
             for lane in range(16):
                 p[TR + lane] = p[TG + lane] = p[TB + lane] = ZERO
                 p[MIRROR + lane] = ONE
-            for bounce in range(MAX_BOUNCES):
+            for _bounce in range(MAX_BOUNCES):
                 going = reflect(surfaces, work)
                 if going == 0:
                     break

@@ -18,13 +18,14 @@ def index(folder):
     return [json.loads(line) for line in (folder / "index.jsonl").read_text().splitlines()]
 
 
-def test_at_most_hz_pictures_a_second_are_kept(tmp_path, picture, status):
-    recorder = Recorder(tmp_path, hz=10.0)
+@pytest.mark.parametrize("hz", [10, 30, 60])
+def test_at_most_hz_pictures_a_second_are_kept(hz, tmp_path, picture, status):
+    recorder = Recorder(tmp_path, hz=float(hz))
     for k in range(61):                                      # one second at 60 Hz
         recorder.show(picture(k + 1, time=5.0 + k / 60), status)
     recorder.close()
     times = [line["time"] for line in index(tmp_path)]
-    turns = [5.0 + k / 10 for k in range(11)]
+    turns = [5.0 + k / hz for k in range(hz + 1)]
     # the test is faster than any disk: a turn is either written or counted as dropped
     assert len(times) + recorder.dropped().get("recorder_behind", 0) == len(turns)
     assert all(min(abs(time - turn) for turn in turns) < 1e-9 for time in times)

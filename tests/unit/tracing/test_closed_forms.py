@@ -136,7 +136,8 @@ def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
     Seen from straight above through the square's height the floor is 8 units in 64 pixels; pixels below the square
     itself are another object.
     """
-    scene = scene_of([quad(40.0, 40.0), quad(2.0, 2.0)], [instance(0), instance(1, at=(0, 0, 1))], lights=[sun(1, 0, 1)])
+    above = instance(1, at=(0, 0, 1))
+    scene = scene_of([quad(40.0, 40.0), quad(2.0, 2.0)], [instance(0), above], lights=[sun(1, 0, 1)])
     got = picture(scene, view((0, 0, 4), (0, 0, 0), pixels=(64, 64), fov=90.0))
     x = np.broadcast_to((np.arange(64) + 0.5) / 8 - 4, (64, 64))
     y = -x.T
@@ -148,7 +149,7 @@ def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
 
 
 def test_vertex_colours_are_interpolated_linearly_and_multiply_the_base_colour() -> None:
-    """Corner colours equal to the corner's place: at (x, y) of the 4 x 4 quad the colour is (x/4 + 1/2, y/4 + 1/2, 1)."""
+    """Corner colours equal to the corner's place: at (x, y) of the 4 x 4 quad they are (x / 4 + 1/2, y / 4 + 1/2, 1)."""
     colors = [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
     scene = scene_of([quad(4.0, 4.0, colors=colors)], materials=[material(0.5, 1.0, 0.25)], lights=[sun(0, 0, 1)])
     got = picture(scene, view((0, 0, 2), (0, 0, 0), pixels=(16, 16), fov=2 * math.degrees(math.atan(0.5))))
