@@ -34,7 +34,8 @@ STATUS_PERIOD_S = 0.25       # as often as numbers can be read
 MAX_VIEWERS = 8
 MAX_COMMANDS = 256           # 4 s of one viewer's dragging
 HEARTBEAT_S = 5.0            # a viewer whose machine vanished is forgotten after about this time
-CLOSE_S = 0.9
+CLOSE_S = 0.9                # how long `close` waits; of which the server waits for viewers' goodbyes,
+LEAVE_S = 0.2                # open requests and unfinished tasks, each at most this long
 
 PAGE = Path(__file__).resolve().parent / "page"
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
@@ -121,6 +122,10 @@ class Browser:
             bound.set_exception(RunError(f"the page cannot be served at {self._host}: {error!r}"))
         finally:
             self._encoder.shutdown(wait=False, cancel_futures=True)
+            if left := asyncio.all_tasks(self._loop):          # of viewers that leave at this very moment
+                for task in left:
+                    task.cancel()
+                self._loop.run_until_complete(asyncio.wait(left, timeout=LEAVE_S))
             self._loop.close()
 
     async def _run(self, bound: Future[str]) -> None:
@@ -131,7 +136,7 @@ class Browser:
         app.router.add_get("/wall.png", self._wall_png)
         app.router.add_get("/status.json", self._status_json)
         app.router.add_get("/{name}", _page)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.2)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE_S)
         await runner.setup()
         try:
             await web.TCPSite(runner, self._host, self._port).start()
@@ -186,7 +191,7 @@ class Browser:
             self._counters.add("browser_foreign_request")
             raise web.HTTPForbidden(text="other sites' pages may not steer this wall\n")
         connection = web.WebSocketResponse(
-            timeout=0.2, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES
+            timeout=LEAVE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES
         )
         await connection.prepare(request)
         if len(self._viewers) >= self._max_viewers:

@@ -39,7 +39,7 @@ function write(element, text) { if (element.textContent !== text) element.textCo
 export class Readout {
   onsampler = () => {};
   #point; #rows = []; #samplers = ""; #status = null;
-  #asked = { pause: 0, sampler: 0 };
+  #asked = { pause: -Infinity, sampler: -Infinity };
   #seconds = -1; #advanced = 0;
 
   // `point` is called with a panel id while its row is pointed at, and with null after.

@@ -1,0 +1,147 @@
+"""A real headless Chromium, and a wall whose picture follows the commands that arrive."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wall.config.schema import GridConfig, WallConfig
+from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
+from wall.display.browser import Browser
+from wall.geometry.panels import Wall, expand
+
+REFRESH_S = 1 / 30
+ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+
+
+def find_chromium() -> str | None:
+    """Path of an installed Chromium or Chrome, or None."""
+    return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="module")        # while Playwright runs, asyncio.run cannot be used in this thread
+def chromium() -> Iterator[Any]:
+    path = find_chromium()
+    if path is None:
+        pytest.skip("no chromium, chromium-browser or google-chrome on PATH: the page is not tested")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@dataclass
+class Source(threading.Thread):
+    """Shows a flat colour a panel at 30 Hz; what the page asks for changes colour, sampler and pause.
+
+    Panel k has red 40 + 50 k; the sum of orbits moves green by 100 a wall height; blue counts nothing and is 30.
+    """
+
+    wall: Wall
+    port: int = 0
+    received: list[dict[str, Any]] = field(default_factory=list)
+    lost_rank: bool = False
+    __hash__ = threading.Thread.__hash__
+
+    def __post_init__(self) -> None:
+        super().__init__(daemon=True)
+        self.sink = Browser("127.0.0.1", self.port, self.wall)
+        self.turned, self.paused, self.sampler = 0.0, False, "hilbert"
+        self.version = self.refreshes = 0
+        self.stopping = threading.Event()
+        self.start()
+
+    def run(self) -> None:
+        while not self.stopping.wait(REFRESH_S):
+            for command in self.sink.commands():
+                self.obey(command)
+            self.refreshes += 1
+            self.sink.show(self.picture(), self.status())
+
+    def obey(self, command: dict[str, Any]) -> None:
+        self.received.append(command)
+        self.version += 1
+        if command["kind"] == "orbit":
+            self.turned += command["x"]
+        elif command["kind"] == "pause":
+            self.paused = not self.paused
+        elif command["kind"] == "sampler":
+            self.sampler = command["value"]
+
+    def green(self) -> int:
+        return int(np.clip(100 + 100 * self.turned, 0, 255))
+
+    def picture(self) -> WallPicture:
+        panels = tuple(
+            PanelPicture(
+                id=p.id, screen=p.screen, version=self.version,
+                rgb=np.full((p.pixels[1], p.pixels[0], 3), (40 + 50 * p.index, self.green(), 30), np.uint8),
+            )
+            for p in self.wall.panels
+        )
+        return WallPicture(
+            width=self.wall.width, height=self.wall.height, panels=panels, time=self.refreshes * REFRESH_S,
+            camera_event=self.version, scene_event=0,
+        )
+
+    def status(self) -> Status:
+        ranks = tuple(
+            RankStatus(
+                rank=k + 1, role="renderer", panel=p.id, region=p.id, samples_per_s=1.25e6, bytes_per_s=9.5e6,
+                oldest_sample_s=0.2, dropped=3 * k, alive=not (self.lost_rank and k == 1), memory_mb=150.0,
+            )
+            for k, p in enumerate(self.wall.panels)
+        )
+        return Status(
+            seconds=self.refreshes * REFRESH_S, paused=self.paused, sampler=self.sampler,
+            samplers=("framed", "frameless", "hilbert"), ranks=ranks, latency_ms=(21.0, 34.0, 55.0),
+            latencies_ms=(20.0, 22.0, 34.0), refresh_hz=30.0,
+        )
+
+    def stop(self) -> None:
+        self.stopping.set()
+        self.join()
+        self.sink.close()
+
+
+@pytest.fixture
+def grid() -> Wall:
+    """2 x 2 panels of 120 x 68 pixels with bezels."""
+    sizes = {"pixels": (120, 68), "size": (0.12, 0.068), "bezel": 0.003}
+    return expand(WallConfig(grid=GridConfig(columns=2, rows=2, **sizes)))
+
+
+@pytest.fixture
+def source(grid: Wall) -> Iterator[Source]:
+    source = Source(grid)
+    yield source
+    source.stop()
+
+
+@pytest.fixture
+def page(chromium: Any, source: Source) -> Iterator[Any]:
+    """The page on `source`, its first picture drawn. Fails the test when the page complained."""
+    context = chromium.new_context(viewport={"width": 1280, "height": 720})
+    page = context.new_page()
+    page.set_default_timeout(15_000)
+    page.complaints = []
+    page.on("console", lambda m: m.type in ("error", "warning") and page.complaints.append(m.text))
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.goto(source.sink.address)
+    for _ in range(1000):
+        if page.evaluate("Boolean(document.body.dataset.picture && document.body.dataset.state)"):
+            break
+        page.wait_for_timeout(10)
+    else:
+        pytest.fail("the page drew no picture")
+    yield page
+    context.close()
+    assert page.complaints == []
