@@ -1,0 +1,78 @@
+"""One truth: whatever carries the samples, and however many ranks share the work, a still view ends in the same bits.
+
+The truth is processes/single_process.py; everything else is started as a user starts it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from running import mpirun, panels, wall, write_config
+from wall.config.loading import load
+from wall.processes.plan import make_layout, make_plan
+from wall.processes.single_process import SingleProcess
+from wall.tracing.resident import make_resident
+
+
+def truth(config: Path) -> list[NDArray[np.uint8]]:
+    plan = make_plan(make_layout(load(config)))
+    pictures = SingleProcess(plan, make_resident(plan.scene)).until_complete()
+    return [picture.rgb for picture in sorted(pictures, key=lambda p: p.id)]
+
+
+def assert_same(folder: Path, config: Path) -> None:
+    expected, found = truth(config), panels(folder)
+    assert len(found) == len(expected)
+    for k, (ours, theirs) in enumerate(zip(found, expected, strict=True)):
+        assert theirs.std() > 10, "the truth itself shows nothing"
+        assert np.array_equal(ours, theirs), f"panel {k}: {(ours != theirs).any(-1).sum()} pixels differ"
+
+
+@pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
+@pytest.mark.parametrize("transport", ["loopback", "zmq"])
+def test_distributed_run_gives_the_single_process_picture(tmp_path: Path, transport: str, method: str) -> None:
+    config = write_config(tmp_path, columns=2, transport=transport, method=method)
+
+    done = wall("run", config, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
+
+    assert done.returncode == 0, done.stderr
+    assert_same(tmp_path / "out", config)
+
+
+@pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
+def test_sharing_a_panel_among_ranks_and_threads_changes_no_pixel(tmp_path: Path, method: str) -> None:
+    alone = write_config(tmp_path, method=method)
+    shared = write_config(tmp_path, method=method, ranks=3, threads=2)
+
+    done = wall("run", shared, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
+
+    assert done.returncode == 0, done.stderr
+    assert_same(tmp_path / "out", alone)
+
+
+def test_compressed_packets_and_a_second_compositor_change_no_pixel(tmp_path: Path) -> None:
+    plain = write_config(tmp_path, columns=2)
+    config = write_config(tmp_path, columns=2, compositors=2, codec="zstd")
+
+    done = wall("run", config, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
+
+    assert done.returncode == 0, done.stderr
+    assert_same(tmp_path / "out", plain)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("ranks", "columns", "rows"), [(2, 1, 1), (3, 2, 1), (5, 2, 2)])
+def test_mpi_run_gives_the_single_process_picture(tmp_path: Path, ranks: int, columns: int, rows: int) -> None:
+    config = write_config(tmp_path, columns=columns, rows=rows)
+
+    done = wall(
+        "run", config, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out",
+        launcher=mpirun(ranks),
+    )  # fmt: skip
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert_same(tmp_path / "out", config)

@@ -1,0 +1,93 @@
+"""Start the real `wall` command as a user would, and clean up after it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+WALL = (sys.executable, "-m", "wall")
+RUN_LIMIT_S = 90.0           # a run of a second, on a machine with more ranks than cores and a cold kernel cache
+
+WALL_YAML = """\
+version: 1
+scene: {{source: {source}}}
+wall: {{grid: {{columns: {columns}, rows: {rows}, pixels: [64, 48], size: [0.4, 0.3], bezel: 0.01}}}}
+views: [{{id: main, camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}, refresh_hz: 30{path}}}]
+sampling: {{method: {method}, threads: {threads}, samples_per_batch: 256}}
+graph: {{preset: sort-first, ranks_per_panel: {ranks}, compositors: {compositors}, sinks: [png]}}
+transport: {{kind: {transport}, codec: {codec}, heartbeat_s: 0.2, lost_after_s: 1.0}}
+"""
+
+
+def write_config(folder: Path, **changes: Any) -> Path:
+    """A small wall's configuration; keyword arguments replace the defaults."""
+    values: dict[str, Any] = {
+        "source": "courtyard",
+        "columns": 1,
+        "rows": 1,
+        "path": "",
+        "method": "frameless",
+        "threads": 1,
+        "ranks": 1,
+        "compositors": 1,
+        "transport": "zmq",
+        "codec": "none",
+    }
+    path = folder / f"wall-{len(list(folder.glob('wall-*.yaml')))}.yaml"
+    path.write_text(WALL_YAML.format(**(values | changes)), encoding="utf-8")
+    return path
+
+
+def wall(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
+    """Run `wall` with these arguments to its end."""
+    command = [*launcher, *WALL, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=RUN_LIMIT_S, env=environment(), check=False)
+
+
+def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+    """Start `wall` in a session of its own, so that all its processes can be found and ended."""
+    return subprocess.Popen(
+        [*launcher, *WALL, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=environment(),
+        start_new_session=True,
+    )
+
+
+def mpirun(ranks: int, *options: str) -> tuple[str, ...]:
+    """The launcher of the environment that the tests run in, or of the system."""
+    own = Path(sys.executable).with_name("mpirun")
+    found = str(own) if own.exists() else shutil.which("mpirun")
+    assert found, "mpirun is missing: install the extra `local`"
+    return (found, *options, "-n", str(ranks))
+
+
+def environment() -> dict[str, str]:
+    """Lets mpirun start more ranks than cores, and as root, as it must in containers."""
+    return os.environ | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+        "PYTHONUNBUFFERED": "1",
+    }
+
+
+def panels(folder: Path) -> list[NDArray[np.uint8]]:
+    """What a run wrote for each panel, in the order of their names."""
+    return [np.asarray(Image.open(path)) for path in sorted(folder.glob("panel-*.png"))]
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return found
