@@ -4,10 +4,10 @@ const DETAILS_WIDTH = 388;        // page.css, --details
 const BELOW_HEIGHT = 232;         // what the measurements need beneath the wall,
 const BELOW_ENOUGH = 344;         // and what they take when there is room
 const NARROW = 900;               // below this width everything is one scrolling column
-const FRAME = 0.012;              // margin of the outer bezel, of the wall's height
+const FRAME = [0.012, 0.05];      // least and most width of the outer bezel, of the wall's height
 
 export class Wall {
-  #element; #room; #layout = null; #panels = [];
+  #element; #room; #layout = null; #panels = []; #frame = 0;
 
   constructor(element, room) {
     this.#element = element;
@@ -21,6 +21,7 @@ export class Wall {
   build(layout) {
     if (JSON.stringify(layout) === JSON.stringify(this.#layout)) return;   // the pictures of before stay
     this.#layout = layout;
+    this.#frame = outerBezel(layout);
     this.#panels = layout.panels.map((place) => {
       const canvas = document.createElement("canvas");
       canvas.width = place.width;
@@ -49,7 +50,7 @@ export class Wall {
   arrange() {
     if (!this.#layout) return;
     const { width, height } = this.#layout;
-    const frame = Math.max(2, FRAME * height);
+    const frame = this.#frame;
     const full = { width: width + 2 * frame, height: height + 2 * frame };
     const scale = this.#choosePlace(full);
     const ratio = window.devicePixelRatio || 1;
@@ -83,4 +84,11 @@ export class Wall {
     this.#room.style.setProperty("--below", `${Math.max(BELOW_HEIGHT, Math.min(BELOW_ENOUGH, left))}px`);
     return kind === "alone" ? fit(w, h) : Math.max(beside, beneath);
   }
+}
+
+// The virtual screen ends at its outermost panels; they get the bezel that stands between panels.
+function outerBezel({ height, panels }) {
+  const gaps = panels.flatMap((p) => panels.map((q) => q.x - p.x - p.width)).filter((gap) => gap > 0);
+  const half = gaps.reduce((least, gap) => Math.min(least, gap), Infinity) / 2;
+  return Math.max(FRAME[0] * height, Math.min(FRAME[1] * height, Number.isFinite(half) ? half : 0));
 }
