@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wall.config.schema import GridConfig, WallConfig
-from wall.data import Event, Float32, Float64, Rect, Samples
+from wall.data import Batch, Event, Float32, Float64, Rect, Samples
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.panels import Panel, Wall, expand
 from wall.sampling.ownership import block_order
@@ -176,3 +176,19 @@ def raster(samples: Samples, size: tuple[int, int], cost: Traced) -> Picture:
     x, y = samples["xy"].astype(int).T
     radiance[y, x], depth[y, x], objects[y, x] = samples["radiance"], samples["depth"], samples["object"]
     return Picture(radiance=radiance, depth=depth, objects=objects, cost=cost)
+
+
+def batch_of(samples: Samples, event: Event, rect: Rect, *, sequence: int = 1, blend: float = 1.0) -> Batch:
+    """A packet's worth, as rank 1 would send it."""
+    return Batch(
+        view=0,
+        panel=0,
+        rect=rect,
+        rank=1,
+        sequence=sequence,
+        camera_event=event.camera_event,
+        scene_event=event.scene_event,
+        base_time=event.input_time + sequence * 1e-3,
+        samples=samples,
+        blend=blend,
+    )

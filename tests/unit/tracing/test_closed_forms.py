@@ -149,7 +149,7 @@ def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
 
 
 def test_vertex_colours_are_interpolated_linearly_and_multiply_the_base_colour() -> None:
-    """Corner colours equal to the corner's place: at (x, y) of the 4 x 4 quad they are (x / 4 + 1/2, y / 4 + 1/2, 1)."""
+    """Corner colours equal to the corner's place: at (x, y) of the 4 x 4 quad (x / 4 + 1/2, y / 4 + 1/2, 1)."""
     colors = [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
     scene = scene_of([quad(4.0, 4.0, colors=colors)], materials=[material(0.5, 1.0, 0.25)], lights=[sun(0, 0, 1)])
     got = picture(scene, view((0, 0, 2), (0, 0, 0), pixels=(16, 16), fov=2 * math.degrees(math.atan(0.5))))
