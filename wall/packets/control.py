@@ -1,13 +1,15 @@
 """Everything on the wire that is not samples: events, signs of life, stop, framelets.
 
 Each message is a header (magic, version, kind, length, CRC-32) and a body: fixed structs for events and framelets, JSON
-with checked types for the rest, which is rare. parse_control() gives a message or raises RemoteProtocolError.
+with checked types for the rest, which is rare. parse_control() gives a message or raises RemoteProtocolError; what
+serialise() refuses is what parse_control() would refuse.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 import zlib
 from dataclasses import asdict, dataclass, field, fields
@@ -23,10 +25,16 @@ from wall.errors import LocalProtocolError, RemoteProtocolError
 MAGIC, VERSION = b"WALL", 1
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 MAX_TEXT_BYTES = 16384           # of a JSON body
-MAX_EDGE = 16384                 # pixels of a framelet
-_HEADER = struct.Struct("<4sBBxxII")
+MAX_AREA = 1 << 25               # pixels of a framelet: 8K UHD
+LZ4_LARGEST_RATIO = 255          # lz4 cannot expand more: a few bytes cannot ask for a large buffer
+MAX_NUMBER = 1e300               # of a float in JSON: no infinity, no integer that float() cannot hold
+MAX_COUNTERS = 64
+_HEADER = struct.Struct("<4sBBxxI")
+_CHECKSUM = struct.Struct("<I")
+HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 _EVENT = struct.Struct("<HIIdd3d9dB31p")
 _FRAMELET = struct.Struct("<HHHHHIII")
+_LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +103,7 @@ class Framelet:
         return cls(panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data)
 
     def pixels(self) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8. Raises RemoteProtocolError if the data is not that."""
+        """(height, width, 3) uint8, read-only. Raises RemoteProtocolError if the data is not that."""
         size = 3 * self.rect.area
         try:
             raw = lz4.block.decompress(self.data, uncompressed_size=size)
@@ -118,32 +126,42 @@ _JSON_KINDS: dict[int, type[Hello] | type[Heartbeat] | type[Ping] | type[Pong] |
 
 def serialise(message: Message) -> bytes:
     """The bytes of a message. Raises LocalProtocolError where it does not fit the format."""
-    if isinstance(message, Event):
-        kind, body = KIND_EVENT, _event_body(message)
-    elif isinstance(message, Framelet):
-        r = message.rect
-        head = _FRAMELET.pack(
-            message.panel, r.x, r.y, r.width, r.height, message.camera_event, message.scene_event, len(message.data)
-        )
-        kind, body = KIND_FRAMELET, head + message.data
-    else:
-        kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
-        body = json.dumps(asdict(message), allow_nan=False).encode()
-        if len(body) > MAX_TEXT_BYTES:
-            raise LocalProtocolError(f"a {type(message).__name__} of {len(body)} bytes; at most {MAX_TEXT_BYTES}")
-    return _HEADER.pack(MAGIC, VERSION, kind, len(body), zlib.crc32(body, kind)) + body
+    name = type(message).__name__
+    try:
+        kind, body = _body(message)
+        _parse_body(kind, body)  # they are small and rare; a framelet's data is not looked into
+    except (struct.error, ValueError, RemoteProtocolError) as error:
+        raise LocalProtocolError(f"{name} does not fit its message: {error}") from error
+    head = _HEADER.pack(MAGIC, VERSION, kind, len(body))
+    return b"".join((head, _CHECKSUM.pack(zlib.crc32(body, zlib.crc32(head))), body))
 
 
 def parse_control(data: bytes | memoryview) -> Message:
     """The message of some bytes. Raises RemoteProtocolError for anything else."""
-    if len(data) < _HEADER.size:
-        raise RemoteProtocolError(f"a message of {len(data)} bytes; its header alone has {_HEADER.size}")
-    magic, version, kind, length, checksum = _HEADER.unpack_from(data)
-    body = bytes(data[_HEADER.size :])
+    if len(data) < HEADER_BYTES:
+        raise RemoteProtocolError(f"a message of {len(data)} bytes; its header alone has {HEADER_BYTES}")
+    magic, version, kind, length = _HEADER.unpack_from(data)
+    (checksum,) = _CHECKSUM.unpack_from(data, _HEADER.size)
+    body = bytes(data[HEADER_BYTES:])
     if magic != MAGIC or version != VERSION:
         raise RemoteProtocolError(f"not a message of version {VERSION}: starts with {bytes(data[:6])!r}")
-    if length != len(body) or zlib.crc32(body, kind) != checksum:
+    if length != len(body) or zlib.crc32(body, zlib.crc32(data[: _HEADER.size])) != checksum:
         raise RemoteProtocolError(f"message of kind {kind}: {len(body)} bytes of {length}, or a checksum that differs")
+    return _parse_body(kind, body)
+
+
+def _body(message: Message) -> tuple[int, bytes]:
+    if isinstance(message, Event):
+        return KIND_EVENT, _event_body(message)
+    if isinstance(message, Framelet):
+        r, numbers = message.rect, (message.camera_event, message.scene_event)
+        head = _FRAMELET.pack(message.panel, r.x, r.y, r.width, r.height, *numbers, len(message.data))
+        return KIND_FRAMELET, head + message.data
+    kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
+    return kind, json.dumps(asdict(message), allow_nan=False).encode()
+
+
+def _parse_body(kind: int, body: bytes) -> Message:
     if kind == KIND_EVENT:
         return _parse_event(body)
     if kind == KIND_FRAMELET:
@@ -168,7 +186,7 @@ def _parse_event(body: bytes) -> Event:
         raise RemoteProtocolError(f"an event of {len(body)} bytes; it has {_EVENT.size}")
     view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler = _EVENT.unpack(body)
     if not all(map(math.isfinite, (scene_time, input_time, *pose))) or paused > 1:
-        raise RemoteProtocolError(f"event {camera_event}/{scene_event}: a number is not finite")
+        raise RemoteProtocolError(f"event {camera_event}/{scene_event}: a number is not finite, or paused is {paused}")
     try:
         name = sampler.decode()
     except UnicodeDecodeError as error:
@@ -183,7 +201,9 @@ def _parse_framelet(body: bytes) -> Framelet:
     if len(body) < _FRAMELET.size:
         raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {_FRAMELET.size}")
     panel, x, y, width, height, camera_event, scene_event, length = _FRAMELET.unpack_from(body)
-    if length != len(body) - _FRAMELET.size or not 0 < width <= MAX_EDGE or not 0 < height <= MAX_EDGE:
+    if length != len(body) - _FRAMELET.size:
+        raise RemoteProtocolError(f"framelet of panel {panel}: {len(body) - _FRAMELET.size} bytes came of {length}")
+    if not 0 < 3 * width * height <= min(3 * MAX_AREA, LZ4_LARGEST_RATIO * length):
         raise RemoteProtocolError(f"framelet of panel {panel}: {width}x{height} with {length} bytes is out of range")
     rect = Rect(x=x, y=y, width=width, height=height)
     data = body[_FRAMELET.size :]
@@ -215,7 +235,11 @@ def _fits(value: Any, kind: str) -> bool:
     if kind == "int":
         return isinstance(value, int) and not isinstance(value, bool) and -1 <= value < 2**63
     if kind == "float":
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
     if kind == "str":
-        return isinstance(value, str)
-    return isinstance(value, dict) and len(value) <= 64 and all(_fits(v, "int") for v in value.values())
+        return isinstance(value, str) and _LONE_SURROGATE.search(value) is None
+    return (
+        isinstance(value, dict)
+        and len(value) <= MAX_COUNTERS
+        and all(_fits(k, "str") and _fits(v, "int") for k, v in value.items())
+    )

@@ -11,6 +11,8 @@ POSITION_MASK = 0x3FFF
 INFINITE_DEPTH = 0xFFFF
 LARGEST_OBJECT = 16383           # 14 bits; larger ids wrap to 1..16383, never to the background's 0
 TIME_STEPS = 63                  # 6 bits
+MAX_SPAN_S = 1e6                 # a packet's times span less
+SHORTEST_SPAN_S = 1e-30          # shorter ones count as 0: 63 / span would overflow
 LARGEST_COLOUR = 65408.0         # 511/512 * 2^16, the largest value of the shared-exponent format
 
 
@@ -20,7 +22,7 @@ def shared_exponent(r, g, b):
     top = np.float32(LARGEST_COLOUR)
     r, g, b = min(max(r, np.float32(0.0)), top), min(max(g, np.float32(0.0)), top), min(max(b, np.float32(0.0)), top)
     largest = max(r, max(g, b))
-    exponent = max(np.int32(np.float32(largest).view(np.int32) >> 23) - 111, np.int32(0))     # floor(log2) + 16, at least 0
+    exponent = max(np.int32(np.float32(largest).view(np.int32) >> 23) - 111, np.int32(0))  # floor(log2) + 16
     scale = np.int32((151 - exponent) << 23).view(np.float32)                      # 2^(24 - exponent)
     half = np.float32(0.5)
     if np.int32(largest * scale + half) == 512:
@@ -32,53 +34,57 @@ def shared_exponent(r, g, b):
 
 @kernel
 def depth_range(samples):
-    """The smallest and largest float32 exponent of the finite depths, and how many samples are not usable.
+    """The smallest and largest float32 exponent of the finite depths, the latest time, how many samples are unusable.
 
-    samples : (n,) SAMPLE. Returns (low, high, bad): low > high if no depth is finite; bad counts samples whose
-    radiance is not finite, or whose depth is negative or NaN.
+    samples : (n,) SAMPLE. Returns (low, high, latest, bad): low > high if no depth is finite; latest in seconds after
+    the base time, 0 for n = 0; bad counts samples whose radiance is not finite, or whose depth or time is negative or
+    NaN, or whose time is MAX_SPAN_S or later.
     """
-    low, high, bad = 255, 0, 0
+    low, high, latest, bad = 255, 0, np.float32(0.0), 0
     for k in range(samples.shape[0]):
         r, g, b = samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2]
-        depth = samples[k]["depth"]
-        if not (abs(r) < np.inf and abs(g) < np.inf and abs(b) < np.inf and depth >= 0.0):
+        depth, time = samples[k]["depth"], samples[k]["time"]
+        finite = abs(r) < np.inf and abs(g) < np.inf and abs(b) < np.inf
+        if not (finite and depth >= 0.0 and time >= 0.0 and time < MAX_SPAN_S):
             bad += 1
             continue
+        latest = max(latest, time)
         exponent = np.int64(np.float32(depth).view(np.int32) >> 23)
         if exponent < 255:
             low, high = min(low, max(exponent, 1)), max(high, max(exponent, 1))
-    return low, high, bad
+    return low, high, latest, bad
 
 
 @kernel
-def pack(samples, x0, y0, x_bits, y_bits, depth_base, depth_bits, time_span, colour, xs, ys, depths, objects):
+def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colour, xs, ys, depths, objects):
     """Quantise samples; see docs/packet_format.md for the layout and the error bounds.
 
     Parameters
     ----------
     samples : (n,) SAMPLE, inside the rectangle, usable (see depth_range)
-    x0, y0 : the rectangle's corner, panel pixels; x_bits, y_bits : sub-pixel bits
+    rect : (x, y, width, height), panel pixels; x_bits, y_bits : sub-pixel bits
     depth_base, depth_bits : exponent of depth code 0, mantissa bits
     time_span : float32 seconds, of time code 63
     colour : (n,) uint32; xs, ys, depths, objects : (n,) uint16; written
 
     Returns
     -------
-    outside : int, samples that are not in the rectangle (they are put on its edge)
+    outside : int, samples that are not in the rectangle (they are put in its corner)
     """
     outside = 0
+    x0, y0, width, height = rect
     x_scale, y_scale = np.float32(1 << x_bits), np.float32(1 << y_bits)
     shift = 23 - depth_bits
     half = (1 << shift) >> 1
     origin = depth_base << 23
-    per_second = np.float32(0.0) if time_span <= 0.0 else np.float32(TIME_STEPS) / time_span
+    per_second = np.float32(0.0) if time_span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / time_span
     for k in range(samples.shape[0]):
         colour[k] = shared_exponent(samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2])
-        x = np.int32(np.floor((samples[k]["xy"][0] - np.float32(x0)) * x_scale))
-        y = np.int32(np.floor((samples[k]["xy"][1] - np.float32(y0)) * y_scale))
-        if x < 0 or y < 0 or x > POSITION_MASK or y > POSITION_MASK:
+        dx, dy = samples[k]["xy"][0] - np.float32(x0), samples[k]["xy"][1] - np.float32(y0)
+        if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):       # NaN too
             outside += 1
-            x, y = np.int32(min(max(x, 0), POSITION_MASK)), np.int32(min(max(y, 0), POSITION_MASK))
+            dx, dy = np.float32(0.0), np.float32(0.0)
+        x, y = np.int32(dx * x_scale), np.int32(dy * y_scale)
         time = np.int32(samples[k]["time"] * per_second + np.float32(0.5))
         time = np.int32(min(max(time, 0), TIME_STEPS))
         xs[k] = np.uint16(x | ((time >> 4) << POSITION_BITS))
@@ -112,10 +118,11 @@ def unpack(colour, xs, ys, depths, objects, rect, x_bits, y_bits, depth_base, de
         samples[k]["radiance"][2] = np.float32((word >> np.uint32(18)) & np.uint32(511)) * scale
         x, y, name = np.int32(xs[k]), np.int32(ys[k]), np.int32(objects[k])
         dx, dy = np.float32(x & POSITION_MASK) * x_step, np.float32(y & POSITION_MASK) * y_step
-        if dx >= width or dy >= height:
+        px, py = np.float32(x0) + dx, np.float32(y0) + dy
+        if px >= x0 + width or py >= y0 + height:    # after rounding to float32: that may reach the far edge
             outside += 1
-        samples[k]["xy"][0] = np.float32(x0) + dx
-        samples[k]["xy"][1] = np.float32(y0) + dy
+        samples[k]["xy"][0] = px
+        samples[k]["xy"][1] = py
         time = ((x >> POSITION_BITS) << 4) | ((y >> POSITION_BITS) << 2) | (name >> POSITION_BITS)
         samples[k]["time"] = np.float32(time) * step
         samples[k]["object"] = np.uint32(name & POSITION_MASK)

@@ -15,7 +15,7 @@ import lz4.block
 import numpy as np
 import zstandard
 
-from wall.data import SAMPLE, Batch, Rect, Samples
+from wall.data import SAMPLE, Batch, Rect
 from wall.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import kernels
 
@@ -49,31 +49,40 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
     """One packet of a batch.
 
     Raises LocalProtocolError for what the format cannot carry: too many samples, a rectangle with an edge above 4096,
-    samples outside it, radiance that is not finite, negative depth.
+    samples outside it, radiance that is not finite, negative depth, times below 0 or from 1e6 s, numbers above their
+    field.
     """
     n, rect = len(batch.samples), batch.rect
+    where = f"rank {batch.rank} packet {batch.sequence}"
     if n > MAX_SAMPLES or not 0 < rect.width <= MAX_EDGE or not 0 < rect.height <= MAX_EDGE:
         raise LocalProtocolError(
-            f"rank {batch.rank} packet {batch.sequence}: {n} samples of a {rect.width}x{rect.height} rectangle; "
+            f"{where}: {n} samples of a {rect.width}x{rect.height} rectangle; "
             f"at most {MAX_SAMPLES} samples, edges of 1 to {MAX_EDGE} pixels"
         )
-    base, bits, bad = _depth_code(batch.samples)
-    span = float(batch.samples["time"].max()) if n else 0.0
+    low, high, latest, bad = kernels.depth_range(batch.samples)
+    (base, bits), span = _depth_code(low, high), float(latest)
     body = np.empty(BYTES_A_SAMPLE * n, np.uint8)
     outside = kernels.pack(
-        batch.samples, rect.x, rect.y, subpixel_bits(rect.width), subpixel_bits(rect.height), base, bits,
-        np.float32(span), *_planes(body, n),
+        batch.samples, (rect.x, rect.y, rect.width, rect.height), subpixel_bits(rect.width),
+        subpixel_bits(rect.height), base, bits, np.float32(span), *_planes(body, n),
     )
     if bad or outside:
         raise LocalProtocolError(
-            f"rank {batch.rank} packet {batch.sequence}: {outside} of {n} samples outside {rect}, {bad} not finite"
+            f"{where}: {outside} of {n} samples outside {rect}, {bad} without a finite colour, a depth or a time"
+        )
+    if not _sane(batch.base_time, span, float(np.float32(batch.blend))):
+        raise LocalProtocolError(
+            f"{where}: base time {batch.base_time}, blend {batch.blend}; wanted a finite time, a blend in (0, 1]"
         )
     data = _compress(body, codec)
-    header = _HEADER.pack(
-        MAGIC, VERSION, KIND_SAMPLES, codec, batch.view, batch.panel, batch.rank, base, bits,
-        rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
-        batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, len(data),
-    )
+    try:
+        header = _HEADER.pack(
+            MAGIC, VERSION, KIND_SAMPLES, codec, batch.view, batch.panel, batch.rank, base, bits,
+            rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
+            batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, len(data),
+        )
+    except struct.error as error:
+        raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
     return b"".join((header, _CHECKSUM.pack(zlib.crc32(data, zlib.crc32(header))), data))
 
 
@@ -93,9 +102,10 @@ def decode(data: bytes | memoryview) -> Batch:
     (checksum,) = _CHECKSUM.unpack_from(data, _HEADER.size)
     if zlib.crc32(body, zlib.crc32(memoryview(data)[: _HEADER.size])) != checksum:
         raise RemoteProtocolError(f"{where}: checksum does not match")
-    if n > MAX_SAMPLES or not 0 < width <= MAX_EDGE or not 0 < height <= MAX_EDGE or not (8 <= bits <= 15 and base <= 254):
+    edges_fit = 0 < width <= MAX_EDGE and 0 < height <= MAX_EDGE
+    if n > MAX_SAMPLES or not edges_fit or not 8 <= bits <= 15 or base > 254:
         raise RemoteProtocolError(f"{where}: {n} samples of {width}x{height}, depth code {base}/{bits}: out of range")
-    if not (math.isfinite(base_time) and 0.0 <= span < 1e6 and 0.0 < blend <= 1.0):
+    if not _sane(base_time, span, blend):
         raise RemoteProtocolError(f"{where}: time {base_time}, span {span}, blend {blend}: out of range")
     planes = np.frombuffer(_expand(body, codec, BYTES_A_SAMPLE * n, where), np.uint8)
     samples = np.empty(n, SAMPLE)
@@ -117,12 +127,15 @@ def subpixel_bits(edge: int) -> int:
     return kernels.POSITION_BITS - max(edge - 1, 0).bit_length()
 
 
-def _depth_code(samples: Samples) -> tuple[int, int, int]:
-    """Exponent of depth code 0, mantissa bits that cover the packet's depths, unusable samples."""
-    low, high, bad = kernels.depth_range(samples)
+def _sane(base_time: float, span: float, blend: float) -> bool:
+    return math.isfinite(base_time) and 0.0 <= span < kernels.MAX_SPAN_S and 0.0 < blend <= 1.0
+
+
+def _depth_code(low: int, high: int) -> tuple[int, int]:
+    """Exponent of depth code 0, and as many mantissa bits as cover the exponents low to high."""
     if low > high:
-        return 0, 15, bad
-    return low, min(15, (65534 // (high - low + 1)).bit_length() - 1), bad
+        return 0, 15
+    return low, min(15, (65534 // (high - low + 1)).bit_length() - 1)
 
 
 def _planes(body: np.ndarray[tuple[int], np.dtype[np.uint8]], n: int) -> tuple[np.ndarray, ...]:
@@ -149,7 +162,7 @@ def _expand(body: memoryview, codec: int, size: int, where: str) -> bytes | memo
         elif codec == Codec.ZSTD:
             if zstandard.frame_content_size(body) != size:
                 raise RemoteProtocolError(f"{where}: body does not expand to the {size} bytes its samples need")
-            data = zstandard.ZstdDecompressor().decompress(body, max_output_size=size)
+            data = zstandard.ZstdDecompressor().decompress(body, max_output_size=size, allow_extra_data=False)
         else:
             raise RemoteProtocolError(f"{where}: unknown codec {codec}; known: 0 none, 1 lz4, 2 zstd")
     except (lz4.block.LZ4BlockError, zstandard.ZstdError, ValueError) as error:

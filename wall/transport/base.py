@@ -1,8 +1,8 @@
 """The two ends of every connection: a Link (a rank) and a Hub (whom ranks talk to).
 
-Data flows from link to hub and is paid for with credit: a link may have so many bytes under way, and gets them back when
-the hub's owner has consumed a packet. So nothing queues up, and what is sent is the freshest there is. Control messages
-are small, flow both ways and need no credit. Nothing here knows what the bytes mean.
+Data flows from link to hub and is paid for with credit: a link may have so many bytes under way, and gets them back
+when the hub's owner has consumed a packet. So nothing queues up, and what is sent is the freshest there is. Control
+messages are small, flow both ways and need no credit. Nothing here knows what the bytes mean.
 
 Each end belongs to one thread.
 """
@@ -12,10 +12,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from wall.data import Counters
+from wall.errors import LocalProtocolError
 
 QUEUED_PACKETS = 2               # that wait at a link for credit; the oldest gives way to a newer one
 MAX_CONTROL = 1024               # control messages that wait unread at one end
 MAX_MESSAGE_BYTES = 1 << 26      # a larger message is not one of ours
+
+
+def checked(message: bytes) -> bytes:
+    """The message itself. Raises LocalProtocolError where it is too large for any hub to take."""
+    if len(message) > MAX_MESSAGE_BYTES:
+        raise LocalProtocolError(f"a message of {len(message)} bytes; at most {MAX_MESSAGE_BYTES}")
+    return message
 
 
 class Link(ABC):
@@ -27,12 +35,13 @@ class Link(ABC):
     def offer(self, packet: bytes) -> list[bytes]:
         """Send a data packet, or let it wait for credit. Never blocks.
 
-        Returns packets that gave way to it, oldest first, so that their samples can be traced again.
+        Returns packets that gave way to it, oldest first, so that their samples can be traced again. Raises
+        LocalProtocolError above MAX_MESSAGE_BYTES.
         """
 
     @abstractmethod
     def ready(self) -> bool:
-        """Whether a packet offered now would be sent at once."""
+        """Whether a packet offered now would be sent at once, if it is no larger than the one before."""
 
     @abstractmethod
     def send(self, message: bytes) -> None:

@@ -1,8 +1,8 @@
 """Byte credit, the same for every transport: both ends count bytes since the connection began, so nothing can drift.
 
 The hub grants a limit (bytes consumed + window); a link sends while its total stays below it. Grants are absolute, so a
-lost or repeated one does no harm. A link that has waited for long asks again and says how much it has sent: what was
-under way then counts as consumed or lost.
+lost or repeated one does no harm. A link that has waited for long asks again and says how much it has sent: since
+messages keep their order, what then neither waits at the hub nor was consumed is lost, and paid back.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 
 from wall.data import Counters
-from wall.transport.base import QUEUED_PACKETS
+from wall.transport.base import QUEUED_PACKETS, checked
 
 
 class LinkCredit:
@@ -19,7 +19,7 @@ class LinkCredit:
 
     def __init__(self, counters: Counters) -> None:
         self.sent = 0
-        self._limit, self._window = 0, 0
+        self._limit, self._window, self._last_size = 0, 0, 1
         self._queue: deque[bytes] = deque()
         self._counters = counters
 
@@ -33,11 +33,13 @@ class LinkCredit:
 
     @property
     def ready(self) -> bool:
-        return not self._queue and self._limit - self.sent > self._window // 4
+        """Whether a packet as large as the last one would be sent at once."""
+        return not self._queue and self.allows(self._last_size)
 
     def offer(self, packet: bytes, send: Callable[[bytes], bool]) -> list[bytes]:
         """Queue a packet, send what credit allows, and give back what had to give way."""
-        self._queue.append(packet)
+        self._queue.append(checked(packet))
+        self._last_size = max(len(packet), 1)
         self.flush(send)
         dropped = []
         while len(self._queue) > QUEUED_PACKETS:
@@ -49,25 +51,34 @@ class LinkCredit:
         while self._queue and self.allows(len(self._queue[0])) and send(self._queue[0]):
             self.sent += len(self._queue.popleft())
 
-    @property
-    def starved(self) -> bool:
-        """Whether something waits, or nothing was ever granted."""
-        return bool(self._queue) or self._limit - self.sent <= self._window // 4
-
 
 class HubCredit:
     """The hub's side of one link."""
 
-    def __init__(self, window: int, sent: int = 0) -> None:
-        self._window, self._consumed, self._granted = window, sent, -1
+    def __init__(self, window: int) -> None:
+        self._window, self._consumed, self._held, self._granted = window, 0, 0, -1
+
+    def arrive(self, size: int) -> bool:
+        """Whether a packet that came is within what was granted, and will be consumed."""
+        if self._held and self._held + size > self._window:
+            return False
+        self._held += size
+        return True
 
     def consume(self, size: int) -> None:
+        size = min(size, self._held)  # what came before a reconnection was settled by resume()
+        self._held -= size
         self._consumed += size
 
+    def resume(self, sent: int) -> None:
+        """The link has sent so many bytes in all, and waits: what does not lie here is no longer under way."""
+        self._consumed, self._granted = max(sent - self._held, 0), -1
+
     def due(self) -> int | None:
-        """The limit to grant, once it has moved by a quarter of the window; None if it is not worth a message yet."""
+        """The limit to grant; None while it stands, or moved by less than a quarter of the window with more to come."""
         limit = self._consumed + self._window
-        if self._granted >= 0 and limit - self._granted < self._window // 4:
+        moved = limit - self._granted
+        if self._granted >= 0 and (moved <= 0 or (self._held and moved < self._window // 4)):
             return None
         self._granted = limit
         return limit

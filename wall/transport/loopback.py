@@ -1,6 +1,7 @@
 """In-process transport: queues instead of sockets, the same credit. Ranks are threads, or take turns in one.
 
-deque's append and popleft are atomic, and each queue has one reader; the condition only wakes who waits.
+Each queue of control messages is guarded by the condition that wakes its reader; deque's append and popleft are atomic,
+which is enough for data.
 """
 
 from __future__ import annotations
@@ -8,11 +9,13 @@ from __future__ import annotations
 import itertools
 import threading
 from collections import deque
+from typing import TypeVar
 
 from wall.data import Counters
-from wall.transport.base import MAX_CONTROL, Hub, Link
+from wall.transport.base import MAX_CONTROL, Hub, Link, checked
 from wall.transport.credit import HubCredit, LinkCredit
 
+T = TypeVar("T")
 _hubs: dict[str, LoopbackHub] = {}
 _numbers = itertools.count()
 
@@ -32,7 +35,7 @@ class LoopbackHub(Hub):
         _hubs[self.endpoint] = self
 
     def welcome(self, link: LoopbackLink) -> bytes:
-        peer = b"%d" % len(self._credits)
+        peer = b"%d" % next(_numbers)
         self._credits[peer] = HubCredit(self.window)
         self.links[peer] = link
         self._grant(peer)
@@ -41,8 +44,10 @@ class LoopbackHub(Hub):
     def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
         taken, size = [], 0
         while self.data and size < max_bytes:
-            taken.append(self.data.popleft())
-            size += len(taken[-1][1])
+            peer, packet = self.data.popleft()
+            self._credits[peer].arrive(len(packet))
+            taken.append((peer, packet))
+            size += len(packet)
         return taken
 
     def release(self, peer: bytes, size: int) -> None:
@@ -51,15 +56,14 @@ class LoopbackHub(Hub):
             self._grant(peer)
 
     def messages(self) -> list[tuple[bytes, bytes]]:
-        return _take_all(self.control)
+        return _take_all(self.control, self.something)
 
     def send(self, peer: bytes, message: bytes) -> None:
         link = self.links.get(peer)
         if link is None:
             self.counters.add("peer_gone")
             return
-        _keep(link.inbox, message, link.counters)
-        _wake(link.something)
+        _keep(link.inbox, checked(message), link.counters, link.something)
 
     def broadcast(self, message: bytes) -> None:
         for peer in list(self.links):
@@ -99,12 +103,11 @@ class LoopbackLink(Link):
         return self.credit.ready
 
     def send(self, message: bytes) -> None:
-        _keep(self._hub.control, (self._peer, message), self.counters)
-        _wake(self._hub.something)
+        _keep(self._hub.control, (self._peer, checked(message)), self._hub.counters, self._hub.something)
 
     def receive(self) -> list[bytes]:
         self.credit.flush(self._put)
-        return _take_all(self.inbox)
+        return _take_all(self.inbox, self.something)
 
     def wait(self, seconds: float) -> None:
         with self.something:
@@ -120,15 +123,20 @@ class LoopbackLink(Link):
         return True
 
 
-def _keep(queue: deque, item: object, counters: Counters) -> None:  # type: ignore[type-arg]
-    queue.append(item)
-    if len(queue) > MAX_CONTROL:
-        queue.popleft()
-        counters.add("control_overflow")
+def _keep(queue: deque[T], item: T, counters: Counters, reader: threading.Condition) -> None:
+    with reader:
+        queue.append(item)
+        if len(queue) > MAX_CONTROL:
+            queue.popleft()
+            counters.add("control_overflow")
+        reader.notify()
 
 
-def _take_all(queue: deque) -> list:  # type: ignore[type-arg]
-    return [queue.popleft() for _ in range(len(queue))]
+def _take_all(queue: deque[T], reader: threading.Condition) -> list[T]:
+    with reader:
+        items = list(queue)
+        queue.clear()
+        return items
 
 
 def _wake(condition: threading.Condition) -> None:

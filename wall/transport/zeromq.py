@@ -18,7 +18,7 @@ import zmq
 from wall.data import Counters
 from wall.errors import RunError
 from wall.transport.addresses import reachable
-from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link
+from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
 from wall.transport.credit import HubCredit, LinkCredit
 
 DATA, CONTROL, ASK, GRANT = b"D", b"C", b"A", b"G"
@@ -26,6 +26,8 @@ LINGER_MS = 200                  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000   # of ZMTP; machines with more ranks than cores are late by seconds
 ASK_AGAIN_S = 1.0                # a link without credit for so long asks again
 MAX_PEERS = 4096
+MAX_TAKEN = 4096                 # messages taken in at once: a flood of tiny ones cannot hold the caller
+MAX_SENT = 1 << 62               # bytes a link can claim to have sent
 T = TypeVar("T")
 _ASK = struct.Struct("<Q")       # bytes sent so far
 _GRANT = struct.Struct("<QQ")    # limit, window
@@ -66,7 +68,7 @@ class ZmqLink(Link):
         return self._credit.ready
 
     def send(self, message: bytes) -> None:
-        self._outgoing.append(message)
+        self._outgoing.append(checked(message))
         if len(self._outgoing) > MAX_CONTROL:
             self._outgoing.popleft()
             self.counters.add("control_overflow")
@@ -99,7 +101,7 @@ class ZmqLink(Link):
                 self.counters.add("bad_frame")
         self._credit.flush(lambda data: self._put(DATA, data))
         self._flush_control()
-        if self._credit.starved and time.monotonic() - self._asked > ASK_AGAIN_S:
+        if not self._credit.ready and time.monotonic() - self._asked > ASK_AGAIN_S:
             self._ask()
 
     def _ask(self) -> None:
@@ -132,7 +134,7 @@ class ZmqHub(Hub):
         except zmq.ZMQError as error:
             self._socket.close()
             self._context.term()
-            raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted an address of this host") from error
+            raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
         self.endpoint = f"tcp://{reachable(bind)}:{port}"
         self._window = credit_bytes
         self._peers: dict[bytes, HubCredit] = {}
@@ -160,11 +162,11 @@ class ZmqHub(Hub):
         return messages
 
     def send(self, peer: bytes, message: bytes) -> None:
-        self._put(peer, CONTROL, message)
+        self._put(peer, CONTROL, checked(message))
 
     def broadcast(self, message: bytes) -> None:
         for peer in list(self._peers):
-            self._put(peer, CONTROL, message)
+            self._put(peer, CONTROL, checked(message))
 
     def wait(self, seconds: float) -> None:
         if not (self._data or self._messages):
@@ -177,20 +179,24 @@ class ZmqHub(Hub):
 
     def _pump(self, max_bytes: int) -> None:
         size = sum(len(packet) for _, packet in self._data)
-        while size < max_bytes and (parts := _receive(self._socket)) is not None:
+        for _ in range(MAX_TAKEN):
+            if size >= max_bytes or (parts := _receive(self._socket)) is None:
+                return
             if len(parts) != 3:
                 self.counters.add("bad_frame")
                 continue
             peer, tag, body = parts
             if peer not in self._peers and not self._welcome(peer):
                 continue
-            if tag == DATA:
+            if tag == DATA and body and not self._peers[peer].arrive(len(body)):
+                self.counters.add("over_credit")
+            elif tag == DATA and body:
                 self._data.append((peer, body))
                 size += len(body)
             elif tag == CONTROL:
                 _keep(self._messages, (peer, body), self.counters)
-            elif tag == ASK and len(body) == _ASK.size:
-                self._peers[peer] = HubCredit(self._window, *_ASK.unpack(body))
+            elif tag == ASK and len(body) == _ASK.size and _ASK.unpack(body)[0] <= MAX_SENT:
+                self._peers[peer].resume(*_ASK.unpack(body))
                 self._grant(peer, self._peers[peer])
             else:
                 self.counters.add("bad_frame")
