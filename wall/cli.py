@@ -185,6 +185,9 @@ class _Stages:
 
     def opened(self, address: str, open_page: bool) -> None:
         self._stop()
+        if not address:
+            console.print("running (Ctrl-C ends the run)")
+            return
         console.print(f"watch and steer the wall at [bold]{address}[/] (Ctrl-C ends the run)")
         if open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             webbrowser.open(address)

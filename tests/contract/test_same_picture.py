@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-
 from running import mpirun, panels, wall, write_config
+
 from wall.config.loading import load
 from wall.processes.plan import make_layout, make_plan
 from wall.processes.single_process import SingleProcess

@@ -24,8 +24,8 @@ class Bootstrap(Protocol):
         """Ranks known to have ended badly, with how they ended; ranks that nobody watches are left out."""
         ...
 
-    def finish(self) -> None:
-        """End what was started, within a bounded time."""
+    def finish(self, code: int = 0) -> None:
+        """End what was started, within a bounded time. `code`: what this process will exit with."""
         ...
 
 

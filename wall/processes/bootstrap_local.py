@@ -35,12 +35,13 @@ class LocalBootstrap:
         context = multiprocessing.get_context("fork")
         pairs = [socket.socketpair() for _ in range(size - 1)]
         children = []
+        ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)      # ranks leave Ctrl-C to the head, from their start
         for rank in range(1, size):
-            child = context.Process(
-                target=_run_child, args=(rank, size, pairs, main, os.getpid()), name=f"wall rank {rank}"
-            )
+            args = (rank, size, pairs, main, os.getpid())
+            child = context.Process(target=_run_child, args=args, name=f"wall rank {rank}")
             child.start()
             children.append(child)
+        signal.signal(signal.SIGINT, ctrl_c)
         for _, theirs in pairs:
             theirs.close()
         return cls(0, size, [ours for ours, _ in pairs], list(children))
@@ -63,7 +64,7 @@ class LocalBootstrap:
                 ended[rank] = f"signal {-child.exitcode}" if child.exitcode < 0 else f"exit code {child.exitcode}"
         return ended
 
-    def finish(self) -> None:
+    def finish(self, code: int = 0) -> None:
         """Wait for the ranks to end, then end them."""
         limit = time.monotonic() + STOP_WAIT_S
         for child in self._children:
@@ -87,7 +88,6 @@ def _run_child(
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for k, (ours, theirs) in enumerate(pairs, start=1):
         ours.close()

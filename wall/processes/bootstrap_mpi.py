@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from mpi4py import MPI
+
+START_WAIT_S = 120.0         # for all ranks to load the scene and, on a fresh machine, to compile
+END_WAIT_S = 1.5             # for MPI_Finalize, which may wait for ranks that are dead
 
 
 class MpiBootstrap:
@@ -12,7 +21,8 @@ class MpiBootstrap:
         self.size: int = self._world.Get_size()
 
     def allgather(self, text: str) -> list[str]:
-        return list(self._world.allgather(text))
+        with self._limit(START_WAIT_S, "not all ranks have started"):
+            return list(self._world.allgather(text))
 
     def gather(self, data: bytes) -> list[bytes] | None:
         """Every rank's bytes at rank 0, None elsewhere; for results at the end of `wall render`."""
@@ -23,5 +33,21 @@ class MpiBootstrap:
         """The launcher watches its ranks; we see them go quiet by their heartbeats."""
         return {}
 
-    def finish(self) -> None:
-        """Leave without MPI_Finalize's barrier where a rank may be dead: the launcher reaps us."""
+    def finish(self, code: int = 0) -> None:
+        """Let MPI end in order, but leave with `code` where it waits for the dead."""
+        timer = threading.Timer(END_WAIT_S, os._exit, [code])
+        timer.daemon = True
+        timer.start()
+
+    @contextmanager
+    def _limit(self, seconds: float, what: str) -> Iterator[None]:
+        """MPI has no time limits of its own: a rank that waits for a dead one would wait for ever."""
+        timer = threading.Timer(seconds, self._give_up, [f"{what} after {seconds:.0f} s; giving up"])
+        timer.daemon = True
+        timer.start()
+        yield
+        timer.cancel()
+
+    def _give_up(self, text: str) -> None:
+        print(f"rank {self.rank}: {text}", file=sys.stderr, flush=True)
+        os._exit(1)

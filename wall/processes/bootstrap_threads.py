@@ -51,7 +51,7 @@ class ThreadBootstrap:
     def dead(self) -> dict[int, str]:
         return dict(self._shared.failed)
 
-    def finish(self) -> None:
+    def finish(self, code: int = 0) -> None:
         for thread in self._shared.threads:
             thread.join(STOP_WAIT_S)
 

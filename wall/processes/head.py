@@ -42,6 +42,7 @@ class Head:
         self._compositor = Compositor(plan, HEAD, hub)
         self.manager = Manager(plan, control_hub, clock, commands, still=still)
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
+        self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
         self._began = clock.now()
         self._changed = self._began
@@ -76,8 +77,14 @@ class Head:
         while self._compositor.take_in():
             pass
         self._refresh(self._clock.now())
+        failures = []
         for sink in self._sinks:
-            sink.close()
+            try:
+                sink.close()
+            except RunError as error:            # one full disk must not keep the others from closing
+                failures.append(str(error))
+        if failures:
+            raise RunError("; ".join(failures))
 
     def _hold(self) -> None:
         """Freeze the view, so that wall.png shows one moment with every sample."""
@@ -121,6 +128,7 @@ class Head:
             self.lost.setdefault(rank, f"died ({how}) after {now - self._began:.1f} s")
         silent = self.manager.silent(now, limit)
         for rank, seconds in silent.items():
+            self.silences[rank] = max(self.silences.get(rank, 0.0), seconds)
             self.lost.setdefault(rank, f"silent for {seconds:.1f} s")
         for rank in [r for r, how in self.lost.items() if how.startswith("silent") and r not in silent]:
             del self.lost[rank]  # it was only late
@@ -197,6 +205,7 @@ class Head:
             "refreshes": self._refreshes,
             "dropped": dict(sorted(dropped.counts.items())),
             "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(manager.latency.seconds)), strict=True)),
+            "silences": {str(rank): round(s, 2) for rank, s in sorted(self.silences.items())},
             "lost": {str(rank): how for rank, how in sorted(self.lost.items())},
             "ranks": [self._rank_summary(rank, beats.get(rank)) for rank in range(layout.size)],
         }

@@ -117,6 +117,7 @@ class Manager(threading.Thread):
         self.hellos: dict[int, Hello] = {}
         self.failure: BaseException | None = None
         self._held = threading.Event()
+        self._others, self._began = range(1, plan.layout.size), clock.now()
         if still:
             self._director.paused = True
 
@@ -190,4 +191,5 @@ class Manager(threading.Thread):
 
     def silent(self, now: float, seconds: float) -> Mapping[int, float]:
         """Ranks not heard for more than `seconds`, and for how long."""
-        return {rank: now - heard for rank, (heard, _) in self.heartbeats.items() if now - heard > seconds}
+        heard = {rank: self._began for rank in self._others} | {r: when for r, (when, _) in self.heartbeats.items()}
+        return {rank: now - when for rank, when in heard.items() if now - when > seconds}

@@ -85,20 +85,23 @@ def _run_mpi(
     from wall.processes.bootstrap_mpi import MpiBootstrap
 
     bootstrap = MpiBootstrap()
-    check_size(layout, bootstrap.size)
+    check_size(layout, bootstrap.size, tell=bootstrap.rank == HEAD)
     if layout.config.transport.kind == "loopback":
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     plan, resident = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
     if bootstrap.rank != HEAD:
         serve(plan, resident, bootstrap)
+        bootstrap.finish()
         return None
     return lead(plan, resident, bootstrap, options, opened)
 
 
-def check_size(layout: Layout, size: int) -> None:
-    """Refuse a launch with more or fewer ranks than the configuration places."""
+def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
+    """Refuse a launch with more or fewer ranks than the configuration places; one rank tells why."""
     if size == layout.size:
         return
+    if not tell:
+        raise SystemExit(2)
     extra = layout.graph.compositors - 1
     raise ConfigError(
         f"{layout.loaded.path}: {size} ranks were launched, the configuration needs {layout.size}: 1 head"
@@ -163,16 +166,15 @@ def lead(
         bootstrap.allgather(json.dumps({"data": hub.endpoint, "control": control_hub.endpoint}))
         commands = browser.commands if browser else list
         head = Head(plan, bootstrap, hub, control_hub, HeadClock(), sinks, commands, still=options.still)
-        if browser:
-            opened(browser.address)
         with _signals(head):
+            opened(browser.address if browser else "")
             head.run(seconds=options.seconds, until_complete=options.until_complete)
     finally:
         if head is not None:
             head.finish()
         else:
             _close(*sinks)
-        bootstrap.finish()
+        bootstrap.finish(1 if head is None or head.lost else 0)
         _close(hub, control_hub)
     summary = head.summary()
     write_json(options.out / "summary.json", summary)

@@ -1,0 +1,212 @@
+"""However a run ends, nothing stays behind: no process, no socket file, no lock, within three seconds."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from running import mpirun, panels, start, summary, wall, write_config
+
+STOP_LIMIT_S = 3.0
+START_LIMIT_S = 60.0
+
+ORBIT = ", path: {type: orbit, period_s: 5}"
+
+
+@pytest.fixture
+def running() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Starts runs and makes sure that none outlives the test, whatever it found."""
+    started: list[subprocess.Popen[str]] = []
+
+    def begin(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Popen[str]:
+        started.append(start(*arguments, launcher=launcher))
+        return started[-1]
+
+    yield begin
+    for run in started:
+        for pid in session_of(run.pid):
+            os.kill(pid, signal.SIGKILL)
+        run.wait(10)
+
+
+def session_of(leader: int) -> list[int]:
+    """Living processes of the session that `leader` began."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        try:
+            fields = (entry / "stat").read_text().rpartition(")")[2].split()
+        except (OSError, NotADirectoryError):
+            continue
+        if entry.name.isdecimal() and int(fields[3]) == leader and fields[0] != "Z":
+            found.append(int(entry.name))
+    return found
+
+
+def until_running(run: subprocess.Popen[str]) -> None:
+    """Read what a run says until it runs; the limit on the whole test stops one that never does."""
+    assert run.stdout is not None
+    said = ""
+    while "running (Ctrl-C" not in said:
+        line = run.stdout.readline()
+        assert line, f"the run ended before it began: {said}"
+        said += line
+
+
+def renderers(run: subprocess.Popen[str]) -> list[int]:
+    """The process ids of a running wall's renderers, in rank order."""
+    until_running(run)
+    return sorted(session_of(run.pid))[1:]
+
+
+def wait_a_little() -> None:
+    signal.sigtimedwait([], 0.05)
+
+
+def until(condition: Callable[[], bool], limit: float) -> float:
+    """Seconds until a condition held; fails the test when it did not within the limit."""
+    began = time.monotonic()
+    while not condition():
+        if time.monotonic() - began > limit:
+            pytest.fail(f"not within {limit} s")
+        wait_a_little()
+    return time.monotonic() - began
+
+
+def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:
+    config = write_config(tmp_path, columns=2, path=ORBIT)
+    run = running("run", config, "--headless", "--out", tmp_path / "out")
+    renderers(run)
+    before = set(os.listdir("/dev/shm"))
+
+    os.killpg(run.pid, signal.SIGINT)       # what a terminal does
+    until(lambda: not session_of(run.pid), STOP_LIMIT_S)
+
+    assert run.wait(1) == 0
+    assert summary(tmp_path / "out")["ended"] == "interrupted"
+    assert set(os.listdir("/dev/shm")) <= before
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "panel-r0c0.png", "panel-r0c1.png", "summary.json", "wall.png",
+    ]  # fmt: skip
+
+
+def test_run_of_some_seconds_ends_by_itself(tmp_path: Path) -> None:
+    config = write_config(tmp_path, path=ORBIT)
+
+    done = wall("run", config, "--seconds", 1, "--headless", "--out", tmp_path / "out")
+
+    found = summary(tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert 1.0 <= found["seconds"] < 1.0 + STOP_LIMIT_S
+    assert found["samples_traced"] >= found["samples_shown"] > 64 * 48
+    assert found["bytes"] >= 12 * found["samples_shown"]
+    assert [rank["role"] for rank in found["ranks"]] == ["head", "renderer"]
+    assert all(rank["peak_memory"] > 0 for rank in found["ranks"])
+    assert found["latency_ms"]["p50"] > 0
+
+
+def test_killed_renderer_does_not_stop_the_others(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, columns=2, path=ORBIT)
+    run = running("run", config, "--headless", "--seconds", 3, "--out", tmp_path / "out")
+    first, _ = renderers(run)
+
+    os.kill(first, signal.SIGKILL)
+    output, _ = run.communicate(timeout=START_LIMIT_S)
+
+    found = summary(tmp_path / "out")
+    assert run.returncode == 1, output
+    assert "rank 1 died (signal 9)" in output
+    assert found["lost"].keys() == {"1"}
+    assert found["ended"] == "time is up"
+    assert found["ranks"][2]["samples_traced"] > 0
+    assert panels(tmp_path / "out")[1].std() > 10
+    assert not session_of(run.pid)
+
+
+def test_run_without_any_renderer_left_ends_at_once(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, path=ORBIT)
+    run = running("run", config, "--headless", "--out", tmp_path / "out")
+    (only,) = renderers(run)
+
+    os.kill(only, signal.SIGKILL)
+    until(lambda: not session_of(run.pid), STOP_LIMIT_S)
+
+    assert run.wait(1) == 1
+    assert summary(tmp_path / "out")["ended"] == "no renderer is left"
+
+
+def test_frozen_renderer_is_noticed_and_welcomed_back(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, columns=2, path=ORBIT)
+    run = running("run", config, "--headless", "--seconds", 6, "--out", tmp_path / "out")
+    first, _ = renderers(run)
+
+    os.kill(first, signal.SIGSTOP)
+    began = time.monotonic()
+    until(lambda: time.monotonic() - began > 2.5, 5.0)      # longer than lost_after_s
+    os.kill(first, signal.SIGCONT)
+    output, _ = run.communicate(timeout=START_LIMIT_S)
+
+    found = summary(tmp_path / "out")
+    assert run.returncode == 0, output
+    assert found["lost"] == {}
+    assert found["silences"]["1"] > 1.0
+
+
+def test_killed_head_takes_its_renderers_along(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:
+    config = write_config(tmp_path, columns=2, path=ORBIT)
+    run = running("run", config, "--headless", "--out", tmp_path / "out")
+    renderers(run)
+
+    os.kill(run.pid, signal.SIGKILL)
+
+    until(lambda: not session_of(run.pid), STOP_LIMIT_S)
+
+
+@pytest.mark.mpi
+def test_survivors_of_a_killed_mpi_rank_run_on(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:
+    config = write_config(tmp_path, columns=2, path=ORBIT)
+    run = running(
+        "run", config, "--headless", "--seconds", 4, "--out", tmp_path / "out",
+        launcher=mpirun(3, "--with-ft", "ulfm"),
+    )  # fmt: skip
+    until_running(run)
+    (victim,) = (pid for pid in session_of(run.pid) if environment_of(pid).get("OMPI_COMM_WORLD_RANK") == "1")
+
+    os.kill(victim, signal.SIGKILL)
+    output, _ = run.communicate(timeout=START_LIMIT_S)
+
+    found = summary(tmp_path / "out")
+    assert "silent" in found["lost"]["1"], output
+    assert found["ended"] == "time is up"
+    assert found["ranks"][2]["samples_traced"] > 0
+    until(lambda: not session_of(run.pid), STOP_LIMIT_S)
+
+
+def environment_of(pid: int) -> dict[str, str]:
+    try:
+        entries = Path(f"/proc/{pid}/environ").read_text().split("\0")
+    except OSError:
+        return {}
+    return dict(entry.partition("=")[::2] for entry in entries)
+
+
+@pytest.mark.mpi
+def test_wrong_number_of_ranks_is_refused_with_the_right_one(tmp_path: Path) -> None:
+    config = write_config(tmp_path, columns=2)
+
+    done = wall("run", config, "--headless", launcher=mpirun(2))
+
+    assert done.returncode == 2
+    assert "2 ranks were launched, the configuration needs 3: 1 head + 2 renderers" in done.stderr
+    assert "mpirun -n 3" in done.stderr
+    assert done.stderr.count("ranks were launched") == 1
