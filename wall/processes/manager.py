@@ -75,13 +75,8 @@ class Director:
         elif command.kind == "sampler":
             self.sampler = command.value if command.value in METHODS else self.sampler
         else:
-            steering = self._steering or Steering.from_camera(self._camera(), self._view.target)
-            if command.kind == "orbit":
-                self._steering = steering.orbit(command.x, command.y)
-            elif command.kind == "pan":
-                self._steering = steering.pan(command.x, command.y)
-            elif command.kind == "zoom":
-                self._steering = steering.zoom(command.x)
+            steering = self._steering or Steering.from_view(self._view, self._path_time)
+            self._steering = steering.apply(command)
 
 
 class Latency:

@@ -156,7 +156,6 @@ def lead(
     plan: Plan, resident: Resident, bootstrap: Bootstrap, options: Options, opened: Callable[[str], None]
 ) -> Outcome:
     """Be the head: serve the page, run the wall, write what is asked for at the end."""
-    config = plan.layout.config
     options.out.mkdir(parents=True, exist_ok=True)
     hub = _hub(plan)
     control_hub = _hub(plan)

@@ -1,0 +1,118 @@
+"""The whole thing as a viewer has it: real renderers, packets and Chromium; the hand moves, the picture follows."""
+
+from __future__ import annotations
+
+import io
+import re
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from running import start, summary
+
+pytestmark = pytest.mark.browser
+
+CONFIG = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 2, rows: 1, pixels: [160, 120], size: [0.4, 0.3], bezel: 0.01}}
+views: [{id: main, camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, refresh_hz: 30}]
+sampling: {method: frameless, samples_per_batch: 512}
+graph: {preset: sort-first, sinks: [browser, png]}
+"""
+PATIENCE_S = 30.0
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A still wall of two panels, and its page's address."""
+    config = tmp_path / "wall.yaml"
+    config.write_text(CONFIG, encoding="utf-8")
+    process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 60)
+    address, said = None, ""
+    while address is None:
+        line = process.stdout.readline()
+        assert line, f"the run ended before its page was there: {said}"
+        said += line
+        address = re.search(r"http://\S+/", line)
+    yield process, address.group(0)
+    process.terminate()
+    assert process.wait(10) == 0
+    assert summary(tmp_path / "out")["ended"] == "terminated"
+
+
+def shown(address: str) -> NDArray[np.int16]:
+    with urllib.request.urlopen(address + "wall.png", timeout=5) as answer:
+        return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB")).astype(np.int16)
+
+
+def settled(address: str) -> NDArray[np.int16]:
+    """The picture once it shows something and has stopped changing."""
+    deadline, last = time.monotonic() + PATIENCE_S, shown(address)
+    while time.monotonic() < deadline:
+        picture = shown(address)
+        if picture.std() > 20 and np.array_equal(picture, last):
+            return picture
+        last = picture
+    pytest.fail("the picture never settled")
+
+
+def changed(before: NDArray[np.int16], after: NDArray[np.int16]) -> float:
+    """Share of pixels that differ visibly."""
+    return float((np.abs(before - after).max(-1) > 8).mean())
+
+
+def test_dragging_turns_the_scene_and_reset_brings_it_back(chromium: Any, run: tuple[Any, str]) -> None:
+    _, address = run
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(address)
+    page.wait_for_selector(".panel canvas")
+    before = settled(address)
+
+    box = page.locator("#wall").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 0.4 * box["height"], y, steps=8)
+    page.mouse.up()
+    deadline = time.monotonic() + PATIENCE_S
+    while changed(before, turned := settled(address)) < 0.05:
+        assert time.monotonic() < deadline, "dragging changed nothing"
+    page.keyboard.press("r")
+    while changed(before, settled(address)) > 0.001:
+        assert time.monotonic() < deadline, "reset did not bring the first view back"
+
+    page.close()
+    assert changed(before, turned) >= 0.05
+
+
+def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any, str]) -> None:
+    _, address = run
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(address)
+    page.wait_for_selector(".panel canvas")
+    frameless = settled(address)
+
+    page.keyboard.press("1")
+    deadline = time.monotonic() + PATIENCE_S
+    while '"framed"' not in status(address):
+        assert time.monotonic() < deadline, "the sampler was not switched"
+    framed = settled(address)
+
+    page.close()
+    assert changed(frameless, framed) == 0.0
+
+
+def status(address: str) -> str:
+    """What status.json says of the sampler in use."""
+    with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
+        text: str = answer.read().decode()
+    found = re.search(r'"sampler": ?"\w+"', text)
+    return found.group(0) if found else text
