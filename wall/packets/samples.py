@@ -60,16 +60,16 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
             f"at most {MAX_SAMPLES} samples, edges of 1 to {MAX_EDGE} pixels"
         )
     low, high, latest, bad = kernels.depth_range(batch.samples)
-    (base, bits), span = _depth_code(low, high), float(latest)
+    if bad:
+        raise LocalProtocolError(f"{where}: {bad} of {n} samples without a finite colour, a depth or a time")
+    (base, bits), span = _depth_code(int(low), int(high)), float(latest)
     body = np.empty(BYTES_A_SAMPLE * n, np.uint8)
     outside = kernels.pack(
         batch.samples, (rect.x, rect.y, rect.width, rect.height), subpixel_bits(rect.width),
         subpixel_bits(rect.height), base, bits, np.float32(span), *_planes(body, n),
     )
-    if bad or outside:
-        raise LocalProtocolError(
-            f"{where}: {outside} of {n} samples outside {rect}, {bad} without a finite colour, a depth or a time"
-        )
+    if outside:
+        raise LocalProtocolError(f"{where}: {outside} of {n} samples outside {rect}")
     if not _sane(batch.base_time, span, float(np.float32(batch.blend))):
         raise LocalProtocolError(
             f"{where}: base time {batch.base_time}, blend {batch.blend}; wanted a finite time, a blend in (0, 1]"

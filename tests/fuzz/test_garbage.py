@@ -1,0 +1,109 @@
+"""Seeded garbage: whatever comes, decode() and parse_control() give values or RemoteProtocolError."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from packet_examples import CHECKSUM_AT, batch_of, check_sane, plain_samples, resealed
+
+from wall.data import Batch, Camera, Event, Rect
+from wall.errors import RemoteProtocolError
+from wall.packets.control import Framelet, Heartbeat, Hello, Message, Ping, parse_control, serialise
+from wall.packets.samples import Codec, decode, encode
+
+ROUNDS = 4000
+EVENT = Event(
+    view=0, camera_event=7, scene_event=1, scene_time=2.0, input_time=3.0,
+    camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+)  # fmt: skip
+CONTROL = [
+    serialise(EVENT),
+    serialise(Hello(rank=1, role="renderer", region="panel 0", pid=4, host="h")),
+    serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
+    serialise(Ping(sent=1.0)),
+    serialise(
+        Framelet.of(
+            panel=1, rect=Rect(x=0, y=0, width=4, height=4), rgb=np.zeros((4, 4, 3), np.uint8), camera_event=1,
+            scene_event=1,
+        )
+    ),
+]  # fmt: skip
+SAMPLES = [encode(batch_of(plain_samples(n)), codec) for n in (0, 1, 5) for codec in Codec]
+
+
+def resealed_control(data: bytes) -> bytes:
+    body = data[16:]
+    head = data[:8] + struct.pack("<I", len(body))
+    return head + struct.pack("<I", zlib.crc32(body, zlib.crc32(head))) + body
+
+
+def mutated(rng: np.random.Generator, data: bytes) -> bytes:
+    """A few bytes changed, cut, doubled or inserted."""
+    changed = bytearray(data)
+    for _ in range(rng.integers(1, 5)):
+        at, what = int(rng.integers(0, len(changed) + 1)), rng.integers(0, 4)
+        if what == 0 and at < len(changed):
+            changed[at] = rng.choice([0, 1, 127, 128, 255, int(rng.integers(0, 256))])
+        elif what == 1:
+            changed[at : at + int(rng.integers(1, 9))] = b""
+        elif what == 2:
+            changed[at:at] = rng.bytes(int(rng.integers(1, 9)))
+        else:
+            changed[at:at] = changed[at : at + int(rng.integers(1, 17))]
+    return bytes(changed)
+
+
+def survives(parse: Callable[[bytes], Batch | Message], data: bytes) -> bool:
+    try:
+        value = parse(data)
+    except RemoteProtocolError:
+        return False
+    if isinstance(value, Batch):
+        check_sane(value)
+    elif isinstance(value, Framelet):
+        with_pixels(value)
+    return True
+
+
+def with_pixels(framelet: Framelet) -> None:
+    try:
+        assert framelet.pixels().shape == (framelet.rect.height, framelet.rect.width, 3)
+    except RemoteProtocolError:
+        return
+
+
+@pytest.mark.parametrize("parse", [decode, parse_control])
+def test_random_bytes_are_refused(parse: Callable[[bytes], Batch | Message]) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(ROUNDS):
+        data = rng.bytes(int(rng.integers(0, 200)))
+        assert not survives(parse, data)
+        assert not survives(parse, b"WALL\x01" + data)
+
+
+def test_mutated_sample_packets_are_refused_or_harmless() -> None:
+    rng, accepted = np.random.default_rng(2), 0
+    for k in range(ROUNDS):
+        data = mutated(rng, SAMPLES[k % len(SAMPLES)])
+        survives(decode, data)
+        if len(data) >= CHECKSUM_AT + 4:
+            accepted += survives(decode, resealed(data))
+    assert accepted > ROUNDS // 50
+
+
+def test_mutated_control_messages_are_refused_or_harmless() -> None:
+    rng, accepted = np.random.default_rng(3), 0
+    for k in range(ROUNDS):
+        data = mutated(rng, CONTROL[k % len(CONTROL)])
+        survives(parse_control, data)
+        accepted += survives(parse_control, resealed_control(data))
+    assert accepted > ROUNDS // 50
+
+
+def test_messages_of_one_kind_are_refused_by_the_other_parser() -> None:
+    assert not any(survives(parse_control, data) for data in SAMPLES)
+    assert not any(survives(decode, data) for data in CONTROL)

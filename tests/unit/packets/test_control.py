@@ -1,0 +1,208 @@
+"""Control messages survive the wire exactly; what does not fit is refused on both sides."""
+
+from __future__ import annotations
+
+import json
+import struct
+import tracemalloc
+import zlib
+from dataclasses import replace
+from typing import Any
+
+import lz4.block
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wall.data import Camera, Event, Rect
+from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets import control
+from wall.packets.control import (
+    Framelet,
+    Heartbeat,
+    Hello,
+    Message,
+    Ping,
+    Pong,
+    Stop,
+    parse_control,
+    serialise,
+)
+
+FINITE = st.floats(-1e300, 1e300)
+WORD, LONG, COUNT = st.integers(0, 65535), st.integers(0, 2**32 - 1), st.integers(0, 2**63 - 1)
+TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=50)
+CAMERAS = st.builds(Camera, position=st.tuples(*[FINITE] * 3), world_from_wall=st.tuples(*[FINITE] * 9))
+SAMPLERS = TEXT.filter(lambda name: len(name.encode()) <= 30)
+EVENTS = st.builds(
+    Event, view=WORD, camera_event=LONG, scene_event=LONG, scene_time=FINITE, input_time=FINITE, camera=CAMERAS,
+    sampler=SAMPLERS, paused=st.booleans(),
+)  # fmt: skip
+HEARTBEATS = st.builds(
+    Heartbeat, rank=WORD, time=FINITE, samples_traced=COUNT, samples_shown=COUNT, secondary_rays=COUNT,
+    samples_per_s=FINITE, bytes_per_s=FINITE, packets=COUNT, bytes=COUNT, seconds=FINITE, peak_memory=COUNT,
+    dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**32 - 1),
+    scene_event=st.integers(-1, 2**32 - 1), last=st.booleans(),
+)  # fmt: skip
+MESSAGES = st.one_of(
+    EVENTS, HEARTBEATS, st.builds(Hello, rank=WORD, role=TEXT, region=TEXT, pid=COUNT, host=TEXT),
+    st.builds(Ping, sent=FINITE), st.builds(Pong, sent=FINITE, head_time=FINITE), st.builds(Stop, reason=TEXT),
+)  # fmt: skip
+EVENT = Event(
+    view=1, camera_event=7, scene_event=2, scene_time=2.5, input_time=100.125, sampler="hilbert", paused=True,
+    camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+)  # fmt: skip
+EXAMPLES: list[Message] = [
+    EVENT,
+    Hello(rank=1, role="renderer", region="panel 0: 480x270", pid=4711, host="node7"),
+    Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}),
+    Ping(sent=1.5),
+    Pong(sent=1.5, head_time=9.25),
+    Stop(reason="time is up"),
+]
+
+
+def picture(width: int, height: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    return np.random.default_rng(width).integers(0, 9, (height, width, 3)).astype(np.uint8)
+
+
+def framelet(width: int = 32, height: int = 16) -> Framelet:
+    rect = Rect(x=16, y=48, width=width, height=height)
+    return Framelet.of(panel=2, rect=rect, rgb=picture(width, height), camera_event=9, scene_event=1)
+
+
+def pixels_of(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    came = parse_control(data)
+    assert isinstance(came, Framelet)
+    return came.pixels()
+
+
+def sealed(kind: int, body: bytes) -> bytes:
+    """A message with a header that fits its body, whatever that is."""
+    head = struct.pack("<4sBBHI", b"WALL", 1, kind, 0, len(body))
+    return head + struct.pack("<I", zlib.crc32(body, zlib.crc32(head))) + body
+
+
+@given(message=MESSAGES)
+@settings(max_examples=200, deadline=None)
+def test_any_message_comes_back_equal(message: Message) -> None:
+    assert parse_control(serialise(message)) == message
+
+
+@pytest.mark.parametrize("size", [(1, 1), (32, 16), (480, 270)])
+def test_a_framelet_s_pixels_come_back_exactly(size: tuple[int, int]) -> None:
+    came = parse_control(serialise(framelet(*size)))
+    assert isinstance(came, Framelet)
+    assert came == framelet(*size)
+    assert (came.pixels() == picture(*size)).all()
+
+
+@pytest.mark.parametrize("message", [*EXAMPLES, framelet()], ids=lambda m: type(m).__name__)
+def test_a_message_cut_anywhere_or_with_any_bit_flipped_is_refused(message: Message) -> None:
+    data = serialise(message)
+    for length in range(len(data)):
+        with pytest.raises(RemoteProtocolError):
+            parse_control(data[:length])
+    for bit in range(8 * len(data)):
+        flipped = bytearray(data)
+        flipped[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(RemoteProtocolError):
+            parse_control(bytes(flipped))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        replace(EVENT, view=65536), replace(EVENT, camera_event=-1), replace(EVENT, scene_time=float("nan")),
+        replace(EVENT, sampler="s" * 31), replace(EVENT, sampler="\ud800"),
+        replace(EVENT, camera=replace(EVENT.camera, position=(0.0, float("inf"), 0.0))),
+        Ping(sent=float("inf")), Ping(sent=True), Stop(reason="\ud800"), Stop(reason="r" * 20000),
+        Hello(rank=-2, role="", region="", pid=1, host=""), Hello(rank=2**63, role="", region="", pid=1, host=""),
+        Heartbeat(rank=0, time=0.0, dropped={"a": -5}), Heartbeat(rank=0, time=0.0, samples_traced=1.5),  # type: ignore[arg-type]
+        Heartbeat(rank=0, time=0.0, dropped={str(k): 1 for k in range(65)}),
+        replace(framelet(), rect=Rect(x=0, y=0, width=0, height=16)),
+        replace(framelet(), rect=Rect(x=0, y=0, width=65536, height=1)),
+        replace(framelet(), rect=Rect(x=0, y=0, width=16384, height=16384)),
+        replace(framelet(), panel=-1),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_what_would_be_refused_on_arrival_is_not_sent(wrong: Message) -> None:
+    with pytest.raises(LocalProtocolError):
+        serialise(wrong)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "", "{", "[]", "null", '{"sent": "1"}', '{"sent": true}', '{"sent": null}', '{"sent": 1, "more": 2}', "{}",
+        '{"sent": NaN}', '{"sent": Infinity}', '{"sent": 1e400}', '{"sent": 1' + "0" * 400 + "}",
+        '{"sent": 1' + "0" * 5000 + "}", "[" * 10000, '{"sent":' * 2000, '{"sent": 1}' + " " * 16384,
+        "\0\0{", "\ufeff{}",
+    ],
+    ids=lambda text: text[:20],
+)  # fmt: skip
+def test_json_that_is_not_exactly_the_message_is_refused(text: str) -> None:
+    with pytest.raises(RemoteProtocolError):
+        parse_control(sealed(control.KIND_PING, text.encode()))
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("rank", 1.0), ("rank", "1"), ("rank", True), ("rank", -2), ("rank", 2**63), ("complete", 1), ("time", "now"),
+        ("dropped", []), ("dropped", {"a": 1.5}), ("dropped", {"a": {}}), ("dropped", {"\ud800": 1}),
+        ("dropped", {str(k): 1 for k in range(65)}), ("samples_per_s", [1]),
+    ],
+)  # fmt: skip
+def test_a_heartbeat_with_a_value_of_another_type_is_refused(key: str, value: Any) -> None:
+    good = json.loads(serialise(Heartbeat(rank=1, time=2.0))[control.HEADER_BYTES :])
+    with pytest.raises(RemoteProtocolError, match=f"a Heartbeat whose {key} is"):
+        parse_control(sealed(control.KIND_HEARTBEAT, json.dumps(good | {key: value}).encode()))
+
+
+@pytest.mark.parametrize("kind", [0, 1, 9, 255])
+def test_an_unknown_kind_is_refused(kind: int) -> None:
+    with pytest.raises(RemoteProtocolError, match=f"unknown kind of message {kind}"):
+        parse_control(sealed(kind, b"{}"))
+
+
+def test_any_value_of_any_event_byte_under_a_valid_checksum_is_refused_or_finite() -> None:
+    body = serialise(EVENT)[control.HEADER_BYTES :]
+    accepted = 0
+    for offset in range(len(body)):
+        for value in (0, 1, 2, 0x7F, 0x80, 0xF0, 0xFF):
+            changed = body[:offset] + bytes([value]) + body[offset + 1 :]
+            try:
+                event = parse_control(sealed(control.KIND_EVENT, changed))
+            except RemoteProtocolError:
+                continue
+            assert isinstance(event, Event)
+            assert np.isfinite([event.scene_time, event.input_time, *event.camera.position]).all()
+            assert np.isfinite(event.camera.world_from_wall).all()
+            accepted += 1
+    assert accepted > 100
+
+
+@pytest.mark.parametrize("size", [(0, 4), (4, 0), (65535, 65535), (16, 31)])
+def test_a_framelet_whose_data_cannot_be_its_rectangle_is_refused(size: tuple[int, int]) -> None:
+    """No more than 255 bytes can come out of one lz4 byte, so small messages cannot ask for large buffers."""
+    data = lz4.block.compress(bytes(16 * 16 * 3), store_size=False)
+    body = struct.pack("<HHHHHIII", 0, 0, 0, *size, 1, 1, len(data)) + data
+    with pytest.raises(RemoteProtocolError):
+        pixels_of(sealed(control.KIND_FRAMELET, body))
+
+
+def test_a_framelet_bomb_never_takes_memory() -> None:
+    data = lz4.block.compress(bytes(1 << 28), store_size=False)
+    body = struct.pack("<HHHHHIII", 0, 0, 0, 16, 16, 1, 1, len(data)) + data
+    came = parse_control(sealed(control.KIND_FRAMELET, body))
+    assert isinstance(came, Framelet)
+    tracemalloc.start()
+    try:
+        with pytest.raises(RemoteProtocolError, match="does not decompress"):
+            came.pixels()
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
