@@ -1,6 +1,6 @@
 """The samples of one panel, newest per pixel, and what they show.
 
-One owner (the compositor that reconstructs the panel), arrays allocated once: 63 bytes a pixel. The batches of an
+One owner (the compositor that reconstructs the panel), allocated once: 64 bytes a pixel. The batches of an
 unfinished double-buffered frame wait beside it, 37 bytes a pixel.
 """
 
@@ -14,43 +14,6 @@ from wall.deepbuffer import kernels
 JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
 
 
-class _Records:
-    """Arrays of one picture; see kernels.insert for shapes."""
-
-    def __init__(self, width: int, height: int) -> None:
-        shape = (height, width)
-        self.shown, self.history, self.mean = (np.zeros((*shape, 3), np.float32) for _ in range(3))
-        self.count = np.zeros(shape, np.uint16)
-        self.seen = np.zeros(shape, np.uint8)
-        self.depth = np.full(shape, np.inf, np.float32)
-        self.objects = np.zeros(shape, np.uint32)
-        self.times = np.full(shape, -np.inf, np.float64)
-        self.keys = np.zeros(shape, np.uint64)
-        self.dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)
-
-    def insert(self, batch: Batch) -> tuple[int, int]:
-        key = np.uint64((batch.camera_event << 32) | batch.scene_event)
-        complete_at = 1 if batch.blend >= 1.0 else JITTER_POSITIONS
-        late, outside = kernels.insert(
-            batch.samples,
-            batch.base_time,
-            key,
-            np.float32(batch.blend),
-            self.shown,
-            self.history,
-            self.mean,
-            self.count,
-            self.seen,
-            self.depth,
-            self.objects,
-            self.times,
-            self.keys,
-            self.dirty,
-            complete_at,
-        )
-        return int(late), int(outside)
-
-
 class DeepBuffer:
     """insert(batch) folds samples in; `radiance` is what they show; `take_dirty()` says which tiles changed."""
 
@@ -59,17 +22,16 @@ class DeepBuffer:
         self.counters = Counters()
         self.samples_shown = 0
         self.newest_event = (-1, -1)  # of the samples in the picture
-        self._front = _Records(width, height)
+        self.records = np.zeros((height, width), kernels.PIXEL)
+        self.records["time"], self.records["depth"] = -np.inf, np.inf
+        self._dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)
         self._back: dict[int, _Frame] = {}  # by rank: the frame that is being put together
 
     @property
     def radiance(self) -> Float32:
-        """(h, w, 3) float32 linear RGB, updated in place by insert()."""
-        return self._front.shown
-
-    @property
-    def records(self) -> _Records:
-        return self._front
+        """(h, w, 3) float32 linear RGB: a view that insert() writes through."""
+        shown: Float32 = self.records["shown"]
+        return shown
 
     def insert(self, batch: Batch) -> None:
         """Show a batch at once, or, for double-buffered frames, when its frame is complete."""
@@ -91,7 +53,11 @@ class DeepBuffer:
             frame.finish()
 
     def _show(self, batch: Batch) -> None:
-        late, outside = self._front.insert(batch)
+        key = np.uint64((batch.camera_event << 32) | batch.scene_event)
+        complete_at = 1 if batch.blend >= 1.0 else JITTER_POSITIONS
+        late, outside = kernels.insert(
+            batch.samples, batch.base_time, key, np.float32(batch.blend), self.records, self._dirty, complete_at
+        )
         self.counters.add("late", late)
         self.counters.add("outside", outside)
         shown = len(batch.samples) - late - outside
@@ -101,13 +67,13 @@ class DeepBuffer:
 
     def take_dirty(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
-        dirty = self._front.dirty.copy()
-        self._front.dirty[:] = False
+        dirty = self._dirty.copy()
+        self._dirty[:] = False
         return dirty
 
     def oldest_sample(self, now: float) -> float:
         """Age in seconds of the oldest sample shown; inf while a pixel never had one."""
-        least, never = kernels.oldest(self._front.times)
+        least, never = kernels.oldest(self.records)
         return float("inf") if never else max(0.0, now - float(least))
 
 

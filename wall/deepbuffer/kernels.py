@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.jit import kernel
+from wall.jit import inline_kernel, kernel
 
 TILE = 16  # pixels; what is redone when one of its pixels changed
 WHOLE = np.uint8(16)  # in `seen`: one sample stands for the whole pixel
 
 
+# what is kept of a pixel: one cache line, so that a sample that lands anywhere costs one miss and not eight
+PIXEL = np.dtype(
+    {
+        "names": ["shown", "history", "mean", "depth", "object", "time", "key", "count", "seen"],
+        "formats": ["3f4", "3f4", "3f4", "f4", "u4", "f8", "u8", "u1", "u1"],
+        "offsets": [0, 12, 24, 36, 40, 48, 56, 44, 45],
+        "itemsize": 64,
+    }
+)
+
+
 @kernel
-def insert(
-    samples, base_time, key, blend, shown, history, mean, count, seen, depth, objects, times, keys, dirty, complete_at
-):
+def insert(samples, base_time, key, blend, records, dirty, complete_at):
     """Fold a batch into the newest-sample records of a panel.
 
     A sample of an older event than its pixel shows is late and left out. Of one event:
@@ -29,10 +38,8 @@ def insert(
     base_time : float64, seconds
     key : uint64, camera and scene event of the batch
     blend : float32 in (0, 1]
-    shown, history, mean : (h, w, 3) float32, linear RGB, updated in place
-    count : (h, w) uint16, samples in `mean`; seen : (h, w) uint8, bits of the quarters they lie in, or WHOLE
-    depth : (h, w) float32, objects : (h, w) uint32, of the newest sample
-    times : (h, w) float64, seconds, -inf = never; keys : (h, w) uint64
+    records : (h, w) PIXEL, updated in place: shown, history, mean (linear RGB); depth and object of the newest sample;
+        its time, seconds, -inf = never; key; count of samples in mean; seen, bits of the quarters they lie in, or WHOLE
     dirty : (ceil(h / 16), ceil(w / 16)) bool, set for tiles that changed
     complete_at : 1 or 4, samples of one event that make a pixel complete
 
@@ -43,55 +50,65 @@ def insert(
     late = outside = 0
     for k in range(samples.shape[0]):
         column, row = samples[k]["xy"][0], samples[k]["xy"][1]
-        if not (0 <= column < shown.shape[1] and 0 <= row < shown.shape[0]):  # int(-0.5) would be inside, NaN too
+        if not (0 <= column < records.shape[1] and 0 <= row < records.shape[0]):  # int(-0.5) would be inside, NaN too
             outside += 1
             continue
         x, y = int(column), int(row)
+        pixel = records[y, x]
         time = base_time + float(samples[k]["time"])
-        same = key == keys[y, x] and (seen[y, x] == WHOLE) == (complete_at == 1) and count[y, x] > 0
-        part, stale = WHOLE, same and time < times[y, x]
+        same = key == pixel["key"] and (pixel["seen"] == WHOLE) == (complete_at == 1) and pixel["count"] > 0
+        part, stale = WHOLE, same and time < pixel["time"]
         if complete_at > 1:
             part = np.uint8(1 << (int(2 * column) % 2 + 2 * (int(2 * row) % 2)))
-            stale = same and (seen[y, x] & part) != 0
-        if key < keys[y, x] or stale:
+            stale = same and (pixel["seen"] & part) != 0
+        if key < pixel["key"] or stale:
             late += 1
             continue
-        newest = not same or time >= times[y, x]
-        if not same:
-            never = times[y, x] == -np.inf
-            keys[y, x] = key
-            count[y, x] = seen[y, x] = 0
+        newest = not same or time >= pixel["time"]
+        radiance = samples[k]["radiance"]
+        if complete_at == 1:
             for c in range(3):
-                history[y, x, c] = samples[k]["radiance"][c] if never else shown[y, x, c]
-        seen[y, x] |= part
-        count[y, x] = count[y, x] + 1 if complete_at > 1 else 1
-        n = np.float32(count[y, x])
-        old = np.float32(0.0)
-        if count[y, x] < complete_at:
-            old = np.float32((1.0 - blend) ** n)
-        for c in range(3):
-            value = samples[k]["radiance"][c]
-            if n == 1.0:
-                mean[y, x, c] = value
-            else:
-                mean[y, x, c] += (value - mean[y, x, c]) / n
-            shown[y, x, c] = mean[y, x, c] + old * (history[y, x, c] - mean[y, x, c])
+                pixel["shown"][c] = radiance[c]
+            pixel["count"], pixel["seen"] = 1, WHOLE
+        else:
+            fold(pixel, radiance, part, same, blend, complete_at)
+        pixel["key"] = key
         if newest:
-            times[y, x] = time
-            depth[y, x] = samples[k]["depth"]
-            objects[y, x] = samples[k]["object"]
+            pixel["time"] = time
+            pixel["depth"] = samples[k]["depth"]
+            pixel["object"] = samples[k]["object"]
         dirty[y // TILE, x // TILE] = True
     return late, outside
 
 
+@inline_kernel
+def fold(pixel, radiance, part, same, blend, complete_at):
+    """Average a sample into its pixel and let the picture before it fade."""
+    if not same:
+        never = pixel["time"] == -np.inf
+        pixel["count"] = pixel["seen"] = 0
+        for c in range(3):
+            pixel["history"][c] = radiance[c] if never else pixel["shown"][c]
+            pixel["mean"][c] = 0.0
+    pixel["seen"] |= part
+    pixel["count"] += 1
+    n = np.float32(pixel["count"])
+    old = np.float32((1.0 - blend) ** n) if pixel["count"] < complete_at else np.float32(0.0)
+    for c in range(3):
+        mean = pixel["mean"][c] + (radiance[c] - pixel["mean"][c]) / n
+        pixel["mean"][c] = mean
+        pixel["shown"][c] = mean + old * (pixel["history"][c] - mean)
+
+
 @kernel
-def oldest(times):
-    """The time of the oldest sample shown, and how many pixels never had one. times : (h, w) float64."""
+def oldest(records):
+    """The time of the oldest sample shown, and how many pixels never had one. records : (h, w) PIXEL."""
     least, never = np.inf, 0
-    for y in range(times.shape[0]):
-        for x in range(times.shape[1]):
-            if times[y, x] == -np.inf:
+    for y in range(records.shape[0]):
+        for x in range(records.shape[1]):
+            time = records[y, x]["time"]
+            if time == -np.inf:
                 never += 1
-            elif times[y, x] < least:
-                least = times[y, x]
+            elif time < least:
+                least = time
     return least, never

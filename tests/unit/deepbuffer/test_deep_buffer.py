@@ -54,9 +54,9 @@ def value(deep: DeepBuffer, x: int, y: int) -> float:
 def test_a_sample_is_shown_in_the_pixel_that_contains_it() -> None:
     deep = buffer_of(batch(sample(3.99, 5.0, 7.0, depth=2.5, object_id=9, time=0.25)))
     assert np.flatnonzero(deep.radiance[..., 0]).tolist() == [5 * 8 + 3]
-    assert deep.records.depth[5, 3] == 2.5
-    assert deep.records.objects[5, 3] == 9
-    assert deep.records.times[5, 3] == 10.25
+    assert deep.records["depth"][5, 3] == 2.5
+    assert deep.records["object"][5, 3] == 9
+    assert deep.records["time"][5, 3] == 10.25
 
 
 def test_late_packet_does_not_replace_newer_sample() -> None:
@@ -83,8 +83,8 @@ def test_inserting_a_packet_again_changes_no_pixel(blend: float) -> None:
     first, second = batch(sample(1.25, 1.25, 5.0), blend=blend), batch(sample(1.75, 1.75, 2.0), time=10.5, blend=blend)
     once, twice = buffer_of(first, second), buffer_of(first, second, second, first, second)
     np.testing.assert_array_equal(once.radiance, twice.radiance)
-    for name in ("mean", "count", "depth", "times"):
-        np.testing.assert_array_equal(getattr(once.records, name), getattr(twice.records, name))
+    for name in ("mean", "count", "depth", "time"):
+        np.testing.assert_array_equal(once.records[name], twice.records[name])
 
 
 @pytest.mark.parametrize("xy", [(-0.5, 2.0), (8.0, 2.0), (2.0, 8.0), (2.0, -1.5), (1e30, 0.0), (np.nan, 0)])
@@ -136,7 +136,7 @@ def test_still_picture_is_the_plain_mean_of_four_in_any_order_of_arrival(order: 
         dx, dy = QUARTERS[k]
         deep.insert(batch(sample(1 + dx, 1 + dy, values[k], depth=k), time=20.0 + k, blend=0.5))
     assert value(deep, 1, 1) == pytest.approx(4.0, rel=1e-6)
-    assert deep.records.depth[1, 1] == 3.0, "depth is that of the newest sample"
+    assert deep.records["depth"][1, 1] == 3.0, "depth is that of the newest sample"
     assert not deep.counters.counts
 
 
@@ -251,12 +251,14 @@ def test_insert_equals_its_twin_on_random_packets(seed: int) -> None:
     deep = buffer_of(*batches, size=(4, 4))
     shown, times = _twin(batches, 4)
     np.testing.assert_allclose(deep.radiance, shown, rtol=1e-5, atol=1e-6)
-    assert {(x, y): deep.records.times[y, x] for x, y in times} == times
+    assert {(x, y): deep.records["time"][y, x] for x, y in times} == times
 
 
 def test_oldest_equals_its_twin_with_pixels_that_never_had_a_sample() -> None:
     times = np.random.default_rng(4).random((7, 5))
     times[2, 3] = times[6, 4] = -np.inf
-    least, never = kernels.oldest(times)
+    records = np.zeros((7, 5), kernels.PIXEL)
+    records["time"] = times
+    least, never = kernels.oldest(records)
     assert (least, never) == (times[np.isfinite(times)].min(), 2)
-    assert kernels.oldest(np.zeros((0, 5))) == (np.inf, 0)
+    assert kernels.oldest(records[:0]) == (np.inf, 0)
