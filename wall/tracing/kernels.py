@@ -55,8 +55,8 @@ IRRADIANCE_STEPS = 256  # of the sky table over the normal's height -1..1
 SHADE = RAY_HIT_FLOATS
 PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, LIFT = range(SHADE + RAY_FLOATS, SHADE + RAY_FLOATS + 160, 16)
 AR, AG, AB, LR, LG, LB, TR, TG, TB, MIRROR, COS, DEPTH, OBJECT, HITS = range(LIFT + 16, LIFT + 240, 16)
-LIFT_BASE, LIFT_SLOPE = HITS + 16, HITS + 32
-PACKET_FLOATS = LIFT_SLOPE + 16
+LIFT_BASE, LIFT_SLOPE, LIFT_STRETCH = HITS + 16, HITS + 32, HITS + 48
+PACKET_FLOATS = LIFT_STRETCH + 16
 
 # counts that a kernel returns
 PRIMARY, SHADOW, SECONDARY, BAD = range(4)
@@ -81,7 +81,7 @@ class Surfaces(NamedTuple):
     mesh_table: NDArray[np.uint32]  # (m, 4) first triangle, first vertex, material, flags: 1 normals, 2 colours, 4 uvs
     materials: Float32  # (k, 8) base colour, mirror share, emission, 0
     instance_mesh: NDArray[np.uint32]  # (n,)
-    placements: Float32  # (n, 12) normal_from_object (9, row major), lift base, lift slope, 0
+    placements: Float32  # (n, 12) normal_from_object (9, row major), lift: base, slope, stretched slope
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
     irradiance: Float32  # (257, 3) sky irradiance over pi, by height of the normal
 
@@ -144,9 +144,10 @@ def place_instances(world_from_object, eye, scene, geometries, transforms, place
             norm += float(placements[k, q]) ** 2
         # condition number of the 3x3 part in the Frobenius norm over 3: 1 for rotation and uniform scale
         condition = max(1.0, math.sqrt(norm) / 3.0)
-        slope = ulps * 2.0**-24 * condition
-        placements[k, 9] = slope * (abs(x) + abs(y) + abs(z) + extents[k] * size)
-        placements[k, 10] = slope
+        root = math.sqrt(3.0)
+        placements[k, 9] = root * ulps * 2.0**-24 * (condition * (abs(x) + abs(y) + abs(z)) + extents[k] * size)
+        placements[k, 10] = ulps * 2.0**-24
+        placements[k, 11] = root * ulps * 2.0**-24 * condition
         set_transform(geometries[k], np.uint32(0), np.int32(FORMAT_FLOAT3X4_ROW_MAJOR), transforms.ctypes.data + 48 * k)
         commit_geometry(geometries[k])
     commit_scene(scene)
@@ -231,7 +232,7 @@ def gather_surfaces(surfaces, normals, work):
                 y = w * normals[i0, 1] + u * normals[i1, 1] + v * normals[i2, 1]
                 z = w * normals[i0, 2] + u * normals[i1, 2] + v * normals[i2, 2]
         p[NX + lane], p[NY + lane], p[NZ + lane] = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
-        p[LIFT_BASE + lane], p[LIFT_SLOPE + lane] = place[9], place[10]
+        p[LIFT_BASE + lane], p[LIFT_SLOPE + lane], p[LIFT_STRETCH + lane] = place[9], place[10], place[11]
         material = surfaces.mesh_table[m, 2]
         p[AR + lane] = surfaces.materials[material, 0]
         p[AG + lane] = surfaces.materials[material, 1]
@@ -243,9 +244,11 @@ def gather_surfaces(surfaces, normals, work):
 def finish_surfaces(work):
     """Positions, unit normals turned towards the ray, and the lift of secondary rays, for all lanes at once.
 
-    The lift moves the start of a secondary ray along the geometric normal by more than the float32 error of the hit:
-    slope * (|O| + t |d| + |T| + R), with O + t d the hit, T the instance's place, R its radius, and
-    slope = ulps * 2^-24 * condition. O is 0 but behind a mirror.
+    The lift moves the start of a secondary ray along the geometric normal by more than the float32 error of the hit
+    in that direction: u (W + q (R |M| + c (W + |T|))), with u = ulps * 2^-24, W = |O| + t |d| the ray's way to the hit
+    O + t d (O is 0 but behind a mirror), M and T the instance's matrix and place, R its mesh's radius, c the condition
+    of M. q is |N| / |M^-T N| / |M| for the object's normal N: 1 for rotations and uniform scales, small across the thin
+    side of a flattened object, whose error is only as large as the object is thin.
     """
     p = work.packet
     for lane in range(16):
@@ -254,9 +257,12 @@ def finish_surfaces(work):
         ox, oy, oz = p[ORIGIN_X + lane], p[ORIGIN_Y + lane], p[ORIGIN_Z + lane]
         p[PX + lane], p[PY + lane], p[PZ + lane] = ox + t * dx, oy + t * dy, oz + t * dz
         way = abs(ox) + abs(oy) + abs(oz) + t * (abs(dx) + abs(dy) + abs(dz))
-        p[LIFT + lane] = p[LIFT_BASE + lane] + p[LIFT_SLOPE + lane] * way
         gx, gy, gz = p[GX + lane], p[GY + lane], p[GZ + lane]
         side = ONE / math.sqrt(gx * gx + gy * gy + gz * gz)
+        ux, uy, uz = p[NORMAL_X + lane], p[NORMAL_Y + lane], p[NORMAL_Z + lane]
+        shrink = math.sqrt(ux * ux + uy * uy + uz * uz) * side
+        stretched = p[LIFT_BASE + lane] + p[LIFT_STRETCH + lane] * way
+        p[LIFT + lane] = p[LIFT_SLOPE + lane] * way + shrink * stretched
         side = -side if gx * dx + gy * dy + gz * dz > ZERO else side
         gx, gy, gz = gx * side, gy * side, gz * side
         p[GX + lane], p[GY + lane], p[GZ + lane] = gx, gy, gz

@@ -1,0 +1,86 @@
+"""A wall in parts is the wall as a whole, bit for bit; the reference picture does not know who drew it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scenes import View, flat_wall, picture, view
+
+from wall.config.loading import load
+from wall.data import Float32
+from wall.geometry.cameras import default_eye, look_at
+from wall.geometry.panels import Wall
+from wall.processes import reference
+from wall.scene.build import Scene
+from wall.tracing.resident import make_resident
+
+CAMERAS = {
+    "straight": look_at((0.0, 1.0, 5.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)),
+    "turned": look_at((3.0, 2.2, 4.1), (0.0, 0.6, 0.0), (0.1, 1.0, 0.2)),
+    "far from the origin": look_at((1e6, 1e5, 3e6), (1e6, 1e5 - 1.0, 0.0), (0.0, 1.0, 0.0)),
+}
+WALLS = {"2 x 2": flat_wall(2, 2, (16, 12)), "3 x 1 with bezels": flat_wall(3, 1, (11, 17), bezel=0.13)}
+
+
+def whole(wall: Wall) -> Wall:
+    """One panel over the wall's virtual screen, in the same plane."""
+    panel = replace(wall.panels[0], pixels=(wall.width, wall.height), screen=(0, 0))
+    return Wall(panels=(panel,), width=wall.width, height=wall.height)
+
+
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
+@pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS.keys())
+def test_panels_rendered_apart_equal_the_wall_rendered_whole(
+    tiny_scene: Scene, tiny_view: View, wall: Wall, camera: object, compiled_only: None
+) -> None:
+    event, eye = replace(tiny_view.event, camera=camera), default_eye(wall, 50.0)
+    resident = make_resident(tiny_scene)
+    entire = picture(resident, View(wall=whole(wall), eye=eye, event=event))
+    for panel in wall.panels:
+        part = picture(resident, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
+        x, y = panel.screen
+        inside = np.s_[y : y + panel.pixels[1], x : x + panel.pixels[0]]
+        np.testing.assert_array_equal(part.radiance, entire.radiance[inside])
+        np.testing.assert_array_equal(part.depth, entire.depth[inside])
+        np.testing.assert_array_equal(part.objects, entire.objects[inside])
+
+
+def test_coherent_and_incoherent_traversal_see_the_same(tiny_scene: Scene) -> None:
+    seen = view((0.0, 2.2, 5.0), (0.0, 0.6, 0.0), pixels=(20, 16))
+    one, other = (picture(tiny_scene, seen, coherent=c) for c in (True, False))
+    np.testing.assert_array_equal(one.radiance, other.radiance)
+    np.testing.assert_array_equal(one.objects, other.objects)
+
+
+CONFIG = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 2, rows: 1, pixels: [24, 20], size: [0.6, 0.5], bezel: 0.01}}
+views: [{id: main}]
+"""
+
+
+def rendered(path: Path, *, seed: int = 3) -> Float32:
+    drawn = reference.render(load(path), spp=2, seed=seed, size=(45, 37), at=0.5, progress=lambda done, of: None)
+    assert drawn is not None
+    return drawn
+
+
+def test_reference_has_the_same_bits_for_any_number_of_threads_and_any_bands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiled_only: None
+) -> None:
+    config = tmp_path / "wall.yaml"
+    config.write_text(CONFIG)
+    pictures = []
+    for threads, rows in ((1, 16), (3, 16), (2, 5), (1, 64)):
+        monkeypatch.setattr(reference.os, "sched_getaffinity", lambda _, n=threads: set(range(n)))
+        monkeypatch.setattr(reference, "BAND_ROWS", rows)
+        pictures.append(rendered(config))
+    assert pictures[0].shape == (37, 45, 3)
+    assert pictures[0].any()
+    for other in pictures[1:]:
+        np.testing.assert_array_equal(pictures[0], other)
+    assert (pictures[0] != rendered(config, seed=4)).any()
