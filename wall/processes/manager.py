@@ -150,7 +150,8 @@ class Manager(threading.Thread):
 
     def _publish(self, now: float) -> None:
         self.event = self._director.event
-        self.latency.published(self.event)
+        if len(self.hellos) == len(self._others):  # before, nobody is there who could show it
+            self.latency.published(self.event)
         self._hub.broadcast(serialise(self.event))
 
     def _parse(self, raw: list[dict[str, Any]]) -> list[Command]:
