@@ -18,6 +18,12 @@ from wall.scene.model import DirectionalLight, PointLight
 JIT_DISABLED = bool(numba.config.DISABLE_JIT)
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Hashes wrap around and misses divide by zero on purpose; uncompiled, NumPy warns of each."""
+    if JIT_DISABLED:
+        config.addinivalue_line("filterwarnings", "ignore:.*encountered in scalar.*:RuntimeWarning")
+
+
 @pytest.fixture
 def compiled_only() -> None:
     """For tests of many rays or pixels, which plain Python would take minutes for."""

@@ -68,7 +68,7 @@ def _external(name: str, signature: Any) -> Any:
     """An Embree function that kernels can call by name (by ctypes where JIT is disabled)."""
     function = getattr(_library, name)
     if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
-        return function
+        return lambda *arguments: function(*map(int, arguments))  # ctypes refuses NumPy's integers
     llvm.add_symbol(name, ctypes.cast(function, ctypes.c_void_p).value)
     return types.ExternalFunction(name, signature)
 

@@ -315,8 +315,8 @@ def colour_surfaces(surfaces, colors, uvs, texels, textures, to_linear, work):
 def texel_at(texels, texture, to_linear, u, v):
     """Bilinear lookup in linear light; texture = (first texel, width, height), v up, wrapped."""
     first, width, height = texture[0], texture[1], texture[2]
-    x = (u - math.floor(u)) * width - np.float32(0.5)
-    y = (ONE - (v - math.floor(v))) * height - np.float32(0.5)
+    x = (u - np.floor(u)) * width - np.float32(0.5)
+    y = (ONE - (v - np.floor(v))) * height - np.float32(0.5)
     if not (x > -ONE and y > -ONE):  # NaN coordinates read texel 0
         x, y = ZERO, ZERO
     x0, y0 = math.floor(x), math.floor(y)
