@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
 import webbrowser
 from pathlib import Path
 from typing import Annotated, NoReturn
@@ -164,24 +166,40 @@ def _size(text: str | None) -> tuple[int, int] | None:
 
 
 class _Stages:
-    """What a starting run is doing, one line at a time, with a spinner where there is a terminal."""
+    """What a starting run is doing: a line a stage, and a bar while kernels are compiled, where there is a terminal."""
 
     def __init__(self) -> None:
-        self._status = errors.status("starting") if errors.is_terminal else None
+        columns = (TextColumn("  {task.description}"), BarColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal)
+        self._task = self._bar.add_task("starting", total=None)
+        self._compiling = threading.Event()
 
     def __enter__(self) -> _Stages:
+        self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stop()
 
     def say(self, line: str) -> None:
-        if line.startswith("starting ") or self._status is None:
-            self._stop()  # the spinner's thread must not be there when processes are forked
+        if not errors.is_terminal:
             errors.print(f"  {line}")
+        if line.startswith("starting "):
+            self._stop()  # its thread must not be there when processes are forked
             return
-        self._status.update(line)
-        self._status.start()
+        self._bar.update(self._task, description=line)
+        if line.startswith("compiling") and not self._compiling.is_set():
+            self._compiling.set()
+            threading.Thread(target=self._follow_compiler, daemon=True).start()
+
+    def _follow_compiler(self) -> None:
+        """Move the bar with the kernels that appear in the cache."""
+        from wall.jit import compiled_kernels, kernels_made
+
+        before = compiled_kernels()
+        while self._compiling.is_set():
+            self._bar.update(self._task, total=kernels_made(), completed=compiled_kernels() - before)
+            time.sleep(0.2)
 
     def opened(self, address: str, open_page: bool) -> None:
         self._stop()
@@ -193,8 +211,8 @@ class _Stages:
             webbrowser.open(address)
 
     def _stop(self) -> None:
-        if self._status is not None:
-            self._status.stop()
+        self._compiling.clear()
+        self._bar.stop()
 
 
 def _show_summary(summary: dict, out: Path) -> None:  # type: ignore[type-arg]

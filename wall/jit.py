@@ -42,14 +42,22 @@ import numba  # noqa: E402  (the cache folder must be known first)
 numba.config.CACHE_DIR = str(_folder)  # type: ignore[attr-defined]
 
 
+_made = 0
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a pure function of arrays and scalars; it must not raise, log, or read changing globals."""
+    global _made
+    _made += 1
     return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
 
 
-def inline_kernel(function: Callable[..., Any]) -> Any:
-    """A small kernel that is only called by other kernels."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="never")(function)
+inline_kernel = kernel  # a small kernel that only other kernels call; LLVM inlines it where that pays
+
+
+def kernels_made() -> int:
+    """How many kernels this process knows; about as many are compiled for a run."""
+    return _made
 
 
 def compiled_kernels() -> int:

@@ -187,5 +187,5 @@ class Manager(threading.Thread):
 
     def silent(self, now: float, seconds: float) -> Mapping[int, float]:
         """Ranks not heard for more than `seconds`, and for how long."""
-        heard = {rank: self._began for rank in self._others} | {r: when for r, (when, _) in self.heartbeats.items()}
+        heard = dict.fromkeys(self._others, self._began) | {r: when for r, (when, _) in self.heartbeats.items()}
         return {rank: now - when for rank, when in heard.items() if now - when > seconds}

@@ -20,15 +20,16 @@ from wall.processes.plan import Plan, first_event
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
 
+ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
 TINY = Rect(x=0, y=0, width=8, height=8)
 
 
 def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
     """Run the chain on a few pixels with every sampler. From the cache it takes a second, compiling half a minute."""
-    say(f"loading kernels ({compiled_kernels()} in the cache)" if compiled_kernels() else "compiling kernels")
+    doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
     with _one_compiler():
         for method in ("framed", "frameless", "hilbert"):
-            say(f"kernels of {method}: tracing, sampling, packets, display")
+            say(f"{doing} kernels ({method})")
             _one_pixel_block(plan, resident, method)
 
 
