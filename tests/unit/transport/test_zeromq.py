@@ -1,0 +1,216 @@
+"""What only sockets do: peers that speak another protocol, grants that get lost, hubs that go and come back."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+import zmq
+
+from wall.errors import RunError
+from wall.transport import zeromq
+from wall.transport.addresses import WILDCARDS, reachable
+from wall.transport.base import MAX_MESSAGE_BYTES, Hub
+from wall.transport.zeromq import ZmqHub, ZmqLink
+
+DEADLINE_S = 10.0
+WINDOW = 10_000
+Raw = Callable[[int, str], "zmq.Socket[bytes]"]
+
+
+@pytest.fixture
+def closing() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.fixture
+def raw(closing: ExitStack) -> Raw:
+    """Makes a plain socket of some kind, connected to an endpoint ("" = not connected)."""
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    closing.callback(context.destroy, linger=0)
+
+    def make(kind: int, endpoint: str) -> zmq.Socket[bytes]:
+        socket = context.socket(kind)
+        if endpoint:
+            socket.connect(endpoint)
+        return socket
+
+    return make
+
+
+def hub_of(closing: ExitStack) -> ZmqHub:
+    hub = ZmqHub("127.0.0.1", credit_bytes=WINDOW)
+    closing.callback(hub.close)
+    return hub
+
+
+def link_to(closing: ExitStack, endpoint: str) -> ZmqLink:
+    link = ZmqLink(endpoint, rank=1)
+    closing.callback(link.close)
+    return link
+
+
+def until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < end
+
+
+def goes_through(link: ZmqLink, hub: Hub) -> bool:
+    """Whether a packet offered now and then reaches the hub; what came is consumed."""
+    if link.ready():
+        link.offer(b"through")
+    link.wait(0.005)
+    came = hub.drain(1 << 20)
+    for peer, packet in came:
+        hub.release(peer, len(packet))
+    return any(packet == b"through" for _, packet in came)
+
+
+def test_strangers_are_counted_and_harm_no_good_link(closing: ExitStack, raw: Raw) -> None:
+    hub = hub_of(closing)
+    stranger, link = raw(zmq.DEALER, hub.endpoint), link_to(closing, hub.endpoint)
+    frames = [
+        [b"alone"], [b"D"], [b"D", b"a", b"b"], [b"", b""], [b"X", b"tag"], [b"D", b""], [b"A", b"short"],
+        [b"A", struct.pack("<Q", 2**64 - 1)], [b"G", struct.pack("<QQ", 1, 1)],
+    ]  # fmt: skip
+    for parts in frames:
+        stranger.send_multipart(parts)
+    until(lambda: goes_through(link, hub) and hub.counters.counts.get("bad_frame") == len(frames))
+    assert set(hub.counters.counts) == {"bad_frame"}
+
+
+def test_a_peer_that_ignores_its_credit_is_cut_to_it(closing: ExitStack, raw: Raw) -> None:
+    hub = hub_of(closing)
+    greedy = raw(zmq.DEALER, hub.endpoint)
+    for _ in range(100):
+        greedy.send_multipart([b"D", bytes(1000)])
+    greedy.send_multipart([b"C", b"end"])
+    until(lambda: bool(hub.messages()))
+    assert len(hub.drain(1 << 20)) == 10
+    assert hub.counters.counts == {"over_credit": 90}
+
+
+def test_an_oversize_message_costs_its_sender_the_connection_and_nobody_else(closing: ExitStack, raw: Raw) -> None:
+    hub = hub_of(closing)
+    link, giant = link_to(closing, hub.endpoint), raw(zmq.DEALER, hub.endpoint)
+    giant.send_multipart([b"C", bytes(MAX_MESSAGE_BYTES + 1)])
+    giant.send_multipart([b"C", b"after"])  # arrives on the next connection
+    words: list[bytes] = []
+    until(lambda: goes_through(link, hub) and bool(words.extend(w for _, w in hub.messages()) or words))
+    assert words == [b"after"]
+
+
+def test_a_link_ignores_and_counts_frames_that_no_hub_sends(closing: ExitStack, raw: Raw) -> None:
+    router = raw(zmq.ROUTER, "")
+    port = router.bind_to_random_port("tcp://127.0.0.1")
+    link = link_to(closing, f"tcp://127.0.0.1:{port}")
+    peer, tag, body = router.recv_multipart()
+    assert (tag, body) == (b"A", struct.pack("<Q", 0))
+    for parts in ([b"G", b"short"], [b"?", b""], [b"C"], [b"C", b"good"]):
+        router.send_multipart([peer, *parts])
+    words: list[bytes] = []
+    until(lambda: bool(words.extend(link.receive()) or words))
+    assert words == [b"good"]
+    assert link.counters.counts == {"bad_frame": 3}
+    assert not link.ready()
+
+
+def test_a_link_whose_grant_was_lost_asks_again_and_goes_on(
+    closing: ExitStack, raw: Raw, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zeromq, "ASK_AGAIN_S", 0.02)
+    router = raw(zmq.ROUTER, "")
+    port = router.bind_to_random_port("tcp://127.0.0.1")
+    link = link_to(closing, f"tcp://127.0.0.1:{port}")
+    assert router.recv_multipart()[1] == b"A"  # not answered
+    until(lambda: link.ready() or bool(router.poll(1)))
+    peer, tag, _ = router.recv_multipart()
+    assert tag == b"A"
+    router.send_multipart([peer, b"G", struct.pack("<QQ", WINDOW, WINDOW)])
+    until(link.ready)
+
+
+def test_asking_over_and_over_does_not_widen_the_window(closing: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+    hub = hub_of(closing)
+    link = link_to(closing, hub.endpoint)
+    until(lambda: bool(hub.drain(1 << 20)) or link.ready())
+    monkeypatch.setattr(zeromq, "ASK_AGAIN_S", 0.0)
+    for _ in range(50):
+        link.offer(bytes(1000))
+    link.send(b"end")
+    taken: list[tuple[bytes, bytes]] = []
+    words: list[tuple[bytes, bytes]] = []
+    until(lambda: bool(words.extend(hub.messages()) or words))
+    for _ in range(20):
+        link.ready()
+        taken += hub.drain(1 << 20)
+    assert len(taken) == WINDOW // 1000
+
+
+def test_links_recover_when_their_hub_goes_and_comes_back(
+    closing: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zeromq, "ASK_AGAIN_S", 0.02)
+    first = hub_of(closing)
+    link = link_to(closing, first.endpoint)
+    until(lambda: goes_through(link, first))
+    while link.ready():
+        link.offer(bytes(1000))  # never consumed: gone with the hub
+    first.close()
+    port = first.endpoint.rsplit(":", 1)[1]
+    with monkeypatch.context() as patch:
+        patch.setattr(zmq.Socket, "bind_to_random_port", lambda self, where: (self.bind(f"{where}:{port}"), port)[1])
+        second = hub_of(closing)
+    assert second.endpoint == first.endpoint
+    until(lambda: goes_through(link, second))
+    link.send(b"hello again")
+    until(lambda: goes_through(link, second) and bool(second.messages()))
+    second.broadcast(b"welcome back")
+    words: list[bytes] = []
+    until(lambda: bool(words.extend(link.receive()) or words))
+    assert words == [b"welcome back"]
+
+
+def test_a_link_that_went_is_counted_and_the_others_still_hear(closing: ExitStack) -> None:
+    hub = hub_of(closing)
+    stays, goes = link_to(closing, hub.endpoint), link_to(closing, hub.endpoint)
+    for link in (stays, goes):
+        link.send(b"hello")
+    words: list[tuple[bytes, bytes]] = []
+    until(lambda: bool(words.extend(hub.messages()) or len(words) == 2))
+    goes.close()
+
+    def noticed() -> bool:
+        hub.broadcast(b"news")
+        hub.wait(0.005)
+        return hub.counters.counts.get("peer_gone") == 1
+
+    until(noticed)
+    until(lambda: b"news" in stays.receive())
+
+
+def test_an_address_that_is_not_this_host_s_is_refused_with_a_word() -> None:
+    with pytest.raises(RunError, match=r"transport\.bind: cannot listen on 203\.0\.113\.9: .*wanted a local address"):
+        ZmqHub("203.0.113.9", credit_bytes=WINDOW)  # a documentation address, RFC 5737
+
+
+def test_only_wildcards_are_replaced_by_an_address_that_others_can_reach() -> None:
+    assert reachable("127.0.0.1") == "127.0.0.1"
+    assert reachable("node7.cluster") == "node7.cluster"
+    for wildcard in WILDCARDS:
+        numbers = reachable(wildcard).split(".")
+        assert len(numbers) == 4
+        assert all(0 <= int(number) <= 255 for number in numbers)
+        assert reachable(wildcard) not in WILDCARDS
+
+
+def test_a_hub_on_all_interfaces_names_an_endpoint_that_answers(closing: ExitStack) -> None:
+    hub = ZmqHub("0.0.0.0", credit_bytes=WINDOW)
+    closing.callback(hub.close)
+    link = link_to(closing, hub.endpoint)
+    until(lambda: goes_through(link, hub))
