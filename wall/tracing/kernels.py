@@ -216,6 +216,9 @@ def gather_surfaces(surfaces, normals, work):
             place[8],
         )
         x, y, z = p[NORMAL_X + lane], p[NORMAL_Y + lane], p[NORMAL_Z + lane]
+        size = ONE / max(abs(x), abs(y), abs(z))  # Embree's normal is twice the area: its square would leave float32
+        x, y, z = x * size, y * size, z * size
+        p[NORMAL_X + lane], p[NORMAL_Y + lane], p[NORMAL_Z + lane] = x, y, z
         p[GX + lane], p[GY + lane], p[GZ + lane] = a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
         if normals is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
             if surfaces.mesh_table[m, 3] & np.uint32(1):

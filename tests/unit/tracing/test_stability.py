@@ -179,7 +179,7 @@ FLOORS = {"quad": instance(0), "flattened": instance(0, scale=(1.0, 1.0, 1e-3))}
 
 @pytest.mark.parametrize("floor", FLOORS.values(), ids=FLOORS.keys())
 def test_light_leaks_only_under_what_is_closer_than_the_lift(floor: Instance) -> None:
-    """A floor of 10 units, seen from 1.7: W = 1.7 and R sqrt(3) = 12.2, so the lift is 16 * 2^-24 * 15.6 = 1.5e-5: a
+    """A floor of 10 units, seen from 1.7: W = abs(T) = 1.7, R sqrt(3) = 12.2, lift 16 * 2^-24 * 17.3 = 1.7e-5: a
     plate 2e-5 above it still shades it. Flattening the floor's frame does not make it worse."""
     got = contact(2e-5, floor)
     assert (got.objects == 1).all()
@@ -288,3 +288,11 @@ def test_sky_and_empty_space_stay_exact_whatever_surrounds_the_eye() -> None:
     sky = Sky(zenith=(1.0, 1.0, 1.0), horizon=(1.0, 1.0, 1.0), ground=(1.0, 1.0, 1.0))
     got = picture(scene_of([sphere_mesh()], sky=sky), view((1e8, 0.0, 0.0), (2e8, 1.0, 0.0), pixels=(4, 4)))
     assert (got.radiance == 1.0).all()
+
+
+@pytest.mark.parametrize("edge", [1e-12, 1e-9, 1e-4, 1e4, 1e9, 1e12])
+def test_meshes_of_any_size_in_their_own_units_are_lit_alike(edge: float) -> None:
+    """Embree's normals are as long as twice the area: 1e-24 to 1e24 here, whose squares no float32 holds."""
+    direction = np.array([0.0, 0.5, 1.0])
+    got = picture(scene_of([quad(edge, edge)], lights=[sun(direction)]), view((0, 0, edge), (0, 0, 0), pixels=(4, 4)))
+    np.testing.assert_allclose(got.radiance, 0.5 / np.linalg.norm(direction), rtol=1e-5)
