@@ -1,0 +1,137 @@
+"""docs/packet_format.md is true: its tables and examples are read from the page and held against the code."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from packet_examples import batch_of
+
+from wall.data import SAMPLE, Camera, Event, Rect, Samples
+from wall.packets import control
+from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
+
+PAGE = (Path(__file__).parents[3] / "docs" / "packet_format.md").read_text()
+
+
+def block(kind: str) -> str:
+    """The text between ```kind and ```."""
+    found = re.search(rf"^```{kind}\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    assert found
+    return found[1]
+
+
+def dumped(name: str) -> bytes:
+    """The bytes of a hex dump: lines of an offset and up to 16 bytes."""
+    data = b""
+    for line in block(f"hex {name}").splitlines():
+        offset, digits = line.split(maxsplit=1)
+        assert int(offset, 16) == len(data)
+        data += bytes.fromhex(digits)
+    return data
+
+
+def table(after: str) -> list[tuple[int, str, str]]:
+    """(offset, struct type, field) of the first byte table after some words."""
+    rows = PAGE[PAGE.index(after) :].split("| offset |", 1)[1].split("\n\n", 1)[0]
+    return [(int(o), t, f) for o, t, f in re.findall(r"^\| (\d+) \| (\w+) \| ?(\w*) ?\|", rows, re.MULTILINE)]
+
+
+def read(rows: list[tuple[int, str, str]], data: bytes) -> dict[str, Any]:
+    """The fields of a table, read from bytes; offsets must follow from the types."""
+    values: dict[str, Any] = {}
+    at = 0
+    for offset, kind, field in rows:
+        assert offset == at, field
+        unpacked = struct.unpack_from("<" + kind, data, offset)
+        values[field] = unpacked[0] if len(unpacked) == 1 else unpacked
+        at += struct.calcsize("<" + kind)
+    values["size"] = at
+    return values
+
+
+def samples_of(rows: list[dict[str, Any]]) -> Samples:
+    samples = np.zeros(len(rows), SAMPLE)
+    for k, row in enumerate(rows):
+        for name, value in row.items():
+            samples[k][name] = value
+    return samples
+
+
+EXAMPLE = json.loads(block("json samples"))
+
+
+def test_the_example_decodes_to_the_values_beside_it() -> None:
+    batch = decode(dumped("samples"))
+    assert {name: getattr(batch, name) for name in EXAMPLE["header"]} == EXAMPLE["header"]
+    assert asdict(batch.rect) == EXAMPLE["rect"]
+    assert (batch.samples == samples_of(EXAMPLE["decoded"])).all()
+
+
+def test_the_example_is_what_its_values_encode_to() -> None:
+    batch = batch_of(samples_of(EXAMPLE["sent"]), rect=Rect(**EXAMPLE["rect"]), **EXAMPLE["header"])
+    assert encode(batch) == dumped("samples")
+
+
+def test_the_header_s_byte_table_reads_the_example() -> None:
+    data = dumped("samples")
+    fields = read(table("## Sample packets"), data)
+    assert fields["size"] == HEADER_BYTES == 80
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 1, 1, 0)
+    assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
+    assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
+    assert (fields["count"], fields["length"]) == (3, 3 * BYTES_A_SAMPLE)
+    assert len(data) == fields["size"] + fields["length"]
+    assert (fields["depth_base"], fields["depth_bits"]) == (127 + 2, 15)  # 4 = 2^2 and 7.3 share an octave
+
+
+def test_the_control_header_s_table_reads_the_ping() -> None:
+    data = dumped("ping")
+    fields = read(table("## Control messages"), data)
+    assert control.parse_control(data) == control.Ping(sent=1.5)
+    assert control.serialise(control.Ping(sent=1.5)) == data
+    assert fields["size"] == control.HEADER_BYTES
+    assert (fields["magic"], fields["kind"], fields["length"]) == (b"WALL", control.KIND_PING, len(data) - 16)
+
+
+def test_the_event_table_reads_an_event() -> None:
+    camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
+    event = Event(
+        view=1, camera_event=2, scene_event=3, scene_time=4.5, input_time=5.5, camera=camera, sampler="hilbert",
+        paused=True,
+    )  # fmt: skip
+    body = control.serialise(event)[control.HEADER_BYTES :]
+    fields = read(table("Event (numbers finite"), body)
+    assert fields.pop("size") == len(body) == 154
+    wanted = asdict(event) | camera_fields(camera) | {"sampler": b"hilbert", "paused": 1}
+    wanted.pop("camera")
+    assert fields == wanted
+
+
+def camera_fields(camera: Camera) -> dict[str, Any]:
+    return {"position": camera.position, "world_from_wall": camera.world_from_wall}
+
+
+def test_the_framelet_table_reads_a_framelet() -> None:
+    rect = Rect(x=5, y=6, width=7, height=8)
+    rgb = np.zeros((8, 7, 3), np.uint8)
+    framelet = control.Framelet.of(panel=4, rect=rect, rgb=rgb, camera_event=9, scene_event=10)
+    body = control.serialise(framelet)[control.HEADER_BYTES :]
+    fields = read(table("Framelet, a rectangle"), body)
+    assert fields.pop("size") == 22
+    assert fields == {"panel": 4, **asdict(rect), "camera_event": 9, "scene_event": 10, "length": len(framelet.data)}
+
+
+def test_every_kind_of_message_is_listed() -> None:
+    listed = dict(re.findall(r"^\| (\d) \| (\w+) \| (?:JSON|struct)", PAGE, re.MULTILINE))
+    kinds = {str(kind): cls.__name__ for kind, cls in control._JSON_KINDS.items()}
+    assert listed == kinds | {str(control.KIND_EVENT): "Event", str(control.KIND_FRAMELET): "Framelet"}
+
+
+def test_the_script_on_the_page_compiles() -> None:
+    compile(block("python"), "packet_format.md", "exec")
