@@ -18,9 +18,8 @@ PACKAGE = Path(__file__).resolve().parent
 
 def kernel_sources() -> list[Path]:
     """Every file whose text decides what a kernel compiles to."""
-    return sorted(
-        [*PACKAGE.rglob("kernels*.py"), PACKAGE / "tracing" / "embree.py", PACKAGE / "jit.py", PACKAGE / "data.py"]
-    )
+    others = ["tracing/embree.py", "tracing/packet.py", "jit.py", "data.py"]
+    return sorted([*PACKAGE.rglob("kernels*.py"), *(PACKAGE / name for name in others)])
 
 
 def cache_folder() -> Path:

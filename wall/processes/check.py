@@ -27,8 +27,9 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield f"{loaded.path}: ok"
     yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
     yield (
-        f"scene: {loaded.config.scene.source}, {scene.triangles:,} triangles in {len(scene.instances):,} objects "
-        f"of {len(scene.meshes):,} meshes, {len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
+        f"scene: {loaded.config.scene.source}, {scene.triangles:,} triangles in {len(scene.instances):,} objects of "
+        f"{len(scene.meshes):,} meshes, "
+        f"{len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
     )
     yield f"tracer: {describe(needs(scene))}"
     for note in scene.notes:
@@ -43,8 +44,8 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     rate = probe(plan)
     packet = BYTES_A_SAMPLE + HEADER_BYTES / sampling.samples_per_batch
     yield (
-        f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; one core of this "
-        f"machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
+        f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
+        f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
         f"{rate * packet / 1e6:.0f} MB/s before compression ({packet:.1f} bytes a sample)"
     )
 

@@ -12,6 +12,7 @@ from wall.compositing.graph import Graph, build
 from wall.config.loading import Loaded
 from wall.config.schema import AnySampling, Config
 from wall.data import Event, Region
+from wall.errors import SceneError
 from wall.geometry.cameras import View, resolve_view
 from wall.geometry.panels import Panel, Wall, expand
 from wall.geometry.regions import regions
@@ -89,7 +90,10 @@ def make_layout(loaded: Loaded) -> Layout:
 
 def make_plan(layout: Layout) -> Plan:
     """Load the scene and aim the view at it. Raises SceneError."""
-    scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
+    try:
+        scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
+    except SceneError as error:
+        raise layout.loaded.error(("scene", "source"), str(error)) from error
     return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
 
 

@@ -66,7 +66,7 @@ def _pieces(wall: Wall, size: tuple[int, int] | None, loaded: Loaded) -> list[Pa
         return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
     if size is not None:
         raise ConfigError(
-            f"{loaded.path}: --size draws through the plane of a flat wall, but its panels stand at angles; leave --size out"
+            f"{loaded.path}: --size needs a flat wall, and these panels stand at angles; leave it out"
         )
     return list(wall.panels)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 
 from wall.config.schema import AnySampling, FramedSampling, HilbertSampling, switched
@@ -34,12 +36,15 @@ class Worker:
         }
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
+        self._lost: deque[Float32] = deque()
 
     @property
     def sampler(self) -> Sampler:
         return self.samplers[self.worker]
 
     def step(self, newest: Event) -> bytes | None:
+        while self._lost:
+            self.sampler.forget(self._lost.popleft())
         targets = self.sampler.choose(newest)
         if targets is None:
             return None
@@ -77,8 +82,8 @@ class Worker:
         return tracer
 
     def forget(self, xy: Float32) -> None:
-        """A packet of ours was dropped before it was sent."""
-        self.sampler.forget(xy)
+        """A packet of ours was dropped before it was sent. May be called while another thread runs `step`."""
+        self._lost.append(xy)
 
 
 def make_samplers(sampling: AnySampling, method: str, region: Region) -> list[Sampler]:

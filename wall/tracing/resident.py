@@ -17,7 +17,7 @@ from wall.scene.build import Scene
 from wall.scene.model import Mesh, Sky
 from wall.scene.needs import Needs, needs
 from wall.tracing.embree import Device, Handle
-from wall.tracing.kernels import IRRADIANCE_STEPS
+from wall.tracing.packet import IRRADIANCE_STEPS
 
 HAS_NORMALS, HAS_COLORS, HAS_UVS = 1, 2, 4
 

@@ -16,6 +16,7 @@ from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.model import Moment
 from wall.tracing import embree, kernels
+from wall.tracing.packet import COUNTS, PACKET_FLOATS, SHADE, Surfaces, Workspace
 from wall.tracing.resident import Resident
 
 LIFT_ULPS = 16.0  # float32 roundings between a hit and its secondary ray; eight times what was needed, docs/accuracy.md
@@ -31,20 +32,20 @@ class Traced:
     bad: int
 
 
-def workspace(*, coherent: bool) -> kernels.Workspace:
+def workspace(*, coherent: bool) -> Workspace:
     """A fresh packet for one thread; the fields that no kernel changes are set here, once."""
-    packet = embree.aligned((kernels.PACKET_FLOATS,), np.float32)
+    packet = embree.aligned((PACKET_FLOATS,), np.float32)
     bits = packet.view(np.uint32)
-    for rays in (0, kernels.SHADE):
+    for rays in (0, SHADE):
         bits[rays + embree.MASK : rays + embree.MASK + embree.PACKET] = 0xFFFFFFFF
         bits[rays + embree.RAY_ID : rays + embree.RAY_ID + embree.PACKET] = np.arange(embree.PACKET)
-    return kernels.Workspace(
+    return Workspace(
         packet=packet,
         bits=bits,
         valid=embree.aligned((embree.PACKET,), np.int32),
         lit=embree.aligned((embree.PACKET,), np.int32),
         arguments=embree.query_arguments(coherent=coherent),
-        counts=np.zeros(kernels.COUNTS, np.int64),
+        counts=np.zeros(COUNTS, np.int64),
     )
 
 
@@ -57,7 +58,7 @@ class Tracer:
         self._resident, self._panel, self._eye = resident, panel, eye
         self._scene, self._geometries = resident.device.instances(list(resident.meshes))
         self._transforms = embree.aligned((n, 12), np.float32)
-        self._surfaces = kernels.Surfaces(
+        self._surfaces = Surfaces(
             triangles=resident.triangles,
             mesh_table=resident.mesh_table,
             materials=resident.materials,

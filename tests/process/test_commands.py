@@ -1,0 +1,146 @@
+"""The `wall` command as a user types it: every shipped configuration, models, pictures, refusals, exit codes."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from running import mpirun, panels, summary, wall, write_config
+
+CONFIGS = sorted((Path(__file__).parents[2] / "configs").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("config", CONFIGS, ids=lambda path: path.stem)
+def test_every_shipped_configuration_runs(tmp_path: Path, config: Path) -> None:
+    done = wall("run", config, "--headless", "--seconds", 0.7, "--out", tmp_path)
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = summary(tmp_path)
+    assert found["samples_shown"] > 0
+    assert found["lost"] == {}
+    if (tmp_path / "wall.png").exists():
+        assert np.asarray(Image.open(tmp_path / "wall.png")).std() > 10
+
+
+@pytest.mark.parametrize("suffix", ["glb", "obj", "ply", "stl"])
+def test_model_of_the_users_own_is_framed_and_lit(tmp_path: Path, suffix: str) -> None:
+    model = tmp_path / f"ball.{suffix}"
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=70.0)
+    ball.apply_translation([5000.0, -20.0, 1e5])
+    ball.export(model)
+
+    done = wall(
+        "run", write_config(tmp_path), "--scene", model, "--headless", "--until-complete", "--out", tmp_path / "out"
+    )
+
+    assert done.returncode == 0, done.stderr
+    (picture,) = panels(tmp_path / "out")
+    middle, corner = picture[24, 32].astype(int), picture[1, 1].astype(int)
+    assert np.abs(middle - corner).max() > 20, "the ball is not in the middle of the picture"
+    assert 60 < middle.max() < 255, "neither black nor blown out"
+
+
+def test_reference_picture_has_the_same_bits_for_any_number_of_ranks_and_cores(tmp_path: Path) -> None:
+    config = write_config(tmp_path)
+    options = ("--spp", 5, "--size", "70x50", "--seed", 7)
+    one_core = ("taskset", "-c", str(min(os.sched_getaffinity(0))))
+
+    runs = {
+        "cores": wall("render", config, *options, "-o", tmp_path / "cores.npy"),
+        "core": wall("render", config, *options, "-o", tmp_path / "core.npy", launcher=one_core),
+        "mpi": wall("render", config, *options, "-o", tmp_path / "mpi.npy", launcher=mpirun(3)),
+        "other": wall("render", config, *options[:-1], 8, "-o", tmp_path / "other.npy"),
+    }
+
+    assert all(done.returncode == 0 for done in runs.values()), [done.stderr for done in runs.values()]
+    pictures = {name: np.load(tmp_path / f"{name}.npy") for name in runs}
+    assert pictures["cores"].shape == (50, 70, 3)
+    assert pictures["cores"].dtype == np.float32
+    assert np.array_equal(pictures["cores"], pictures["core"])
+    assert np.array_equal(pictures["cores"], pictures["mpi"])
+    assert not np.array_equal(pictures["cores"], pictures["other"]), "another seed, another picture"
+
+
+def test_pictures_of_every_kind_hold_the_same_light(tmp_path: Path) -> None:
+    import OpenEXR
+
+    config = write_config(tmp_path)
+    for kind in ("npy", "exr", "png"):
+        assert wall("render", config, "--spp", 2, "-o", tmp_path / f"p.{kind}").returncode == 0
+    linear = np.load(tmp_path / "p.npy")
+    with OpenEXR.File(str(tmp_path / "p.exr")) as exr:
+        np.testing.assert_array_equal(exr.channels()["RGB"].pixels, linear)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.clip(linear, 0, 1) ** (1 / 2.4) - 0.055)
+    picture = np.asarray(Image.open(tmp_path / "p.png")).astype(float)
+    assert np.abs(picture - np.clip(encoded, 0, 1) * 255).max() <= 0.5 + 1e-3
+
+
+def test_check_tells_ranks_features_and_rates(tmp_path: Path) -> None:
+    done = wall("check", write_config(tmp_path, columns=2, ranks=2))
+
+    assert done.returncode == 0, done.stderr
+    for words in (
+        ": ok",
+        "6 ranks",
+        "mpirun -n 6",
+        "head",
+        "renderer",
+        "compiled in:",
+        "left out:",
+        "samples/s",
+        "MB/s",
+    ):
+        assert words in " ".join(done.stdout.split()), words
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "said"),
+    [
+        ("refresh_hz: 30", "refresh_h: 30", "did you mean refresh_hz?"),
+        ("columns: 1", "columns: none", "wall.grid.columns = 'none'"),
+        ("source: courtyard", "source: castle", "scene.source = 'castle'"),
+        ("source: courtyard", "source: missing.glb", "missing.glb: there is no such file"),
+    ],
+)
+def test_refused_configuration_says_where_and_exits_with_2(tmp_path: Path, text: str, words: str, said: str) -> None:
+    config = write_config(tmp_path)
+    config.write_text(config.read_text().replace(text, words), encoding="utf-8")
+
+    for command in ("check", "run"):
+        done = wall(command, config)
+        assert done.returncode == 2
+        assert said in done.stderr
+        assert "Traceback" not in done.stderr
+        assert config.name in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("render", "{config}", "-o", "picture.gif"), ".png, .exr, .npy"),
+        (("render", "{config}", "--size", "big", "-o", "p.png"), "WIDTHxHEIGHT"),
+        (("render", "nowhere.yaml", "-o", "p.png"), "nowhere.yaml"),
+        (("run", "{config}", "--scene", "nowhere.obj"), "nowhere.obj"),
+        (("run", "{config}", "--scene", "{config}"), "yaml"),
+    ],
+)
+def test_refused_arguments_say_why_and_exit_with_2(tmp_path: Path, arguments: tuple[str, ...], words: str) -> None:
+    config = str(write_config(tmp_path))
+
+    done = wall(*(a.format(config=config) for a in arguments))
+
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_help_teaches_every_command() -> None:
+    done = wall("--help")
+    assert done.returncode == 0
+    for command in ("run", "render", "check", "measure", "schema"):
+        assert command in done.stdout
+    assert "mpirun" in wall("run", "--help").stdout
