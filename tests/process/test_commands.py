@@ -85,8 +85,8 @@ def test_check_tells_ranks_features_and_rates(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for words in (
         ": ok",
-        "6 ranks",
-        "mpirun -n 6",
+        "5 ranks",
+        "mpirun -n 5",
         "head",
         "renderer",
         "compiled in:",
