@@ -185,13 +185,24 @@ def test_any_value_of_any_event_byte_under_a_valid_checksum_is_refused_or_finite
     assert accepted > 100
 
 
-@pytest.mark.parametrize("size", [(0, 4), (4, 0), (65535, 65535), (16, 31)])
-def test_a_framelet_whose_data_cannot_be_its_rectangle_is_refused(size: tuple[int, int]) -> None:
-    """No more than 255 bytes can come out of one lz4 byte, so small messages cannot ask for large buffers."""
+def small_framelet_of(size: tuple[int, int]) -> bytes:
+    """16 x 16 black pixels that claim another rectangle."""
     data = lz4.block.compress(bytes(16 * 16 * 3), store_size=False)
     body = struct.pack("<HHHHHIII", 0, 0, 0, *size, 1, 1, len(data)) + data
-    with pytest.raises(RemoteProtocolError):
-        pixels_of(sealed(control.KIND_FRAMELET, body))
+    return sealed(control.KIND_FRAMELET, body)
+
+
+@pytest.mark.parametrize("size", [(0, 4), (4, 0), (65535, 65535), (1024, 1024)])
+def test_a_framelet_too_small_for_its_rectangle_is_refused_before_it_is_expanded(size: tuple[int, int]) -> None:
+    """No more than 255 bytes can come out of one lz4 byte, so small messages cannot ask for large buffers."""
+    with pytest.raises(RemoteProtocolError, match="out of range"):
+        parse_control(small_framelet_of(size))
+
+
+@pytest.mark.parametrize("size", [(16, 15), (16, 17)])
+def test_a_framelet_whose_data_is_another_rectangle_s_is_refused(size: tuple[int, int]) -> None:
+    with pytest.raises(RemoteProtocolError, match="framelet of panel 0"):
+        pixels_of(small_framelet_of(size))
 
 
 def test_a_framelet_bomb_never_takes_memory() -> None:
