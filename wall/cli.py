@@ -132,20 +132,40 @@ def check(config: ConfigArgument) -> None:
         console.print(item)
 
 
+@measure.command()
+def speed(
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the rows, JSON lines")] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Measure just this metric; may be given again")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer rounds, shorter runs")] = False,
+) -> None:
+    """Measure speed, latency, bytes and memory, each against its limit in the same run. Takes about two minutes.
+
+    [bold]wall measure speed -o speed.jsonl[/]
+    """
+    from wall.measure import speed as measured
+
+    rows = []
+    with errors.status("measuring") as status:
+        for row in measured.measure(only or [], quick=quick, say=lambda names: status.update(f"measuring {names}")):
+            rows.append(row)
+            if output is not None:
+                measured.write(output, rows)
+    console.print(measured.table(rows))
+    for note in measured.notes(rows):
+        console.print(note)
+
+
 @app.command()
 def schema(
     output: Annotated[Path | None, typer.Option("-o", help="File to write; the terminal if left out")] = None,
 ) -> None:
     """Print the JSON Schema of configurations, for editors."""
-    import json
+    from wall.config.json_schema import schema_text
 
-    from wall.config.json_schema import schema as json_schema
-
-    text = json.dumps(json_schema(), indent=2)
     if output is None:
-        print(text)
+        print(schema_text(), end="")
     else:
-        output.write_text(text + "\n", encoding="utf-8")
+        output.write_text(schema_text(), encoding="utf-8")
 
 
 def _load(path: Path, scene: Path | None):  # type: ignore[no-untyped-def]

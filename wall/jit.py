@@ -24,7 +24,8 @@ def kernel_sources() -> list[Path]:
 
 def cache_folder() -> Path:
     """Where compiled kernels are kept: $NUMBA_CACHE_DIR or ~/.cache/wall/kernels, then the sources' hash."""
-    digest = hashlib.sha256(sys.version.encode())
+    # numba does not tell bounds-checked builds apart
+    digest = hashlib.sha256((sys.version + os.environ.get("NUMBA_BOUNDSCHECK", "")).encode())
     for path in kernel_sources():
         if path.exists():
             digest.update(path.read_bytes())

@@ -102,7 +102,7 @@ class TransportConfig(Model):
     bind: Text = Field(default="127.0.0.1", description="address that compositors listen on; 0.0.0.0 for several hosts")
     codec: Literal["none", "lz4", "zstd"] = Field(default="none", description="compression of samples on the wire")
     credit_bytes: Annotated[Whole, Ge(16384), Le(1 << 30)] = Field(
-        default=262144, description="bytes one renderer may have under way; less = fresher, more = steadier"
+        default=131072, description="bytes one renderer may have under way; less = fresher, more = steadier"
     )
     heartbeat_s: Annotated[Number, Ge(0.05), Le(60.0)] = Field(default=0.5, description="seconds between signs of life")
     lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(

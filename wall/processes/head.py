@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import socket
 from collections.abc import Callable
 from typing import Any
@@ -44,7 +45,7 @@ class Head:
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
-        self._began = clock.now()
+        self._began, self._cpu = clock.now(), cpu_seconds()
         self._changed = self._began
         self._refreshes = 0
         self._status: Status | None = None
@@ -203,6 +204,7 @@ class Head:
             "packets": sum(b.packets for r, b in beats.items() if layout.role(r) == "renderer"),
             "bytes": sum(b.bytes for r, b in beats.items() if layout.role(r) == "renderer"),
             "refreshes": self._refreshes,
+            "head_cores": round((cpu_seconds() - self._cpu) / max(seconds, 1e-3), 3),
             "dropped": dict(sorted(dropped.counts.items())),
             "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(manager.latency.seconds)), strict=True)),
             "silences": {str(rank): round(s, 2) for rank, s in sorted(self.silences.items())},
@@ -223,6 +225,12 @@ class Head:
             "bytes_per_s": round(beat.bytes / max(beat.seconds, 1e-3)) if beat and beat.seconds else 0,
             "peak_memory": beat.peak_memory if beat else peak_memory() if rank == HEAD else 0,
         }
+
+
+def cpu_seconds() -> float:
+    """CPU time of this process so far, all threads."""
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
 
 
 def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:

@@ -12,9 +12,9 @@ import numpy as np
 from wall.config.loading import Loaded
 from wall.data import Event, Float32, Rect
 from wall.errors import ConfigError
-from wall.geometry.panels import Panel, Plane, Wall
+from wall.geometry.panels import Panel, Plane
 from wall.processes.bootstrap import under_mpi
-from wall.processes.plan import Plan, first_event, make_layout, make_plan
+from wall.processes.plan import Layout, Plan, first_event, make_layout, make_plan
 from wall.sampling.progressive import ProgressiveSampler
 from wall.tracing.resident import Resident, make_resident
 from wall.tracing.tracer import Tracer
@@ -33,11 +33,23 @@ def render(
     A flat wall is drawn through its plane at `size` (width, height), keeping the wall's height in view; other walls
     panel by panel at their own pixels. Raises ConfigError.
     """
-    layout = make_layout(loaded)
-    plan = make_plan(layout)
+    plan = make_plan(make_layout(loaded))
+    return render_plan(plan, spp=spp, seed=seed, size=size, at=at, progress=progress)
+
+
+def render_plan(
+    plan: Plan,
+    *,
+    spp: int,
+    seed: int,
+    at: float,
+    size: tuple[int, int] | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Float32 | None:
+    """The same for a plan whose scene is loaded."""
     resident = make_resident(plan.scene)
     event = replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at))
-    pieces = _pieces(layout.wall, size, loaded)
+    pieces = _pieces(plan.layout, size)
     bands = [(panel, band) for panel in pieces for band in _bands(panel)]
     if not under_mpi():
         rendered = _render_bands(plan, resident, event, bands, spp, seed, progress)
@@ -55,8 +67,9 @@ def render(
     return _assemble(pieces, bands, rendered)
 
 
-def _pieces(wall: Wall, size: tuple[int, int] | None, loaded: Loaded) -> list[Panel]:
+def _pieces(layout: Layout, size: tuple[int, int] | None) -> list[Panel]:
     """The rectangles to draw: one that is the whole flat wall at the wanted size, or the panels themselves."""
+    wall = layout.wall
     if wall.flat:
         width, height = size or (wall.width, wall.height)
         scale = wall.height / height
@@ -66,7 +79,7 @@ def _pieces(wall: Wall, size: tuple[int, int] | None, loaded: Loaded) -> list[Pa
         return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
     if size is not None:
         raise ConfigError(
-            f"{loaded.path}: --size needs a flat wall, and these panels stand at angles; leave it out"
+            f"{layout.loaded.path}: --size needs a flat wall, and these panels stand at angles; leave it out"
         )
     return list(wall.panels)
 

@@ -51,7 +51,7 @@ class Worker:
         tracer = self._tracer_at(targets.event, self.sampler.coherent)
         began = self._clock.now()
         samples, cost = tracer.trace(targets.xy)
-        samples["time"] = np.linspace(0.0, self._clock.now() - began, len(samples), dtype=np.float32)
+        samples["time"] = np.arange(len(samples), dtype=np.float32) * ((self._clock.now() - began) / len(targets.xy))
         self.sampler.observe(samples)
         self.samples_traced += cost.primary
         self.secondary_rays += cost.shadow + cost.secondary

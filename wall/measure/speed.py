@@ -1,0 +1,74 @@
+"""`wall measure speed`: every speed and memory bar of the project, each as a ratio measured in one run."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from rich.table import Table
+
+from wall.errors import ConfigError, WallError
+from wall.measure import mitsuba_peer, runs, tracing, wire
+from wall.measure.record import Row, skipped
+
+ROUNDS, QUICK_ROUNDS = 9, 3
+SECONDS, QUICK_SECONDS = 6.0, 2.0
+
+# metrics of each group, and what measures them: (rounds, seconds of a run) -> rows
+GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = (
+    (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
+    (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
+    (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
+    (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
+    (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
+    (("input_latency",), lambda rounds, seconds: runs.input_latency(seconds)),
+    (("static_bytes",), lambda rounds, seconds: runs.static_bytes(seconds / 2)),
+    (("memory_per_rank",), lambda rounds, seconds: runs.memory_per_rank(seconds / 2)),
+)
+METRICS = tuple(name for names, _ in GROUPS for name in names)
+
+
+def measure(only: list[str], *, quick: bool, say: Callable[[str], None]) -> Iterator[Row]:
+    """The rows of the wanted metrics (all if `only` is empty), as they are measured. Raises ConfigError."""
+    for name in only:
+        if name not in METRICS:
+            raise ConfigError(f"--only {name}: no such metric; accepted: {', '.join(METRICS)}")
+    for names, work in GROUPS:
+        wanted = [name for name in names if not only or name in only]
+        if not wanted:
+            continue
+        say(", ".join(names))
+        try:
+            rows = work(QUICK_ROUNDS if quick else ROUNDS, QUICK_SECONDS if quick else SECONDS)
+        except WallError as error:
+            rows = [skipped(name, "", "", str(error)) for name in names]
+        except Exception:                # one broken measurement must not lose the others
+            rows = [skipped(name, "", "", traceback.format_exc(limit=-1)) for name in names]
+        yield from (row for row in rows if row.metric in wanted)
+
+
+def write(path: Path, rows: list[Row]) -> None:
+    """Rows as JSON lines."""
+    path.write_text("".join(row.json_line() + "\n" for row in rows), encoding="utf-8")
+
+
+def table(rows: list[Row]) -> Table:
+    found = Table(title_justify="left")
+    for column, right in (("metric", 0), ("value", 1), ("unit", 0), ("limit", 1), ("ratio", 1), ("bar", 0), ("met", 0)):
+        found.add_column(column, justify="right" if right else "left")
+    for row in rows:
+        met = "skipped" if row.met is None else "yes" if row.met else "MISSED"
+        spread = f" ±{row.spread:.2f}" if row.spread is not None else ""
+        ratio = f"{row.ratio:.2f}{spread}" if row.ratio is not None else ""
+        found.add_row(row.metric, _figure(row.value), row.unit, _figure(row.limit), ratio, row.bar, met)
+    return found
+
+
+def notes(rows: list[Row]) -> list[str]:
+    """What each metric was measured on, a line each."""
+    return [f"{row.metric}: {row.note}" for row in rows if row.note]
+
+
+def _figure(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g}"
