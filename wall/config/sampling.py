@@ -17,7 +17,7 @@ class _Common(Model):
         default=1, description="worker threads of one rank; each owns its pixels"
     )
     samples_per_batch: Annotated[Whole, Ge(64), Le(65536)] = Field(
-        default=2048, description="samples traced under one event"
+        default=4096, description="samples traced under one event"
     )
     seed: Annotated[Whole, Ge(0), Le(2**32 - 1)] = Field(default=1, description="seed of every random choice")
 

@@ -1,7 +1,7 @@
 """The same picture by Mitsuba 3: one mesh, one directional light, direct light, one sample a pixel, one core.
 
-Runs in a process of its own (python -m wall.measure.mitsuba_peer), because Mitsuba fixes its threads and its libLLVM when
-it is loaded. Both renderers get one core; compilation is done before the clock starts.
+Runs in a process of its own (python -m wall.measure.mitsuba_peer), because Mitsuba fixes its threads and its libLLVM
+when it is loaded. Both renderers get one core; compilation is done before the clock starts.
 """
 
 from __future__ import annotations
@@ -174,7 +174,8 @@ class Theirs:
             "type": "scene",
             "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
             "sensor": {
-                "type": "perspective", "fov": fov, "fov_axis": "y", "to_world": view, "near_clip": 0.01, "far_clip": 1e4,
+                "type": "perspective", "fov": fov, "fov_axis": "y", "to_world": view,
+                "near_clip": 0.01, "far_clip": 1e4,
                 "film": {"type": "hdrfilm", "width": width, "height": rows, "rfilter": {"type": "box"}},
                 "sampler": {"type": "independent"},
             },

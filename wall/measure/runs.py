@@ -72,7 +72,8 @@ def static_bytes(seconds: float) -> list[Row]:
     short, long = run(seconds, "--still"), run(2 * seconds, "--still")
     extra = long["bytes"] - short["bytes"]
     note = f"paused: {short['bytes']} bytes of samples in {short['seconds']:.1f} s and {long['seconds']:.1f} s"
-    return [bounded("static_bytes", float(extra), 0.0, unit="bytes", below=True, note=note, until_complete=short["bytes"])]
+    more = {"until_complete": short["bytes"]}
+    return [bounded("static_bytes", float(extra), 0.0, unit="bytes", below=True, note=note, **more)]
 
 
 def memory_per_rank(seconds: float) -> list[Row]:

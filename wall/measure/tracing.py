@@ -127,13 +127,18 @@ def measure(rounds: int) -> list[Row]:
         bench = Bench(source)
         hilbert = bench.hilbert_batches()
         bench.bare_rate(), bench.traced_rate([bench.raster]), bench.traced_rate(hilbert)
-        turns = [(bench.traced_rate([bench.raster]), bench.traced_rate(hilbert), bench.bare_rate()) for _ in range(rounds)]
+        turns = [_turn(bench, hilbert) for _ in range(rounds)]
         framed, curve, bare = ([turn[k] / 1e6 for turn in turns] for k in range(3))
-        note = f"{source}, 480x270, one core, against the same rays alone in raster order"
-        rows["trace_framed"][source] = compared("trace_framed", framed, bare, unit="M samples/s", at_least=0.75, note=note)
-        rows["trace_hilbert"][source] = compared("trace_hilbert", curve, bare, unit="M samples/s", at_least=0.5, note=note)
+        about = {"unit": "M samples/s", "note": f"{source}, 480x270, one core, against its rays alone in raster order"}
+        rows["trace_framed"][source] = compared("trace_framed", framed, bare, at_least=0.75, **about)
+        rows["trace_hilbert"][source] = compared("trace_hilbert", curve, bare, at_least=0.5, **about)
     found = []
     for by_scene in rows.values():
         by_scene["courtyard"].more["forest_ratio"] = by_scene["forest"].ratio
         found.append(by_scene["courtyard"])
     return found
+
+
+def _turn(bench: Bench, hilbert: list[Float32]) -> tuple[float, float, float]:
+    """One round: whole samples in raster and in Hilbert order, and the bare rays, one after the other."""
+    return bench.traced_rate([bench.raster]), bench.traced_rate(hilbert), bench.bare_rate()

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
 
 from wall.data import Batch
@@ -61,22 +62,28 @@ def codecs(rounds: int) -> list[Row]:
     sizes = {}
     for codec in Codec:
         packets = [encode(batch, codec) for batch in batches]
-        rates["encode"][codec.name.lower()] = samples / _fastest(lambda: _encode_all(batches, codec), rounds) / 1e6
-        rates["decode"][codec.name.lower()] = samples / _fastest(lambda: [decode(p) for p in packets], rounds) / 1e6
-        sizes[codec.name.lower()] = round(sum(map(len, packets)) / samples, 2)
+        name = codec.name.lower()
+        rates["encode"][name] = samples / _fastest(partial(_encode_all, batches, codec), rounds) / 1e6
+        rates["decode"][name] = samples / _fastest(partial(_decode_all, packets), rounds) / 1e6
+        sizes[name] = round(sum(map(len, packets)) / samples, 2)
     note = f"courtyard, frameless, {len(batches[0].samples)} samples a packet, codec none"
     return [
         bounded(
-            name, rates[name]["none"], 10.0, unit="M samples/s", below=False, note=note,
-            **{codec: round(rate, 1) for codec, rate in rates[name].items()}, bytes_a_sample=sizes,
+            metric, rates[metric]["none"], 10.0, unit="M samples/s", below=False, note=note,
+            **{codec: round(rate, 1) for codec, rate in rates[metric].items()}, bytes_a_sample=sizes,
         )
-        for name in ("encode", "decode")
+        for metric in ("encode", "decode")
     ]  # fmt: skip
 
 
 def _encode_all(batches: list[Batch], codec: Codec) -> None:
     for batch in batches:
         encode(batch, codec)
+
+
+def _decode_all(packets: list[bytes]) -> None:
+    for packet in packets:
+        decode(packet)
 
 
 def _insert_all(panel: PanelCompositor, packets: list[bytes]) -> None:
@@ -105,7 +112,7 @@ def end_to_end(rounds: int) -> list[Row]:
     values, limits = [], []
     for _ in range(rounds):
         tracing = source.traced_rate(SPAN_S / 2)
-        decoding = samples / _fastest(lambda: _insert_all(panel, packets), 3)
+        decoding = samples / _fastest(partial(_insert_all, panel, packets), 3)
         limits.append(min(tracing, decoding) / 1e6)
         values.append(_received_rate(plan, resident) / 1e6)
     note = "courtyard, frameless, one renderer process to one receiver over loopback TCP, codec none"

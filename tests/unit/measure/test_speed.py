@@ -1,0 +1,83 @@
+"""The arithmetic and the shape of measurements; how fast anything is decides no test."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.errors import ConfigError
+from wall.measure import record, speed
+from wall.measure.tracing import Bench
+from wall.tracing import kernels
+from wall.tracing.packet import PRIMARY, SHADOW
+
+KEYS = {"metric", "value", "unit", "limit", "ratio", "command", "machine", "seed", "commit"}
+
+
+def test_ratio_is_the_median_of_the_rounds_own_ratios() -> None:
+    row = record.compared("m", [1.0, 4.0, 2.0], [2.0, 4.0, 2.5], unit="u", at_least=0.8)
+    assert (row.value, row.limit, row.ratio) == (2.0, 2.5, 0.8)
+    assert row.met
+    assert row.spread == pytest.approx(0.25)
+    assert not record.compared("m", [1.0], [2.0], unit="u", at_least=0.8).met
+
+
+@pytest.mark.parametrize(("value", "below", "met"), [(4.0, True, True), (6.0, True, False), (6.0, False, True)])
+def test_bounded_figure_meets_its_limit_on_the_right_side(value: float, below: bool, met: bool) -> None:
+    assert record.bounded("m", value, 5.0, unit="u", below=below).met is met
+
+
+def test_limit_of_zero_is_met_by_zero_alone() -> None:
+    assert record.bounded("m", 0.0, 0.0, unit="u", below=True).met
+    assert not record.bounded("m", 1.0, 0.0, unit="u", below=True).met
+    assert record.bounded("m", 1.0, 0.0, unit="u", below=True).ratio is None
+
+
+def test_rows_are_json_lines_with_every_promised_key(tmp_path: Path) -> None:
+    rows = list(speed.measure(["encode"], quick=True, say=lambda names: None))
+    speed.write(tmp_path / "speed.jsonl", [*rows, record.skipped("mitsuba_llvm", "u", "b", "absent")])
+    lines = [json.loads(line) for line in (tmp_path / "speed.jsonl").read_text().splitlines()]
+    assert [line["metric"] for line in lines] == ["encode", "mitsuba_llvm"]
+    assert all(line.keys() >= KEYS for line in lines)
+    assert lines[0]["value"] > 0
+    assert lines[0]["ratio"] == pytest.approx(lines[0]["value"] / lines[0]["limit"])
+    assert lines[1]["value"] is None
+
+
+def test_unknown_metric_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"--only speed: no such metric; accepted: trace_framed, "):
+        list(speed.measure(["speed"], quick=True, say=lambda names: None))
+
+
+def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(rounds: int, seconds: float) -> list[record.Row]:
+        raise ZeroDivisionError("no samples")
+
+    def works(rounds: int, seconds: float) -> list[record.Row]:
+        return [record.bounded("b", 1.0, 1.0, unit="u", below=True)]
+
+    monkeypatch.setattr(speed, "GROUPS", ((("a",), broken), (("b",), works)))
+    rows = list(speed.measure([], quick=True, say=lambda names: None))
+    assert [(row.metric, row.met) for row in rows] == [("a", None), ("b", True)]
+    assert "ZeroDivisionError" in rows[0].note
+
+
+def test_bare_rays_are_those_that_tracing_sends(compiled_only: None) -> None:
+    """As many primary and shadow rays, and the recorded primary rays find the same surfaces."""
+    bench = Bench("courtyard")
+    work = bench.tracer._work
+    work.counts[:] = 0
+    kernels.trace(*bench.arguments(bench.raster))
+    assert work.counts[PRIMARY] == 16 * len(bench._hits)
+    assert work.counts[SHADOW] == int((bench._lit != 0).sum())
+
+    bench.bare_rate()
+    from wall.tracing import embree
+
+    found = bench._hits.view(np.uint32)[:, embree.INSTANCE : embree.INSTANCE + 16].ravel()
+    traced = bench.samples["object"].astype(np.int64) - 1
+    assert np.array_equal(found.astype(np.int64)[traced >= 0], traced[traced >= 0])
+    assert (found[traced < 0] == embree.NO_HIT).all()
