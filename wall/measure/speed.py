@@ -15,18 +15,22 @@ from wall.measure.record import Row, skipped
 ROUNDS, QUICK_ROUNDS = 9, 3
 SECONDS, QUICK_SECONDS = 6.0, 2.0
 
-# metrics of each group, and what measures them: (rounds, seconds of a run) -> rows
+# metrics of each group, and what measures them: (rounds, seconds of a run) -> rows. What forks comes first: a small
+# process forks quickly.
 GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = (
+    (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
+    (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
-    (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
-    (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
     (("input_latency",), lambda rounds, seconds: runs.input_latency(seconds)),
     (("static_bytes",), lambda rounds, seconds: runs.static_bytes(seconds / 2)),
     (("memory_per_rank",), lambda rounds, seconds: runs.memory_per_rank(seconds / 2)),
 )
-METRICS = tuple(name for names, _ in GROUPS for name in names)
+METRICS = (
+    "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "end_to_end", "compositor_cpu",
+    "input_latency", "static_bytes", "memory_per_rank",
+)  # fmt: skip
 
 
 def measure(only: list[str], *, quick: bool, say: Callable[[str], None]) -> Iterator[Row]:
@@ -50,14 +54,18 @@ def measure(only: list[str], *, quick: bool, say: Callable[[str], None]) -> Iter
 
 def write(path: Path, rows: list[Row]) -> None:
     """Rows as JSON lines."""
-    path.write_text("".join(row.json_line() + "\n" for row in rows), encoding="utf-8")
+    path.write_text("".join(row.json_line() + "\n" for row in _ordered(rows)), encoding="utf-8")
+
+
+def _ordered(rows: list[Row]) -> list[Row]:
+    return sorted(rows, key=lambda row: METRICS.index(row.metric))
 
 
 def table(rows: list[Row]) -> Table:
     found = Table(title_justify="left")
     for column, right in (("metric", 0), ("value", 1), ("unit", 0), ("limit", 1), ("ratio", 1), ("bar", 0), ("met", 0)):
-        found.add_column(column, justify="right" if right else "left")
-    for row in rows:
+        found.add_column(column, justify="right" if right else "left", no_wrap=column == "metric")
+    for row in _ordered(rows):
         met = "skipped" if row.met is None else "yes" if row.met else "MISSED"
         spread = f" ±{row.spread:.2f}" if row.spread is not None else ""
         ratio = f"{row.ratio:.2f}{spread}" if row.ratio is not None else ""
@@ -67,7 +75,7 @@ def table(rows: list[Row]) -> Table:
 
 def notes(rows: list[Row]) -> list[str]:
     """What each metric was measured on, a line each."""
-    return [f"{row.metric}: {row.note}" for row in rows if row.note]
+    return [f"{row.metric}: {row.note}" for row in _ordered(rows) if row.note]
 
 
 def _figure(value: float | None) -> str:
