@@ -36,7 +36,7 @@ def test_limit_of_zero_is_met_by_zero_alone() -> None:
     assert record.bounded("m", 1.0, 0.0, unit="u", below=True).ratio is None
 
 
-def test_rows_are_json_lines_with_every_promised_key(tmp_path: Path) -> None:
+def test_rows_are_json_lines_with_every_promised_key(tmp_path: Path, compiled_only: None) -> None:
     rows = list(speed.measure(["encode"], quick=True, say=lambda names: None))
     speed.write(tmp_path / "speed.jsonl", [*rows, record.skipped("mitsuba_llvm", "u", "b", "absent")])
     lines = [json.loads(line) for line in (tmp_path / "speed.jsonl").read_text().splitlines()]
