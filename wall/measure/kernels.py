@@ -7,19 +7,25 @@ from wall.tracing.embree import intersect16, occluded16
 
 
 @kernel
-def bare_queries(scene, hits, valid, shadows, lit, arguments):
-    """Trace prepared packets.
+def bare_queries(scene, hits, valid, shadows, lit, ends, arguments):
+    """Trace prepared packets, each primary one followed by its own shadow packets, as in tracing.
 
-    hits : (n, 352) float32, 64-byte aligned ray-hit packets; valid : (16,) int32; shadows : (m, 192) float32, aligned
-    ray packets; lit : (m, 16) int32, aligned; arguments : (16,) uint32. Shadow packets follow their primary packets
-    evenly, as in tracing, so that memory is touched in the same order.
+    Parameters
+    ----------
+    scene : int, committed Embree scene
+    hits : (n, 352) float32, 64-byte aligned ray-hit packets, written by Embree; valid : (16,) int32, aligned
+    shadows : (m, 192) float32, aligned ray packets, written by Embree; lit : (m, 16) int32, aligned
+    ends : (n,) int64, how many shadow packets belong to primary packets 0..k
+    arguments : (16,) uint32, RTCIntersectArguments
+
+    Returns
+    -------
+    packets : int, n + m
     """
-    n, m = hits.shape[0], shadows.shape[0]
     done = 0
-    for k in range(n):
+    for k in range(hits.shape[0]):
         intersect16(valid.ctypes.data, scene, hits[k].ctypes.data, arguments.ctypes.data)
-        until = (k + 1) * m // n
-        while done < until:
+        while done < ends[k]:
             occluded16(lit[done].ctypes.data, scene, shadows[done].ctypes.data, arguments.ctypes.data)
             done += 1
-    return n + m
+    return hits.shape[0] + done

@@ -11,13 +11,14 @@ import numpy as np
 from wall.config.loading import loads
 from wall.config.schema import HilbertSampling
 from wall.data import SAMPLE, Float32
+from wall.errors import RunError
 from wall.measure.kernels import bare_queries
 from wall.measure.record import SEED, Row, compared
 from wall.processes.plan import Plan, first_event, make_layout, make_plan
 from wall.sampling.hilbert import HilbertSampler
 from wall.sampling.ownership import block_order
 from wall.tracing import embree, kernels
-from wall.tracing.packet import SHADE, SHADOW
+from wall.tracing.packet import SHADE, SHADOW, Workspace
 from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
 
@@ -28,6 +29,10 @@ wall: {{grid: {{columns: 1, rows: 1, pixels: [480, 270], size: [0.48, 0.27]}}}}
 views: [{{camera: {camera}}}]
 """
 CAMERAS = {"courtyard": "{position: [7.4, 3.6, 9.4], target: [0, 0.9, 0], fov: 38}", "forest": "auto"}
+
+BLOCK = 128  # packets that are traced at a time for the limit: with their shadow packets, 400 KB of cache
+T_FAR = slice(embree.T_FAR, embree.T_FAR + embree.PACKET)
+INSTANCE = slice(embree.INSTANCE, embree.INSTANCE + embree.PACKET)
 
 
 def plan_of(source: str) -> Plan:
@@ -51,47 +56,76 @@ class Bench:
 
     def arguments(self, xy: Float32, *, suns: Any = "all", points: Any = "all") -> tuple[Any, ...]:
         arguments = list(self.tracer.arguments(xy, self.samples[: len(xy)]))
-        arguments[-2] = None                                                     # mirrors
+        arguments[-2] = None  # mirrors
         arguments[-5] = arguments[-5] if isinstance(points, str) else points
         arguments[-4] = arguments[-4] if isinstance(suns, str) else suns
         return tuple(arguments)
 
     def _record(self) -> None:
         """Every primary packet, and the shadow packet of every light that some lane of it faces."""
-        work, all_arguments = self.tracer._work, self.arguments(self.raster)
-        points, suns = all_arguments[-5], all_arguments[-4]
+        work, (points, suns) = self.tracer._work, self.arguments(self.raster)[-5:-3]
         lights = [(None, suns[k : k + 1]) for k in range(0 if suns is None else len(suns))]
         lights += [(points[k : k + 1], None) for k in range(0 if points is None else len(points))]
-        hits, shadows, lit = [], [], []
-        for first in range(0, len(self.raster), 16):
-            xy = self.raster[first : first + 16]
+        hits, shadows, lit, stopped, ends = [], [], [], [], []
+        for first in range(0, len(self.raster), embree.PACKET):
+            xy = self.raster[first : first + embree.PACKET]
             for point, sun in lights or [(None, None)]:
                 work.counts[:] = 0
                 kernels.trace(*self.arguments(xy, suns=sun, points=point))
                 if work.counts[SHADOW]:
-                    shadows.append(work.packet[SHADE : SHADE + embree.RAY_FLOATS].copy())
-                    shadows[-1][embree.T_FAR : embree.T_FAR + 16] = _reach(shadows[-1], point)
                     lit.append(work.lit.copy())
+                    stopped.append(work.packet[SHADE + embree.T_FAR :][: embree.PACKET] < 0.0)
+                    _aim_again(point, sun, work)
+                    shadows.append(work.packet[SHADE : SHADE + embree.RAY_FLOATS].copy())
             hits.append(work.packet[: embree.RAY_HIT_FLOATS].copy())
-        self._fresh_hits, self._fresh_shadows = np.array(hits), np.array(shadows)
-        bits = self._fresh_hits.view(np.uint32)
-        self._fresh_hits[:, embree.T_FAR : embree.T_FAR + 16] = np.inf
-        bits[:, embree.GEOMETRY : embree.INSTANCE + 16] = embree.NO_HIT
-        self._hits = embree.aligned(self._fresh_hits.shape, np.float32)
-        self._shadows = embree.aligned(self._fresh_shadows.shape, np.float32)
-        self._lit = embree.aligned((len(lit), 16), np.int32)
-        self._lit[:] = lit
-        self._valid = embree.aligned((16,), np.int32)
+            ends.append(len(shadows))
+        self.hits, self.shadows = np.array(hits), np.array(shadows).reshape(-1, embree.RAY_FLOATS)
+        self.lit = np.array(lit, np.int32).reshape(-1, embree.PACKET)
+        self.found = self.hits.view(np.uint32)[:, INSTANCE].copy()
+        self.stopped, self._ends = np.array(stopped, bool).reshape(-1, embree.PACKET), np.array(ends)
+        self.hits[:, T_FAR] = np.inf
+        self.hits.view(np.uint32)[:, embree.GEOMETRY : INSTANCE.stop] = embree.NO_HIT
+        self._block_hits = embree.aligned((BLOCK, embree.RAY_HIT_FLOATS), np.float32)
+        self._block_shadows = embree.aligned((BLOCK * max(1, len(lights)), embree.RAY_FLOATS), np.float32)
+        self._block_lit = embree.aligned((len(self._block_shadows), embree.PACKET), np.int32)
+        self._valid = embree.aligned((embree.PACKET,), np.int32)
         self._valid[:] = -1
 
+    def check(self) -> None:
+        """Trace the recorded rays. Raises RunError unless they hit, and are stopped by, what tracing found."""
+        for first in range(0, len(self.hits), BLOCK):
+            self._bare_block(first)
+            packets, shadows = self._of_block(first)
+            hit = self._block_hits.view(np.uint32)[: packets.stop - packets.start, INSTANCE]
+            stopped = self._block_shadows[: shadows.stop - shadows.start, T_FAR] < 0.0
+            astray = int((hit != self.found[packets]).sum())
+            astray += int(((stopped != self.stopped[shadows]) & (self.lit[shadows] != 0)).sum())
+            if astray:
+                raise RunError(
+                    f"measuring: {astray} of the rays of packets {packets.start} to {packets.stop - 1} that were "
+                    "recorded as the limit found something else than tracing did; wanted the same rays"
+                )
+
     def bare_rate(self) -> float:
-        """Samples a second of the recorded primary and shadow rays alone."""
-        self._hits[:], self._shadows[:] = self._fresh_hits, self._fresh_shadows
+        """Samples a second of the recorded primary and shadow rays alone, their packets in the cache as a tracer's."""
+        return len(self.raster) / sum(self._bare_block(first) for first in range(0, len(self.hits), BLOCK))
+
+    def _bare_block(self, first: int) -> float:
+        """Seconds that the recorded rays of one block of packets take; getting them into the cache is not counted."""
+        packets, shadows = self._of_block(first)
+        n, m = packets.stop - packets.start, shadows.stop - shadows.start
+        self._block_hits[:n], self._block_shadows[:m] = self.hits[packets], self.shadows[shadows]
+        self._block_lit[:m] = self.lit[shadows]
+        ends, arguments = self._ends[packets] - shadows.start, self.tracer._work.arguments
+        block = self._block_hits[:n], self._valid, self._block_shadows[:m], self._block_lit[:m]
         began = time.perf_counter()
-        bare_queries(
-            self.tracer._scene, self._hits, self._valid, self._shadows, self._lit, self.tracer._work.arguments
-        )
-        return len(self.raster) / (time.perf_counter() - began)
+        bare_queries(self.tracer._scene, *block, ends, arguments)
+        return time.perf_counter() - began
+
+    def _of_block(self, first: int) -> tuple[slice, slice]:
+        """The block's packets, and their shadow packets."""
+        last = min(first + BLOCK, len(self.hits))
+        return slice(first, last), slice(int(self._ends[first - 1]) if first else 0, int(self._ends[last - 1]))
 
     def traced_rate(self, batches: list[Float32]) -> float:
         """Samples a second of whole samples at these positions."""
@@ -111,13 +145,12 @@ class Bench:
         return batches[: len(batches) // 2]
 
 
-def _reach(shadow: Float32, point: Float32 | None) -> Float32 | float:
-    """How far shadow rays go: Embree overwrote it for those that something stopped."""
-    if point is None:
-        return float("inf")
-    origin = np.stack([shadow[k : k + 16] for k in (embree.ORIGIN_X, embree.ORIGIN_Y, embree.ORIGIN_Z)], axis=1)
-    reach: Float32 = np.linalg.norm(point[0, :3] - origin, axis=1).astype(np.float32)
-    return reach
+def _aim_again(point: Float32 | None, sun: Float32 | None, work: Workspace) -> None:
+    """Aim the shadow packet as tracing did: Embree overwrote how far its rays go."""
+    if sun is not None:
+        kernels.aim_directional(sun[0], work)
+    elif point is not None:
+        kernels.aim_point(point[0], work)
 
 
 def measure(rounds: int) -> list[Row]:
@@ -125,6 +158,7 @@ def measure(rounds: int) -> list[Row]:
     rows: dict[str, dict[str, Row]] = {"trace_framed": {}, "trace_hilbert": {}}
     for source in CAMERAS:
         bench = Bench(source)
+        bench.check()
         hilbert = bench.hilbert_batches()
         bench.bare_rate(), bench.traced_rate([bench.raster]), bench.traced_rate(hilbert)
         turns = [_turn(bench, hilbert) for _ in range(rounds)]

@@ -20,19 +20,21 @@ from wall.tracing.resident import Resident
 from wall.transport.base import Link
 
 IDLE_WAIT_S = 0.05  # a complete view looks for a new event this often, if none wakes it
+PINGS = 8  # round trips to the head; the fastest sets the clock
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the head, then a rank ends itself
 
 
 class Control:
     """A rank's side of the control link: the newest event, signs of life, the head's clock."""
 
-    def __init__(self, link: Link, plan: Plan, rank: int) -> None:
+    def __init__(self, link: Link, plan: Plan, rank: int, *, same_clock: bool) -> None:
+        """`same_clock`: this rank runs on the head's machine, whose monotonic clock all processes share."""
         self._link, self._rank, self._plan = link, rank, plan
         self._transport = plan.layout.config.transport
         self.clock, self.counters = HeadClock(), Counters()
         self.event: Event | None = None
         self.stopped = False
-        self._beat_due, self._pings = 0.0, 0
+        self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
         self._heard = time.monotonic()
         self._head_host = ""
         link.send(
@@ -74,7 +76,7 @@ class Control:
     def beat(self, heartbeat: Heartbeat) -> None:
         self._beat_due = time.monotonic() + self._transport.heartbeat_s
         self._link.send(serialise(heartbeat))
-        if self._pings < 8:  # the fastest of a few round trips sets the clock
+        if self._pings < PINGS:  # the fastest of a few round trips sets the clock
             self._pings += 1
             self._link.send(serialise(Ping(sent=time.monotonic())))
 

@@ -123,9 +123,10 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
     """Be a rank other than the head, until it says stop."""
     layout, rank = plan.layout, bootstrap.rank
     hub = _hub(plan) if layout.role(rank) == "compositor" else None
-    endpoints = [json.loads(text) for text in bootstrap.allgather(json.dumps({"data": hub.endpoint if hub else ""}))]
+    about = {"data": hub.endpoint if hub else "", "machine": machine_id()}
+    endpoints = [json.loads(text) for text in bootstrap.allgather(json.dumps(about))]
     link = connect(endpoints[HEAD]["control"], rank=rank)
-    control = Control(link, plan, rank)
+    control = Control(link, plan, rank, same_clock=endpoints[HEAD]["machine"] == machine_id())
     if hub is not None:
         outbox = connect(endpoints[HEAD]["data"], rank=rank)
         try:
@@ -140,6 +141,11 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
     finally:
         renderer.close()
         _close(outbox, link)
+
+
+def machine_id() -> str:
+    """Names this machine since it was started: processes that agree share one monotonic clock."""
+    return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
 
 
 def _hub(plan: Plan) -> Hub:
@@ -162,7 +168,8 @@ def lead(
     sinks, browser = make_sinks(plan, options)
     head: Head | None = None
     try:
-        bootstrap.allgather(json.dumps({"data": hub.endpoint, "control": control_hub.endpoint}))
+        about = {"data": hub.endpoint, "control": control_hub.endpoint, "machine": machine_id()}
+        bootstrap.allgather(json.dumps(about))
         commands = browser.commands if browser else list
         head = Head(plan, bootstrap, hub, control_hub, HeadClock(), sinks, commands, still=options.still)
         with _signals(head):

@@ -51,7 +51,8 @@ class Worker:
         tracer = self._tracer_at(targets.event, self.sampler.coherent)
         began = self._clock.now()
         samples, cost = tracer.trace(targets.xy)
-        samples["time"] = np.arange(len(samples), dtype=np.float32) * ((self._clock.now() - began) / len(targets.xy))
+        step = max(0.0, self._clock.now() - began) / len(targets.xy)
+        samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
         self.sampler.observe(samples)
         self.samples_traced += cost.primary
         self.secondary_rays += cost.shadow + cost.secondary
