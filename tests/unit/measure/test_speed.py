@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wall.errors import ConfigError
+from wall.data import BACKGROUND
+from wall.errors import ConfigError, RunError
 from wall.measure import record, speed
-from wall.measure.tracing import Bench
-from wall.tracing import kernels
+from wall.measure.tracing import T_FAR, Bench
+from wall.tracing import embree, kernels
 from wall.tracing.packet import PRIMARY, SHADOW
 
 KEYS = {"metric", "value", "unit", "limit", "ratio", "command", "machine", "seed", "commit"}
@@ -65,19 +66,29 @@ def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyP
     assert "ZeroDivisionError" in rows[0].note
 
 
-def test_bare_rays_are_those_that_tracing_sends(compiled_only: None) -> None:
-    """As many primary and shadow rays, and the recorded primary rays find the same surfaces."""
+def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
     bench = Bench("courtyard")
     work = bench.tracer._work
     work.counts[:] = 0
     kernels.trace(*bench.arguments(bench.raster))
-    assert work.counts[PRIMARY] == 16 * len(bench._hits)
-    assert work.counts[SHADOW] == int((bench._lit != 0).sum())
+    assert work.counts[PRIMARY] == 16 * len(bench.hits)
+    assert work.counts[SHADOW] == int((bench.lit != 0).sum())
+    assert np.array_equal(bench.found.ravel() == embree.NO_HIT, bench.samples["object"] == BACKGROUND)
+    assert bench.stopped.any()
+    assert not bench.stopped.all()
 
-    bench.bare_rate()
-    from wall.tracing import embree
 
-    found = bench._hits.view(np.uint32)[:, embree.INSTANCE : embree.INSTANCE + 16].ravel()
-    traced = bench.samples["object"].astype(np.int64) - 1
-    assert np.array_equal(found.astype(np.int64)[traced >= 0], traced[traced >= 0])
-    assert (found[traced < 0] == embree.NO_HIT).all()
+@pytest.mark.parametrize("mistake", ["lamp rays in metres", "sun rays cut short", "primary rays turned"])
+def test_bare_rays_that_are_not_those_of_tracing_are_refused(compiled_only: None, mistake: str) -> None:
+    bench = Bench("courtyard")
+    bench.check()
+    far = bench.shadows[:, T_FAR]
+    if mistake == "lamp rays in metres":  # directions reach from the hit to the lamp: 1 is the lamp
+        directions = bench.shadows[:, embree.DIRECTION_X : embree.DIRECTION_X + 48].reshape(-1, 3, 16)
+        bench.shadows[:, T_FAR] = np.where(np.isfinite(far), np.linalg.norm(directions, axis=1), far)
+    elif mistake == "sun rays cut short":
+        bench.shadows[:, T_FAR] = np.where(np.isfinite(far), far, 0.01)
+    else:
+        bench.hits[:, embree.DIRECTION_X : embree.DIRECTION_X + 16] += np.float32(0.05)
+    with pytest.raises(RunError, match="found something else than tracing did"):
+        bench.check()
