@@ -202,10 +202,11 @@ class _Stages:
         self._stop()
 
     def say(self, line: str) -> None:
-        if not errors.is_terminal:
-            errors.print(f"  {line}")
+        if not errors.is_terminal or line.startswith("note: "):
+            errors.print(f"  {line}", markup=False)
         if line.startswith("starting "):
             self._stop()  # its thread must not be there when processes are forked
+        if line.startswith(("starting ", "note: ")):
             return
         self._bar.update(self._task, description=line)
         if line.startswith("compiling") and not self._compiling.is_set():
@@ -249,11 +250,11 @@ def _show_summary(summary: dict, out: Path) -> None:  # type: ignore[type-arg]
             f"{rank['peak_memory'] / 2**20:.0f} MB",
         )
     console.print(table)
-    latency = summary["latency_ms"]
+    p50, p95, p99 = (summary["latency_ms"][name] for name in ("p50", "p95", "p99"))
     console.print(
         f"traced {_si(summary['samples_traced'])} samples, shown {_si(summary['samples_shown'])}; "
         f"{_si(summary['packets'])} packets, {_si(summary['bytes'])}B; "
-        f"input to picture {latency['p50']:.1f} ms median, {latency['p95']:.1f} p95, {latency['p99']:.1f} p99"
+        + (f"input to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "no input came")
     )
     if summary["dropped"]:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))

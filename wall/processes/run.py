@@ -68,10 +68,10 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
 
     bootstrap: Bootstrap
     if layout.config.transport.kind == "loopback":
-        say(f"starting {layout.size - 1} threads")
+        say(f"starting {layout.size} threads")
         bootstrap = ThreadBootstrap.start(layout.size, main)
     else:
-        say(f"starting {layout.size - 1} processes")
+        say(f"starting {layout.size} processes")
         bootstrap = LocalBootstrap.start(layout.size, main)
     try:
         return lead(plan, resident, bootstrap, options, opened)
@@ -113,6 +113,8 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
 def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, Resident]:
     say("loading the scene")
     plan = make_plan(layout)
+    for note in plan.scene.notes:
+        say(f"note: {note}")
     say("building the ray tracing trees")
     resident = make_resident(plan.scene)
     warm_up(plan, resident, say)

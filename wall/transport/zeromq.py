@@ -21,7 +21,7 @@ from wall.transport.addresses import reachable
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
 from wall.transport.credit import HubCredit, LinkCredit
 
-DATA, CONTROL, ASK, GRANT = b"D", b"C", b"A", b"G"
+DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
 LINGER_MS = 200                  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000   # of ZMTP; machines with more ranks than cores are late by seconds
 ASK_AGAIN_S = 1.0                # a link without credit for so long asks again
@@ -87,6 +87,7 @@ class ZmqLink(Link):
     def close(self) -> None:
         if not self._socket.closed:
             self._flush_control()
+            self._put(BYE, b"")
             self._socket.close()
             self._context.term()
 
@@ -186,6 +187,9 @@ class ZmqHub(Hub):
                 self.counters.add("bad_frame")
                 continue
             peer, tag, body = parts
+            if tag == BYE:
+                self._peers.pop(peer, None)
+                continue
             if peer not in self._peers and not self._welcome(peer):
                 continue
             if tag == DATA and body and not self._peers[peer].arrive(len(body)):
