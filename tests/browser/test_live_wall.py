@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import subprocess
 import time
@@ -54,11 +55,14 @@ def shown(address: str) -> NDArray[np.int16]:
 
 
 def settled(address: str) -> NDArray[np.int16]:
-    """The picture once it shows something and has stopped changing."""
+    """The picture once every pixel has a sample, no renderer traces any more, and it has stopped changing."""
     deadline, last = time.monotonic() + PATIENCE_S, shown(address)
     while time.monotonic() < deadline:
+        ranks = [rank for rank in status(address)["ranks"] if rank["role"] == "renderer"]
         picture = shown(address)
-        if picture.std() > 20 and np.array_equal(picture, last):
+        idle = all(rank["oldest_sample_s"] is not None and rank["samples_per_s"] == 0 for rank in ranks)
+        if idle and np.array_equal(picture, last):
+            assert picture.std() > 20, "nothing is shown"
             return picture
         last = picture
     pytest.fail("the picture never settled")
@@ -102,7 +106,7 @@ def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any,
 
     page.keyboard.press("1")
     deadline = time.monotonic() + PATIENCE_S
-    while '"framed"' not in status(address):
+    while status(address)["sampler"] != "framed":
         assert time.monotonic() < deadline, "the sampler was not switched"
     framed = settled(address)
 
@@ -110,9 +114,7 @@ def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any,
     assert changed(frameless, framed) == 0.0
 
 
-def status(address: str) -> str:
-    """What status.json says of the sampler in use."""
+def status(address: str) -> dict[str, Any]:
     with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
-        text: str = answer.read().decode()
-    found = re.search(r'"sampler": ?"\w+"', text)
-    return found.group(0) if found else text
+        found: dict[str, Any] = json.loads(answer.read())
+    return found
