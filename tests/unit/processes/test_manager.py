@@ -1,0 +1,134 @@
+"""The manager: inputs become numbered events, and whoever joins late gets the newest one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wall.config.loading import loads
+from wall.data import Event
+from wall.geometry.steering import Command, parse
+from wall.packets.control import Hello, Stop, parse_control, serialise
+from wall.processes.clock import HeadClock, ManualClock
+from wall.processes.manager import Director, Latency, Manager
+from wall.processes.plan import Plan, make_layout, make_plan
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+TEXT = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 1, rows: 1, pixels: [32, 24], size: [0.4, 0.3]}}
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, path: {type: orbit, period_s: 4}}]
+"""
+PATIENCE = 400               # waits of 10 ms
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+
+
+def command(**words: Any) -> Command:
+    return parse(words)
+
+
+def test_time_moves_camera_and_scene_and_counts_both(plan: Plan) -> None:
+    director = Director(plan, 10.0)
+    first = director.event
+
+    assert director.update([], 10.5)
+
+    event = director.event
+    assert (event.camera_event, event.scene_event) == (first.camera_event + 1, first.scene_event + 1)
+    assert (event.scene_time, event.input_time) == (0.5, 10.5)
+    assert event.camera == plan.view.camera_at(0.5)
+
+
+def test_pause_stops_scene_and_path_until_it_ends(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([], 1.0)
+    assert director.update([command(kind="pause")], 1.0)
+    paused = director.event
+    assert paused.paused
+    assert not director.update([], 5.0), "nothing is new while paused"
+    assert director.event is paused
+
+    director.update([command(kind="pause")], 5.0)
+    director.update([], 5.25)
+    assert director.event.scene_time == pytest.approx(1.25), "the pause has not been counted"
+
+
+def test_commands_that_came_together_share_one_event(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause")], 0.0)
+    before = director.event.camera_event
+
+    director.update([command(kind="orbit", x=0.1, y=0.0)] * 5, 0.1)
+
+    assert director.event.camera_event == before + 1
+    assert director.event.camera != plan.view.camera_at(0.0)
+
+
+def test_reset_returns_to_the_path(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause"), command(kind="zoom", x=1.5)], 0.0)
+    assert director.event.camera != plan.view.camera_at(0.0)
+    director.update([command(kind="reset")], 0.1)
+    assert director.event.camera == plan.view.camera_at(0.0)
+
+
+def test_sampler_asked_for_travels_with_the_event(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="sampler", value="hilbert")], 0.0)
+    assert director.event.sampler == "hilbert"
+
+
+def test_latency_counts_superseded_inputs_until_a_newer_one_is_shown(plan: Plan) -> None:
+    director, latency = Director(plan, 0.0), Latency()
+    for now in (1.0, 2.0, 3.0):
+        director.update([], now)
+        latency.published(director.event)
+    latency.shown((2, 2), 3.5)
+    assert list(latency.seconds) == [2.5, 1.5]
+    latency.shown((3, 3), 4.0)
+    assert list(latency.seconds) == [2.5, 1.5, 1.0]
+
+
+def test_rank_that_joins_late_gets_the_newest_event_and_the_stop(plan: Plan) -> None:
+    hub = LoopbackHub(credit_bytes=1 << 16)
+    manager = Manager(plan, hub, HeadClock(), lambda: [], still=False)
+    manager.start()
+    early = LoopbackLink(hub.endpoint)
+    early.send(serialise(Hello(rank=1, role="renderer", region="", pid=1, host="a")))
+    while manager.event.camera_event < 3:
+        early.wait(0.01)
+        early.receive()
+
+    late = LoopbackLink(hub.endpoint)
+    late.send(serialise(Hello(rank=2, role="renderer", region="", pid=2, host="b")))
+    first = next_message(late)
+    manager.stop()
+    last = [parse_control(data) for data in late.receive()]
+
+    assert isinstance(first, Event)
+    assert first.camera_event >= 3, "the state, not its history"
+    assert isinstance(last[-1], Stop)
+    assert not manager.is_alive()
+    assert manager.failure is None
+
+
+def test_rank_that_never_spoke_is_silent_from_the_start(plan: Plan) -> None:
+    clock = ManualClock(50.0)
+    manager = Manager(plan, LoopbackHub(credit_bytes=1 << 16), clock, lambda: [], still=True)
+    assert manager.silent(51.0, 2.0) == {}
+    assert manager.silent(53.0, 2.0) == {1: 3.0}
+
+
+def next_message(link: LoopbackLink) -> object:
+    for _ in range(PATIENCE):
+        for data in link.receive():
+            return parse_control(data)
+        link.wait(0.01)
+    pytest.fail("nothing came")

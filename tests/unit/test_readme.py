@@ -1,0 +1,47 @@
+"""What README says of the code is there: the nine lines, the files it names, the commands and configurations."""
+
+from __future__ import annotations
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+LINES = re.findall(r"^\d\. `(wall/[\w/]+\.py)` `([\w.]+)`", README, re.MULTILINE)
+
+
+def test_one_sample_is_followed_in_nine_lines() -> None:
+    assert len(LINES) == 9
+
+
+@pytest.mark.parametrize(("path", "name"), LINES)
+def test_each_line_names_a_file_and_a_function_of_it(path: str, name: str) -> None:
+    found = importlib.import_module(path.removesuffix(".py").replace("/", "."))
+    for part in name.split("."):
+        found = getattr(found, part)
+    assert callable(found)
+
+
+def test_every_file_that_readme_links_to_exists() -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", README)
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_every_shipped_configuration_is_explained() -> None:
+    shipped = {path.name for path in (ROOT / "configs").glob("*.yaml")}
+    named = set(re.findall(r"`(\w+\.yaml)`", README))
+    assert shipped <= named
+
+
+def test_single_process_is_as_short_as_promised() -> None:
+    lines = (ROOT / "wall/processes/single_process.py").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 80
+
+
+def test_no_file_is_longer_than_500_lines() -> None:
+    long = [path for path in (ROOT / "wall").rglob("*.py") if len(path.read_text(encoding="utf-8").splitlines()) > 500]
+    assert long == []
