@@ -153,6 +153,9 @@ def speed(
     console.print(measured.table(rows))
     for note in measured.notes(rows):
         console.print(note)
+    broken = [row.metric for row in rows if row.failed]
+    if broken:
+        _fail(f"could not be measured: {', '.join(broken)}")
 
 
 @app.command()

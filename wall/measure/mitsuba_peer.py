@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from wall.data import SAMPLE, Float32
+from wall.errors import RunError
 from wall.measure.record import Row, compared, skipped
 from wall.measure.tracing import plan_of
 from wall.processes.plan import Plan, first_event
@@ -53,7 +54,7 @@ def measure(rounds: int) -> list[Row]:
         environment = os.environ | {"DRJIT_LIBLLVM_PATH": library}
         done = subprocess.run(command, capture_output=True, text=True, timeout=PEER_LIMIT_S, env=environment)
         if done.returncode:
-            return [skipped(*skip, f"Mitsuba failed: {done.stderr.strip()[-200:]}")]
+            raise RunError(f"Mitsuba, with {library}: {done.stderr.strip()[-300:]}")
         found = json.loads((Path(folder) / "rates.json").read_text(encoding="utf-8"))
     note = f"{found['triangles']} triangles, one sun, {found['pixels']} pixels at 1 sample, one core each"
     return [
@@ -79,7 +80,7 @@ def libllvm() -> str | None:
 def _main(folder: str, rounds: int) -> None:
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     plan = _one_mesh(plan_of("courtyard"))
-    ours, theirs = Ours(plan), Theirs(plan)
+    ours, theirs = Ours(plan), Theirs(plan, Path(folder))
     ours.rate(), theirs.rate()
     turns = [(ours.rate() / 1e6, theirs.rate() / 1e6) for _ in range(rounds)]
     reference, peer = ours.picture(), theirs.picture()
@@ -138,12 +139,12 @@ class Ours:
 
     def picture(self) -> Float32:
         picture = render_plan(self._plan, spp=COMPARE_SPP, seed=1, at=0.0)
-        assert picture is not None       # there is one rank
+        assert picture is not None  # there is one rank
         return picture
 
 
 class Theirs:
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, folder: Path) -> None:
         import drjit
         import mitsuba
 
@@ -151,9 +152,9 @@ class Theirs:
         drjit.set_thread_count(1)
         self._mi, self._dr, self.version = mitsuba, drjit, mitsuba.__version__
         self._size = plan.layout.wall.panels[0].pixels
-        self._scene = mitsuba.load_dict(self._description(plan))
+        self._scene = mitsuba.load_dict(self._description(plan, folder / "all.ply"))
 
-    def _description(self, plan: Plan) -> dict[str, Any]:
+    def _description(self, plan: Plan, file: Path) -> dict[str, Any]:
         mi, camera, mesh = self._mi, plan.view.camera_at(0.0), plan.scene.meshes[0]
         shape = mi.Mesh("all", len(mesh.vertices), len(mesh.triangles))
         parameters = mi.traverse(shape)
@@ -162,7 +163,6 @@ class Theirs:
         parameters["vertex_positions"] = np.ascontiguousarray(world, np.float32).ravel()
         parameters["faces"] = mesh.triangles.astype(np.uint32).ravel()
         parameters.update()
-        file = Path(tempfile.mkdtemp()) / "all.ply"
         shape.write_ply(str(file))
         origin, forward = camera.origin(), -camera.rotation()[:, 2]
         target = (origin + forward).tolist()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import platform
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,9 +26,11 @@ class Row:
     limit: float | None
     ratio: float | None
     bar: str
-    met: bool | None             # None: skipped
+    met: bool | None  # None: not measured
     note: str = ""
     spread: float | None = None  # half the range of the ratio over the rounds
+    failed: bool = False  # it was to be measured, and could not be
+    load: float = field(default_factory=lambda: round(os.getloadavg()[0], 2))  # of the machine in the last minute
     more: dict[str, Any] = field(default_factory=dict)
 
     def json_line(self) -> str:
@@ -61,16 +65,22 @@ def skipped(metric: str, unit: str, bar: str, why: str) -> Row:
     return Row(metric=metric, value=None, unit=unit, limit=None, ratio=None, bar=bar, met=None, note=f"skipped: {why}")
 
 
+def failed(metric: str, why: str) -> Row:
+    """A row of what was to be measured and could not be."""
+    return Row(
+        metric=metric, value=None, unit="", limit=None, ratio=None, bar="", met=None, failed=True, note=f"failed: {why}"
+    )  # fmt: skip
+
+
 def median(values: list[float]) -> float:
     ordered = sorted(values)
     middle = len(ordered) // 2
     return ordered[middle] if len(ordered) % 2 else (ordered[middle - 1] + ordered[middle]) / 2
 
 
+@cache
 def machine() -> str:
     """CPU, usable cores and the versions that speed depends on."""
-    import os
-
     model = "unknown CPU"
     for line in Path("/proc/cpuinfo").read_text().splitlines():
         if line.startswith("model name"):
@@ -80,6 +90,7 @@ def machine() -> str:
     return f"{model}, {len(os.sched_getaffinity(0))} cores, Python {platform.python_version()}, {versions}"
 
 
+@cache
 def commit() -> str:
     """The clone's commit, "-dirty" if files differ from it; "unknown" outside a clone."""
     folder = Path(__file__).parent

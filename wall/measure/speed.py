@@ -10,7 +10,7 @@ from rich.table import Table
 
 from wall.errors import ConfigError, WallError
 from wall.measure import mitsuba_peer, runs, tracing, wire
-from wall.measure.record import Row, skipped
+from wall.measure.record import Row, commit, failed
 
 ROUNDS, QUICK_ROUNDS = 9, 3
 SECONDS, QUICK_SECONDS = 6.0, 2.0
@@ -38,6 +38,7 @@ def measure(only: list[str], *, quick: bool, say: Callable[[str], None]) -> Iter
     for name in only:
         if name not in METRICS:
             raise ConfigError(f"--only {name}: no such metric; accepted: {', '.join(METRICS)}")
+    commit()  # of now: the clone may move on while it is measured
     for names, work in GROUPS:
         wanted = [name for name in names if not only or name in only]
         if not wanted:
@@ -46,9 +47,9 @@ def measure(only: list[str], *, quick: bool, say: Callable[[str], None]) -> Iter
         try:
             rows = work(QUICK_ROUNDS if quick else ROUNDS, QUICK_SECONDS if quick else SECONDS)
         except WallError as error:
-            rows = [skipped(name, "", "", str(error)) for name in names]
-        except Exception:                # one broken measurement must not lose the others
-            rows = [skipped(name, "", "", traceback.format_exc(limit=-1)) for name in names]
+            rows = [failed(name, str(error)) for name in names]
+        except Exception:  # one broken measurement must not lose the others
+            rows = [failed(name, traceback.format_exc(limit=-1).strip()) for name in names]
         yield from (row for row in rows if row.metric in wanted)
 
 
@@ -66,7 +67,7 @@ def table(rows: list[Row]) -> Table:
     for column, right in (("metric", 0), ("value", 1), ("unit", 0), ("limit", 1), ("ratio", 1), ("bar", 0), ("met", 0)):
         found.add_column(column, justify="right" if right else "left", no_wrap=column == "metric")
     for row in _ordered(rows):
-        met = "skipped" if row.met is None else "yes" if row.met else "MISSED"
+        met = "FAILED" if row.failed else "skipped" if row.met is None else "yes" if row.met else "MISSED"
         spread = f" ±{row.spread:.2f}" if row.spread is not None else ""
         ratio = f"{row.ratio:.2f}{spread}" if row.ratio is not None else ""
         found.add_row(row.metric, _figure(row.value), row.unit, _figure(row.limit), ratio, row.bar, met)

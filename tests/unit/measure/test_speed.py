@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from wall import cli
 from wall.data import BACKGROUND
 from wall.errors import ConfigError, RunError
-from wall.measure import record, speed
+from wall.measure import record, runs, speed
 from wall.measure.tracing import T_FAR, Bench
 from wall.tracing import embree, kernels
 from wall.tracing.packet import PRIMARY, SHADOW
@@ -53,7 +55,7 @@ def test_unknown_metric_is_refused_with_the_known_ones() -> None:
         list(speed.measure(["speed"], quick=True, say=lambda names: None))
 
 
-def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def broken(rounds: int, seconds: float) -> list[record.Row]:
         raise ZeroDivisionError("no samples")
 
@@ -62,8 +64,11 @@ def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(speed, "GROUPS", ((("encode",), broken), (("decode",), works)))
     rows = list(speed.measure([], quick=True, say=lambda names: None))
-    assert [(row.metric, row.met) for row in rows] == [("encode", None), ("decode", True)]
+    assert [(row.metric, row.met, row.failed) for row in rows] == [("encode", None, True), ("decode", True, False)]
     assert "ZeroDivisionError" in rows[0].note
+    result = CliRunner().invoke(cli.app, ["measure", "speed", "-o", str(tmp_path / "speed.jsonl")])
+    assert result.exit_code == cli.FAILED
+    assert "decode" in (tmp_path / "speed.jsonl").read_text()
 
 
 def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
@@ -92,3 +97,38 @@ def test_bare_rays_that_are_not_those_of_tracing_are_refused(compiled_only: None
         bench.hits[:, embree.DIRECTION_X : embree.DIRECTION_X + 16] += np.float32(0.05)
     with pytest.raises(RunError, match="found something else than tracing did"):
         bench.check()
+
+
+SUMMARY = {
+    "seconds": 2.0, "refreshes": 59, "samples_shown": 3e6, "head_cores": 0.2, "samples_traced": 129600,
+    "bytes": 1557760, "latency_ms": {"p50": 30.0, "p95": 50.0, "p99": 60.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "met"), [({}, True), ({"head_cores": 0.6}, False), ({"refreshes": 40}, False)])
+def test_compositor_that_saves_its_time_by_missing_refreshes_misses_the_bar(
+    change: dict[str, float], met: bool
+) -> None:
+    assert runs.compositor_row(SUMMARY | change).met is met
+
+
+def test_latency_is_in_refresh_intervals_of_the_median() -> None:
+    row = runs.latency_row(SUMMARY)
+    assert row.value == pytest.approx(0.9)
+    assert row.met
+
+
+def test_run_that_showed_no_input_has_no_latency() -> None:
+    with pytest.raises(RunError, match="no input"):
+        runs.latency_row(SUMMARY | {"latency_ms": dict.fromkeys(("p50", "p95", "p99"), 0.0)})
+
+
+@pytest.mark.parametrize(("more", "met"), [(0, True), (12, False)])
+def test_still_view_that_goes_on_sending_misses_the_bar(more: int, met: bool) -> None:
+    row = runs.static_row(SUMMARY, SUMMARY | {"bytes": 1557760 + more})
+    assert (row.value, row.met) == (more, met)
+
+
+def test_still_view_that_was_never_complete_proves_nothing() -> None:
+    with pytest.raises(RunError, match="not complete"):
+        runs.static_row(SUMMARY | {"samples_traced": 0, "bytes": 0}, SUMMARY | {"bytes": 0})
