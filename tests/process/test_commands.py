@@ -125,6 +125,7 @@ def test_refused_configuration_says_where_and_exits_with_2(tmp_path: Path, text:
         (("render", "{config}", "--size", "big", "-o", "p.png"), "WIDTHxHEIGHT"),
         (("render", "nowhere.yaml", "-o", "p.png"), "nowhere.yaml"),
         (("run", "{config}", "--scene", "nowhere.obj"), "nowhere.obj"),
+        (("run", "{config}", "--headless", "--out", "{config}"), "wanted a folder that can be written"),
         (("run", "{config}", "--scene", "{config}"), "yaml"),
     ],
 )

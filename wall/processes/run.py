@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,7 +58,18 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     `say` shows a line of progress; `opened` is called with the page's address. Raises ConfigError, RunError.
     """
     layout = make_layout(loaded)
+    check_folder(options.out)
     return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
+
+
+def check_folder(folder: Path) -> None:
+    """Make the folder of results, and refuse one that cannot be written, before anything is rendered."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigError(f"--out {folder}: {error.strerror}; wanted a folder that can be written") from error
 
 
 def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
@@ -164,7 +176,6 @@ def lead(
     plan: Plan, resident: Resident, bootstrap: Bootstrap, options: Options, opened: Callable[[str], None]
 ) -> Outcome:
     """Be the head: serve the page, run the wall, write what is asked for at the end."""
-    options.out.mkdir(parents=True, exist_ok=True)
     hub = _hub(plan)
     control_hub = _hub(plan)
     sinks, browser = make_sinks(plan, options)
