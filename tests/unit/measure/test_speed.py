@@ -132,3 +132,11 @@ def test_still_view_that_goes_on_sending_misses_the_bar(more: int, met: bool) ->
 def test_still_view_that_was_never_complete_proves_nothing() -> None:
     with pytest.raises(RunError, match="not complete"):
         runs.static_row(SUMMARY | {"samples_traced": 0, "bytes": 0}, SUMMARY | {"bytes": 0})
+
+
+def test_memory_is_that_of_the_largest_renderer() -> None:
+    ranks = [("head", 900), ("renderer", 100), ("renderer", 300), ("compositor", 700)]
+    found = {"ranks": [{"role": role, "peak_memory": mb * 2**20} for role, mb in ranks]}
+    assert runs.renderer_peak(found) == 300.0
+    with pytest.raises(RunError, match="no renderer"):
+        runs.renderer_peak({"ranks": found["ranks"][:1]})
