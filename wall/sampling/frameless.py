@@ -50,7 +50,7 @@ class FramelessSampler:
             filled += taken
         self._missing -= filled
         numbers.sort()  # along the curve: 16 in a row are neighbours, which doubles the tracing rate
-        return Targets(xy=self._centres[numbers], event=newest)
+        return Targets(xy=self._centres.take(numbers, axis=0), event=newest)
 
     def observe(self, samples: Samples) -> None:
         """Bishop's sampler is blind to what it sees."""

@@ -231,19 +231,26 @@ def _leaves(profile: list[tuple[float, float]], seed: int) -> Shape:
     return Shape(vertices=rough, triangles=shape.triangles, uvs=shape.uvs)
 
 
+LANTERN_RADIUS = 0.11
+BELOW_LANTERN = 0.14      # clear of the ball
+
+
 def _lanterns(parts: Assembly) -> tuple[PointLight, ...]:
-    """Two glowing balls that wander around the court, and the light they give."""
+    """Two glowing balls that wander around the court, and the light they give.
+
+    A point light inside its ball would light nothing: it hangs under it, where the flame of a lantern shines out.
+    """
     lights = []
     glows = (((1.0, 0.55, 0.20), 0.35, 1.25, 14.0), ((0.30, 0.65, 1.0), 0.85, 0.75, -19.0))
     for k, (color, turn, height, period) in enumerate(glows):
         glow = parts.material(Material(name=f"glow {k}", base_color=(0.0, 0.0, 0.0), emission=color))
-        mesh = parts.mesh(f"lantern {k}", sphere(0.11, segments=24), glow)
+        mesh = parts.mesh(f"lantern {k}", sphere(LANTERN_RADIUS, segments=24), glow)
         matrix = _on_circle(3.6, turn, height)
         parts.place(f"lantern {k}", mesh, matrix)
         orbit = Orbit(center=(0.0, height, 0.0), axis=UP, period_s=period)
         parts.move(f"lantern {k}", orbit)
         x, y, z = matrix[:3, 3].tolist()
         r, g, b = (2.4 * part for part in color)
-        lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
+        lights.append(PointLight(position=(x, y - BELOW_LANTERN, z), intensity=(r, g, b)))
         parts.tracks.append(Track(motion=orbit, light=k))
     return tuple(lights)
