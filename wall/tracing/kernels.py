@@ -288,7 +288,7 @@ def reflect(surfaces, work):
             continue
         share = ZERO
         if p[HITS + lane] != ZERO:
-            share = surfaces.materials[surfaces.mesh_table[surfaces.instance_mesh[bits[INSTANCE + lane]], 2], 3]
+            share = surfaces.materials[surfaces.mesh_table[bits[INSTANCE + lane], 2], 3]
         through = p[MIRROR + lane]
         p[TR + lane] += through * (ONE - share) * p[LR + lane]
         p[TG + lane] += through * (ONE - share) * p[LG + lane]

@@ -66,7 +66,7 @@ def gather_surfaces(surfaces, normals, work):
         hits += 1
         p[HITS + lane] = ONE
         instance = bits[INSTANCE + lane]
-        m = surfaces.instance_mesh[instance]
+        m = instance
         place = surfaces.placements[instance]
         a, b, c, d, e, f, g, h, i = (
             place[0],
@@ -150,7 +150,7 @@ def colour_surfaces(surfaces, colors, uvs, texels, textures, to_linear, work):
     for lane in range(16):
         if p[HITS + lane] == ZERO:
             continue
-        m = surfaces.instance_mesh[bits[INSTANCE + lane]]
+        m = bits[INSTANCE + lane]
         flags = surfaces.mesh_table[m, 3]
         if flags & np.uint32(6) == np.uint32(0):
             continue
@@ -233,7 +233,7 @@ def add_emission(surfaces, work):
     p, bits = work.packet, work.bits
     for lane in range(16):
         if p[HITS + lane] != ZERO:
-            material = surfaces.materials[surfaces.mesh_table[surfaces.instance_mesh[bits[INSTANCE + lane]], 2]]
+            material = surfaces.materials[surfaces.mesh_table[bits[INSTANCE + lane], 2]]
             p[LR + lane] += material[4]
             p[LG + lane] += material[5]
             p[LB + lane] += material[6]

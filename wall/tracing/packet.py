@@ -50,9 +50,9 @@ class Surfaces(NamedTuple):
     """What every scene has; meshes stand one after another in the vertex and triangle arrays."""
 
     triangles: NDArray[np.uint32]  # (t, 3) vertex numbers within the mesh
-    mesh_table: NDArray[np.uint32]  # (m, 4) first triangle, first vertex, material, flags: 1 normals, 2 colours, 4 uvs
+    mesh_table: NDArray[np.uint32]  # (n, 4) of each instance: first triangle, first vertex, material,
+    # flags: 1 normals, 2 colours, 4 uvs
     materials: Float32  # (k, 8) base colour, mirror share, emission, 0
-    instance_mesh: NDArray[np.uint32]  # (n,)
     placements: Float32  # (n, 12) normal_from_object (9, row major), lift: base, slope, stretched slope
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
     irradiance: Float32  # (257, 3) sky irradiance over pi, by height of the normal

@@ -34,7 +34,6 @@ class Resident:
     triangles: NDArray[np.uint32]
     mesh_table: NDArray[np.uint32]
     materials: Float32
-    instance_mesh: NDArray[np.uint32]
     sky: Float32
     irradiance: Float32
     normals: Float32 | None
@@ -78,9 +77,8 @@ def make_resident(scene: Scene) -> Resident:
         meshes=tuple(handles[k] for k in of_instance),
         extents=np.array(radii, np.float64)[of_instance],
         triangles=triangles,
-        mesh_table=table,
+        mesh_table=table[of_instance],
         materials=_materials(scene),
-        instance_mesh=of_instance,
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
         irradiance=sky_irradiance(scene.sky),
         normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,

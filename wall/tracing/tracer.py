@@ -54,7 +54,7 @@ class Tracer:
 
     def __init__(self, resident: Resident, panel: Panel, eye: Float64, *, coherent: bool) -> None:
         """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles."""
-        n = len(resident.instance_mesh)
+        n = len(resident.mesh_table)
         self._resident, self._panel, self._eye = resident, panel, eye
         self._scene, self._geometries = resident.device.instances(list(resident.meshes))
         self._transforms = embree.aligned((n, 12), np.float32)
@@ -62,7 +62,6 @@ class Tracer:
             triangles=resident.triangles,
             mesh_table=resident.mesh_table,
             materials=resident.materials,
-            instance_mesh=resident.instance_mesh,
             placements=np.zeros((n, 12), np.float32),
             sky=resident.sky,
             irradiance=resident.irradiance,
