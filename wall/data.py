@@ -25,6 +25,8 @@ SAMPLE = np.dtype(
         ("depth", np.float32),  # distance from the eye along the ray, world units; inf = background
         ("time", np.float32),  # seconds after the batch's base time
         ("object", np.uint32),  # object id
+        ("light", np.float32),  # square root of the lighting, surface colour divided out; not sent
+        ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
     ]
 )
 

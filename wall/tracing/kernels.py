@@ -54,6 +54,7 @@ from wall.tracing.packet import (
     LG,
     LIFT,
     LIFT_SLOPE,
+    LIGHT,
     LR,
     MAX_BOUNCES,
     MIRROR,
@@ -75,6 +76,10 @@ from wall.tracing.packet import (
     TR,
     ZERO,
 )
+
+
+DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
+THIRD = np.float32(1.0 / 3.0)
 
 
 @kernel
@@ -321,6 +326,17 @@ def reflect(surfaces, work):
 
 
 @inline_kernel
+def divide_out_colour(work):
+    """The lighting alone, into row LIGHT: radiance over base colour, channels summed; the sky's radiance as it is."""
+    p = work.packet
+    for lane in range(16):
+        light = p[LR + lane] + p[LG + lane] + p[LB + lane]
+        colour = p[AR + lane] + p[AG + lane] + p[AB + lane]
+        coloured = p[HITS + lane] > ZERO and colour > DARKEST
+        p[LIGHT + lane] = light / colour if coloured else light * THIRD
+
+
+@inline_kernel
 def write_samples(xy, first, count, samples, kept, work):
     """Write the packet's records from `kept` on, leaving out radiance that is not finite. Returns the new `kept`."""
     p = work.packet
@@ -337,6 +353,8 @@ def write_samples(xy, first, count, samples, kept, work):
         sample["radiance"][2] = b
         sample["depth"] = p[DEPTH + lane]
         sample["object"] = np.uint32(p[OBJECT + lane])
+        sample["light"] = math.sqrt(max(p[LIGHT + lane], ZERO))
+        sample["change"] = ZERO
         kept += 1
     return kept
 
@@ -384,6 +402,7 @@ def trace(
     """
     p, bits, counts = work.packet, work.bits, work.counts
     packet, valid, arguments = p.ctypes.data, work.valid.ctypes.data, work.arguments.ctypes.data
+    valid_row = work.valid
     kept = 0
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
@@ -397,6 +416,7 @@ def trace(
         counts[SHADOW] += light_packet(
             scene, surfaces, normals, colors, uvs, texels, textures, to_linear, points, suns, emission, work
         )
+        divide_out_colour(work)
         if mirrors is not None:
             for lane in range(16):
                 p[TR + lane] = p[TG + lane] = p[TB + lane] = ZERO
@@ -406,12 +426,16 @@ def trace(
                 if going == 0:
                     break
                 counts[SECONDARY] += going
+                for lane in range(16):  # what a mirror shows has no colour to divide out
+                    p[LIGHT + lane] = -ONE if valid_row[lane] != 0 else p[LIGHT + lane]
                 intersect16(valid, scene, packet, arguments)
                 counts[SHADOW] += light_packet(
                     scene, surfaces, normals, colors, uvs, texels, textures, to_linear, points, suns, emission, work
                 )
             reflect(surfaces, work)
             for lane in range(16):
-                p[LR + lane], p[LG + lane], p[LB + lane] = p[TR + lane], p[TG + lane], p[TB + lane]
+                r, g, b = p[TR + lane], p[TG + lane], p[TB + lane]
+                p[LIGHT + lane] = (r + g + b) * THIRD if p[LIGHT + lane] < ZERO else p[LIGHT + lane]
+                p[LR + lane], p[LG + lane], p[LB + lane] = r, g, b
         kept = write_samples(xy, first, count, samples, kept, work)
     return kept

@@ -1,0 +1,171 @@
+"""The picture that reprojected samples make: at every refresh, under the pose of that moment.
+
+`insert` stores samples as points of their objects; `refresh` moves them to a pose, drops what is hidden, contradicted
+or dead, splats the rest and fills holes. While nothing moves, nothing is moved: new samples are averaged per pixel.
+One owner, allocated once. The same code shows the picture at a compositor and lies beneath a sampler's rays.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Camera, Event, Float32, Float64, Samples
+from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
+from wall.geometry.frusta import ray_frame
+from wall.geometry.panels import Panel
+from wall.reconstruction import kernels_picture as kernels
+from wall.scene.build import Scene
+
+SAMPLES_PER_PIXEL = 4  # kept on average
+SLACK = 0.5  # samples a pixel that may arrive between two refreshes, beside
+YOUNG_S = 0.017  # a refresh at 60 Hz
+SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
+DECAY_PER_RESIDUAL = 30.0
+
+
+class Pose:
+    """The matrices of one event: object points to panel pixels, and back from hits."""
+
+    def __init__(self, panel: Panel, eye: Float64, scene: Scene, camera: Camera, scene_time: float) -> None:
+        moment = scene.at(scene_time)
+        n = len(moment.world_from_object)
+        self.frame = ray_frame(panel, eye, camera)
+        self.corner = np.array(panel.screen, np.float64)
+        self.object_from_eye = np.empty((n + 1, 12), np.float32)
+        self.panel_from_object = np.empty((n + 1, 12), np.float32)
+        object_tables(
+            moment.world_from_object, camera.origin(), self.frame, self.corner, self.object_from_eye,
+            self.panel_from_object,
+        )  # fmt: skip
+
+
+class Posed(Protocol):
+    """What fixes where everything is: an Event, or a Batch that was traced under one."""
+
+    @property
+    def camera(self) -> Camera: ...
+
+    @property
+    def scene_time(self) -> float: ...
+
+
+class Picture:
+    """One panel's picture from reprojected samples. Times are seconds, float64, of one clock."""
+
+    def __init__(
+        self, panel: Panel, eye: Float64, scene: Scene, *, judging: bool, samples_per_pixel: float = SAMPLES_PER_PIXEL
+    ) -> None:
+        """`judging`: samples bring their lighting, and what they contradict is found here."""
+        width, height = panel.pixels
+        rows, columns = -(-height // kernels.TILE), -(-width // kernels.TILE)
+        self.panel, self.judging = panel, judging
+        self._eye, self._scene = eye, scene
+        self._kept = int(samples_per_pixel * width * height)
+        capacity = self._kept + int(SLACK * width * height) + 4096
+        self.place = np.zeros((capacity, 4), np.float32)
+        self.colour = np.zeros((capacity, 4), np.float32)
+        self.state = np.zeros((capacity, 2), np.float32)
+        self.screen = np.full((capacity, 4), OUTSIDE, np.float32)
+        self.count = 0
+        self.nearest = np.full((height, width), np.inf, np.float32)
+        self.surface = np.full((height, width), -1, np.int32)
+        self.limit = np.zeros((height, width), np.float32)
+        self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
+        self.lighting = np.zeros((height + 2, width + 2), np.float32) if judging else None
+        self.doubt = np.zeros((height, width, 2), np.float32)
+        self.doubt_about = np.zeros((height, width), np.int32)
+        self.residual = np.zeros((rows, columns), np.float32)
+        self.still = np.zeros((height, width, 8), np.float32)
+        self.base = np.zeros((height, width, 3), np.float32)
+        self.radiance: Float32 = np.zeros((height, width, 3), np.float32)
+        self.dirty: NDArray[np.bool_] = np.zeros((rows, columns), np.bool_)
+        self._levels = _pyramid(height, width)
+        self._pose: Pose | None = None  # of the picture
+        self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
+        self._number: tuple[int, int] | None = None
+        self.nothing_moves = False
+        self._epoch = 0.0  # the store's clock zero
+
+    def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
+        """Take samples in that were traced under `event`; their `change` is written if judging."""
+        pose = self._pose_of(event)
+        under = self._pose if self._pose is not None else pose
+        if self.count + len(samples) > len(self.place):
+            self._drop_oldest(self.count + len(samples) - len(self.place))
+        lighting: Any = self.lighting if self.lighting is not None else self.residual
+        self.count = kernels.take_in(
+            samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
+            under.panel_from_object, self.place, self.colour, self.state, self.screen, self.count, self.surface,
+            self.gathered, lighting, self.doubt, self.doubt_about, self.residual, self.still, self.nothing_moves,
+            self.judging, self.dirty,
+        )  # fmt: skip
+
+    def refresh(self, event: Event, now: float) -> None:
+        """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
+        self.nothing_moves = event.number == self._number
+        if not self.nothing_moves:
+            self._move(self._pose_of(event), now)
+            self._number = event.number
+            self.dirty[:] = True
+        if self.dirty.any():
+            kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
+
+    def take_dirty(self) -> NDArray[np.bool_]:
+        """(rows, columns) bool of 16-pixel tiles changed since the last call."""
+        dirty = self.dirty.copy()
+        self.dirty[:] = False
+        return dirty
+
+    def _pose_of(self, event: Posed) -> Pose:
+        key = (event.camera, event.scene_time)
+        if self._traced is None or self._traced[0] != key:
+            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key))
+        return self._traced[1]
+
+    def _move(self, pose: Pose, now: float) -> None:
+        table, last = pose.panel_from_object, self._pose
+        moved = np.ones(len(table), np.uint8)
+        if last is not None:
+            moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
+        self._pose = pose
+        alive = kernels.move(
+            self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self.nearest,
+            self.surface,
+        )  # fmt: skip
+        kernels.visible_depths(self.nearest, self.limit)
+        decay = SLOW_DECAY * (1.0 + DECAY_PER_RESIDUAL * self.residual)
+        self.count = kernels.splat(
+            self.place, self.colour, self.state, self.screen, self.count, max(0, alive - self._kept), self.limit,
+            np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered, self.lighting,
+        )  # fmt: skip
+        kernels.doubt_still(self.still, self.surface, moved, self.doubt)
+        self._fill()
+
+    def _fill(self) -> None:
+        fine, border, trusted = self.gathered, 1, kernels.TRUSTED
+        for level in self._levels:
+            kernels.halve(fine, border, trusted, level)
+            fine, border, trusted = level, 0, kernels.ONE
+        filled = None
+        for level in reversed(self._levels):
+            kernels.expand(level, filled)
+            filled = level
+        kernels.resolve(self.gathered, self._levels[0], self.base)
+
+    def _drop_oldest(self, n: int) -> None:
+        """Make room: more came between two refreshes than there is slack for."""
+        n = max(n, len(self.place) // 8)
+        for rows in (self.place, self.colour, self.state, self.screen):
+            rows[: self.count - n] = rows[n : self.count]
+        self.count -= n
+
+
+def _pyramid(height: int, width: int) -> list[Float32]:
+    levels = []
+    while height > 1 or width > 1:
+        height, width = -(-height // 2), -(-width // 2)
+        levels.append(np.zeros((height, width, 4), np.float32))
+    return levels or [np.zeros((1, 1, 4), np.float32)]

@@ -1,0 +1,80 @@
+"""Adaptive frameless sampling: rays where the picture is expected to gain most, judged from the picture itself.
+
+After Dayal, Woolley, Watson and Luebke, "Adaptive Frameless Rendering", 2005: tiles of the region are chosen by what
+another sample is worth there. Gradients come from the reconstruction beneath the rays, without rays of their own, and
+every new ray is also a probe: where it contradicts what was shown, its surroundings draw rays at once.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from wall.data import Event, Float32, Rect, Samples
+from wall.sampling import kernels_adaptive as kernels
+from wall.sampling.base import Targets
+
+FLOOR_MOVING, FLOOR_STILL = 1e-4, 1e-5  # squared display units; see docs/quality.md
+ENOUGH = 0.5 / 255.0  # half a step of 8 bits
+
+
+class Beneath(Protocol):
+    """The picture that the sampler judges by: reconstruction.picture.Picture."""
+
+    radiance: Float32  # (h, w, 3)
+    gathered: Float32  # (h + 2, w + 2, 4)
+    still: Float32  # (h, w, 8)
+    nothing_moves: bool
+
+    def refresh(self, event: Event, now: float) -> None: ...
+
+    def insert(self, samples: Samples, base_time: float, event: Event) -> None: ...
+
+
+class AdaptiveSampler:
+    """Chooses for one region. `replan` after every refresh of the picture beneath; complete when no pixel gains."""
+
+    coherent = True
+
+    def __init__(self, rect: Rect, beneath: Beneath, *, batch: int, seed: int) -> None:
+        self.beneath = beneath
+        self._rect, self._batch, self._seed, self._sequence = rect, batch, seed, 0
+        shape = (rect.height, rect.width)
+        self._value, self._contrast = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+        self._density, self._score = np.zeros(shape, np.float32), np.ones(shape, np.float32)
+        self._sums = np.zeros((-(-rect.height // kernels.TILE), -(-rect.width // kernels.TILE)), np.float64)
+        self._sums[:] = kernels.TILE**2
+        self._visits = np.zeros(shape, np.uint16)
+        self._floor = np.float32(FLOOR_MOVING)
+
+    def replan(self) -> None:
+        """Score every pixel anew from the picture beneath."""
+        b = self.beneath
+        kernels.brightness(b.radiance, self._value)
+        if b.nothing_moves:
+            self._floor = np.float32(FLOOR_STILL)
+            kernels.score_still(
+                self._value, b.still, self._floor, np.float32(ENOUGH), self._contrast, self._density, self._score,
+                self._sums,
+            )  # fmt: skip
+        else:
+            self._floor = np.float32(FLOOR_MOVING)
+            kernels.score_moving(
+                self._value, b.gathered, self._floor, self._contrast, self._density, self._score, self._sums
+            )
+
+    def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
+        packets = max(1, (self._batch if rays is None else rays) // kernels.PACKET)
+        xy = np.empty((packets * kernels.PACKET, 2), np.float32)
+        self._sequence += 1
+        filled = kernels.draw(
+            self._score, self._sums, packets, self._seed, self._sequence, self._visits, self._rect.x, self._rect.y, xy
+        )
+        return Targets(xy=xy[:filled], event=newest) if filled else None
+
+    def observe(self, samples: Samples) -> None:
+        kernels.learn(
+            samples, self._rect.x, self._rect.y, self._floor, self.beneath.still, self.beneath.nothing_moves,
+            np.float32(ENOUGH), self._contrast, self._density, self._score, self._sums,
+        )  # fmt: skip
