@@ -14,38 +14,47 @@ ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 TILE = 16  # pixels
 TRUSTED = np.float32(0.25)  # weight from which a pixel needs nothing from its neighbours
 BEHIND = np.float32(1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
-BEFORE = np.float32(0.93)  # neighbours nearer than this share of a depth hide it if HIDING of nine are
-HIDING = 6
+COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one
+HIDING = 6  # of nine pixels: so many that are nearer cover what shows between them
 FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 
 
 @kernel
-def visible_depths(nearest, limit):
-    """The depth up to which samples are seen, for each pixel; 0 where the nearest itself shows through a gap.
+def front_depths(nearest, front):
+    """Each pixel's least depth over 3x3, enlarged by BEHIND: up to it a sample is seen without further tests.
 
-    nearest, limit : (h, w) float32. A gap: of the 3x3 pixels around, HIDING or more are nearer by BEFORE.
+    nearest, front : (h, w) float32
     """
     height, width = nearest.shape
     for i in range(height):
+        up, down = max(i - 1, 0), min(i + 1, height - 1)
         for j in range(width):
-            z = nearest[i, j]
-            limit[i, j] = z * BEHIND
-            threshold = z * BEFORE
-            nearer = 0
-            if 0 < i < height - 1 and 0 < j < width - 1:
-                for di in range(-1, 2):
-                    for dj in range(-1, 2):
-                        nearer += 1 if nearest[i + di, j + dj] < threshold else 0
-            else:
-                for di in range(max(i - 1, 0), min(i + 2, height)):
-                    for dj in range(max(j - 1, 0), min(j + 2, width)):
-                        nearer += 1 if nearest[di, dj] < threshold else 0
-            if nearer >= HIDING:
-                limit[i, j] = ZERO
+            left, right = max(j - 1, 0), min(j + 1, width - 1)
+            least = min(min(nearest[up, left], nearest[up, j]), min(nearest[up, right], nearest[i, left]))
+            least = min(least, min(min(nearest[i, j], nearest[i, right]), min(nearest[down, left], nearest[down, j])))
+            front[i, j] = min(least, nearest[down, right]) * BEHIND
+
+
+@inline_kernel
+def hidden(x, y, z, nearest, at):
+    """Whether nearer samples cover the place of one: some lies within COVERS pixels, or HIDING of 3x3 pixels are nearer.
+
+    nearest : (h, w) float32; at : (h, w, 2) float32, where in the picture each pixel's nearest sample lies
+    """
+    i, j = int(y), int(x)
+    nearer = 0
+    for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
+        for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
+            if nearest[di, dj] * BEHIND < z:
+                dx, dy = at[di, dj, 0] - x, at[di, dj, 1] - y
+                if dx * dx + dy * dy < COVERS:
+                    return True
+                nearer += 1
+    return nearer >= HIDING
 
 
 @kernel
-def move(place, state, screen, count, table, moved, doubt, doubt_about, nearest, surface):
+def move(place, state, screen, count, table, moved, doubt, doubt_about, nearest, at, surface):
     """Let doubted samples lose confidence, place every sample anew, keep each pixel's nearest.
 
     Parameters
@@ -84,12 +93,13 @@ def move(place, state, screen, count, table, moved, doubt, doubt_about, nearest,
             i, j = int(y), int(x)
             if z < nearest[i, j]:
                 nearest[i, j] = z
+                at[i, j, 0], at[i, j, 1] = x, y
                 surface[i, j] = name
     return alive
 
 
 @kernel
-def splat(place, colour, state, screen, count, skip, limit, now, young, decay, gathered, lighting):
+def splat(place, colour, state, screen, count, skip, nearest, at, front, now, young, decay, gathered, lighting):
     """Drop what is hidden or dead, add the rest to the picture, close ranks.
 
     A sample spreads over the four nearest pixel centres by a tent, weighed by confidence and age. Samples younger than
@@ -123,7 +133,7 @@ def splat(place, colour, state, screen, count, skip, limit, now, young, decay, g
         x, y = screen[k, 0], screen[k, 1]
         i, j = int(y), int(x)
         age = now - state[k, 0]
-        if z > limit[i, j] and age > young:
+        if z > front[i, j] and age > young and hidden(x, y, z, nearest, at):
             continue
         a = max(age, ZERO) * decay[i // TILE, j // TILE]
         weight = state[k, 1] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
@@ -335,6 +345,8 @@ def take_in(
                 if surface[i, j] == name and gathered[i + 1, j + 1, 3] > TRUSTED:
                     was = lighting[i + 1, j + 1] / gathered[i + 1, j + 1, 3]
                     difference = abs(light - was)
+                    if difference > SMALL_CHANGE:
+                        difference = max(difference - NOISE * spread_of(lighting, gathered, surface, i, j, name), ZERO)
                     change = min(max((difference - SMALL_CHANGE) * PER_CHANGE, ZERO), ONE)
                     tile = residual[i // TILE, j // TILE]
                     residual[i // TILE, j // TILE] = tile + RESIDUAL_SHARE * (difference - tile)
@@ -347,7 +359,22 @@ def take_in(
 
 SMALL_CHANGE = np.float32(0.018)  # of the square root of lighting: below it, sampling noise
 PER_CHANGE = np.float32(1.0 / 0.06)
+import os
+NOISE = np.float32(float(os.environ.get("NOISE", "0.5")))
 RESIDUAL_SHARE = np.float32(1.0 / 16.0)
+
+
+@inline_kernel
+def spread_of(lighting, gathered, surface, i, j, name):
+    """The range of the lighting over the 3x3 pixels around that show the same object."""
+    low, high = np.float32(np.inf), np.float32(-np.inf)
+    for di in range(max(i - 1, 0), min(i + 2, surface.shape[0])):
+        for dj in range(max(j - 1, 0), min(j + 2, surface.shape[1])):
+            weight = gathered[di + 1, dj + 1, 3]
+            if surface[di, dj] == name and weight > TRUSTED:
+                light = lighting[di + 1, dj + 1] / weight
+                low, high = min(low, light), max(high, light)
+    return max(high - low, ZERO)
 
 
 @inline_kernel

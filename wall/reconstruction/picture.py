@@ -72,7 +72,8 @@ class Picture:
         self.count = 0
         self.nearest = np.full((height, width), np.inf, np.float32)
         self.surface = np.full((height, width), -1, np.int32)
-        self.limit = np.zeros((height, width), np.float32)
+        self.at = np.zeros((height, width, 2), np.float32)
+        self.front = np.zeros((height, width), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height + 2, width + 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)
@@ -133,13 +134,13 @@ class Picture:
         self._pose = pose
         alive = kernels.move(
             self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self.nearest,
-            self.surface,
+            self.at, self.surface,
         )  # fmt: skip
-        kernels.visible_depths(self.nearest, self.limit)
+        kernels.front_depths(self.nearest, self.front)
         decay = SLOW_DECAY * (1.0 + DECAY_PER_RESIDUAL * self.residual)
         self.count = kernels.splat(
-            self.place, self.colour, self.state, self.screen, self.count, max(0, alive - self._kept), self.limit,
-            np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered, self.lighting,
+            self.place, self.colour, self.state, self.screen, self.count, max(0, alive - self._kept), self.nearest,
+            self.at, self.front, np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered, self.lighting,
         )  # fmt: skip
         kernels.doubt_still(self.still, self.surface, moved, self.doubt)
         self._fill()
