@@ -4,6 +4,8 @@ Accumulators have a border of one pixel on every side, so that a sample's four n
 """
 
 from __future__ import annotations
+import os
+def E(n,d): return np.float32(float(os.environ.get(n,d)))
 
 import numpy as np
 
@@ -12,9 +14,9 @@ from wall.jit import inline_kernel, kernel
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 TILE = 16  # pixels
-TRUSTED = np.float32(0.25)  # weight from which a pixel needs nothing from its neighbours
-BEHIND = np.float32(1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
-COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one
+TRUSTED = E("TRUSTED",0.25)  # weight from which a pixel needs nothing from its neighbours
+BEHIND = E("BEHIND",1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
+COVERS = E("COVERS",0.5)**np.float32(2)  # squared pixels: a nearer sample closer than this covers a deeper one
 HIDING = 6  # of nine pixels: so many that are nearer cover what shows between them
 FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 
@@ -357,10 +359,9 @@ def take_in(
     return count
 
 
-SMALL_CHANGE = np.float32(0.018)  # of the square root of lighting: below it, sampling noise
+SMALL_CHANGE = E("SMALL",0.018)  # of the square root of lighting: below it, sampling noise
 PER_CHANGE = np.float32(1.0 / 0.06)
-import os
-NOISE = np.float32(float(os.environ.get("NOISE", "0.5")))
+NOISE = E("NOISE",0.5)
 RESIDUAL_SHARE = np.float32(1.0 / 16.0)
 
 

@@ -15,7 +15,8 @@ from wall.data import Event, Float32, Rect, Samples
 from wall.sampling import kernels_adaptive as kernels
 from wall.sampling.base import Targets
 
-FLOOR_MOVING, FLOOR_STILL = 1e-4, 1e-5  # squared display units; see docs/quality.md
+import os
+FLOOR_MOVING, FLOOR_STILL = float(os.environ.get('FLOOR','1e-4')), 1e-5  # squared display units; see docs/quality.md
 ENOUGH = 0.5 / 255.0  # half a step of 8 bits
 
 

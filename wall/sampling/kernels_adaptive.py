@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import os
+def E(n,d): return np.float32(float(os.environ.get(n,d)))
 
 from wall.jit import inline_kernel, kernel
 from wall.sampling.kernels import hash_uint32
@@ -12,9 +14,9 @@ from wall.sampling.kernels import hash_uint32
 TILE = 16  # pixels
 PACKET = 16  # rays
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-EMPTY = np.float32(0.1)  # weight below which a pixel counts as a hole
-HOLE = np.float32(0.005)  # least squared error expected of a hole, display units
-DOUBTED = np.float32(0.05)  # the same of a pixel that was contradicted altogether
+EMPTY = E("EMPTY",0.1)  # weight below which a pixel counts as a hole
+HOLE = E("HOLE",0.005)  # least squared error expected of a hole, display units
+DOUBTED = E("DOUBTED",0.05)  # the same of a pixel that was contradicted altogether
 STEPS_X, STEPS_Y = 0.7548776662466927, 0.5698402909980532  # R2 sequence (Roberts 2018)
 
 

@@ -18,6 +18,7 @@ from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.configured import configured
 from wall.scene.courtyard import courtyard
 from wall.scene.forest import forest
+from wall.scene.gallery import gallery, gallery_mirrors
 from wall.scene.lights import STUDIO_SKY, default_lights
 from wall.scene.loading import load
 from wall.scene.model import (
@@ -34,7 +35,7 @@ from wall.scene.model import (
     Track,
 )
 
-BUILT_IN = {"courtyard": courtyard, "forest": forest}
+BUILT_IN = {"courtyard": courtyard, "forest": forest, "gallery": gallery, "gallery_mirrors": gallery_mirrors}
 NAMES_SHOWN = 20
 
 
