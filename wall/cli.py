@@ -158,6 +158,39 @@ def speed(
         _fail(f"could not be measured: {', '.join(broken)}")
 
 
+@measure.command()
+def quality(
+    configs: Annotated[list[Path] | None, typer.Argument(help="Configurations; the project's four scenes if none")] = None,
+    scenes: Annotated[str, typer.Option(help="Names of measuring scenes, with commas")] = "",
+    arms: Annotated[str, typer.Option(help="What to compare, with commas")] = "adaptive,framed,framed_x10,frameless",
+    rates: Annotated[str, typer.Option(help="Rays a second, with commas")] = "100000,400000,800000",
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the panel")] = "256x256",
+    seeds: Annotated[int, typer.Option(min=1, help="Seeds 1 to N")] = 5,
+    out: Annotated[Path, typer.Option(help="Folder of quality.jsonl, plots and report")] = Path("OUT/quality"),
+    clock: Annotated[str, typer.Option(help="virtual: equal rays; cpu: equal processor time")] = "virtual",
+    seconds: Annotated[float, typer.Option(min=0.2, help="Length of a run")] = 4.0,
+) -> None:
+    """Compare ways to spend rays with an ideal picture: speed against error. Goes on where an earlier call stopped.
+
+    [bold]wall measure quality --rates 400000 --seeds 1[/]
+    """
+    from wall.measure.quality.command import Wanted, campaign, tables
+
+    wanted = Wanted.parse(
+        configs or [], scenes=scenes, arms=arms, rates=rates, size=_size(size) or (256, 256), seeds=seeds, clock=clock,
+        seconds=seconds,
+    )  # fmt: skip
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+        task = bar.add_task("starting", total=None)
+        rows = campaign(
+            wanted, out, say=lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+        )
+    for table in tables(rows):
+        console.print(table)
+    console.print(f"report in {out / 'report.html'}, rows in {out / 'quality.jsonl'}")
+
+
 @app.command()
 def schema(
     output: Annotated[Path | None, typer.Option("-o", help="File to write; the terminal if left out")] = None,

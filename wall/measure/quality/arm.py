@@ -6,6 +6,7 @@ of at most INPUT_STEP_S), so a run depends on nothing but its setup and seed.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -14,6 +15,7 @@ import numpy as np
 from wall.data import Event, Float32, Rect
 from wall.geometry.panels import Panel
 from wall.processes.plan import Plan
+from wall.sampling.ownership import block_order
 from wall.scene.model import Moment
 from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
@@ -82,6 +84,18 @@ def _same(a: Moment, b: Moment) -> bool:
     )
 
 
+def centres(setup: Setup) -> Float32:
+    """(n, 2) float32: the middle of every pixel, 16 of a 4 x 4 block in a row."""
+    return (block_order(setup.rect, worker=0, workers=1) + 0.5).astype(np.float32)
+
+
+def steps(last: float, until: float, spent: int, allowed: int) -> Iterator[tuple[float, int]]:
+    """The instants at which rays are traced between two times, and how many there should be in all by then."""
+    count = max(1, round((until - last) / INPUT_STEP_S))
+    for k in range(1, count + 1):
+        yield last + (until - last) * k / count, spent + (allowed - spent) * k // count
+
+
 class Arm(Protocol):
     """A sampler and its filter. It starts with a free picture: one sample a pixel, traced at time 0."""
 
@@ -89,8 +103,8 @@ class Arm(Protocol):
     secondary: int  # shadow and mirror rays beside them
     bytes: int  # sent to the display so far, as packets that the display's side could work from
 
-    def advance(self, until: float) -> None:
-        """Spend the rays of virtual time up to `until` (seconds, growing): floor(rate * until) in all."""
+    def advance(self, until: float, rays: int | None = None) -> None:
+        """Spend the rays of virtual time up to `until` (seconds, growing): `rays` in all, else floor(rate * until)."""
         ...
 
     def show(self, time: float) -> Float32:

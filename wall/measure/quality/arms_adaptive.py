@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from wall.data import Event, Float32
-from wall.measure.quality.arm import INPUT_STEP_S, Inputs, Setup
+from wall.measure.quality.arm import Inputs, Setup, centres, steps
 from wall.reconstruction.picture import Picture
+from wall.sampling import kernels_adaptive
 from wall.sampling.adaptive import AdaptiveSampler
 
 
@@ -17,26 +16,24 @@ class AdaptiveArm:
         self._picture = Picture(setup.panel, setup.plan.view.eye, setup.plan.scene, judging=True)
         self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed)
         self.rays = self.secondary = self.bytes = 0
-        self._now = 0.0
+        self._now, self._spent = 0.0, 0
         event = self._inputs.event_at(0.0)
-        width, height = setup.size
-        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-        self._trace(np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32), event, 0.0)
+        self._trace(centres(setup), event, 0.0)
         self.rays = self.secondary = self.bytes = 0
 
-    def advance(self, until: float) -> None:
-        rate = self._setup.rate
-        while self._now < until:
-            end = min(self._now + INPUT_STEP_S, until)
-            owed = int(rate * end) - self.rays
-            if owed >= 16:
-                event = self._inputs.event_at(end)
-                targets = self._sampler.choose(event, owed)
-                if targets is not None:
-                    self._trace(targets.xy, event, end)
-                else:
-                    self.rays = int(rate * end)
-            self._now = end
+    def advance(self, until: float, rays: int | None = None) -> None:
+        allowed = int(self._setup.rate * until) if rays is None else rays
+        for now, owed in steps(self._now, until, self._spent, allowed):
+            if owed - self._spent < kernels_adaptive.PACKET:
+                continue
+            event = self._inputs.event_at(now)
+            targets = self._sampler.choose(event, owed - self._spent)
+            if targets is None:
+                self._spent = owed  # no pixel gains: this time passes unused
+                continue
+            self._spent += len(targets.xy)
+            self._trace(targets.xy, event, now)
+        self._now = until
 
     def _trace(self, xy: Float32, event: Event, now: float) -> None:
         self._tracer.take(event)
