@@ -4,8 +4,6 @@ Accumulators have a border of one pixel on every side, so that a sample's four n
 """
 
 from __future__ import annotations
-import os
-def E(n,d): return np.float32(float(os.environ.get(n,d)))
 
 import numpy as np
 
@@ -14,9 +12,9 @@ from wall.jit import inline_kernel, kernel
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 TILE = 16  # pixels
-TRUSTED = E("TRUSTED",0.25)  # weight from which a pixel needs nothing from its neighbours
-BEHIND = E("BEHIND",1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
-COVERS = E("COVERS",0.5)**np.float32(2)  # squared pixels: a nearer sample closer than this covers a deeper one
+TRUSTED = np.float32(0.25)  # weight from which a pixel needs nothing from its neighbours
+BEHIND = np.float32(1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
+COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one
 HIDING = 6  # of nine pixels: so many that are nearer cover what shows between them
 FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 
@@ -56,7 +54,7 @@ def hidden(x, y, z, nearest, at):
 
 
 @kernel
-def move(place, state, screen, count, table, moved, doubt, doubt_about, nearest, at, surface):
+def move(place, state, screen, count, table, moved, doubt, doubt_about, stale, since, nearest, at, surface):
     """Let doubted samples lose confidence, place every sample anew, keep each pixel's nearest.
 
     Parameters
@@ -82,6 +80,8 @@ def move(place, state, screen, count, table, moved, doubt, doubt_about, nearest,
             i, j = int(y), int(x)
             if doubt[i, j, 0] > ZERO and doubt_about[i, j] == name and state[k, 0] < doubt[i, j, 1]:
                 state[k, 1] *= ONE - doubt[i, j, 0]
+            if stale[i // TILE, j // TILE] > ZERO and state[k, 0] < since:
+                state[k, 1] *= ONE - stale[i // TILE, j // TILE]
         if moved[name] != 0:
             x, y, z = pixel_of(place[k, 0], place[k, 1], place[k, 2], name, table)
             if not (x >= ZERO and y >= ZERO and x < right and y < bottom):
@@ -264,10 +264,11 @@ def doubt_still(still, surface, moved, doubt):
             if name < 0 or moved[name] != 0:
                 still[i, j, :] = ZERO
             elif doubt[i, j, 0] > ZERO:
-                keep = ONE - doubt[i, j, 0]
+                keep = (ONE - doubt[i, j, 0]) ** 3  # one doubt must outweigh many samples that agreed
                 for c in range(4):
                     still[i, j, c] *= keep
                 still[i, j, 5] *= keep
+                still[i, j, 7] *= keep
             doubt[i, j, 0] = ZERO
 
 
@@ -294,7 +295,7 @@ def mix_still(base, still, dirty, shown):
 @kernel
 def take_in(
     samples, offset, frame, corner, object_from_eye, table, place, colour, state, screen, count, surface, gathered,
-    lighting, doubt, doubt_about, residual, still, still_mode, judging, dirty
+    lighting, doubt, doubt_about, residual, probes, still, still_mode, judging, dirty
 ):  # fmt: skip
     """Store a batch, and see how each sample agrees with the picture beneath it.
 
@@ -346,22 +347,32 @@ def take_in(
                 change = ZERO
                 if surface[i, j] == name and gathered[i + 1, j + 1, 3] > TRUSTED:
                     was = lighting[i + 1, j + 1] / gathered[i + 1, j + 1, 3]
+                    if still[i, j, 3] >= KNOWN:
+                        was = still[i, j, 6]
                     difference = abs(light - was)
                     if difference > SMALL_CHANGE:
-                        difference = max(difference - NOISE * spread_of(lighting, gathered, surface, i, j, name), ZERO)
+                        if still[i, j, 3] >= KNOWN:
+                            noise = SIGMAS * np.sqrt(still[i, j, 7] / still[i, j, 3])
+                        else:
+                            noise = NOISE * spread_of(lighting, gathered, surface, i, j, name)
+                        difference = max(difference - noise, ZERO)
                     change = min(max((difference - SMALL_CHANGE) * PER_CHANGE, ZERO), ONE)
                     tile = residual[i // TILE, j // TILE]
                     residual[i // TILE, j // TILE] = tile + RESIDUAL_SHARE * (difference - tile)
                 sample["change"] = change
+            probes[i // TILE, j // TILE, 0] += ONE
+            probes[i // TILE, j // TILE, 1] += change
             if change > ZERO:
                 spread_doubt(doubt, doubt_about, i, j, change, time, name)
-        gather_still(still, i, j, red, green, blue)
+        gather_still(still, i, j, red, green, blue, light)
     return count
 
 
-SMALL_CHANGE = E("SMALL",0.018)  # of the square root of lighting: below it, sampling noise
+SMALL_CHANGE = np.float32(0.018)  # of the square root of lighting: below it, sampling noise
 PER_CHANGE = np.float32(1.0 / 0.06)
-NOISE = E("NOISE",0.5)
+NOISE = np.float32(0.5)  # share of the lighting's range over 3x3 pixels that counts as noise
+KNOWN = np.float32(3.0)  # samples of a still pixel from which its own deviation says what is noise:
+SIGMAS = np.float32(2.0)  # so many standard deviations
 RESIDUAL_SHARE = np.float32(1.0 / 16.0)
 
 
@@ -379,7 +390,7 @@ def spread_of(lighting, gathered, surface, i, j, name):
 
 
 @inline_kernel
-def gather_still(still, i, j, red, green, blue):
+def gather_still(still, i, j, red, green, blue, light):
     """Welford's update of what a still pixel gathered."""
     pixel = still[i, j]
     pixel[0] += red
@@ -390,6 +401,9 @@ def gather_still(still, i, j, red, green, blue):
     delta = value - pixel[4]
     pixel[4] += delta / pixel[3]
     pixel[5] += delta * (value - pixel[4])
+    delta = light - pixel[6]
+    pixel[6] += delta / pixel[3]
+    pixel[7] += delta * (light - pixel[6])
 
 
 @inline_kernel

@@ -23,7 +23,9 @@ SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 0.5  # samples a pixel that may arrive between two refreshes, beside
 YOUNG_S = 0.017  # a refresh at 60 Hz
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
-DECAY_PER_RESIDUAL = 30.0
+DECAY_PER_RESIDUAL = 100.0
+PROBES = 3  # of one tile between two refreshes, from which their mean change says something
+USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
 
 
 class Pose:
@@ -79,6 +81,7 @@ class Picture:
         self.doubt = np.zeros((height, width, 2), np.float32)
         self.doubt_about = np.zeros((height, width), np.int32)
         self.residual = np.zeros((rows, columns), np.float32)
+        self.probes = np.zeros((rows, columns, 2), np.float32)
         self.still = np.zeros((height, width, 8), np.float32)
         self.base = np.zeros((height, width, 3), np.float32)
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)
@@ -88,6 +91,7 @@ class Picture:
         self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
         self._number: tuple[int, int] | None = None
         self.nothing_moves = False
+        self._moved = 0.0
         self._epoch = 0.0  # the store's clock zero
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
@@ -100,7 +104,7 @@ class Picture:
         self.count = kernels.take_in(
             samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, self.place, self.colour, self.state, self.screen, self.count, self.surface,
-            self.gathered, lighting, self.doubt, self.doubt_about, self.residual, self.still, self.nothing_moves,
+            self.gathered, lighting, self.doubt, self.doubt_about, self.residual, self.probes, self.still, self.nothing_moves,
             self.judging, self.dirty,
         )  # fmt: skip
 
@@ -133,7 +137,7 @@ class Picture:
             moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
         self._pose = pose
         alive = kernels.move(
-            self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self.nearest,
+            self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self._stale(), np.float32(self._moved - self._epoch), self.nearest,
             self.at, self.surface,
         )  # fmt: skip
         kernels.front_depths(self.nearest, self.front)
@@ -142,8 +146,16 @@ class Picture:
             self.place, self.colour, self.state, self.screen, self.count, max(0, alive - self._kept), self.nearest,
             self.at, self.front, np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered, self.lighting,
         )  # fmt: skip
+        self._moved = now
         kernels.doubt_still(self.still, self.surface, moved, self.doubt)
         self._fill()
+
+    def _stale(self) -> Float32:
+        """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
+        count, change = self.probes[..., 0], self.probes[..., 1]
+        share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
+        self.probes[:] = 0.0
+        return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
 
     def _fill(self) -> None:
         fine, border, trusted = self.gathered, 1, kernels.TRUSTED

@@ -15,8 +15,7 @@ from wall.data import Event, Float32, Rect, Samples
 from wall.sampling import kernels_adaptive as kernels
 from wall.sampling.base import Targets
 
-import os
-FLOOR_MOVING, FLOOR_STILL = float(os.environ.get('FLOOR','1e-4')), 1e-5  # squared display units; see docs/quality.md
+FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/quality.md
 ENOUGH = 0.5 / 255.0  # half a step of 8 bits
 
 
@@ -62,7 +61,7 @@ class AdaptiveSampler:
         else:
             self._floor = np.float32(FLOOR_MOVING)
             kernels.score_moving(
-                self._value, b.gathered, self._floor, self._contrast, self._density, self._score, self._sums
+                self._value, b.gathered, b.still, self._floor, self._contrast, self._density, self._score, self._sums
             )
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import os
-def E(n,d): return np.float32(float(os.environ.get(n,d)))
 
 from wall.jit import inline_kernel, kernel
 from wall.sampling.kernels import hash_uint32
@@ -14,9 +12,9 @@ from wall.sampling.kernels import hash_uint32
 TILE = 16  # pixels
 PACKET = 16  # rays
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-EMPTY = E("EMPTY",0.1)  # weight below which a pixel counts as a hole
-HOLE = E("HOLE",0.005)  # least squared error expected of a hole, display units
-DOUBTED = E("DOUBTED",0.05)  # the same of a pixel that was contradicted altogether
+EMPTY = np.float32(0.1)  # weight below which a pixel counts as a hole
+HOLE = np.float32(0.005)  # least squared error expected of a hole, display units
+DOUBTED = np.float32(0.05)  # the same of a pixel that was contradicted altogether
 STEPS_X, STEPS_Y = 0.7548776662466927, 0.5698402909980532  # R2 sequence (Roberts 2018)
 
 
@@ -31,7 +29,7 @@ def brightness(radiance, value):
 
 
 @kernel
-def score_moving(value, gathered, floor, contrast, density, score, sums):
+def score_moving(value, gathered, still, floor, contrast, density, score, sums):
     """Expected gain of one more sample in each pixel while something moves: contrast / (n (n + 1)), holes first.
 
     Parameters
@@ -58,7 +56,7 @@ def score_moving(value, gathered, floor, contrast, density, score, sums):
                 + (value[down, j] - own) ** 2
                 + (value[down, right] - own) ** 2
             ) * eighth
-            n = gathered[i + 1, j + 1, 3]
+            n = max(gathered[i + 1, j + 1, 3], still[i, j, 3])
             contrast[i, j] = total
             density[i, j] = n
             gain = gain_of(total, n) + floor
@@ -213,7 +211,7 @@ def learn(samples, x0, y0, floor, still, nothing_moves, enough, contrast, densit
 
 
 @inline_kernel
-def raise_around(score, sums, i, j, amount):
+def raise_around(score, sums, i, j, DOUBTED * change):
     for di in range(max(i - 1, 0), min(i + 2, score.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, score.shape[1])):
             square = (di - i) * (di - i) + (dj - j) * (dj - j)

@@ -77,7 +77,6 @@ from wall.tracing.packet import (
     ZERO,
 )
 
-
 DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
 THIRD = np.float32(1.0 / 3.0)
 

@@ -89,9 +89,7 @@ def _times(cell: Cell) -> list[float]:
 
 def _setup(config: Path, cell: Cell) -> Setup:
     plan = _loaded(config, cell.width, cell.height)
-    return Setup(
-        plan=plan.plan, resident=plan.resident, rate=cell.rate, refresh_hz=cell.refresh_hz, seed=cell.seed
-    )
+    return Setup(plan=plan.plan, resident=plan.resident, rate=cell.rate, refresh_hz=cell.refresh_hz, seed=cell.seed)
 
 
 @lru_cache(maxsize=2)

@@ -46,8 +46,12 @@ def compare(rows: list[Row], measure: str = "rmse_display") -> list[Compared]:
                 ordered = all(flips[scene, arm, rate] > flips[scene, OURS, rate] for scene in ratios)
                 found.append(
                     Compared(
-                        arm=arm, rate=rate, mean=geometric(list(ratios.values())), worst=ratios[worst],
-                        worst_scene=worst, flip_ordered=ordered,
+                        arm=arm,
+                        rate=rate,
+                        mean=geometric(list(ratios.values())),
+                        worst=ratios[worst],
+                        worst_scene=worst,
+                        flip_ordered=ordered,
                     )  # fmt: skip
                 )
     return found
@@ -79,8 +83,12 @@ def best_other(rows: list[Row]) -> list[Compared]:
             worst = min(ratios, key=lambda scene: ratios[scene])
             found.append(
                 Compared(
-                    arm="best other by hindsight", rate=rate, mean=geometric(list(ratios.values())),
-                    worst=ratios[worst], worst_scene=worst, flip_ordered=True,
+                    arm="best other by hindsight",
+                    rate=rate,
+                    mean=geometric(list(ratios.values())),
+                    worst=ratios[worst],
+                    worst_scene=worst,
+                    flip_ordered=True,
                 )  # fmt: skip
             )
     return found
