@@ -9,6 +9,7 @@ longer than a refresh.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 from wall.data import Float32
@@ -17,6 +18,8 @@ from wall.measure.quality.arm import Arm
 STEPS_A_REFRESH = 4  # a CPU budget is handed out in so many parts, so that an estimate can be corrected
 RAYS_SHARE = 0.5  # of what is earned is for rays, however dear showing is
 SMOOTHING = 0.2  # weight of the newest cost in the running estimates
+
+Timer = Callable[[], float]  # seconds of CPU time that this process has used, all its threads
 
 
 class Clock(Protocol):
@@ -46,12 +49,14 @@ class VirtualClock:
 class CpuClock:
     """Every arm has the same CPU time."""
 
-    def __init__(self, cores: float, *, ray_s: float, show_s: float, picture: Float32) -> None:
+    def __init__(
+        self, cores: float, *, ray_s: float, show_s: float, picture: Float32, timer: Timer = time.process_time
+    ) -> None:
         """`ray_s`, `show_s`: first estimates of what a ray and a show() cost, seconds; `picture` is shown at 0."""
         self.spent, self.shown = 0.0, 0
         self.ray_s, self.show_s = ray_s, show_s
         self._cores, self._balance, self._picture = cores, 0.0, picture
-        self._allowed = 0  # rays so far
+        self.allowed, self._timer = 0, timer  # rays so far
 
     def refresh(self, arm: Arm, begin: float, end: float) -> Float32:
         earned = self._cores * (end - begin)
@@ -65,22 +70,22 @@ class CpuClock:
     def _advance(self, arm: Arm, until: float, earned: float, steps_left: int) -> None:
         least = RAYS_SHARE * earned / STEPS_A_REFRESH if self._balance > 0.0 else 0.0
         budget = max((self._balance - self.show_s) / steps_left, least)
-        self._allowed += max(0, int(budget / self.ray_s))
-        before, started = arm.rays, time.process_time()
-        arm.advance(until, self._allowed)
+        self.allowed += max(0, int(budget / self.ray_s))
+        before, started = arm.rays, self._timer()
+        arm.advance(until, self.allowed)
         cost, rays = self._charge(started), arm.rays - before
         if rays:
             self.ray_s += SMOOTHING * (cost / rays - self.ray_s)
 
     def _show(self, arm: Arm, time_shown: float) -> None:
-        started = time.process_time()
+        started = self._timer()
         picture = arm.show(time_shown)
         self.show_s += SMOOTHING * (self._charge(started) - self.show_s)
         self.shown += 1
         self._picture = picture.copy()  # the arm's own may change before a later refresh that is missed
 
     def _charge(self, started: float) -> float:
-        cost = time.process_time() - started
+        cost = self._timer() - started
         self._balance -= cost
         self.spent += cost
         return cost
