@@ -186,6 +186,7 @@ def quality(
     [bold]wall measure quality --rates 400k --seeds 1[/]
     """
     from wall.measure.quality import command
+    from wall.measure.quality.report import write_report
     from wall.measure.quality.sweep import Wanted, sweep
     from wall.measure.quality.tables import tables, write_summary
 
@@ -208,7 +209,7 @@ def quality(
     for table in tables(rows):
         console.print(table)
     write_summary(out / "summary.json", rows)
-    console.print(f"{len(rows)} rows; everything is in {out}/")
+    console.print(f"{len(rows)} rows in {out / 'quality.jsonl'}, report in {write_report(out, rows)}")
 
 
 @app.command()

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from wall.errors import ConfigError
 from wall.measure.quality import rows as files
 from wall.measure.quality.bars import verdicts
+from wall.measure.quality.pictures import GAP, IDEAL, moments, picture_path
+from wall.measure.quality.plots import lines
+from wall.measure.quality.report import write_report
 from wall.measure.quality.rows import Row
 from wall.measure.quality.summary import best_other, compare, equal_error, interval, rate_for
 from wall.measure.quality.tables import tables, write_summary
@@ -171,3 +177,45 @@ def test_summary_file_is_strict_json_even_where_a_number_does_not_exist(tmp_path
     assert found["ratios"][0]["mean"] == pytest.approx(5.0)
     assert len(tables(rows)) == 3
     assert tables([]) == []
+
+
+def test_report_is_one_page_with_nothing_outside_it(tmp_path: Path) -> None:
+    rows = [row(scene, arm, e) for scene in ("a", "<b>") for arm, e in (("adaptive", 0.01), ("framed", 0.06))]
+    rows += [row("a", "taa_half", 0.03), row("a", "taa_full", 0.02), row("a", "adaptive:no_xyz", 0.02)]
+    rng = np.random.default_rng(1)
+    for arm in (IDEAL, "adaptive", "framed"):
+        path = picture_path(tmp_path, 0, scene="a", size=(256, 256), arm=arm, spent="400000")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(rng.integers(0, 256, (8, 8, 3), np.uint8)).save(path)
+    page = write_report(tmp_path, rows).read_text()
+    assert not re.findall(r'(?:src|srcset|href)="(?!data:)', page)
+    assert "<script" not in page
+    assert "&lt;b&gt;" in page
+    assert "6.0&times;" in page
+    assert "What each ingredient is worth" in page
+    assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == [
+        "error_against_bytes.png", "error_against_cpu.png", "error_against_rate.png", "error_over_time.png",
+    ]  # fmt: skip
+    (strip,) = (tmp_path / "strips").iterdir()
+    assert Image.open(strip).size == (3 * (8 + GAP), 2 * 8 + GAP)
+
+
+def test_plots_draw_a_family_as_its_best_arm_on_each_scene() -> None:
+    rows = [
+        row("a", "taa_half", 0.03),
+        row("a", "taa_full", 0.02),
+        row("b", "taa_half", 0.01),
+        row("b", "taa_full", 0.02),
+    ]
+    (line,) = lines(rows)
+    assert (line.name, line.arms) == ("best TAA", {("a", 4e5): "taa_full", ("b", 4e5): "taa_half"})
+
+
+def test_kept_picture_says_how_far_it_is_off(tmp_path: Path) -> None:
+    for arm, value in ((IDEAL, 0), ("adaptive", 51), ("framed", 102)):
+        path = picture_path(tmp_path, 1, scene="a", size=(256, 256), arm=arm, spent="400000")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.full((4, 4, 3), value, np.uint8)).save(path)
+    (moment,) = moments(tmp_path, [row("a", "adaptive", 0.01), row("a", "framed", 0.06)])
+    assert [(s.arm, s.rmse) for s in moment.shown] == [("adaptive", pytest.approx(0.2)), ("framed", pytest.approx(0.4))]
+    assert [int(s.error.max()) for s in moment.shown] == [153, 255]

@@ -160,6 +160,12 @@ def spendings(rows: Iterable[Row]) -> list[float]:
     return sorted({spending(row) for row in rows})
 
 
+def middle(rows: Iterable[Row]) -> float:
+    """The spending that is shown where only one can be."""
+    found = spendings(rows)
+    return found[len(found) // 2]
+
+
 def arms_at(rows: Iterable[Row], spent: float) -> list[str]:
     """In the order of the file."""
     return list(dict.fromkeys(row.arm for row in rows if spending(row) == spent))

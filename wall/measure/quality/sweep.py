@@ -19,6 +19,7 @@ from wall.errors import ConfigError
 from wall.measure.quality.arms import check_arm
 from wall.measure.quality.cell import Cell
 from wall.measure.quality.experiment import gold_of, run
+from wall.measure.quality.pictures import IDEAL, LOOKS, picture_path, spent_by
 from wall.measure.quality.rows import FILE, Row, append, identity, newest, read
 
 CLOCKS = ("virtual", "cpu")
@@ -26,7 +27,6 @@ RATES = (100_000.0, 400_000.0, 800_000.0)  # the article's
 TRIED = 400_000.0  # rays a second that an arm is tried out with before it is given CPU time
 SIZE, SEEDS = (256, 256), (1, 2, 3, 4, 5)
 PICTURES_A_TASK = 4  # ideal pictures that a process makes in one go
-LOOKS = (0.2, 0.45, 0.7)  # of a run: when pictures are kept for the report
 NO_RATE_OF_ITS_OWN = ("framed_x10",)  # arms that are defined by a rate, which the CPU clock does not have
 
 Watch = Callable[[str, int, int], None]  # what is being done, how much is done, of how much
@@ -113,24 +113,24 @@ def measure(cell: Cell, out: Path | None) -> Row:
     gold, _ = gold_of(cell)
     looks = {round(share * (len(gold) - 1)): number for number, share in enumerate(LOOKS)}
 
+    def path(arm: str, picture: int) -> Path:
+        spent = spent_by(cell)
+        return picture_path(out, looks[picture], scene=cell.scene, size=cell.size, arm=arm, spent=spent)
+
     def look(picture: int, time: float, shown: Float32, ideal: Float32) -> None:
         if picture in looks:
-            write_picture(picture_path(out, cell, cell.arm, looks[picture]), shown)
-            ideal_path = picture_path(out, cell, "ideal", looks[picture])
-            if not ideal_path.exists():
-                write_picture(ideal_path, ideal)
+            _keep(path(cell.arm, picture), shown)
+            _keep(path(IDEAL, picture), ideal)
 
-    picture_path(out, cell, "ideal", 0).parent.mkdir(parents=True, exist_ok=True)
+    path(IDEAL, next(iter(looks))).parent.mkdir(parents=True, exist_ok=True)
     return run(cell, look)
 
 
-def picture_path(out: Path, cell: Cell, arm: str, number: int) -> Path:
-    """Where a run keeps picture `number` (of LOOKS) of an arm, or of arm "ideal"."""
-    about = f"{cell.size[0]}x{cell.size[1]}"
-    if arm != "ideal":
-        about += f"-{arm.replace(':', '.')}-"
-        about += f"{cell.rate:.0f}" if cell.clock == "virtual" else f"{cell.cores:g}cores"
-    return out / "pictures" / cell.scene / f"{about}-{number}.png"
+def _keep(path: Path, picture: Float32) -> None:
+    """Write a picture that another process may be writing too."""
+    own = path.with_name(f".{os.getpid()}-{path.name}")
+    write_picture(own, picture)
+    own.replace(path)
 
 
 def _make_ideals(pool: ProcessPoolExecutor, cells: Sequence[Cell], watch: Watch) -> dict[Path, str]:
