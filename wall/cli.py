@@ -160,35 +160,56 @@ def speed(
 
 @measure.command()
 def quality(
-    configs: Annotated[list[Path] | None, typer.Argument(help="Configurations; the project's four scenes if none")] = None,
-    scenes: Annotated[str, typer.Option(help="Names of measuring scenes, with commas")] = "",
-    arms: Annotated[str, typer.Option(help="What to compare, with commas")] = "adaptive,framed,framed_x10,frameless",
-    rates: Annotated[str, typer.Option(help="Rays a second, with commas")] = "100000,400000,800000",
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the panel")] = "256x256",
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds 1 to N")] = 5,
-    out: Annotated[Path, typer.Option(help="Folder of quality.jsonl, plots and report")] = Path("OUT/quality"),
-    clock: Annotated[str, typer.Option(help="virtual: equal rays; cpu: equal processor time")] = "virtual",
-    seconds: Annotated[float, typer.Option(min=0.2, help="Length of a run")] = 4.0,
+    configs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[CONFIG]...", help="Scenes to measure on; the project's four if left out"),
+    ] = None,
+    scenes: Annotated[str, typer.Option(help="Of them only these, such as orbit,light")] = "",
+    arms: Annotated[str, typer.Option(help="Only these, such as framed,adaptive or 'taa_*'; all if left out")] = "",
+    rates: Annotated[str, typer.Option(help="Rays a second")] = "100k,400k,800k",
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the picture, pixels")] = "256x256",
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Seeds 1 to N")] = 5,
+    out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
+        "OUT/quality"
+    ),
+    clock: Annotated[
+        str, typer.Option(help="virtual: the same rays for every arm; cpu: the same CPU time")
+    ] = "virtual",
+    cores: Annotated[str, typer.Option(help="With --clock cpu, instead of rates: CPU seconds a second")] = "1,2",
+    refresh_hz: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Pictures shown a second")] = 60.0,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.2, max=600.0, help="Of a run; 4, or the camera's path, if left out")
+    ] = None,
 ) -> None:
-    """Compare ways to spend rays with an ideal picture: speed against error. Goes on where an earlier call stopped.
+    """Measure speed against error: every way to spend rays, held against the ideal picture of each refresh.
 
-    [bold]wall measure quality --rates 400000 --seeds 1[/]
+    [bold]wall measure quality --rates 400k --seeds 1[/]
     """
-    from wall.measure.quality.command import Wanted, campaign, tables
+    from wall.measure.quality import command
+    from wall.measure.quality.report import write_report
+    from wall.measure.quality.sweep import Wanted, sweep
+    from wall.measure.quality.tables import tables, write_summary
 
-    wanted = Wanted.parse(
-        configs or [], scenes=scenes, arms=arms, rates=rates, size=_size(size) or (256, 256), seeds=seeds, clock=clock,
+    wanted = Wanted(
+        configs=command.configs_of(configs or [], scenes),
+        arms=command.arms_of(arms, clock=clock),
+        rates=command.rates_of(rates),
+        size=_size(size) or (256, 256),
+        seeds=tuple(range(1, seeds + 1)),
+        out=out,
+        clock=clock,
+        cores=command.cores_of(cores),
+        refresh_hz=refresh_hz,
         seconds=seconds,
-    )  # fmt: skip
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bar:
+    )
+    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=errors, disable=not errors.is_terminal) as bar:
         task = bar.add_task("starting", total=None)
-        rows = campaign(
-            wanted, out, say=lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
-        )
+        rows = sweep(wanted, lambda what, done, of: bar.update(task, description=what, completed=done, total=of))
     for table in tables(rows):
         console.print(table)
-    console.print(f"report in {out / 'report.html'}, rows in {out / 'quality.jsonl'}")
+    write_summary(out / "summary.json", rows)
+    console.print(f"{len(rows)} rows in {out / 'quality.jsonl'}, report in {write_report(out, rows)}")
 
 
 @app.command()

@@ -211,7 +211,7 @@ def learn(samples, x0, y0, floor, still, nothing_moves, enough, contrast, densit
 
 
 @inline_kernel
-def raise_around(score, sums, i, j, DOUBTED * change):
+def raise_around(score, sums, i, j, amount):
     for di in range(max(i - 1, 0), min(i + 2, score.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, score.shape[1])):
             square = (di - i) * (di - i) + (dj - j) * (dj - j)

@@ -32,6 +32,7 @@ class Setup:
     rate: float  # primary rays a second
     refresh_hz: float
     seed: int
+    input_step_s: float = INPUT_STEP_S  # longer at equal CPU time, where every look at the inputs is charged
 
     @property
     def panel(self) -> Panel:
@@ -89,9 +90,11 @@ def centres(setup: Setup) -> Float32:
     return (block_order(setup.rect, worker=0, workers=1) + 0.5).astype(np.float32)
 
 
-def steps(last: float, until: float, spent: int, allowed: int) -> Iterator[tuple[float, int]]:
+def steps(
+    last: float, until: float, spent: int, allowed: int, step_s: float = INPUT_STEP_S
+) -> Iterator[tuple[float, int]]:
     """The instants at which rays are traced between two times, and how many there should be in all by then."""
-    count = max(1, round((until - last) / INPUT_STEP_S))
+    count = max(1, round((until - last) / step_s))
     for k in range(1, count + 1):
         yield last + (until - last) * k / count, spent + (allowed - spent) * k // count
 

@@ -1,18 +1,25 @@
-"""Every arm by its name."""
+"""Every arm by its name. A new module of arms is one more table merged here."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from wall.config.loading import nearest
 from wall.errors import ConfigError
 from wall.measure.quality import arms_adaptive, arms_plain
 from wall.measure.quality.arm import Arm, Setup
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {**arms_adaptive.ARMS, **arms_plain.ARMS}
+FACTORIES: dict[str, Callable[[Setup], Arm]] = {**arms_adaptive.ARMS, **arms_plain.ARMS}
+ARMS: tuple[str, ...] = tuple(FACTORIES)
 
 
-def check(names: list[str]) -> None:
+def make_arm(name: str, setup: Setup) -> Arm:
+    """The arm of that name, its free picture traced. Raises ConfigError for a name that is not in ARMS."""
+    check_arm(name)
+    return FACTORIES[name](setup)
+
+
+def check_arm(name: str) -> None:
     """Raises ConfigError for a name that no arm has."""
-    for name in names:
-        if name not in ARMS:
-            raise ConfigError(f"--arms {name}: no such arm; accepted: {', '.join(ARMS)}")
+    if name not in FACTORIES:
+        raise ConfigError(f"--arms {name}: no such arm{nearest(name, ARMS)}; accepted: {', '.join(ARMS)}")

@@ -23,7 +23,7 @@ class AdaptiveArm:
 
     def advance(self, until: float, rays: int | None = None) -> None:
         allowed = int(self._setup.rate * until) if rays is None else rays
-        for now, owed in steps(self._now, until, self._spent, allowed):
+        for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
             if owed - self._spent < kernels_adaptive.PACKET:
                 continue
             event = self._inputs.event_at(now)

@@ -1,94 +1,143 @@
-"""Samplers that show samples where they were traced: framed, frameless, hilbert, by the project's own stages."""
+"""The project's blind samplers as arms, with the compositor's own buffer behind their own packets.
+
+A batch is chosen under the newest event, takes its rays' time to trace, and is shown when its last ray is done. Their
+free picture is whatever completes the sampler at time 0: a sample a pixel, or four for `hilbert`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
 
+from wall.config.sampling import HilbertSampling
 from wall.data import Batch, Event, Float32
 from wall.deepbuffer.buffer import DeepBuffer
-from wall.measure.quality.arm import INPUT_STEP_S, Arm, Inputs, Setup, centres, steps
-from wall.packets.samples import Codec, decode, encode
+from wall.measure.quality.arm import Arm, Inputs, Setup, steps
+from wall.packets.samples import MAX_SAMPLES, Codec, decode, encode
 from wall.sampling.base import Sampler, Targets
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
 
+FRAMED_BATCH = 4096  # rays of a frame share one event, so a batch may last as long as it likes
 
-class PlainArm:
-    """One of the plain samplers, its packets, and the newest-sample buffer of a compositor."""
 
-    def __init__(self, setup: Setup, make: Callable[[Setup, int], Sampler]) -> None:
-        self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._batch = max(16, int(setup.rate * INPUT_STEP_S))
-        self._sampler = make(setup, self._batch)
-        self._tracer = setup.tracer(coherent=self._sampler.coherent)
-        self._buffer = DeepBuffer(*setup.size)
-        self.rays = self.secondary = self.bytes = self._spent = self._sequence = 0
-        self._last = 0.0
+class SamplerArm:
+    """Any of the blind samplers: choose, trace, send, insert."""
+
+    def __init__(self, setup: Setup, sampler: Sampler) -> None:
+        self._rate, self._sampler, self._rect = setup.rate, sampler, setup.rect
+        self._inputs = Inputs(setup.plan)
+        self._tracer = setup.tracer(coherent=sampler.coherent)
         self._placed: Event | None = None
-        first = self._inputs.event_at(0.0)
-        self._send(Targets(xy=centres(setup), event=first), 0.0)
+        self._buffer = DeepBuffer(*setup.size)
+        self._frame: list[Batch] = []  # of double buffering, so far
+        self._now, self._sequence = 0.0, 0
+        self.rays = self.secondary = self.bytes = 0
+        self._step = setup.input_step_s
+        self._targets: Targets | None = None  # under way
+        self._used = self._allowed = 0  # rays' worth of time: of finished batches and waiting; let pass so far
+        while (targets := sampler.choose(self._inputs.event_at(0.0))) is not None:
+            self._trace(targets)
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
-        """See Arm. A batch may run ahead by less than its length."""
-        allowed = int(self._setup.rate * until) if rays is None else rays
-        for now, owed in steps(self._last, until, self._spent, allowed):
-            while self._spent < owed:
-                targets = self._sampler.choose(self._inputs.event_at(now))
-                if targets is None:
-                    self._spent = owed  # nothing is missing: this time passes unused
+        """See Arm."""
+        allowed = int(self._rate * until) if rays is None else rays
+        for now, owed in steps(self._now, until, self._allowed, allowed, self._step):
+            self._now = now
+            while self._used < owed:
+                self._targets = self._targets or self._sampler.choose(self._inputs.event_at(now))
+                if self._targets is None:
+                    self._used = owed  # nothing is missing: this time passes unused
                     break
-                self._spent += len(targets.xy)
-                self._send(targets, now)
-        self._last = until
-
-    def _send(self, targets: Targets, now: float) -> None:
-        event = targets.event
-        if event is not self._placed:
-            self._tracer.take(event)
-            self._placed = event
-        samples, cost = self._tracer.trace(targets.xy)
-        self._sampler.observe(samples)
-        self._sequence += 1
-        batch = Batch(
-            view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._sequence, camera_event=event.camera_event,
-            scene_event=event.scene_event, base_time=now, samples=samples, frame=targets.frame,
-            frame_samples=targets.frame_samples, skipped=cost.bad, blend=targets.blend,
-        )  # fmt: skip
-        packet = encode(batch, Codec.ZSTD)
-        self.rays += cost.primary
-        self.secondary += cost.shadow + cost.secondary
-        self.bytes += len(packet)
-        self._buffer.insert(decode(packet))
+                if self._used + len(self._targets.xy) > owed:
+                    break
+                self._used += len(self._targets.xy)
+                self._trace(self._targets)
+                self._targets = None
+        self._allowed = allowed
 
     def show(self, time: float) -> Float32:
         return self._buffer.radiance
 
-
-def framed(setup: Setup) -> Arm:
-    return PlainArm(setup, lambda s, batch: FramedSampler(s.rect, FrameCounter(1), batch=batch))
-
-
-def framed_x10(setup: Setup) -> Arm:
-    """Framed with ten times the rays."""
-    return framed(replace(setup, rate=10.0 * setup.rate))
-
-
-def frameless(setup: Setup) -> Arm:
-    return PlainArm(setup, lambda s, batch: FramelessSampler(s.rect, batch=batch, seed=s.seed))
-
-
-def hilbert(setup: Setup) -> Arm:
-    def make(s: Setup, batch: int) -> Sampler:
-        return HilbertSampler(
-            s.rect, batch=batch, seed=s.seed, chunk=min(64, batch), blend=0.5, camera_update_percent=2.0
+    def _trace(self, targets: Targets) -> None:
+        if self._placed is not targets.event:
+            self._tracer.take(targets.event)
+            self._placed = targets.event
+        samples, cost = self._tracer.trace(targets.xy)
+        self._sampler.observe(samples)
+        self._sequence += 1
+        self.rays += cost.primary
+        self.secondary += cost.shadow + cost.secondary
+        batch = Batch(
+            view=0,
+            panel=0,
+            rect=self._rect,
+            rank=0,
+            sequence=self._sequence,
+            camera_event=targets.event.camera_event,
+            scene_event=targets.event.scene_event,
+            base_time=self._now,
+            samples=samples,
+            frame=targets.frame,
+            frame_samples=targets.frame_samples,
+            skipped=cost.bad,
+            blend=targets.blend,
         )
+        packet = encode(batch, Codec.ZSTD)
+        self.bytes += len(packet)
+        self._insert(decode(packet))
 
-    return PlainArm(setup, make)
+    def _insert(self, batch: Batch) -> None:
+        """Show it, or the frame that it completes. Nothing gets lost or repeated here, so samples are counted."""
+        if batch.frame == 0:
+            self._buffer.insert(batch)
+            return
+        self._frame.append(replace(batch, frame=0))
+        if sum(len(part.samples) + part.skipped for part in self._frame) >= batch.frame_samples:
+            for part in self._frame:
+                self._buffer.insert(part)
+            self._frame.clear()
+
+
+def framed(setup: Setup) -> SamplerArm:
+    """Double buffering: a frame's event is the one it began under; it is shown from its last ray on."""
+    return SamplerArm(setup, FramedSampler(setup.rect, FrameCounter(1), batch=FRAMED_BATCH))
+
+
+def framed_x10(setup: Setup) -> SamplerArm:
+    """`framed` with ten times the rays."""
+    return framed(replace(setup, rate=10 * setup.rate))
+
+
+def frameless(setup: Setup) -> SamplerArm:
+    """Bishop et al.'s: random order, each sample shown at once."""
+    return SamplerArm(setup, FramelessSampler(setup.rect, batch=_batch(setup), seed=setup.seed))
+
+
+def hilbert(setup: Setup) -> SamplerArm:
+    """Parker et al.'s, at the settings that configurations have by default."""
+    own = HilbertSampling()
+    sampler = HilbertSampler(
+        setup.rect,
+        batch=_batch(setup),
+        seed=setup.seed,
+        chunk=own.chunk_pixels,
+        camera_update_percent=own.camera_update_percent,
+        blend=own.blend,
+    )
+    return SamplerArm(setup, sampler)
+
+
+def _batch(setup: Setup) -> int:
+    """Rays that may share an event."""
+    return min(MAX_SAMPLES, max(1, int(setup.rate * setup.input_step_s)))
 
 
 ARMS: dict[str, Callable[[Setup], Arm]] = {
-    "framed": framed, "framed_x10": framed_x10, "frameless": frameless, "hilbert": hilbert,
-}  # fmt: skip
+    "framed": framed,
+    "framed_x10": framed_x10,
+    "frameless": frameless,
+    "hilbert": hilbert,
+}

@@ -1,93 +1,84 @@
-"""`wall measure quality`: from what was asked for to rows, tables and the report."""
+"""What the words of `wall measure quality` stand for."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-from rich.table import Table
-
+from wall.config.loading import nearest
 from wall.errors import ConfigError
-from wall.measure.quality import arms, summary
-from wall.measure.quality.campaign import Job, measure
-from wall.measure.quality.experiment import Cell, scene_of
+from wall.jit import PACKAGE
+from wall.measure.quality.arms import ARMS
+from wall.measure.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
-SCENES = "orbit,shadows,light,mirrors"
-CORES = (1.0, 2.0)  # of the cpu clock
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    configs: tuple[tuple[str, Path], ...]  # (name, file) of each scene
-    arms: tuple[str, ...]
-    rates: tuple[float, ...]
-    size: tuple[int, int]
-    seeds: int
-    clock: str
-    seconds: float
-
-    @classmethod
-    def parse(
-        cls, configs: list[Path], *, scenes: str, arms: str, rates: str, size: tuple[int, int], seeds: int, clock: str,
-        seconds: float,
-    ) -> Wanted:  # fmt: skip
-        """Raises ConfigError for what does not exist or cannot be meant."""
-        names = [(path.stem, path) for path in configs]
-        names += [(Path(name).stem, scene_of(name)) for name in _split(scenes if scenes or configs else SCENES)]
-        if clock not in ("virtual", "cpu"):
-            raise ConfigError(f"--clock {clock}: accepted: virtual, cpu")
-        chosen = _split(arms)
-        check_arms(chosen)
-        return cls(
-            configs=tuple(names), arms=tuple(chosen), rates=_rates(rates), size=size, seeds=seeds, clock=clock,
-            seconds=seconds,
-        )  # fmt: skip
-
-    def jobs(self, out: Path) -> list[Job]:
-        width, height = self.size
-        found = []
-        for name, config in self.configs:
-            for spent in self.rates if self.clock == "virtual" else CORES:
-                for arm in self.arms:
-                    for seed in range(1, self.seeds + 1):
-                        cell = Cell(
-                            scene=name, arm=arm, rate=spent if self.clock == "virtual" else 1e6, seed=seed, width=width,
-                            height=height, clock=self.clock, seconds=self.seconds,
-                            cores=spent if self.clock == "cpu" else 1.0,
-                        )  # fmt: skip
-                        found.append(Job(cell=cell, config=config, pictures=out / "pictures" if seed == 1 else None))
-        return found
+SCENES = ("orbit", "shadows", "light", "mirrors")
+SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
+FASTEST_RATE = 1e9
+MOST_CORES = 1024.0
+T = TypeVar("T")
 
 
-def check_arms(names: list[str]) -> None:
-    arms.check(names)
+def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
+    """The configurations given, or the project's own; `scenes` picks some of them by name. Raises ConfigError."""
+    found = tuple(configs) or tuple(SCENES_FOLDER / f"{name}.yaml" for name in SCENES)
+    known = {config.stem: config for config in found}
+    for config in found:
+        if not config.is_file():
+            raise ConfigError(
+                f"{config}: no such file; accepted: YAML configurations, such as configs/measure/orbit.yaml"
+            )
+    return tuple(known[name] for name in _picked("--scenes", scenes, tuple(known))) if scenes else found
 
 
-def _split(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",") if part.strip()]
+def arms_of(text: str, *, clock: str) -> tuple[str, ...]:
+    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them."""
+    if text:
+        return _picked("--arms", text, ARMS)
+    return tuple(arm for arm in ARMS if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
 
 
-def _rates(text: str) -> tuple[float, ...]:
-    rates = []
-    for part in _split(text):
+def rates_of(text: str) -> tuple[float, ...]:
+    """Rays a second, such as 100000,4e5,800k."""
+    return _each("--rates", text, _rate, f"rays a second, more than 0 and at most {FASTEST_RATE:g}") if text else RATES
+
+
+def cores_of(text: str) -> tuple[float, ...]:
+    """CPU seconds a second, such as 1,2."""
+    return _each("--cores", text, _cores, f"CPU seconds a second, more than 0 and at most {MOST_CORES:g}")
+
+
+def _picked(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    picked: dict[str, None] = {}
+    for word in (part.strip() for part in text.split(",")):
+        matching = [name for name in known if fnmatchcase(name, word)]
+        if not matching:
+            raise ConfigError(f"{option} {word}: unknown{nearest(word, known)}; accepted: {', '.join(known)}")
+        picked.update(dict.fromkeys(matching))
+    return tuple(picked)
+
+
+def _each(option: str, text: str, parse: Callable[[str], T], wanted: str) -> tuple[T, ...]:
+    found = []
+    for word in (part.strip() for part in text.split(",")):
         try:
-            rates.append(float(part))
+            found.append(parse(word))
         except ValueError:
-            raise ConfigError(f"--rates {part}: wanted rays a second, such as 400000") from None
-    if not rates or min(rates) < 1e3:
-        raise ConfigError(f"--rates {text}: wanted one or more, at least 1000 rays a second")
-    return tuple(rates)
+            raise ConfigError(f"{option} {word}: wanted {wanted}") from None
+    return tuple(dict.fromkeys(found))
 
 
-def campaign(wanted: Wanted, out: Path, *, say: Callable[[str, int, int], None]) -> list[dict[str, Any]]:
-    """All rows wanted, and the report beside them. The cpu clock has the machine to itself: one run at a time."""
-    workers = len(os.sched_getaffinity(0)) if wanted.clock == "virtual" else 1
-    rows = list(measure(wanted.jobs(out), out, workers=workers, say=say))
-    return rows
+def _rate(word: str) -> float:
+    factor = {"k": 1e3, "m": 1e6}.get(word[-1:].lower(), 1.0)
+    rate = float(word[:-1] if factor > 1.0 else word) * factor
+    if not 0.0 < rate <= FASTEST_RATE:
+        raise ValueError(word)
+    return rate
 
 
-def tables(rows: list[dict[str, Any]]) -> list[Table]:
-    return [summary.errors_table(rows), summary.ratios_table(rows)]
+def _cores(word: str) -> float:
+    cores = float(word)
+    if not 0.0 < cores <= MOST_CORES:
+        raise ValueError(word)
+    return cores

@@ -1,175 +1,144 @@
-"""The gold-standard experiment: one cell is a scene, an arm, a rate and a seed, run on the virtual clock.
-
-After Woolley et al. 2003 and Dayal et al. 2005: at display refreshes the shown picture is compared with an ideal one
-of that very moment, so that late and coarse count alike.
-"""
+"""One cell, run: the arm advances from refresh to refresh, what it shows is held against the ideal picture."""
 
 from __future__ import annotations
 
+import json
 import math
-import time as clocks
+import os
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from wall.config.loading import Loaded, load
 from wall.data import Float32
-from wall.errors import ConfigError
-from wall.measure.quality import arms, gold, metrics
+from wall.measure import record
 from wall.measure.quality.arm import Arm, Setup
-from wall.processes.plan import make_layout, make_plan
-from wall.tracing.resident import make_resident
+from wall.measure.quality.arms import make_arm
+from wall.measure.quality.cell import Cell, duration, scene_of, setup_of
+from wall.measure.quality.clocks import STEPS_A_REFRESH, Clock, CpuClock, VirtualClock
+from wall.measure.quality.gold import Gold, ideal_refreshes
+from wall.measure.quality.metrics import Score, delay_of, display_values, mean_square
+from wall.measure.quality.rows import Row
 
-SECONDS, REFRESH_HZ = 4.0, 60.0
-LOOKED_AT = 8  # refreshes a run whose FLIP and SSIM are taken: they are slow
-SCORED_PIXELS = 120 * 256 * 256  # a run's ideal pictures hold about so many: every 2nd refresh at 256x256
-SETTLE_S = 0.05  # after the start, which is free for everybody, nothing is compared
+JUDGED_PICTURES = 8  # of a run, by FLIP and SSIM, evenly spread: they are slow
+SETTLE_S = 0.05  # after the start, whose picture is free for everybody, nothing is compared
+LONGEST_DELAY_S = 1.0  # that an error is expressed as
 
+Look = Callable[
+    [int, float, Float32, Float32], None
+]  # number of the ideal picture, its time, shown, ideal (both linear)
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
-    scene: str
-    arm: str
-    rate: float
-    seed: int
-    width: int
-    height: int
-    clock: str = "virtual"  # or "cpu": as many rays as fit in `cores` of processor time
-    cores: float = 1.0
-    seconds: float = SECONDS
-    refresh_hz: float = REFRESH_HZ
-
-    @property
-    def key(self) -> tuple[Any, ...]:
-        """What makes a result the same one."""
-        rate = self.rate if self.clock == "virtual" else self.cores
-        return (self.scene, self.arm, rate, self.seed, self.width, self.height, self.clock, self.seconds)
-
-    @property
-    def refreshes(self) -> int:
-        return round(self.seconds * self.refresh_hz)
-
-    @property
-    def scored(self) -> list[int]:
-        """The refreshes that are compared."""
-        every = max(2, round(self.width * self.height * self.refreshes / SCORED_PIXELS))
-        first = max(1, round(SETTLE_S * self.refresh_hz))
-        return [k for k in range(every, self.refreshes + 1, every) if k >= first]
+_warm: set[tuple[str, tuple[int, int]]] = set()  # arms that this process has run, their kernels loaded
 
 
-def prepare(config: Path, cell: Cell) -> Setup:
-    """Load a configuration onto one flat panel of the cell's size. Raises ConfigError."""
-    loaded = resized(load(config), cell.width, cell.height)
-    plan = make_plan(make_layout(loaded))
-    return Setup(
-        plan=plan, resident=make_resident(plan.scene), rate=cell.rate, refresh_hz=cell.refresh_hz, seed=cell.seed
+def gold_of(cell: Cell) -> tuple[Gold, tuple[int, ...]]:
+    """The ideal pictures that a cell is held against, and the refreshes they belong to."""
+    return _gold(cell.config, cell.size, cell.seconds, cell.refresh_hz)
+
+
+@lru_cache(maxsize=2)
+def _gold(
+    config: Path, size: tuple[int, int], seconds: float | None, refresh_hz: float
+) -> tuple[Gold, tuple[int, ...]]:
+    plan, resident = scene_of(config, size)
+    refreshes = ideal_refreshes(size, seconds=duration(plan, seconds), refresh_hz=refresh_hz)
+    return Gold(plan, resident, [k / refresh_hz for k in refreshes]), refreshes
+
+
+def run(cell: Cell, look: Look = lambda *_: None) -> Row:
+    """Measure a cell; ideal pictures that are not there yet are made first. Raises ConfigError."""
+    gold, refreshes = gold_of(cell)
+    gold.make(gold.missing())
+    setup = setup_of(cell)
+    arm, clock = _start(cell, setup)
+    scored = {refresh: k for k, refresh in enumerate(refreshes) if refresh >= max(1, SETTLE_S * cell.refresh_hz)}
+    score, times = Score(judged=_spread(JUDGED_PICTURES, len(scored))), [0.0]
+    for refresh in range(1, max(refreshes) + 1):
+        now = refresh / cell.refresh_hz
+        shown = clock.refresh(arm, (refresh - 1) / cell.refresh_hz, now)
+        if refresh in scored:
+            ideal = gold.picture(scored[refresh])
+            score.add(shown, ideal)
+            look(scored[refresh], now, shown, ideal)
+            times.append(now)
+    return _row(cell, arm, clock, score=score, gold=gold, times=times[1:])
+
+
+def _start(cell: Cell, setup: Setup) -> tuple[Arm, Clock]:
+    """A fresh arm and its clock; another one has been there before it, so that nothing is compiled while it runs."""
+    refresh_s = 1.0 / cell.refresh_hz
+    if cell.clock == "virtual":
+        if (cell.arm, cell.size) not in _warm:
+            VirtualClock().refresh(make_arm(cell.arm, setup), 0.0, refresh_s)
+            _warm.add((cell.arm, cell.size))
+        return make_arm(cell.arm, setup), VirtualClock()
+    VirtualClock().refresh(make_arm(cell.arm, setup), 0.0, refresh_s)
+    began = time.process_time()
+    arm = make_arm(cell.arm, setup)
+    traced = time.process_time()
+    arm.show(0.0)
+    show_s, ray_s = time.process_time() - traced, (traced - began) / setup.rect.area
+    arm = make_arm(cell.arm, replace(setup, rate=cell.cores / ray_s, input_step_s=refresh_s / STEPS_A_REFRESH))
+    return arm, CpuClock(cell.cores, ray_s=ray_s, show_s=show_s, picture=arm.show(0.0).copy())
+
+
+def _spread(wanted: int, count: int) -> frozenset[int]:
+    """As many numbers below `count` as are wanted, evenly spread."""
+    return frozenset(min(count - 1, int((k + 0.5) * count / wanted)) for k in range(wanted))
+
+
+def _row(cell: Cell, arm: Arm, clock: Clock, *, score: Score, gold: Gold, times: list[float]) -> Row:
+    seconds = times[-1]
+    step = times[1] - times[0] if len(times) > 1 else seconds
+    return Row(
+        scene=cell.scene,
+        arm=cell.arm,
+        rate=cell.rate if cell.clock == "virtual" else arm.rays / seconds,
+        width=cell.size[0],
+        height=cell.size[1],
+        seed=cell.seed,
+        clock=cell.clock,
+        rmse=score.rmse,
+        rmse_display=score.rmse_display,
+        flip=score.flip,
+        ssim=score.ssim,
+        flicker=score.flicker,
+        latency_equivalent_ms=delay_of(score.rmse_display, delay_errors(gold, step), step * 1e3),
+        bytes_per_s=arm.bytes / seconds,
+        rays=arm.rays,
+        cpu_s=clock.spent,
+        secondary=arm.secondary,
+        cores=cell.cores,
+        refresh_hz=cell.refresh_hz,
+        seconds=seconds,
+        shown=clock.shown,
+        error_over_time=score.over_time,
+        times=times,
+        gold=gold.key,
+        config=str(cell.config),
+        ablation=cell.arm.partition(":")[2],
+        commit=record.commit(),
+        machine=record.machine(),
+        command=record.command(),
     )
 
 
-def resized(loaded: Loaded, width: int, height: int) -> Loaded:
-    """The same scene and view on one flat panel of so many pixels, 0.3 m high."""
-    grid = {"columns": 1, "rows": 1, "pixels": [width, height], "size": [0.3 * width / height, 0.3]}
-    data = loaded.config.model_dump(mode="json", exclude_none=True)
-    data["wall"], data["graph"] = {"grid": grid}, {"preset": "sort-first", "sinks": ["png"]}
-    for view in data["views"]:
-        view.pop("eye", None)
-    return loaded.with_config(type(loaded.config).model_validate(data))
+def delay_errors(gold: Gold, step: float) -> list[float]:
+    """RMSE of the display values of the ideal picture shown 0, 1, 2 ... scored refreshes late; kept beside it.
 
-
-def run(
-    cell: Cell, setup: Setup, ideals: gold.Frames, *, keep: Callable[[int, Float32, Float32], None] | None = None
-) -> dict[str, Any]:
-    """One row of quality.jsonl. `keep(refresh, ideal, shown)` sees the display values of every compared refresh."""
-    arm = arms.ARMS[cell.arm](setup)
-    scored, spender = set(cell.scored), Spender(cell)
-    linear: list[float] = []
-    display: list[float] = []
-    looks: list[tuple[float, float]] = []
-    flicker: list[float] = []
-    shown_before: Float32 | None = None
-    every = max(1, len(scored) // LOOKED_AT)
-    for k in range(1, cell.refreshes + 1):
-        picture = spender.refresh(arm, k / cell.refresh_hz)
-        if k not in scored:
-            continue
-        ideal = np.asarray(ideals[len(display)], np.float32)
-        linear.append(metrics.mean_square(picture, ideal))
-        shown, wanted = metrics.display_values(picture), metrics.display_values(ideal)
-        display.append(metrics.mean_square(shown, wanted))
-        if shown_before is not None:
-            flicker.append(metrics.mean_square(shown - shown_before, wanted - wanted_before))
-        shown_before, wanted_before = shown, wanted
-        if len(display) % every == 0:
-            looks.append((metrics.flip(wanted, shown), metrics.ssim(wanted, shown)))
-        if keep is not None:
-            keep(k, wanted, shown)
-    rmse = math.sqrt(float(np.mean(display)))
-    step = (cell.scored[1] - cell.scored[0]) / cell.refresh_hz
-    return {
-        "scene": cell.scene, "arm": cell.arm, "rate": cell.rate if cell.clock == "virtual" else arm.rays / cell.seconds,
-        "width": cell.width, "height": cell.height, "seed": cell.seed, "clock": cell.clock,
-        "rmse": math.sqrt(float(np.mean(linear))), "rmse_display": rmse,
-        "flip": float(np.mean([look[0] for look in looks])), "ssim": float(np.mean([look[1] for look in looks])),
-        "flicker": math.sqrt(float(np.mean(flicker))),
-        "latency_equivalent_ms": 1e3 * _delay(ideals, step, rmse),
-        "bytes_per_s": arm.bytes / cell.seconds, "rays": arm.rays, "cpu_s": spender.cpu_s,
-        "secondary": arm.secondary, "cores": cell.cores if cell.clock == "cpu" else None, "seconds": cell.seconds,
-        "refresh_hz": cell.refresh_hz, "error_over_time": [round(math.sqrt(e), 6) for e in display],
-        "scored": cell.scored,
-    }  # fmt: skip
-
-
-def _delay(ideals: gold.Frames, step: float, rmse: float) -> float:
-    """latency_equivalent, on every second pixel of the ideal pictures: enough for a mean. -1 where no delay is as bad."""
-    small = [metrics.display_values(frame[::2, ::2]) for frame in ideals]
-    delay = metrics.latency_equivalent(small, step, rmse)
-    return delay if math.isfinite(delay) else -1e-3
-
-
-class Spender:
-    """Gives an arm its rays, by count or by the processor time that they and their picture cost.
-
-    On the cpu clock an arm has `cores` / refresh_hz seconds of processor time a refresh; what a refresh takes too much
-    or too little is carried over. How many rays that makes follows from what the last refreshes cost.
+    Before time 0 it shows what it shows at time 0, as every arm does.
     """
-
-    def __init__(self, cell: Cell) -> None:
-        self._cell, self._before = cell, 0.0
-        self._rays = 0.0
-        self._per_ray, self._per_picture = 1e-6, 0.0
-        self.cpu_s = 0.0
-
-    def refresh(self, arm: Arm, until: float) -> Float32:
-        cell = self._cell
-        allowed = None
-        if cell.clock == "cpu":
-            budget = cell.cores * until - self.cpu_s - self._per_picture
-            self._rays += max(0.0, budget / self._per_ray)
-            allowed = int(self._rays)
-        spent, began = arm.rays, clocks.thread_time()
-        arm.advance(until, allowed)
-        traced = clocks.thread_time()
-        picture = arm.show(until)
-        ended = clocks.thread_time()
-        self.cpu_s += ended - began
-        if arm.rays > spent and until > 2.0 / cell.refresh_hz:
-            self._per_ray += 0.2 * ((traced - began) / (arm.rays - spent) - self._per_ray)
-            self._per_picture += 0.2 * (ended - traced - self._per_picture)
-        if cell.clock == "cpu":
-            self._rays = max(self._rays, float(arm.rays))
-        return picture
-
-
-def scene_of(name: str) -> Path:
-    """The configuration of one of the project's measuring scenes, or a file."""
-    path = Path(name)
-    if path.suffix in (".yaml", ".yml"):
-        return path
-    shipped = Path(__file__).resolve().parents[3] / "configs" / "measure" / f"{name}.yaml"
-    if not shipped.exists():
-        known = sorted(p.stem for p in shipped.parent.glob("*.yaml"))
-        raise ConfigError(f"--scenes {name}: no such scene; accepted: {', '.join(known)}, or a .yaml file")
-    return shipped
+    path = gold.folder / "delays.json"
+    if path.exists():
+        found: list[float] = json.loads(path.read_text(encoding="utf-8"))
+        return found
+    pictures = [display_values(gold.picture(k)) for k in range(len(gold))]
+    errors = []
+    for late in range(min(len(gold), round(LONGEST_DELAY_S / step) + 1)):
+        squares = [mean_square(pictures[max(k - late, 0)], pictures[k]) for k in range(1, len(gold))]
+        errors.append(math.sqrt(sum(squares) / max(len(squares), 1)))
+    fresh = path.with_name(f"{path.name}.{os.getpid()}")
+    fresh.write_text(json.dumps(errors), encoding="utf-8")
+    fresh.replace(path)
+    return errors

@@ -1,0 +1,273 @@
+"""The experiment itself: ideal pictures, clocks, plain arms, cells, and the command around them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from wall import cli
+from wall.config.loading import loads
+from wall.data import Float32
+from wall.errors import ConfigError
+from wall.geometry.panels import expand
+from wall.measure.quality import command
+from wall.measure.quality.arm import Setup
+from wall.measure.quality.arms import ARMS, make_arm
+from wall.measure.quality.cell import Cell, on_one_panel, setup_of
+from wall.measure.quality.clocks import STEPS_A_REFRESH, CpuClock
+from wall.measure.quality.gold import SEED, Gold, ideal_refreshes
+from wall.measure.quality.sweep import Wanted
+from wall.processes.plan import make_layout, make_plan
+from wall.processes.reference import render_plan
+
+SIZE = (32, 24)
+MOVING = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 2, rows: 1, pixels: [64, 64], size: [0.3, 0.3]}}
+views: [{camera: {position: [6, 4, 8], target: [0, 1, 0], fov: 40}, path: {type: orbit, period_s: 4}}]
+"""
+HALF_WAY = 2.0**-11  # of a float16, relative
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    path = tmp_path / "moving.yaml"
+    path.write_text(MOVING)
+    return path
+
+
+def cell_of(config: Path, arm: str = "framed", rate: float = 1e4) -> Cell:
+    return Cell(config=config, arm=arm, rate=rate, size=SIZE, seed=1)
+
+
+@pytest.fixture
+def setup(config: Path, compiled_only: None) -> Setup:
+    return setup_of(cell_of(config))
+
+
+def test_forced_panel_keeps_the_vertical_angle() -> None:
+    loaded = on_one_panel(loads(MOVING), (960, 540))
+    wall = expand(loaded.config.wall)
+    assert (len(wall.panels), wall.width, wall.height) == (1, 960, 540)
+    assert loaded.config.views[0].camera.fov == 40
+
+
+def test_eye_before_the_wall_becomes_the_angle_that_it_saw() -> None:
+    text = MOVING.replace(", fov: 40}", "}, eye: [0.1, 0, 0.15]")
+    loaded = on_one_panel(loads(text), (64, 64))  # 0.3 m high at 0.15 m: 90 degrees
+    assert loaded.config.views[0].eye is None
+    assert loaded.config.views[0].camera.fov == pytest.approx(90.0)
+
+
+def test_every_second_refresh_has_an_ideal_picture_and_every_eighth_of_large_ones() -> None:
+    small = ideal_refreshes((256, 256), seconds=4.0, refresh_hz=60.0)
+    assert (small[:3], small[-1], len(small)) == ((0, 2, 4), 240, 121)
+    assert ideal_refreshes((960, 540), seconds=0.4, refresh_hz=60.0) == (0, 8, 16, 24)
+
+
+def test_ideal_picture_is_what_wall_render_gives_rounded_to_half_precision(setup: Setup) -> None:
+    gold = Gold(setup.plan, setup.resident, [0.0, 0.5], spp=4)
+    gold.make(gold.missing())
+    rendered = render_plan(setup.plan, spp=4, seed=SEED, at=0.5)
+    assert rendered is not None
+    assert gold.picture(1) == pytest.approx(rendered, rel=HALF_WAY, abs=1e-7)
+
+
+def test_ideal_pictures_are_made_once_and_found_again(setup: Setup) -> None:
+    times = [0.0, 0.1, 0.2]
+    first = Gold(setup.plan, setup.resident, times, spp=1)
+    assert first.missing() == [0, 1, 2]
+    first.make([1])
+    again = Gold(setup.plan, setup.resident, times, spp=1)
+    assert again.missing() == [0, 2]
+    assert np.array_equal(again.picture(1), first.picture(1))
+    assert Gold(setup.plan, setup.resident, times, spp=2).missing() == [0, 1, 2]
+    assert Gold(setup.plan, setup.resident, [0.0, 0.1, 0.3], spp=1).missing() == [0, 1, 2]
+
+
+def test_refreshes_between_which_nothing_moves_share_a_picture(config: Path, compiled_only: None) -> None:
+    text = MOVING.replace(", path: {type: orbit, period_s: 4}", "").replace("courtyard}", "courtyard, animation: []}")
+    config.write_text(text)
+    still = setup_of(cell_of(config))
+    gold = Gold(still.plan, still.resident, [0.0, 0.1, 0.2], spp=1)
+    assert gold.missing() == [0]
+    gold.make([0])
+    assert gold.missing() == []
+    assert gold.picture(2).max() > 0.0
+    assert np.array_equal(gold.picture(0), gold.picture(2))
+
+
+def test_ideal_pictures_of_another_scene_have_another_name(config: Path, setup: Setup) -> None:
+    plan = make_plan(make_layout(on_one_panel(loads(MOVING.replace("position: [6,", "position: [6.01,")), SIZE)))
+    keys = {Gold(p, setup.resident, [0.0], spp=1).key for p in (setup.plan, plan)}
+    assert len(keys) == 2
+
+
+def test_frame_is_shown_from_its_last_ray_on_with_the_inputs_of_its_beginning(setup: Setup) -> None:
+    # 768 pixels at 10 k/s: a frame takes 76.8 ms, so that of the first input is there at the fifth refresh
+    arm = make_arm("framed", setup)
+    first, shown = arm.show(0.0).copy(), []
+    for refresh in range(1, 7):
+        arm.advance(refresh / 60)
+        shown.append(arm.show(refresh / 60).copy())
+    assert [np.array_equal(picture, first) for picture in shown] == [True] * 4 + [False] * 2
+    assert np.array_equal(shown[4], shown[5])
+    assert arm.rays == 768
+
+
+@pytest.mark.parametrize("name", ["framed", "framed_x10", "frameless", "hilbert"])
+def test_plain_arm_spends_its_rate_and_never_more(setup: Setup, name: str) -> None:
+    rate = setup.rate * (10 if name == "framed_x10" else 1)
+    arm = make_arm(name, setup)
+    most = 768 + 64 * 2  # a frame, or a batch of two samples a pixel of a chunk, may be under way
+    for refresh in range(1, 31):
+        arm.advance(refresh / 60)
+        assert rate * refresh / 60 - most <= arm.rays <= rate * refresh / 60 + 1
+    assert arm.bytes > 4 * arm.rays
+    assert arm.show(0.5).shape == (24, 32, 3)
+
+
+def test_same_seed_gives_the_same_picture_and_another_one_does_not(setup: Setup) -> None:
+    def shown(seed: int) -> Float32:
+        arm = make_arm("frameless", replace(setup, seed=seed))
+        arm.advance(0.05)
+        return arm.show(0.05)
+
+    assert np.array_equal(shown(1), shown(1))
+    assert not np.array_equal(shown(1), shown(2))
+
+
+class Burning:
+    """An arm whose rays and pictures take CPU time of a clock turned by hand."""
+
+    def __init__(self, *, ray_s: float, show_s: float) -> None:
+        self.rays = self.secondary = self.bytes = 0
+        self.cpu, self._ray_s, self._show_s = 0.0, ray_s, show_s
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        assert rays is not None
+        self.cpu += (rays - self.rays) * self._ray_s
+        self.rays = rays
+
+    def show(self, time: float) -> Float32:
+        self.cpu += self._show_s
+        return np.full((1, 1, 3), time, np.float32)
+
+
+def burnt(arm: Burning, *, cores: float, refreshes: int, guess: float = 1.0) -> CpuClock:
+    clock = CpuClock(
+        cores, ray_s=guess * arm._ray_s, show_s=guess * arm._show_s, picture=np.zeros((1, 1, 3), np.float32),
+        timer=lambda: arm.cpu,
+    )  # fmt: skip
+    for k in range(refreshes):
+        clock.refresh(arm, k / 60, (k + 1) / 60)
+    return clock
+
+
+@pytest.mark.parametrize("guess", [1.0, 0.2, 5.0])
+def test_equal_cpu_time_is_spent_whole_whatever_the_first_guess(guess: float) -> None:
+    arm = Burning(ray_s=1e-6, show_s=4e-3)
+    clock = burnt(arm, cores=2.0, refreshes=120, guess=guess)
+    assert clock.spent == pytest.approx(arm.cpu)
+    assert clock.spent == pytest.approx(2.0 * 120 / 60, rel=0.02)
+    assert clock.shown >= 115  # a first guess that is wrong costs a few
+    assert arm.rays * 1e-6 == pytest.approx(4.0 - clock.shown * 4e-3, rel=0.02)
+
+
+def test_pictures_that_cost_more_than_there_is_miss_refreshes_and_leave_half_to_the_rays() -> None:
+    arm = Burning(ray_s=1e-6, show_s=50e-3)  # three times a core's refresh
+    clock = burnt(arm, cores=1.0, refreshes=240)
+    assert clock.spent == pytest.approx(4.0, rel=0.05)
+    assert 20 <= clock.shown <= 80
+    assert arm.rays > 1e5
+
+
+def test_time_that_is_not_used_is_not_saved_up() -> None:
+    class Idle(Burning):
+        waiting = True
+
+        def advance(self, until: float, rays: int | None = None) -> None:
+            assert rays is not None
+            self.rays, before = (self.rays, self.rays) if self.waiting else (rays, self.rays)
+            self.cpu += (self.rays - before) * 1e-6
+
+    arm = Idle(ray_s=1e-6, show_s=0.0)
+    clock = CpuClock(1.0, ray_s=1e-6, show_s=0.0, picture=np.zeros((1, 1, 3), np.float32), timer=lambda: arm.cpu)
+    for k in range(60):
+        clock.refresh(arm, k / 60, (k + 1) / 60)
+    arm.rays, arm.waiting = clock.allowed, False  # what was allowed while it waited has passed unused
+    before = arm.rays
+    clock.refresh(arm, 1.0, 61 / 60)
+    assert arm.rays - before <= 2.01e6 / 60
+    assert STEPS_A_REFRESH > 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--arms", "famed"], r"--arms famed: unknown; did you mean framed\?; accepted: adaptive, "),
+        (["--rates", "400x"], r"--rates 400x: wanted rays a second"),
+        (["--scenes", "orbt"], r"--scenes orbt: unknown; did you mean orbit\?"),
+        (["--clock", "wall"], r"--clock wall: no such clock; accepted: virtual, cpu"),
+        (["--clock", "cpu", "--arms", "framed_x10"], r"framed_x10: it has ten times the rate"),
+        (["--clock", "cpu", "--cores", "0"], r"--cores 0: wanted CPU seconds"),
+        (["nowhere.yaml"], r"nowhere\.yaml: no such file"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(options: list[str], message: str, tmp_path: Path) -> None:
+    result = CliRunner().invoke(cli.app, ["measure", "quality", "--out", str(tmp_path), *options])
+    assert isinstance(result.exception, ConfigError)
+    with pytest.raises(ConfigError, match=message):
+        raise result.exception
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_are_picked_by_patterns_and_rates_by_words() -> None:
+    assert command.arms_of("framed*", clock="virtual") == ("framed", "framed_x10")
+    assert command.rates_of("100k,4e5,1.5M,400000") == (1e5, 4e5, 1.5e6)
+    assert "framed_x10" not in command.arms_of("", clock="cpu")
+    assert not [arm for arm in command.arms_of("", clock="virtual") if ":" in arm]
+    assert set(command.arms_of("*", clock="virtual")) == set(ARMS)
+
+
+def test_two_scenes_of_one_name_are_refused(tmp_path: Path) -> None:
+    configs = (tmp_path / "a" / "x.yaml", tmp_path / "b" / "x.yaml")
+    with pytest.raises(ConfigError, match="two scenes are called x"):
+        Wanted(configs=configs, arms=("framed",), out=tmp_path).cells()
+
+
+def test_second_call_measures_only_what_is_missing(config: Path, tmp_path: Path, compiled_only: None) -> None:
+    out = tmp_path / "out"
+    always = [
+        "measure",
+        "quality",
+        str(config),
+        "--size",
+        "32x24",
+        "--seconds",
+        "0.2",
+        "--seeds",
+        "1",
+        "--rates",
+        "20k",
+    ]
+
+    def lines(arms: str) -> list[dict[str, object]]:
+        result = CliRunner().invoke(cli.app, [*always, "--out", str(out), "--arms", arms])
+        assert result.exit_code == 0, result.output
+        return [json.loads(line) for line in (out / "quality.jsonl").read_text().splitlines()]
+
+    first = lines("framed")
+    both = lines("frameless,framed")
+    assert [row["arm"] for row in both] == ["framed", "frameless"]
+    assert both[0] == first[0]
+    assert (out / "summary.json").exists()
+    assert (out / "pictures" / "moving" / "32x24-framed-20000-1.png").exists()
+    assert len(both[1]["error_over_time"]) == len(both[1]["times"]) == 5  # type: ignore[arg-type]
