@@ -1,0 +1,188 @@
+"""What all baselines share: rays bought on the virtual clock, their samples sent, frames and single rays in turn.
+
+An arm is a *shooter* (spends rays, counts what they cost) with one method: a `Display` that is given whole frames, or a
+`Renderer` that chooses every ray. Neither sees the clock.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from wall.data import SAMPLE, Batch, Event, Float32, Float64, Rect, Samples
+from wall.measure.quality.arm import INPUT_STEP_S, Inputs, Setup
+from wall.packets.samples import MAX_SAMPLES, Codec, encode
+from wall.reconstruction.picture import Pose
+from wall.sampling.ownership import block_order
+
+ROUNDING_RAYS = 1e-6  # a ray that is done but for the rounding of times is done
+R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's powers; M. Roberts 2018
+
+
+def pose_of(setup: Setup, event: Event) -> Pose:
+    """The matrices of an event for the whole panel."""
+    return Pose(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
+
+
+class Shooter:
+    """Traces and sends. What a display needs of the samples it has of the packets."""
+
+    def __init__(self, setup: Setup, *, coherent: bool) -> None:
+        self.rays = self.secondary = self.bytes = 0
+        self._tracer, self._rect, self._sequence = setup.tracer(coherent=coherent), setup.rect, 0
+        self._placed: Event | None = None
+
+    def trace(self, xy: Float32, event: Event, time: float, *, frame: int = 0) -> Samples:
+        """Samples at (n, 2) float32 panel pixels under `event`, counted and sent at `time` seconds."""
+        if self._placed is not event:
+            self._tracer.take(event)
+            self._placed = event
+        samples, cost = self._tracer.trace(xy)
+        self.rays += cost.primary
+        self.secondary += cost.shadow + cost.secondary
+        for first in range(0, len(samples), MAX_SAMPLES):
+            self._send(samples[first : first + MAX_SAMPLES], event, time, frame=frame, frame_samples=len(xy))
+        return samples
+
+    def _send(self, samples: Samples, event: Event, time: float, *, frame: int, frame_samples: int) -> None:
+        self._sequence += 1
+        batch = Batch(
+            view=0,
+            panel=0,
+            rect=self._rect,
+            rank=0,
+            sequence=self._sequence,
+            camera_event=event.camera_event,
+            scene_event=event.scene_event,
+            base_time=time,
+            samples=samples,
+            frame=frame,
+            frame_samples=frame_samples if frame else 0,
+        )
+        self.bytes += len(encode(batch, Codec.ZSTD))
+
+
+class Display(Protocol):
+    """The display's side of a framed arm."""
+
+    jittered: bool  # frames of the same event differ, so that another one is worth its rays
+
+    def take(self, raster: Samples, event: Event) -> None:
+        """A frame is complete: (rows, columns) SAMPLE, traced under `event`."""
+        ...
+
+    def picture(self, event: Event) -> Float32:
+        """(h, w, 3) float32 linear RGB, shown when `event` is the newest."""
+        ...
+
+
+class FramedArm:
+    """Frames one after the other, each under the event it began with, shown from its last ray on: double buffering.
+
+    A frame has `grid` = (columns, rows) rays, spread evenly over the panel; jittered ones move together over their
+    cells by the R2 sequence.
+    """
+
+    def __init__(self, setup: Setup, grid: tuple[int, int], display: Display) -> None:
+        columns, rows = grid
+        self._rate, self._display, self._grid = setup.rate, display, grid
+        self._cells = block_order(Rect(x=0, y=0, width=columns, height=rows), worker=0, workers=1)
+        self._spacing = np.array(setup.size, np.float64) / grid
+        self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=True)
+        self._raster = np.zeros((rows, columns), SAMPLE)
+        self._now, self._frame, self._done = 0.0, 0, 0.0
+        self._event: Event | None = self._inputs.event_at(0.0)
+        self._finish(self._event)
+        self._shooter.rays = self._shooter.secondary = self._shooter.bytes = 0
+        self.rays = self.secondary = self.bytes = 0
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        rate = self._rate if rays is None else rays / max(until - self._now, 1e-9)
+        while self._now < until:
+            if self._event is None:
+                event = self._inputs.event_at(self._now)
+                if event is self._last and not self._display.jittered:  # the picture is complete
+                    self._now = min(self._now + INPUT_STEP_S, until)
+                    continue
+                self._event, self._done = event, 0.0
+            left = len(self._cells) - self._done
+            if (until - self._now) * rate < left - ROUNDING_RAYS:
+                self._done += (until - self._now) * rate
+                self._now = until
+                break
+            self._now += left / rate
+            self._finish(self._event)
+        under_way = int(self._done + ROUNDING_RAYS) if self._event is not None else 0
+        self.rays = self._shooter.rays + under_way
+        self.secondary, self.bytes = self._shooter.secondary, self._shooter.bytes
+
+    def show(self, time: float) -> Float32:
+        return self._display.picture(self._inputs.event_at(time))
+
+    def _finish(self, event: Event) -> None:
+        """Trace the frame under way. A sample that is dropped leaves the pixel's one of the frame before."""
+        self._frame += 1
+        samples = self._shooter.trace(self._positions(), event, self._now, frame=self._frame)
+        columns, rows = self._grid
+        x, y = (samples["xy"] / self._spacing).astype(np.int64).T
+        self._raster[np.minimum(y, rows - 1), np.minimum(x, columns - 1)] = samples
+        self._display.take(self._raster, event)
+        self._last, self._event = event, None
+
+    def _positions(self) -> Float32:
+        offset: Float64 = np.full(2, 0.5)
+        if self._display.jittered:
+            offset = np.clip((0.5 + (self._frame - 1) * R2) % 1.0, 0.01, 0.99)
+        xy: Float32 = ((self._cells + offset) * self._spacing).astype(np.float32)
+        return xy
+
+
+class Renderer(Protocol):
+    """A method that chooses every ray by itself."""
+
+    coherent: bool
+
+    def choose(self, count: int, event: Event, now: float) -> Float32:
+        """(n, 2) float32 panel pixels, about `count` of them: what is beyond is owed to the next call."""
+        ...
+
+    def take(self, samples: Samples, event: Event, now: float) -> None:
+        """What came of the positions chosen last."""
+        ...
+
+    def picture(self, event: Event, now: float) -> Float32:
+        """(h, w, 3) float32 linear RGB under `event`."""
+        ...
+
+
+class FramelessArm:
+    """Rays of at most INPUT_STEP_S share an event, are traced at that span's end and count at once."""
+
+    def __init__(self, setup: Setup, renderer: Renderer) -> None:
+        self._rate, self._renderer = setup.rate, renderer
+        self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=renderer.coherent)
+        self._now, self._owed = 0.0, 0.0
+        centres = (block_order(setup.rect, worker=0, workers=1) + 0.5).astype(np.float32)
+        event = self._inputs.event_at(0.0)
+        renderer.take(self._shooter.trace(centres, event, 0.0), event, 0.0)
+        self._shooter.rays = self._shooter.secondary = self._shooter.bytes = 0
+        self.rays = self.secondary = self.bytes = 0
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        rate = self._rate if rays is None else rays / max(until - self._now, 1e-9)
+        while self._now < until:
+            end = min(self._now + INPUT_STEP_S, until)
+            self._owed += rate * (end - self._now)
+            self._now = end
+            if self._owed + ROUNDING_RAYS < 1.0:
+                continue
+            event = self._inputs.event_at(end)
+            xy = self._renderer.choose(int(self._owed + ROUNDING_RAYS), event, end)
+            if len(xy):
+                self._owed -= len(xy)
+                self._renderer.take(self._shooter.trace(xy, event, end), event, end)
+        self.rays, self.secondary, self.bytes = self._shooter.rays, self._shooter.secondary, self._shooter.bytes
+
+    def show(self, time: float) -> Float32:
+        return self._renderer.picture(self._inputs.event_at(time), time)
