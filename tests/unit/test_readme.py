@@ -32,8 +32,8 @@ def test_every_file_that_readme_links_to_exists() -> None:
 
 
 def test_every_shipped_configuration_is_explained() -> None:
-    shipped = {path.name for path in (ROOT / "configs").glob("*.yaml")}
-    named = set(re.findall(r"`(\w+\.yaml)`", README))
+    shipped = {path.relative_to(ROOT / "configs").as_posix() for path in (ROOT / "configs").rglob("*.yaml")}
+    named = set(re.findall(r"`([\w/]+\.yaml)`", README))
     assert shipped <= named
 
 

@@ -20,6 +20,8 @@ HALF_FLOOR = 6.0
 LAMP = PointLight(position=(2.5, 5.0, 1.5), intensity=(62.0, 58.0, 50.0))
 DUSK = Sky(zenith=(0.10, 0.17, 0.36), horizon=(0.32, 0.38, 0.46), ground=(0.09, 0.08, 0.07))
 SILVER: Vector = (0.9, 0.9, 0.9)
+VASE = [(0.26, 0.0), (0.22, 0.06), (0.33, 0.25), (0.3, 0.42), (0.13, 0.72), (0.2, 0.9), (0.16, 0.92), (0.0, 0.9)]
+COLUMN = [(0.36, 0.0), (0.36, 0.1), (0.24, 0.2), (0.2, 2.15), (0.32, 2.25), (0.32, 2.38), (0.2, 2.4), (0.0, 2.4)]
 
 
 def gallery() -> Source:
@@ -41,18 +43,15 @@ def _gallery(*, mirrors: bool) -> Source:
     bricks = _textured(parts, "bricks", _bricks(256))
     red, blue = _plain(parts, "red", (0.62, 0.12, 0.08)), _plain(parts, "blue", (0.08, 0.16, 0.5))
     silver = parts.material(Material(name="silver", base_color=SILVER, mirror=0.85)) if mirrors else red
-    ball, vase = sphere(0.7, segments=64), lathe(_VASE, 64)
+    ball, vase = sphere(0.7, segments=64), lathe(VASE, 64)
     knot = torus_knot(2, 3, radius=0.5, thickness=0.16)
-    _stand(parts, "globe", ball, dots, (-1.7, 0.7, 0.9))
-    _stand(parts, "ball", ball, silver if mirrors else stripes, (1.5, 0.7, 1.2))
-    _stand(parts, "knot", knot, silver if mirrors else blue, (0.0, 1.15, -0.6))
-    _stand(parts, "vase", vase, silver if mirrors else bricks, (-0.4, 0.0, 2.1))
-    _stand(parts, "crate", box(0.9, 0.9, 0.9), bricks, (2.4, 0.45, -1.2))
-    _stand(parts, "ring", torus(0.6, 0.17), silver if mirrors else red, (-2.4, 0.85, -1.4))
+    _stand(parts, "globe", sphere(0.5, segments=64), dots, (-1.35, 0.5, 0.65))
+    _stand(parts, "ball", ball, silver if mirrors else stripes, (2.0, 0.7, 1.95))
+    _stand(parts, "knot", knot, silver if mirrors else blue, (0.0, 1.15, 0.0))
+    _stand(parts, "vase", vase, silver if mirrors else bricks, (-0.6, 0.0, 2.4))
+    _stand(parts, "crate", box(0.9, 0.9, 0.9), bricks, (2.4, 0.0, -1.2))
+    _stand(parts, "ring", torus(0.6, 0.17), silver if mirrors else red, (-2.55, 0.85, -1.45))
     return parts.source((LAMP,), DUSK)
-
-
-_VASE = [(0.0, 0.9), (0.16, 0.92), (0.2, 0.9), (0.13, 0.72), (0.3, 0.42), (0.33, 0.25), (0.22, 0.06), (0.26, 0.0)]
 
 
 def _stand(parts: Assembly, name: str, shape: Shape, material: int, at: Vector) -> None:
@@ -80,12 +79,11 @@ def _floor(parts: Assembly) -> None:
 def _fixtures(parts: Assembly) -> None:
     """Four columns and, behind them, a railing of thin rods."""
     stone = _plain(parts, "stone", (0.66, 0.62, 0.55))
-    column = lathe([(0.2, 2.4), (0.32, 2.38), (0.32, 2.25), (0.2, 2.15), (0.24, 0.2), (0.36, 0.1), (0.36, 0.0)], 32)
-    mesh = parts.mesh("column", column, stone)
+    mesh = parts.mesh("column", lathe(COLUMN, 32), stone)
     for k, (x, z) in enumerate([(-3.4, -3.2), (-1.2, -3.6), (1.2, -3.6), (3.4, -3.2)]):
         parts.place(f"column {k}", mesh, placed(x, 0.0, z))
     iron = _plain(parts, "iron", (0.06, 0.06, 0.07))
-    rods = [box(0.03, 1.0, 0.03).moved(placed(x, 0.5, 0.0)) for x in np.linspace(-4.5, 4.5, 31)]
+    rods = [box(0.03, 1.0, 0.03).moved(placed(x, 0.0, 0.0)) for x in np.linspace(-4.5, 4.5, 31)]
     rails = [box(9.06, 0.05, 0.06).moved(placed(0.0, y, 0.0)) for y in (0.12, 1.0)]
     _stand(parts, "railing", join([*rods, *rails]), iron, (0.0, 0.0, -4.8))
 

@@ -14,13 +14,17 @@ from wall.geometry.panels import expand
 from wall.geometry.regions import regions
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-SHIPPED = sorted(CONFIGS.glob("*.yaml"))
+SHIPPED = sorted(CONFIGS.rglob("*.yaml"))
 # what launching each under mpirun takes: one head, further compositors, renderers
 RANKS = {
     "cave_corner": 4,
     "demo": 5,
     "forest": 3,
     "four_by_two_bezels": 9,
+    "measure/light": 2,
+    "measure/mirrors": 2,
+    "measure/orbit": 2,
+    "measure/shadows": 2,
     "one_panel": 2,
     "sampler_framed": 3,
     "sampler_frameless": 3,
@@ -31,18 +35,22 @@ RANKS = {
 }
 
 
+def shipped_name(path: Path) -> str:
+    return path.relative_to(CONFIGS).with_suffix("").as_posix()
+
+
 def test_every_shipped_configuration_is_listed_here() -> None:
-    assert {path.stem for path in SHIPPED} == set(RANKS)
+    assert {shipped_name(path) for path in SHIPPED} == set(RANKS)
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)
 def test_shipped_configuration_comes_back_from_its_dump(path: Path) -> None:
     config = load(path).config
 
     assert loads(dump(config)).config == config
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)
 def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) -> None:
     loaded = load(path)
     wall = expand(loaded.config.wall)
@@ -50,17 +58,18 @@ def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) ->
 
     view = resolve_view(loaded, wall, (0.0, 0.0, 0.0), 6.0)
 
-    assert graph.ranks_needed == RANKS[path.stem]
+    assert graph.ranks_needed == RANKS[shipped_name(path)]
     pixels = sum(panel.pixels[0] * panel.pixels[1] for panel in wall.panels)
     assert sum(region.rect.area for region in regions(graph, wall)) == pixels
     assert view.camera_at(1.5) == view.camera_at(1.5)
 
 
-@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)
 def test_shipped_configuration_names_its_schema_and_says_what_it_shows(path: Path) -> None:
     first, second, third = path.read_text().splitlines()[:3]
 
-    assert first == f"# yaml-language-server: $schema={json_schema.FILE_NAME}"
+    up = "../" * (len(path.relative_to(CONFIGS).parts) - 1)
+    assert first == f"# yaml-language-server: $schema={up}{json_schema.FILE_NAME}"
     assert second == "#"
     assert third.startswith("# ")
     assert len(third) > 40
