@@ -25,7 +25,7 @@ SAMPLE = np.dtype(
         ("depth", np.float32),  # distance from the eye along the ray, world units; inf = background
         ("time", np.float32),  # seconds after the batch's base time
         ("object", np.uint32),  # object id
-        ("light", np.float32),  # square root of the lighting, surface colour divided out; not sent
+        ("light", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
         ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
     ]
 )
@@ -70,6 +70,9 @@ class Camera:
         return np.array(self.position, dtype=np.float64)
 
 
+STILL = Camera(position=(0.0, 0.0, 0.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
     """The newest input: a numbered camera change and a numbered scene change of one view.
@@ -108,6 +111,9 @@ class Batch:
     frame_samples: int = 0  # with frame > 0: how many samples, kept or skipped, make that frame complete
     skipped: int = 0  # samples traced for this batch but left out, their radiance not being finite
     blend: float = 1.0  # weight of a new sample against the picture before it; 1 replaces
+    camera: Camera = STILL  # that the samples saw
+    scene_time: float = 0.0  # likewise, seconds of the animation
+    adaptive: bool = False  # the picture is made by reprojection; else every pixel shows its newest sample
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag
 
 from wall.config.base import Model, Number, Whole
 
-METHODS = ("framed", "frameless", "hilbert")
+METHODS = ("adaptive", "framed", "frameless", "hilbert")
 
 
 class _Common(Model):
@@ -20,6 +20,17 @@ class _Common(Model):
         default=4096, description="samples traced under one event"
     )
     seed: Annotated[Whole, Ge(0), Le(2**32 - 1)] = Field(default=1, description="seed of every random choice")
+
+
+class AdaptiveSampling(_Common):
+    """Rays where the picture gains most, samples kept and reprojected (after Dayal et al. 2005)."""
+
+    method: Literal["adaptive"] = Field(
+        default="adaptive", description="rays where the picture changes; samples follow camera and objects"
+    )
+    samples_per_pixel: Annotated[Number, Ge(1.0), Le(16.0)] = Field(
+        default=2.0, description="samples kept, on average; more = smoother and slower"
+    )
 
 
 class FramedSampling(_Common):
@@ -54,14 +65,15 @@ def _method_of(value: Any) -> Any:
 
 
 SamplingConfig = Annotated[
-    Annotated[FramedSampling, Tag("framed")]
+    Annotated[AdaptiveSampling, Tag("adaptive")]
+    | Annotated[FramedSampling, Tag("framed")]
     | Annotated[FramelessSampling, Tag("frameless")]
     | Annotated[HilbertSampling, Tag("hilbert")],
     Discriminator(_method_of),
 ]
 
 
-AnySampling: TypeAlias = FramedSampling | FramelessSampling | HilbertSampling
+AnySampling: TypeAlias = AdaptiveSampling | FramedSampling | FramelessSampling | HilbertSampling
 
 
 def switched(sampling: AnySampling, method: str) -> AnySampling:
@@ -69,6 +81,7 @@ def switched(sampling: AnySampling, method: str) -> AnySampling:
     if method == sampling.method:
         return sampling
     kinds: dict[str, type[AnySampling]] = {
+        "adaptive": AdaptiveSampling,
         "framed": FramedSampling,
         "frameless": FramelessSampling,
         "hilbert": HilbertSampling,

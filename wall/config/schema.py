@@ -20,6 +20,7 @@ from wall.config.graph import (
 )
 from wall.config.sampling import (
     METHODS,
+    AdaptiveSampling,
     AnySampling,
     FramedSampling,
     FramelessSampling,
@@ -52,6 +53,7 @@ from wall.config.views import (
 
 __all__ = [
     "METHODS",
+    "AdaptiveSampling",
     "AnimationConfig",
     "AnySampling",
     "BezelConfig",

@@ -96,7 +96,7 @@ def place_of(x, y, depth, name, frame, table):
 
 @inline_kernel
 def pixel_of(a, b, c, name, table):
-    """Where a point of an object appears: x, y in pixels of the picture, and its depth; OUTSIDE = not before the eye."""
+    """Where a point of an object appears: x, y in picture pixels, and its depth; OUTSIDE = not before the eye."""
     m = table[name]
     w = m[0] * a + m[1] * b + m[2] * c + m[3]
     if not w > np.float32(1e-20):
@@ -105,34 +105,3 @@ def pixel_of(a, b, c, name, table):
     x = (m[4] * a + m[5] * b + m[6] * c + m[7]) * inverse
     y = (m[8] * a + m[9] * b + m[10] * c + m[11]) * inverse
     return x, y, FAR if name == 0 else w
-
-
-@kernel
-def project(place, count, table, screen, nearest, surface):
-    """Place every stored point in the picture and keep each pixel's nearest depth and its object.
-
-    Parameters
-    ----------
-    place : (capacity, 4) float32, object-local point and object id
-    count : int, how many are stored
-    table : (n + 1, 12) float32, panel_from_object
-    screen : (capacity, 4) float32, written: x, y, depth (OUTSIDE where it is not in the picture)
-    nearest : (h, w) float32, written: least depth, inf where nothing is
-    surface : (h, w) int32, written: object id of the nearest, -1 where nothing is
-    """
-    height, width = nearest.shape
-    nearest[:] = np.inf
-    surface[:] = -1
-    right, bottom = np.float32(width), np.float32(height)
-    for k in range(count):
-        name = int(place[k, 3])
-        x, y, z = pixel_of(place[k, 0], place[k, 1], place[k, 2], name, table)
-        inside = z > np.float32(0.0) and x >= np.float32(0.0) and y >= np.float32(0.0) and x < right and y < bottom
-        screen[k, 0] = x
-        screen[k, 1] = y
-        screen[k, 2] = z if inside else OUTSIDE
-        if inside:
-            i, j = int(y), int(x)
-            if z < nearest[i, j]:
-                nearest[i, j] = z
-                surface[i, j] = name

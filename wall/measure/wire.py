@@ -30,8 +30,9 @@ class Source:
 
     def __init__(self, plan: Plan, resident: Resident) -> None:
         rank = plan.layout.renderers()[0]
-        samplers = make_samplers(plan.layout.sampling, "", plan.layout.region(rank))
-        self.worker = Worker(plan, resident, rank, HeadClock(), samplers, 0)
+        clock = HeadClock()
+        samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
+        self.worker = Worker(plan, resident, rank, clock, samplers, 0)
         self._event = first_event(plan, 0.0)
 
     def packet(self) -> bytes:
@@ -122,7 +123,7 @@ def _received_rate(plan: Plan, resident: Resident) -> float:
     child = context.Process(target=_send, args=(plan, resident, theirs), daemon=True)
     child.start()
     hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES)
-    panel = PanelCompositor(plan.layout.wall.panels[0])
+    panel = PanelCompositor(plan, 0)
     try:
         ours.send(hub.endpoint)
         _receive(hub, panel, SETTLE_S)

@@ -10,7 +10,8 @@ POSITION_BITS = 14
 POSITION_MASK = 0x3FFF
 INFINITE_DEPTH = 0xFFFF
 LARGEST_OBJECT = 16383           # 14 bits; larger ids wrap to 1..16383, never to the background's 0
-TIME_STEPS = 63                  # 6 bits
+TIME_STEPS = 3                   # 2 bits
+CHANGE_STEPS = 15                # 4 bits
 MAX_SPAN_S = 1e6                 # a packet's times span less
 SHORTEST_SPAN_S = 1e-30          # shorter ones count as 0: 63 / span would overflow
 LARGEST_COLOUR = 65408.0         # 511/512 * 2^16, the largest value of the shared-exponent format
@@ -64,7 +65,7 @@ def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colou
     samples : (n,) SAMPLE, inside the rectangle, usable (see depth_range)
     rect : (x, y, width, height), panel pixels; x_bits, y_bits : sub-pixel bits
     depth_base, depth_bits : exponent of depth code 0, mantissa bits
-    time_span : float32 seconds, of time code 63
+    time_span : float32 seconds, of time code 3
     colour : (n,) uint32; xs, ys, depths, objects : (n,) uint16; written
 
     Returns
@@ -87,8 +88,10 @@ def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colou
         x, y = np.int32(dx * x_scale), np.int32(dy * y_scale)
         time = np.int32(samples[k]["time"] * per_second + np.float32(0.5))
         time = np.int32(min(max(time, 0), TIME_STEPS))
-        xs[k] = np.uint16(x | ((time >> 4) << POSITION_BITS))
-        ys[k] = np.uint16(y | (((time >> 2) & 3) << POSITION_BITS))
+        change = min(max(samples[k]["change"], np.float32(0.0)), np.float32(1.0))
+        change = np.int32(change * np.float32(CHANGE_STEPS) + np.float32(0.5))
+        xs[k] = np.uint16(x | ((change >> 2) << POSITION_BITS))
+        ys[k] = np.uint16(y | ((change & 3) << POSITION_BITS))
         bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))
         if bits >= 0x7F800000:
             depths[k] = np.uint16(INFINITE_DEPTH)
@@ -97,7 +100,7 @@ def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colou
         name = np.int64(samples[k]["object"])
         if name > LARGEST_OBJECT:
             name = (name - 1) % LARGEST_OBJECT + 1
-        objects[k] = np.uint16(name | ((time & 3) << POSITION_BITS))
+        objects[k] = np.uint16(name | (time << POSITION_BITS))
     return outside
 
 
@@ -123,8 +126,10 @@ def unpack(colour, xs, ys, depths, objects, rect, x_bits, y_bits, depth_base, de
             outside += 1
         samples[k]["xy"][0] = px
         samples[k]["xy"][1] = py
-        time = ((x >> POSITION_BITS) << 4) | ((y >> POSITION_BITS) << 2) | (name >> POSITION_BITS)
-        samples[k]["time"] = np.float32(time) * step
+        samples[k]["time"] = np.float32(name >> POSITION_BITS) * step
+        change = ((x >> POSITION_BITS) << 2) | (y >> POSITION_BITS)
+        samples[k]["change"] = np.float32(change) / np.float32(CHANGE_STEPS)
+        samples[k]["light"] = np.float32(0.0)
         samples[k]["object"] = np.uint32(name & POSITION_MASK)
         if depths[k] == INFINITE_DEPTH:
             samples[k]["depth"] = np.float32(np.inf)

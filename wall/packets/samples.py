@@ -15,17 +15,17 @@ import lz4.block
 import numpy as np
 import zstandard
 
-from wall.data import SAMPLE, Batch, Rect
+from wall.data import SAMPLE, Batch, Camera, Rect
 from wall.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import kernels
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 1, 1
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 2, 1
 BYTES_A_SAMPLE = 12              # before compression
 MAX_SAMPLES = 65536              # of one packet
 MAX_EDGE = 4096                  # pixels of a rectangle: leaves 2 sub-pixel bits
 ZSTD_LEVEL = 1                   # higher levels gain 3 % and cost three times as much
 
-_HEADER = struct.Struct("<4sBBBxHHHBBHHHHQIIdffIIIII")
+_HEADER = struct.Struct("<4sBBBBHHHBBHHHHQIIdffIIIIId3d9d")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 
@@ -74,12 +74,15 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
         raise LocalProtocolError(
             f"{where}: base time {batch.base_time}, blend {batch.blend}; wanted a finite time, a blend in (0, 1]"
         )
+    if not all(map(math.isfinite, (batch.scene_time, *batch.camera.position, *batch.camera.world_from_wall))):
+        raise LocalProtocolError(f"{where}: scene time {batch.scene_time}, {batch.camera}; wanted finite numbers")
     data = _compress(body, codec)
     try:
         header = _HEADER.pack(
-            MAGIC, VERSION, KIND_SAMPLES, codec, batch.view, batch.panel, batch.rank, base, bits,
+            MAGIC, VERSION, KIND_SAMPLES, codec, batch.adaptive, batch.view, batch.panel, batch.rank, base, bits,
             rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
             batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, len(data),
+            batch.scene_time, *batch.camera.position, *batch.camera.world_from_wall,
         )
     except struct.error as error:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
@@ -91,8 +94,9 @@ def decode(data: bytes | memoryview) -> Batch:
     if len(data) < HEADER_BYTES:
         raise RemoteProtocolError(f"a packet of {len(data)} bytes; its header alone has {HEADER_BYTES}")
     fields = _HEADER.unpack_from(data)
-    magic, version, kind, codec, view, panel, rank, base, bits, x, y, width, height, sequence = fields[:14]
-    camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n, length = fields[14:]
+    magic, version, kind, codec, adaptive, view, panel, rank, base, bits, x, y, width, height, sequence = fields[:15]
+    camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n, length = fields[15:25]
+    scene_time, pose = fields[25], fields[26:]
     where = f"rank {rank} packet {sequence}"
     if magic != MAGIC or version != VERSION or kind != KIND_SAMPLES:
         raise RemoteProtocolError(f"not a sample packet of version {VERSION}: starts with {bytes(data[:6])!r}")
@@ -107,6 +111,8 @@ def decode(data: bytes | memoryview) -> Batch:
         raise RemoteProtocolError(f"{where}: {n} samples of {width}x{height}, depth code {base}/{bits}: out of range")
     if not _sane(base_time, span, blend):
         raise RemoteProtocolError(f"{where}: time {base_time}, span {span}, blend {blend}: out of range")
+    if adaptive > 1 or not all(map(math.isfinite, (scene_time, *pose))):
+        raise RemoteProtocolError(f"{where}: filter {adaptive}, scene time {scene_time}, pose {pose}: out of range")
     planes = np.frombuffer(_expand(body, codec, BYTES_A_SAMPLE * n, where), np.uint8)
     samples = np.empty(n, SAMPLE)
     outside = kernels.unpack(
@@ -119,6 +125,7 @@ def decode(data: bytes | memoryview) -> Batch:
         view=view, panel=panel, rect=Rect(x=x, y=y, width=width, height=height), rank=rank, sequence=sequence,
         camera_event=camera_event, scene_event=scene_event, base_time=base_time, samples=samples, frame=frame,
         frame_samples=frame_samples, skipped=skipped, blend=blend,
+        camera=Camera(position=pose[:3], world_from_wall=pose[3:]), scene_time=scene_time, adaptive=bool(adaptive),
     )
 
 

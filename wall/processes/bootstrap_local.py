@@ -35,7 +35,7 @@ class LocalBootstrap:
         context = multiprocessing.get_context("fork")
         pairs = [socket.socketpair() for _ in range(size - 1)]
         children = []
-        ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)      # ranks leave Ctrl-C to the head, from their start
+        ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)  # ranks leave Ctrl-C to the head, from their start
         for rank in range(1, size):
             args = (rank, size, pairs, main, os.getpid())
             child = context.Process(target=_run_child, args=args, name=f"wall rank {rank}")

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 
 from mpi4py import MPI
 
-START_WAIT_S = 120.0         # for all ranks to load the scene and, on a fresh machine, to compile
-END_WAIT_S = 1.5             # for MPI_Finalize, which may wait for ranks that are dead
+START_WAIT_S = 120.0  # for all ranks to load the scene and, on a fresh machine, to compile
+END_WAIT_S = 1.5  # for MPI_Finalize, which may wait for ranks that are dead
 
 
 class MpiBootstrap:

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from wall.config.loading import Loaded
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
-from wall.processes.clock import ManualClock
+from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan, first_event, make_layout, make_plan
 from wall.processes.warm import warm_up
 from wall.processes.worker import Worker, make_samplers
@@ -55,8 +55,8 @@ def probe(plan: Plan) -> float:
     resident = make_resident(plan.scene)
     warm_up(plan, resident, lambda line: None)
     rank = plan.layout.renderers()[0]
-    samplers = make_samplers(plan.layout.sampling, "", plan.layout.region(rank))
-    worker = Worker(plan, resident, rank, ManualClock(), samplers, 0)
+    samplers = make_samplers(plan, "", plan.layout.region(rank), HeadClock())
+    worker = Worker(plan, resident, rank, HeadClock(), samplers, 0)
     event = first_event(plan, 0.0)
     began = time.perf_counter()
     while time.perf_counter() - began < PROBE_S:

@@ -25,7 +25,7 @@ class Compositor:
     def __init__(self, plan: Plan, rank: int, hub: Hub) -> None:
         self.hub, self.counters = hub, Counters()
         self.packets = self.bytes = 0
-        self.panels = {k: PanelCompositor(plan.layout.wall.panels[k]) for k in plan.layout.panels_of(rank)}
+        self.panels = {k: PanelCompositor(plan, k) for k in plan.layout.panels_of(rank)}
         self.remote = {k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels}
 
     def take_in(self) -> int:
@@ -54,9 +54,9 @@ class Compositor:
             raise RemoteProtocolError("neither samples nor a framelet of another compositor's panel")
         self.remote[framelet.panel].insert(framelet)
 
-    def refresh(self) -> dict[int, NDArray[np.bool_]]:
+    def refresh(self, event: Event, now: float) -> dict[int, NDArray[np.bool_]]:
         """Bring every panel's display values up to date; the tiles that changed, by panel."""
-        return {k: panel.refresh() for k, panel in self.panels.items()}
+        return {k: panel.refresh(event, now) for k, panel in self.panels.items()}
 
     def pictures(self) -> tuple[PanelPicture, ...]:
         """All panels of the wall, in order: own ones, and the newest framelets of the others."""
@@ -112,7 +112,7 @@ class FurtherCompositor:
     def __init__(self, plan: Plan, rank: int, hub: Hub, control: Control, outbox: Link) -> None:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._compositor = Compositor(plan, rank, hub)
-        self._pending = {k: np.zeros_like(p.refresh()) for k, p in self._compositor.panels.items()}
+        self._pending = {k: np.zeros(p.tiles, np.bool_) for k, p in self._compositor.panels.items()}
         self._packets = self._bytes = 0
 
     def run(self) -> None:
@@ -124,15 +124,16 @@ class FurtherCompositor:
             now = clock.now()
             if now >= due:
                 due = max(due + 1.0 / self._plan.view.refresh_hz, now)
-                self._refresh()
+                if event is not None:
+                    self._refresh(event, now)
             if control.beat_due():
                 control.beat(self._heartbeat(event, last=False))
             if not taken:
                 self._compositor.hub.wait(min(0.005, max(0.0, due - now)))
         control.beat(self._heartbeat(control.event, last=True))
 
-    def _refresh(self) -> None:
-        for k, dirty in self._compositor.refresh().items():
+    def _refresh(self, event: Event, now: float) -> None:
+        for k, dirty in self._compositor.refresh(event, now).items():
             self._pending[k] |= dirty
             if self._pending[k].any() and self._outbox.ready():
                 self._send(k)

@@ -82,7 +82,7 @@ class Head:
         for sink in self._sinks:
             try:
                 sink.close()
-            except RunError as error:            # one full disk must not keep the others from closing
+            except RunError as error:  # one full disk must not keep the others from closing
                 failures.append(str(error))
         if failures:
             raise RunError("; ".join(failures))
@@ -108,7 +108,7 @@ class Head:
 
     def _refresh(self, now: float) -> None:
         before = [p.version for p in self._compositor.pictures()]
-        self._compositor.refresh()
+        self._compositor.refresh(self.manager.event, now)
         picture = self.picture()
         if [p.version for p in picture.panels] != before or self._refreshes == 0:
             self._changed = now

@@ -7,19 +7,24 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Batch
+from wall.config.schema import AdaptiveSampling
+from wall.data import Batch, Event
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
-from wall.geometry.panels import Panel
+from wall.processes.plan import Plan
 from wall.reconstruction.display_values import update_display
+from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
 
 
 class PanelCompositor:
     """`insert` batches as they come, `refresh` at every display refresh."""
 
-    def __init__(self, panel: Panel) -> None:
-        self.panel = panel
+    def __init__(self, plan: Plan, index: int) -> None:
+        self.panel = panel = plan.layout.wall.panels[index]
+        self._plan = plan
+        self._reprojected: Picture | None = None  # made when the first adaptive batch comes
+        self._adaptive = False
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
         self._rgb = np.zeros((height, width, 3), np.uint8)
@@ -27,14 +32,36 @@ class PanelCompositor:
 
     def insert(self, batch: Batch) -> None:
         self.buffer.insert(batch)
+        self._adaptive = batch.adaptive
+        if batch.adaptive:
+            if self._reprojected is None:
+                self._reprojected = self._new_picture()
+            self._reprojected.insert(batch.samples, batch.base_time, batch)
 
-    def refresh(self) -> NDArray[np.bool_]:
-        """Bring display values up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool."""
-        dirty = self.buffer.take_dirty()
+    def _new_picture(self) -> Picture:
+        sampling = self._plan.layout.sampling
+        kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        return Picture(self.panel, self._plan.view.eye, self._plan.scene, judging=False, samples_per_pixel=kept)
+
+    def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
+        """Bring display values up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool.
+
+        Samples of the adaptive sampler are placed anew under `event`; others are shown where they were traced.
+        """
+        dirty, radiance = self.buffer.take_dirty(), self.buffer.radiance
+        if self._adaptive and self._reprojected is not None:
+            self._reprojected.refresh(event, now)
+            dirty, radiance = self._reprojected.take_dirty(), self._reprojected.radiance
         if dirty.any():
-            update_display(self.buffer.radiance, dirty, TILE, self._rgb)
+            update_display(radiance, dirty, TILE, self._rgb)
             self._picture = self._hand_over(version=self._picture.version + 1)
         return dirty
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Rows and columns of 16-pixel tiles."""
+        width, height = self.panel.pixels
+        return -(-height // TILE), -(-width // TILE)
 
     def oldest_sample(self, now: float) -> float | None:
         """Age in seconds of the oldest sample shown; None while a pixel never had one."""

@@ -89,7 +89,7 @@ class Renderer:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
         self._method: str = self._sampling.method
-        self._samplers = make_samplers(self._sampling, "", self._region)
+        self._samplers = make_samplers(plan, "", self._region, control.clock)
         self._workers = [
             Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
         ]
@@ -153,7 +153,7 @@ class Renderer:
         if event.sampler and event.sampler != self._method:
             self._drain()
             self._method = event.sampler
-            self._samplers[:] = make_samplers(self._sampling, event.sampler, self._region)
+            self._samplers[:] = make_samplers(self._plan, event.sampler, self._region, self._control.clock)
 
     def _drain(self) -> None:
         for future in list(self._running):

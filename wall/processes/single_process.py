@@ -28,9 +28,9 @@ class SingleProcess:
         layout = plan.layout
         self.workers: list[Worker] = []
         for rank in layout.renderers():
-            samplers = make_samplers(layout.sampling, "", layout.region(rank))
+            samplers = make_samplers(plan, "", layout.region(rank), self.clock)
             self.workers += [Worker(plan, resident, rank, self.clock, samplers, k) for k in range(len(samplers))]
-        self.panels = [PanelCompositor(panel) for panel in layout.wall.panels]
+        self.panels = [PanelCompositor(plan, k) for k in range(len(layout.wall.panels))]
 
     def step(self) -> int:
         """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
@@ -50,7 +50,7 @@ class SingleProcess:
         for _ in self._steps():
             pass
         for panel in self.panels:
-            panel.refresh()
+            panel.refresh(self.event, self.clock.now())
         return [panel.picture() for panel in self.panels]
 
     def _steps(self) -> Iterator[int]:

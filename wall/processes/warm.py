@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from wall.config.schema import METHODS
 from wall.data import Rect, Region
 from wall.jit import cache_folder, compiled_kernels
 from wall.packets.samples import decode
@@ -28,7 +29,7 @@ def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
     """Run the chain on a few pixels with every sampler. From the cache it takes a second, compiling half a minute."""
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
     with _one_compiler():
-        for method in ("framed", "frameless", "hilbert"):
+        for method in METHODS:
             say(f"{doing} kernels ({method})")
             _one_pixel_block(plan, resident, method)
 
@@ -39,16 +40,18 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     tiny = Region(panel=layout.region(rank).panel, rect=TINY)
     small = replace(plan, layout=replace(layout, regions=(tiny, *layout.regions[1:])))
     clock = ManualClock()
-    samplers = make_samplers(layout.sampling, method, tiny)
+    samplers = make_samplers(small, method, tiny, clock)
     worker = Worker(small, resident, rank, clock, samplers, 0)
-    panel = PanelCompositor(layout.panel(rank))
+    panel = PanelCompositor(plan, tiny.panel)
     event = first_event(plan, 0.0)
     packet = worker.step(event)
     if packet is not None:
         batch = decode(packet)
         panel.insert(batch)
         worker.forget(batch.samples["xy"])
-    panel.refresh()
+    for number in range(2):  # something moved, nothing moved
+        panel.refresh(event, 0.1 * number)
+        worker.step(event)
     panel.buffer.oldest_sample(0.0)
 
 

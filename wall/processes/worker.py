@@ -6,9 +6,10 @@ from collections import deque
 
 import numpy as np
 
-from wall.config.schema import AnySampling, FramedSampling, HilbertSampling, switched
+from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
 from wall.data import Batch, Event, Float32, Region
 from wall.packets.samples import Codec, encode
+from wall.processes.beneath import LiveAdaptive, bands
 from wall.processes.clock import Clock
 from wall.processes.plan import Plan
 from wall.sampling.base import Sampler
@@ -72,6 +73,9 @@ class Worker:
             frame_samples=targets.frame_samples,
             skipped=cost.bad,
             blend=targets.blend,
+            camera=targets.event.camera,
+            scene_time=targets.event.scene_time,
+            adaptive=isinstance(self.sampler, LiveAdaptive),
         )
         return encode(batch, self._codec)
 
@@ -87,10 +91,13 @@ class Worker:
         self._lost.append(xy)
 
 
-def make_samplers(sampling: AnySampling, method: str, region: Region) -> list[Sampler]:
+def make_samplers(plan: Plan, method: str, region: Region, clock: Clock) -> list[Sampler]:
     """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty."""
+    sampling = plan.layout.sampling
     if method:
         sampling = switched(sampling, method)
+    if isinstance(sampling, AdaptiveSampling):
+        return [LiveAdaptive(plan, sampling, region, band, clock) for band in bands(region.rect, sampling.threads)]
     workers, batch, seed = sampling.threads, sampling.samples_per_batch, sampling.seed
     if isinstance(sampling, FramedSampling):
         counter = FrameCounter(workers)

@@ -37,7 +37,7 @@ def front_depths(nearest, front):
 
 @inline_kernel
 def hidden(x, y, z, nearest, at):
-    """Whether nearer samples cover the place of one: some lies within COVERS pixels, or HIDING of 3x3 pixels are nearer.
+    """Whether nearer samples cover the place of one: some lies within COVERS, or HIDING of 3x3 pixels are nearer.
 
     nearest : (h, w) float32; at : (h, w, 2) float32, where in the picture each pixel's nearest sample lies
     """
@@ -109,9 +109,9 @@ def splat(place, colour, state, screen, count, skip, nearest, at, front, now, yo
 
     Parameters
     ----------
-    place, colour, screen : (capacity, 4) float32; state : (capacity, 2) float32; updated: kept samples move to the front
+    place, colour, screen : (capacity, 4) float32; state : (capacity, 2) float32; kept samples move to the front
     skip : int, so many of the oldest are dropped beside
-    limit : (h, w) float32, see visible_depths
+    nearest, at, front : see move, hidden and front_depths
     now, young : float32 seconds of the store's clock
     decay : (rows, columns) float32, 1 / seconds, how fast old samples lose weight in each tile
     gathered : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
@@ -178,7 +178,8 @@ def add(gathered, i, j, red, green, blue, weight):
 def halve(fine, border, trusted, coarse):
     """One level of a pyramid: sums over 2x2, a pixel of weight `trusted` or more counting once.
 
-    fine : (h, w, 4) float32 weighted radiance and weight, with `border` pixels around; coarse : (ceil(h/2), ceil(w/2), 4)
+    fine : (h, w, 4) float32 weighted radiance and weight, with `border` pixels around
+    coarse : (ceil(h/2), ceil(w/2), 4) float32, written
     """
     height, width = fine.shape[0] - 2 * border, fine.shape[1] - 2 * border
     coarse[:] = ZERO
@@ -295,7 +296,7 @@ def mix_still(base, still, dirty, shown):
 @kernel
 def take_in(
     samples, offset, frame, corner, object_from_eye, table, place, colour, state, screen, count, surface, gathered,
-    lighting, doubt, doubt_about, residual, probes, still, still_mode, judging, dirty
+    lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, judging, dirty
 ):  # fmt: skip
     """Store a batch, and see how each sample agrees with the picture beneath it.
 
@@ -309,7 +310,9 @@ def take_in(
     surface, gathered, lighting : of the picture
     doubt, doubt_about : (h, w, 2) float32, (h, w) int32; raised where a sample contradicts
     residual : (rows, columns) float32, moving mean of |change of lighting| in each tile, updated if judging
-    still : (h, w, 8) float32, updated; still_mode : bool, nothing moves: changes are noise, count is all
+    probes : (rows, columns, 2) float32, samples judged in each tile and their change, added to
+    still : (h, w, 8) float32, updated; steady : bool, these samples show what the picture shows
+    still_mode : bool, nothing moves: changes are noise, count is all
     dirty : (rows, columns) bool, set where the picture changes
 
     Returns
@@ -364,7 +367,8 @@ def take_in(
             probes[i // TILE, j // TILE, 1] += change
             if change > ZERO:
                 spread_doubt(doubt, doubt_about, i, j, change, time, name)
-        gather_still(still, i, j, red, green, blue, light)
+        if steady:
+            gather_still(still, i, j, red, green, blue, light)
     return count
 
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Float32, Float64, Samples
+from wall.data import Camera, Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
@@ -29,19 +29,21 @@ USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
 
 
 class Pose:
-    """The matrices of one event: object points to panel pixels, and back from hits."""
+    """The matrices of one event: object points to panel pixels (of a rectangle), and back from hits."""
 
-    def __init__(self, panel: Panel, eye: Float64, scene: Scene, camera: Camera, scene_time: float) -> None:
+    def __init__(
+        self, panel: Panel, eye: Float64, scene: Scene, camera: Camera, scene_time: float, rect: Rect | None = None
+    ) -> None:
         moment = scene.at(scene_time)
         n = len(moment.world_from_object)
         self.frame = ray_frame(panel, eye, camera)
         self.corner = np.array(panel.screen, np.float64)
         self.object_from_eye = np.empty((n + 1, 12), np.float32)
         self.panel_from_object = np.empty((n + 1, 12), np.float32)
+        corner = self.corner if rect is None else self.corner + np.array([rect.x, rect.y])
         object_tables(
-            moment.world_from_object, camera.origin(), self.frame, self.corner, self.object_from_eye,
-            self.panel_from_object,
-        )  # fmt: skip
+            moment.world_from_object, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object
+        )
 
 
 class Posed(Protocol):
@@ -53,15 +55,32 @@ class Posed(Protocol):
     @property
     def scene_time(self) -> float: ...
 
+    @property
+    def camera_event(self) -> int: ...
+
+    @property
+    def scene_event(self) -> int: ...
+
 
 class Picture:
     """One panel's picture from reprojected samples. Times are seconds, float64, of one clock."""
 
     def __init__(
-        self, panel: Panel, eye: Float64, scene: Scene, *, judging: bool, samples_per_pixel: float = SAMPLES_PER_PIXEL
+        self,
+        panel: Panel,
+        eye: Float64,
+        scene: Scene,
+        *,
+        judging: bool,
+        rect: Rect | None = None,
+        samples_per_pixel: float = SAMPLES_PER_PIXEL,
     ) -> None:
-        """`judging`: samples bring their lighting, and what they contradict is found here."""
-        width, height = panel.pixels
+        """`rect` is the part of the panel that is shown, all if None.
+
+        `judging`: samples bring their lighting, and what they contradict is found here.
+        """
+        self.rect = rect or Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
+        width, height = self.rect.width, self.rect.height
         rows, columns = -(-height // kernels.TILE), -(-width // kernels.TILE)
         self.panel, self.judging = panel, judging
         self._eye, self._scene = eye, scene
@@ -100,11 +119,13 @@ class Picture:
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > len(self.place):
             self._drop_oldest(self.count + len(samples) - len(self.place))
+        steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
         lighting: Any = self.lighting if self.lighting is not None else self.residual
         self.count = kernels.take_in(
             samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, self.place, self.colour, self.state, self.screen, self.count, self.surface,
-            self.gathered, lighting, self.doubt, self.doubt_about, self.residual, self.probes, self.still, self.nothing_moves,
+            self.gathered, lighting, self.doubt, self.doubt_about, self.residual, self.probes, self.still,
+            steady, self.nothing_moves,
             self.judging, self.dirty,
         )  # fmt: skip
 
@@ -118,6 +139,12 @@ class Picture:
         if self.dirty.any():
             kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
 
+    def clear(self) -> None:
+        """Forget every sample."""
+        self.count = 0
+        self._number = None
+        self.still[:] = 0.0
+
     def take_dirty(self) -> NDArray[np.bool_]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
         dirty = self.dirty.copy()
@@ -127,7 +154,7 @@ class Picture:
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
-            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key))
+            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key, self.rect))
         return self._traced[1]
 
     def _move(self, pose: Pose, now: float) -> None:
@@ -137,14 +164,16 @@ class Picture:
             moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
         self._pose = pose
         alive = kernels.move(
-            self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self._stale(), np.float32(self._moved - self._epoch), self.nearest,
+            self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self._stale(),
+            np.float32(self._moved - self._epoch), self.nearest,
             self.at, self.surface,
         )  # fmt: skip
         kernels.front_depths(self.nearest, self.front)
         decay = SLOW_DECAY * (1.0 + DECAY_PER_RESIDUAL * self.residual)
         self.count = kernels.splat(
             self.place, self.colour, self.state, self.screen, self.count, max(0, alive - self._kept), self.nearest,
-            self.at, self.front, np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered, self.lighting,
+            self.at, self.front, np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered,
+            self.lighting,
         )  # fmt: skip
         self._moved = now
         kernels.doubt_still(self.still, self.surface, moved, self.doubt)

@@ -64,6 +64,10 @@ class AdaptiveSampler:
                 self._value, b.gathered, b.still, self._floor, self._contrast, self._density, self._score, self._sums
             )
 
+    def forget(self, xy: Float32) -> None:
+        """These never arrived: their pixels count as holes."""
+        kernels.miss(xy, self._rect.x, self._rect.y, self._score, self._sums)
+
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
         packets = max(1, (self._batch if rays is None else rays) // kernels.PACKET)
         xy = np.empty((packets * kernels.PACKET, 2), np.float32)

@@ -219,3 +219,13 @@ def raise_around(score, sums, i, j, amount):
             if least > score[di, dj]:
                 sums[di // TILE, dj // TILE] += least - score[di, dj]
                 score[di, dj] = least
+
+
+@kernel
+def miss(xy, x0, y0, score, sums):
+    """Samples at xy (n, 2) float32, panel pixels, were lost: their pixels are worth as much as holes."""
+    for k in range(xy.shape[0]):
+        i, j = int(xy[k, 1]) - y0, int(xy[k, 0]) - x0
+        if 0 <= i < score.shape[0] and 0 <= j < score.shape[1] and score[i, j] < HOLE:
+            sums[i // TILE, j // TILE] += HOLE - score[i, j]
+            score[i, j] = HOLE

@@ -1,0 +1,65 @@
+"""The adaptive sampler with a picture of its own beneath its rays: it must see what is missing before others do."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from wall.config.schema import AdaptiveSampling
+from wall.data import Event, Float32, Rect, Region, Samples
+from wall.errors import RunError
+from wall.processes.clock import Clock
+from wall.processes.plan import Plan
+from wall.reconstruction.picture import Picture
+from wall.sampling.adaptive import AdaptiveSampler
+from wall.sampling.base import Targets
+
+SHARE_OF_TIME = 0.2  # at most spent on refreshing the picture beneath; it may lag behind the displayed one for that
+
+
+class LiveAdaptive:
+    """A Sampler: refreshes the picture beneath its band when that is due, then chooses."""
+
+    coherent = True
+
+    def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
+        panel = plan.layout.wall.panels[region.panel]
+        self.picture = Picture(
+            panel, plan.view.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
+        )
+        self._sampler = AdaptiveSampler(band, self.picture, batch=sampling.samples_per_batch, seed=sampling.seed)
+        self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
+        self._due, self._chosen_at = float("-inf"), 0.0
+        self._event: Event | None = None
+
+    def choose(self, newest: Event) -> Targets | None:
+        now = self._clock.now()
+        if now >= self._due:
+            self.picture.refresh(newest, now)
+            self._sampler.replan()
+            took = self._clock.now() - now
+            self._due = now + max(self._interval, took / SHARE_OF_TIME)
+        self._event, self._chosen_at = newest, now
+        return self._sampler.choose(newest)
+
+    def observe(self, samples: Samples) -> None:
+        if self._event is not None:
+            self.picture.insert(samples, self._chosen_at, self._event)
+            self._sampler.observe(samples)
+
+    def forget(self, xy: Float32) -> None:
+        self._sampler.forget(xy)
+
+    def restart(self) -> None:
+        self.picture.clear()
+        self._due = float("-inf")
+
+
+def bands(rect: Rect, count: int) -> list[Rect]:
+    """A region cut into bands, one a thread. Raises RunError if it has fewer pixel rows than threads."""
+    if count > rect.height:
+        raise RunError(f"{count} threads cannot share a region of {rect.height} pixel rows; wanted: at most as many")
+    edges = [rect.height * k // count for k in range(count + 1)]
+    return [
+        Rect(x=rect.x, y=rect.y + top, width=rect.width, height=bottom - top)
+        for top, bottom in pairwise(edges)
+    ]
