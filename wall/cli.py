@@ -190,6 +190,7 @@ def quality(
     from wall.measure.quality.sweep import Wanted, sweep
     from wall.measure.quality.tables import tables, write_summary
 
+    command.check_installed()
     wanted = Wanted(
         configs=command.configs_of(configs or [], scenes),
         arms=command.arms_of(arms, clock=clock),

@@ -20,7 +20,7 @@ class ProgressiveSampler:
     def __init__(self, rect: Rect, *, seed: int) -> None:
         self._pixels, self._rect, self._seed = block_order(rect, worker=0, workers=1), rect, seed
         self._sums = np.zeros((rect.height, rect.width, 3))
-        self._counts = np.zeros((rect.height, rect.width), np.int64)
+        self.counts = np.zeros((rect.height, rect.width), np.int64)  # samples of each pixel so far
 
     def positions(self, k: int) -> Float32:
         """(n, 2) float32 panel pixels, 16 of a 4 x 4 block in a row."""
@@ -29,8 +29,8 @@ class ProgressiveSampler:
         return xy
 
     def add(self, samples: Samples) -> None:
-        kernels.accumulate(samples, self._rect.x, self._rect.y, self._sums, self._counts)
+        kernels.accumulate(samples, self._rect.x, self._rect.y, self._sums, self.counts)
 
     def mean(self) -> Float64:
         """(h, w, 3) float64 linear RGB; pixels whose samples were all unusable are 0."""
-        return self._sums / np.maximum(self._counts, 1)[:, :, None]
+        return self._sums / np.maximum(self.counts, 1)[:, :, None]

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from wall import cli
 from wall.config.loading import loads
 from wall.data import Float32
-from wall.errors import ConfigError
+from wall.errors import ConfigError, RunError
 from wall.geometry.panels import expand
 from wall.measure.quality import command
 from wall.measure.quality.arm import Setup
@@ -142,6 +142,32 @@ def test_same_seed_gives_the_same_picture_and_another_one_does_not(setup: Setup)
 
     assert np.array_equal(shown(1), shown(1))
     assert not np.array_equal(shown(1), shown(2))
+
+
+def test_progressive_arm_waits_for_a_stop_and_then_converges_to_the_ideal(config: Path, compiled_only: None) -> None:
+    path = "{type: keyframes, loop: false, keyframes: [" + ", ".join(
+        f"{{time: {t}, position: [{x}, 4, 8], target: [0, 1, 0]}}" for t, x in ((0, 6), (0.1, 7), (0.2, 7), (9, 7))
+    )
+    config.write_text(
+        MOVING.replace("{type: orbit, period_s: 4", path + "]").replace("courtyard}", "courtyard, animation: []}")
+    )
+    setup = setup_of(cell_of(config, rate=768 * 160.0))
+    arm = make_arm("progressive", setup)
+    first = arm.show(0.0).copy()
+    arm.advance(0.09)
+    assert arm.rays == 0
+    assert np.array_equal(arm.show(0.09), first)
+    arm.advance(0.7)
+    ideal = render_plan(setup.plan, spp=64, seed=SEED, at=0.7)
+    assert ideal is not None
+    assert np.sqrt(np.mean((arm.show(0.7) - ideal) ** 2)) < 0.1 * np.sqrt(np.mean((first - ideal) ** 2))
+    assert 60 * 768 <= arm.rays <= 100 * 768
+
+
+def test_missing_extra_is_named_before_anything_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(command, "NEEDED", {"no_such_module_of_ours": "flip-evaluator"})
+    with pytest.raises(RunError, match=r"needs flip-evaluator: pip install"):
+        command.check_installed()
 
 
 class Burning:

@@ -33,7 +33,8 @@ def row(scene: str, arm: str, error: float, *, rate: float = 4e5, seed: int = 1,
         scene=scene, arm=arm, rate=rate, width=256, height=256, seed=seed, clock="virtual", rmse=error,
         rmse_display=error, flip=error if flip is None else flip, ssim=0.9, flicker=0.01, latency_equivalent_ms=None,
         bytes_per_s=1e6, rays=1_600_000, cpu_s=1.0, secondary=0, cores=1.0, refresh_hz=60.0, seconds=4.0, shown=240,
-        error_over_time=[error] * 3, times=[0.1, 0.2, 0.3], gold="g", config="c.yaml", ablation="", commit="0",
+        error_over_time=[error] * 3, times=[0.1, 0.2, 0.3], still_s=[0.0, 0.1, 0.2],
+        gold="g", config="c.yaml", ablation="", commit="0",
         machine="m", command="wall",
     )  # fmt: skip
 
@@ -219,3 +220,15 @@ def test_kept_picture_says_how_far_it_is_off(tmp_path: Path) -> None:
     (moment,) = moments(tmp_path, [row("a", "adaptive", 0.01), row("a", "framed", 0.06)])
     assert [(s.arm, s.rmse) for s in moment.shown] == [("adaptive", pytest.approx(0.2)), ("framed", pytest.approx(0.4))]
     assert [int(s.error.max()) for s in moment.shown] == [153, 255]
+
+
+def test_picture_at_rest_is_held_against_the_progressive_one_two_seconds_after_the_stop() -> None:
+    rested = {"times": [1.0, 2.0, 3.0, 4.0], "still_s": [0.0, 0.0, 1.9, 2.1]}
+    ours = replace(row("a", "adaptive", 0.02), error_over_time=[0.1, 0.1, 0.1, 0.01], **rested)
+    other = replace(row("a", "progressive", 0.1), error_over_time=[0.1, 0.1, 0.01, 0.02], **rested)
+    worse = replace(ours, seed=2, error_over_time=[0.1, 0.1, 0.1, 0.03])
+    assert [(v.came, v.met) for v in verdicts([ours, other]) if "after a stop" in v.what] == [
+        ("at worst 0.50 (0.0100 to 0.0200 in a)", True)
+    ]
+    found = verdicts([ours, other, worse, replace(other, seed=2)])
+    assert [v.met for v in found if "after a stop" in v.what] == [False]

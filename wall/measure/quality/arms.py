@@ -6,10 +6,14 @@ from collections.abc import Callable
 
 from wall.config.loading import nearest
 from wall.errors import ConfigError
-from wall.measure.quality import arms_adaptive, arms_plain
+from wall.measure.quality import arms_adaptive, arms_plain, arms_progressive
 from wall.measure.quality.arm import Arm, Setup
 
-FACTORIES: dict[str, Callable[[Setup], Arm]] = {**arms_adaptive.ARMS, **arms_plain.ARMS}
+FACTORIES: dict[str, Callable[[Setup], Arm]] = {
+    **arms_adaptive.ARMS,
+    **arms_plain.ARMS,
+    **arms_progressive.ARMS,
+}
 ARMS: tuple[str, ...] = tuple(FACTORIES)
 
 

@@ -7,9 +7,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from wall.measure.quality.rows import Row
-from wall.measure.quality.summary import OURS, Compared, arms_at, best_other, compare, equal_error, geometric, said
+from wall.measure.quality.summary import (
+    OURS,
+    SMALLEST,
+    Compared,
+    arms_at,
+    best_other,
+    compare,
+    equal_error,
+    geometric,
+    said,
+    spending,
+)
 
 EQUAL_ERROR = 40.0  # times faster that framed must be
+AT_REST_S = 2.0  # after everything stopped, a picture is held against the progressive renderer's
 RIVALS = ("taa_", "reduced_", "render_cache", "afr2005")  # "best other" says something only where all of them ran
 
 
@@ -57,7 +69,7 @@ def verdicts(rows: Sequence[Row]) -> list[Verdict]:
         if bar.clock == clock:
             verdicts += [_ratio(bar, c, clock) for (arm, _), c in sorted(known.items()) if arm == bar.arm]
     if clock == "virtual":
-        verdicts += [*_equal_error(rows), *_flip(found)]
+        verdicts += [*_equal_error(rows), *_flip(found), *_at_rest(rows)]
     return verdicts
 
 
@@ -98,3 +110,22 @@ def _flip(found: Iterable[Compared]) -> list[Verdict]:
     came = f"not {', '.join(lower)}" if lower else "yes"
     what = "FLIP of framed, frameless and framed_x10 above adaptive's on every scene"
     return [Verdict(what=what, wanted="yes", came=came, met=not lower)]
+
+
+def _at_rest(rows: Sequence[Row]) -> list[Verdict]:
+    """Where a scene rests for long enough: the first compared refresh AT_REST_S after the stop, every seed."""
+    others = {(r.scene, r.seed, spending(r)): r for r in rows if r.arm == "progressive"}
+    found: dict[float, list[tuple[float, str]]] = {}
+    for ours in rows:
+        other = others.get((ours.scene, ours.seed, spending(ours)))
+        at = next((k for k, still in enumerate(ours.still_s) if still >= AT_REST_S), None)
+        if ours.arm == OURS and other is not None and at is not None and other.times == ours.times:
+            a, b = ours.error_over_time[at], other.error_over_time[at]
+            found.setdefault(spending(ours), []).append((a / max(b, SMALLEST), f"{a:.4f} to {b:.4f} in {ours.scene}"))
+    return [
+        Verdict(
+            what=f"error {AT_REST_S:g} s after a stop over a progressive renderer's, {said(spent, 'virtual')}",
+            wanted="≤ 1", came=f"at worst {max(ratios)[0]:.2f} ({max(ratios)[1]})", met=max(ratios)[0] <= 1.0,
+        )
+        for spent, ratios in sorted(found.items())
+    ]  # fmt: skip

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TypeVar
 
 from wall.config.loading import nearest
-from wall.errors import ConfigError
+from wall.errors import ConfigError, RunError
 from wall.jit import PACKAGE
 from wall.measure.quality.arms import ARMS
 from wall.measure.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
@@ -18,6 +19,16 @@ SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
 FASTEST_RATE = 1e9
 MOST_CORES = 1024.0
 T = TypeVar("T")
+
+
+NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "matplotlib": "matplotlib"}
+
+
+def check_installed() -> None:
+    """Raises RunError, before anything is measured, where the extra `measure` is not installed."""
+    missing = [name for module, name in NEEDED.items() if find_spec(module) is None]
+    if missing:
+        raise RunError(f"wall measure quality needs {', '.join(missing)}: pip install '.[measure]' in the clone")
 
 
 def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:

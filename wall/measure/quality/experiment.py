@@ -54,6 +54,7 @@ def run(cell: Cell, look: Look = lambda *_: None) -> Row:
     arm, clock = _start(cell, setup)
     scored = {refresh: k for k, refresh in enumerate(refreshes) if refresh >= max(1, SETTLE_S * cell.refresh_hz)}
     score, times = Score(judged=_spread(JUDGED_PICTURES, len(scored))), [0.0]
+    still: list[float] = []
     for refresh in range(1, max(refreshes) + 1):
         now = refresh / cell.refresh_hz
         shown = clock.refresh(arm, (refresh - 1) / cell.refresh_hz, now)
@@ -62,7 +63,8 @@ def run(cell: Cell, look: Look = lambda *_: None) -> Row:
             score.add(shown, ideal)
             look(scored[refresh], now, shown, ideal)
             times.append(now)
-    return _row(cell, arm, clock, score=score, gold=gold, times=times[1:])
+            still.append(now - gold.events[scored[refresh]].input_time)
+    return _row(cell, arm, clock, score=score, gold=gold, times=times[1:], still=still)
 
 
 def _start(cell: Cell, setup: Setup) -> tuple[Arm, Clock]:
@@ -88,7 +90,9 @@ def _spread(wanted: int, count: int) -> frozenset[int]:
     return frozenset(min(count - 1, int((k + 0.5) * count / wanted)) for k in range(wanted))
 
 
-def _row(cell: Cell, arm: Arm, clock: Clock, *, score: Score, gold: Gold, times: list[float]) -> Row:
+def _row(
+    cell: Cell, arm: Arm, clock: Clock, *, score: Score, gold: Gold, times: list[float], still: list[float]
+) -> Row:
     seconds = times[-1]
     step = times[1] - times[0] if len(times) > 1 else seconds
     return Row(
@@ -115,6 +119,7 @@ def _row(cell: Cell, arm: Arm, clock: Clock, *, score: Score, gold: Gold, times:
         shown=clock.shown,
         error_over_time=score.over_time,
         times=times,
+        still_s=still,
         gold=gold.key,
         config=str(cell.config),
         ablation=cell.arm.partition(":")[2],

@@ -44,6 +44,7 @@ class Row:
     shown: int  # refreshes for which the arm had CPU time to make a picture; all of them with clock "virtual"
     error_over_time: list[float]  # RMSE of display values at each scored refresh
     times: list[float]  # of them, seconds
+    still_s: list[float]  # at them, for how long at least nothing had moved
     gold: str  # name of the ideal pictures
     config: str
     ablation: str
