@@ -13,6 +13,7 @@ import numpy as np
 from wall.jit import inline_kernel, kernel
 
 FAR = np.float32(1e30)  # depth of the sky
+NEAREST = np.float32(1e-20)  # depths below it are not before the eye
 OUTSIDE = np.float32(-1.0)  # depth of a point that is not before the eye
 
 
@@ -99,7 +100,7 @@ def pixel_of(a, b, c, name, table):
     """Where a point of an object appears: x, y in picture pixels, and its depth; OUTSIDE = not before the eye."""
     m = table[name]
     w = m[0] * a + m[1] * b + m[2] * c + m[3]
-    if not w > np.float32(1e-20):
+    if not w > NEAREST:
         return np.float32(0.0), np.float32(0.0), OUTSIDE
     inverse = np.float32(1.0) / w
     x = (m[4] * a + m[5] * b + m[6] * c + m[7]) * inverse

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.deepbuffer.kernels_reproject import OUTSIDE, pixel_of, place_of
+from wall.deepbuffer.kernels_reproject import FAR, NEAREST, OUTSIDE, pixel_of, place_of
 from wall.jit import inline_kernel, kernel
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -54,92 +54,134 @@ def hidden(x, y, z, nearest, at):
 
 
 @kernel
-def move(place, state, screen, count, table, moved, doubt, doubt_about, stale, since, nearest, at, surface):
-    """Let doubted samples lose confidence, place every sample anew, keep each pixel's nearest.
+def lose_confidence(name, state, screen, count, doubt, doubt_about, stale, since):
+    """Let samples lose confidence: those beneath a contradiction, and those of tiles that have changed as a whole.
 
     Parameters
     ----------
-    place : (capacity, 4) float32; state : (capacity, 2) float32 time, confidence; screen : (capacity, 4) float32
-    table : (n + 1, 12) float32, panel_from_object; moved : (n + 1,) uint8, whose row differs from last time's
-    doubt : (h, w, 2) float32, how much was contradicted and when (same clock as state); doubt_about : (h, w) int32
-    nearest : (h, w) float32; surface : (h, w) int32; written
+    name : (capacity,) int32, object ids; state : (2, capacity) float32, time and confidence, the latter updated
+    screen : (3, capacity) float32, x, y, depth in the picture that was doubted
+    doubt : (h, w, 2) float32, how much was contradicted and when; doubt_about : (h, w) int32, whose surface
+    stale : (rows, columns) float32, share of confidence that each tile's samples from before `since` lose
+    """
+    for k in range(count):
+        if not screen[2, k] > ZERO:
+            continue
+        i, j = int(screen[1, k]), int(screen[0, k])
+        time = state[0, k]
+        if doubt[i, j, 0] > ZERO and doubt_about[i, j] == name[k] and time < doubt[i, j, 1]:
+            state[1, k] *= ONE - doubt[i, j, 0]
+        if time < since:
+            state[1, k] *= ONE - stale[i // TILE, j // TILE]
+        if state[1, k] < FORGOTTEN:
+            state[1, k] = ZERO
+
+
+@kernel
+def place_samples(place, name, count, table, moved, right, bottom, screen):
+    """Place every sample whose object moved on the screen, a run of one object at a time.
+
+    place : (3, capacity) float32, object-local; name : (capacity,) int32; table : (n + 1, 12) float32
+    moved : (n + 1,) uint8, whose row of the table differs from last time's; right, bottom : float32, picture pixels
+    screen : (3, capacity) float32, written: x, y, depth (OUTSIDE where it is not in the picture)
+    """
+    first = 0
+    while first < count:
+        k = name[first]
+        last = first + 1
+        while last < count and name[last] == k:
+            last += 1
+        if moved[k] != 0:
+            place_run(place, first, last, table[k], k == 0, right, bottom, screen)
+        first = last
+
+
+@inline_kernel
+def place_run(place, first, last, m, sky, right, bottom, screen):
+    """The samples of one object: nothing but arithmetic, so that it becomes vector code."""
+    m0, m1, m2, m3 = m[0], m[1], m[2], m[3]
+    m4, m5, m6, m7 = m[4], m[5], m[6], m[7]
+    m8, m9, m10, m11 = m[8], m[9], m[10], m[11]
+    for k in range(first, last):
+        a, b, c = place[0, k], place[1, k], place[2, k]
+        w = m0 * a + m1 * b + m2 * c + m3
+        inverse = ONE / w
+        x = (m4 * a + m5 * b + m6 * c + m7) * inverse
+        y = (m8 * a + m9 * b + m10 * c + m11) * inverse
+        inside = (w > NEAREST) & (x >= ZERO) & (y >= ZERO) & (x < right) & (y < bottom)
+        z = FAR if sky else w
+        screen[0, k] = x
+        screen[1, k] = y
+        screen[2, k] = z if inside else OUTSIDE
+
+
+@kernel
+def keep_nearest(name, state, screen, count, nearest, at, surface):
+    """Each pixel's nearest sample: depth, place, object. Forgotten samples leave the picture.
+
+    nearest : (h, w) float32, inf where nothing is; at : (h, w, 2) float32; surface : (h, w) int32, -1; written
 
     Returns
     -------
     alive : int, samples in the picture
     """
-    height, width = nearest.shape
     nearest[:] = np.inf
     surface[:] = -1
-    right, bottom = np.float32(width), np.float32(height)
     alive = 0
     for k in range(count):
-        x, y, z = screen[k, 0], screen[k, 1], screen[k, 2]
-        name = int(place[k, 3])
-        if z > ZERO:
-            i, j = int(y), int(x)
-            if doubt[i, j, 0] > ZERO and doubt_about[i, j] == name and state[k, 0] < doubt[i, j, 1]:
-                state[k, 1] *= ONE - doubt[i, j, 0]
-            if stale[i // TILE, j // TILE] > ZERO and state[k, 0] < since:
-                state[k, 1] *= ONE - stale[i // TILE, j // TILE]
-        if moved[name] != 0:
-            x, y, z = pixel_of(place[k, 0], place[k, 1], place[k, 2], name, table)
-            if not (x >= ZERO and y >= ZERO and x < right and y < bottom):
-                z = OUTSIDE
-            screen[k, 0], screen[k, 1] = x, y
-        if state[k, 1] < FORGOTTEN:
-            z = OUTSIDE
-        screen[k, 2] = z
-        if z > ZERO:
-            alive += 1
-            i, j = int(y), int(x)
-            if z < nearest[i, j]:
-                nearest[i, j] = z
-                at[i, j, 0], at[i, j, 1] = x, y
-                surface[i, j] = name
+        z = screen[2, k]
+        if not z > ZERO:
+            continue
+        if state[1, k] == ZERO:
+            screen[2, k] = OUTSIDE
+            continue
+        alive += 1
+        x, y = screen[0, k], screen[1, k]
+        i, j = int(y), int(x)
+        if z < nearest[i, j]:
+            nearest[i, j] = z
+            at[i, j, 0], at[i, j, 1] = x, y
+            surface[i, j] = name[k]
     return alive
 
 
 @kernel
-def splat(place, colour, state, screen, count, skip, nearest, at, front, now, young, decay, gathered, lighting):
-    """Drop what is hidden or dead, add the rest to the picture, close ranks.
+def splat(colour, state, screen, count, cutoff, nearest, at, front, now, young, decay, gathered, lighting):
+    """Add what is seen to the picture; what is hidden or too old dies.
 
     A sample spreads over the four nearest pixel centres by a tent, weighed by confidence and age. Samples younger than
     `young` seconds are never hidden: what they hide may not have been seen yet.
 
     Parameters
     ----------
-    place, colour, screen : (capacity, 4) float32; state : (capacity, 2) float32; kept samples move to the front
-    skip : int, so many of the oldest are dropped beside
-    nearest, at, front : see move, hidden and front_depths
+    colour : (capacity, 4) float32, radiance and square root of lighting; state : (2, capacity) float32
+    screen : (3, capacity) float32; what dies gets depth OUTSIDE and no confidence
+    cutoff : float32 seconds of the store's clock; samples from before it die
+    nearest, at, front : see keep_nearest, hidden and front_depths
     now, young : float32 seconds of the store's clock
     decay : (rows, columns) float32, 1 / seconds, how fast old samples lose weight in each tile
     gathered : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
-    lighting : (h + 2, w + 2) float32 weighted square root of lighting, written; | None
-
-    Returns
-    -------
-    kept : int
+    lighting : (h, w, 2) float32, weighted square root of lighting and weight, each sample in its own pixel, written;
+        | None
     """
     gathered[:] = ZERO
     if lighting is not None:
         lighting[:] = ZERO
-    kept = 0
     for k in range(count):
-        z = screen[k, 2]
+        z = screen[2, k]
         if not z > ZERO:
             continue
-        if skip > 0:
-            skip -= 1
-            continue
-        x, y = screen[k, 0], screen[k, 1]
+        x, y = screen[0, k], screen[1, k]
         i, j = int(y), int(x)
-        age = now - state[k, 0]
-        if z > front[i, j] and age > young and hidden(x, y, z, nearest, at):
+        time = state[0, k]
+        age = now - time
+        if time < cutoff or (z > front[i, j] and age > young and hidden(x, y, z, nearest, at)):
+            screen[2, k] = OUTSIDE
+            state[1, k] = ZERO
             continue
         a = max(age, ZERO) * decay[i // TILE, j // TILE]
-        weight = state[k, 1] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
-        red, green, blue, light = colour[k, 0], colour[k, 1], colour[k, 2], colour[k, 3]
+        weight = state[1, k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
+        red, green, blue = colour[k, 0], colour[k, 1], colour[k, 2]
         u, v = x + HALF, y + HALF  # border included
         m, n = int(v), int(u)
         fu, fv = u - np.float32(n), v - np.float32(m)
@@ -152,18 +194,8 @@ def splat(place, colour, state, screen, count, skip, nearest, at, front, now, yo
         add(gathered, m + 1, n, red, green, blue, w10)
         add(gathered, m + 1, n + 1, red, green, blue, w11)
         if lighting is not None:
-            lighting[m, n] += w00 * light
-            lighting[m, n + 1] += w01 * light
-            lighting[m + 1, n] += w10 * light
-            lighting[m + 1, n + 1] += w11 * light
-        if kept != k:
-            for c in range(4):
-                place[kept, c] = place[k, c]
-                colour[kept, c] = colour[k, c]
-            screen[kept, 0], screen[kept, 1], screen[kept, 2] = x, y, z
-            state[kept, 0], state[kept, 1] = state[k, 0], state[k, 1]
-        kept += 1
-    return kept
+            lighting[i, j, 0] += weight * colour[k, 3]
+            lighting[i, j, 1] += weight
 
 
 @inline_kernel
@@ -172,6 +204,37 @@ def add(gathered, i, j, red, green, blue, weight):
     gathered[i, j, 1] += weight * green
     gathered[i, j, 2] += weight * blue
     gathered[i, j, 3] += weight
+
+
+@kernel
+def sort_by_object(
+    place, name, colour, state, screen, count, starts, place_out, name_out, colour_out, state_out, screen_out
+):  # fmt: skip
+    """Copy what lives to a second store, objects one after another, and return how many that are.
+
+    starts : (objects + 2,) int64, scratch. Samples that are outside the picture or forgotten are left behind.
+    """
+    starts[:] = 0
+    for k in range(count):
+        if screen[2, k] > ZERO:
+            starts[name[k] + 1] += 1
+    for n in range(1, starts.shape[0]):
+        starts[n] += starts[n - 1]
+    kept = starts[-1]
+    for k in range(count):
+        if not screen[2, k] > ZERO:
+            continue
+        n = name[k]
+        j = starts[n]
+        starts[n] += 1
+        name_out[j] = n
+        for c in range(3):
+            place_out[c, j] = place[c, k]
+            screen_out[c, j] = screen[c, k]
+        for c in range(4):
+            colour_out[j, c] = colour[k, c]
+        state_out[0, j], state_out[1, j] = state[0, k], state[1, k]
+    return kept
 
 
 @kernel
@@ -295,7 +358,7 @@ def mix_still(base, still, dirty, shown):
 
 @kernel
 def take_in(
-    samples, offset, frame, corner, object_from_eye, table, place, colour, state, screen, count, surface, gathered,
+    samples, offset, frame, corner, object_from_eye, table, place, name, colour, state, screen, count, surface,
     lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, judging, dirty
 ):  # fmt: skip
     """Store a batch, and see how each sample agrees with the picture beneath it.
@@ -306,8 +369,8 @@ def take_in(
     offset : float32, seconds from the store's clock zero to the batch's base time
     frame, corner, object_from_eye : of the event they were traced under, see object_tables
     table : panel_from_object of the picture
-    place, colour, state, screen : the store, written from `count` on
-    surface, gathered, lighting : of the picture
+    place, name, colour, state, screen : the store, written from `count` on
+    surface, lighting : of the picture
     doubt, doubt_about : (h, w, 2) float32, (h, w) int32; raised where a sample contradicts
     residual : (rows, columns) float32, moving mean of |change of lighting| in each tile, updated if judging
     probes : (rows, columns, 2) float32, samples judged in each tile and their change, added to
@@ -321,24 +384,25 @@ def take_in(
     """
     height, width = surface.shape
     for k in range(samples.shape[0]):
-        if count >= place.shape[0]:
+        if count >= name.shape[0]:
             break
         sample = samples[k]
-        name = int(sample["object"])
-        if name >= object_from_eye.shape[0]:
+        thing = int(sample["object"])
+        if thing >= object_from_eye.shape[0]:
             continue
         x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
-        a, b, c = place_of(x, y, sample["depth"], name, frame, object_from_eye)
-        place[count, 0], place[count, 1], place[count, 2], place[count, 3] = a, b, c, np.float32(name)
+        a, b, c = place_of(x, y, sample["depth"], thing, frame, object_from_eye)
+        place[0, count], place[1, count], place[2, count] = a, b, c
+        name[count] = thing
         red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
         light = sample["light"]
         colour[count, 0], colour[count, 1], colour[count, 2], colour[count, 3] = red, green, blue, light
         time = offset + sample["time"]
-        state[count, 0], state[count, 1] = time, ONE
-        u, v, z = pixel_of(a, b, c, name, table)
+        state[0, count], state[1, count] = time, ONE
+        u, v, z = pixel_of(a, b, c, thing, table)
         if not (u >= ZERO and v >= ZERO and u < width and v < height):
             z = OUTSIDE
-        screen[count, 0], screen[count, 1], screen[count, 2] = u, v, z
+        screen[0, count], screen[1, count], screen[2, count] = u, v, z
         count += 1
         if not z > ZERO:
             continue
@@ -348,16 +412,15 @@ def take_in(
             change = sample["change"]
             if judging:
                 change = ZERO
-                if surface[i, j] == name and gathered[i + 1, j + 1, 3] > TRUSTED:
-                    was = lighting[i + 1, j + 1] / gathered[i + 1, j + 1, 3]
-                    if still[i, j, 3] >= KNOWN:
-                        was = still[i, j, 6]
+                if surface[i, j] == thing and lighting[i, j, 1] > TRUSTED:
+                    known = still[i, j, 3] >= KNOWN
+                    was = still[i, j, 6] if known else lighting[i, j, 0] / lighting[i, j, 1]
                     difference = abs(light - was)
                     if difference > SMALL_CHANGE:
-                        if still[i, j, 3] >= KNOWN:
+                        if known:
                             noise = SIGMAS * np.sqrt(still[i, j, 7] / still[i, j, 3])
                         else:
-                            noise = NOISE * spread_of(lighting, gathered, surface, i, j, name)
+                            noise = NOISE * spread_of(lighting, surface, i, j, thing)
                         difference = max(difference - noise, ZERO)
                     change = min(max((difference - SMALL_CHANGE) * PER_CHANGE, ZERO), ONE)
                     tile = residual[i // TILE, j // TILE]
@@ -366,7 +429,7 @@ def take_in(
             probes[i // TILE, j // TILE, 0] += ONE
             probes[i // TILE, j // TILE, 1] += change
             if change > ZERO:
-                spread_doubt(doubt, doubt_about, i, j, change, time, name)
+                spread_doubt(doubt, doubt_about, i, j, change, time, thing)
         if steady:
             gather_still(still, i, j, red, green, blue, light)
     return count
@@ -381,14 +444,14 @@ RESIDUAL_SHARE = np.float32(1.0 / 16.0)
 
 
 @inline_kernel
-def spread_of(lighting, gathered, surface, i, j, name):
+def spread_of(lighting, surface, i, j, thing):
     """The range of the lighting over the 3x3 pixels around that show the same object."""
     low, high = np.float32(np.inf), np.float32(-np.inf)
     for di in range(max(i - 1, 0), min(i + 2, surface.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, surface.shape[1])):
-            weight = gathered[di + 1, dj + 1, 3]
-            if surface[di, dj] == name and weight > TRUSTED:
-                light = lighting[di + 1, dj + 1] / weight
+            weight = lighting[di, dj, 1]
+            if surface[di, dj] == thing and weight > TRUSTED:
+                light = lighting[di, dj, 0] / weight
                 low, high = min(low, light), max(high, light)
     return max(high - low, ZERO)
 

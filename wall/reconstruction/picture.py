@@ -7,7 +7,7 @@ One owner, allocated once. The same code shows the picture at a compositor and l
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from wall.scene.build import Scene
 
 SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 0.5  # samples a pixel that may arrive between two refreshes, beside
+SORT_EVERY = 8  # refreshes
 YOUNG_S = 0.017  # a refresh at 60 Hz
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
@@ -86,17 +87,16 @@ class Picture:
         self._eye, self._scene = eye, scene
         self._kept = int(samples_per_pixel * width * height)
         capacity = self._kept + int(SLACK * width * height) + 4096
-        self.place = np.zeros((capacity, 4), np.float32)
-        self.colour = np.zeros((capacity, 4), np.float32)
-        self.state = np.zeros((capacity, 2), np.float32)
-        self.screen = np.full((capacity, 4), OUTSIDE, np.float32)
+        self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
+        self._starts = np.zeros(len(scene.instances) + 2, np.int64)
+        self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width), np.inf, np.float32)
         self.surface = np.full((height, width), -1, np.int32)
         self.at = np.zeros((height, width, 2), np.float32)
         self.front = np.zeros((height, width), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
-        self.lighting = np.zeros((height + 2, width + 2), np.float32) if judging else None
+        self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)
         self.doubt_about = np.zeros((height, width), np.int32)
         self.residual = np.zeros((rows, columns), np.float32)
@@ -117,16 +117,14 @@ class Picture:
         """Take samples in that were traced under `event`; their `change` is written if judging."""
         pose = self._pose_of(event)
         under = self._pose if self._pose is not None else pose
-        if self.count + len(samples) > len(self.place):
-            self._drop_oldest(self.count + len(samples) - len(self.place))
+        if self.count + len(samples) > len(self._store.name):
+            self._make_room(len(samples))
         steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
-        lighting: Any = self.lighting if self.lighting is not None else self.residual
+        lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
             samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
-            under.panel_from_object, self.place, self.colour, self.state, self.screen, self.count, self.surface,
-            self.gathered, lighting, self.doubt, self.doubt_about, self.residual, self.probes, self.still,
-            steady, self.nothing_moves,
-            self.judging, self.dirty,
+            under.panel_from_object, *self._store, self.count, self.surface, lighting, self.doubt, self.doubt_about,
+            self.residual, self.probes, self.still, steady, self.nothing_moves, self.judging, self.dirty,
         )  # fmt: skip
 
     def refresh(self, event: Event, now: float) -> None:
@@ -163,21 +161,30 @@ class Picture:
         if last is not None:
             moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
         self._pose = pose
-        alive = kernels.move(
-            self.place, self.state, self.screen, self.count, table, moved, self.doubt, self.doubt_about, self._stale(),
-            np.float32(self._moved - self._epoch), self.nearest,
-            self.at, self.surface,
-        )  # fmt: skip
+        s, now32 = self._store, np.float32(now - self._epoch)
+        height, width = self.nearest.shape
+        if self._doubted:
+            since = np.float32(self._moved - self._epoch)
+            kernels.lose_confidence(
+                s.name, s.state, s.screen, self.count, self.doubt, self.doubt_about, self._stale(), since
+            )
+        kernels.place_samples(s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen)
+        alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest, self.at, self.surface)
         kernels.front_depths(self.nearest, self.front)
         decay = SLOW_DECAY * (1.0 + DECAY_PER_RESIDUAL * self.residual)
-        self.count = kernels.splat(
-            self.place, self.colour, self.state, self.screen, self.count, max(0, alive - self._kept), self.nearest,
-            self.at, self.front, np.float32(now - self._epoch), np.float32(YOUNG_S), decay, self.gathered,
-            self.lighting,
+        kernels.splat(
+            s.colour, s.state, s.screen, self.count, self._cutoff(alive), self.nearest, self.at, self.front, now32,
+            np.float32(YOUNG_S), decay, self.gathered, self.lighting,
         )  # fmt: skip
-        self._moved = now
         kernels.doubt_still(self.still, self.surface, moved, self.doubt)
+        self._sort()
+        self._moved = now
         self._fill()
+
+    @property
+    def _doubted(self) -> bool:
+        """Whether anything was contradicted since the last refresh."""
+        return bool(self.probes[..., 1].any())
 
     def _stale(self) -> Float32:
         """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
@@ -197,12 +204,50 @@ class Picture:
             filled = level
         kernels.resolve(self.gathered, self._levels[0], self.base)
 
-    def _drop_oldest(self, n: int) -> None:
-        """Make room: more came between two refreshes than there is slack for."""
-        n = max(n, len(self.place) // 8)
-        for rows in (self.place, self.colour, self.state, self.screen):
-            rows[: self.count - n] = rows[n : self.count]
-        self.count -= n
+    def _sort(self, *, now: bool = False) -> None:
+        """Now and then: close ranks, and let objects stand together again."""
+        self._until_sorted -= 1
+        if self._until_sorted <= 0 or now:
+            self._until_sorted = SORT_EVERY
+            self.count = kernels.sort_by_object(*self._store, self.count, self._starts, *self._spare)
+            self._store, self._spare = self._spare, self._store
+
+    def _cutoff(self, alive: int) -> np.float32:
+        """Time before which samples must go for no more than the wanted number to stay; from every 16th sample."""
+        if alive <= self._kept:
+            return np.float32(-np.inf)
+        s = self._store
+        times = s.state[0, : self.count : 16][s.screen[2, : self.count : 16] > 0.0]
+        return np.float32(np.quantile(times, 1.0 - self._kept / alive)) if len(times) else np.float32(-np.inf)
+
+    def _make_room(self, n: int) -> None:
+        """More came between two refreshes than there is slack for: the dead leave, then the oldest."""
+        self._sort(now=True)
+        if self.count + n > len(self._store.name):
+            times = self._store.state[0, : self.count]
+            share = min(1.0, 0.125 + n / self.count)
+            self._store.screen[2, : self.count][times <= np.quantile(times, share)] = OUTSIDE
+            self._sort(now=True)
+
+
+class Store(NamedTuple):
+    """Samples as points of their objects, in no order that means anything."""
+
+    place: Float32  # (3, capacity) object-local; a direction for the sky
+    name: NDArray[np.int32]  # (capacity,) object id
+    colour: Float32  # (capacity, 4) radiance and square root of lighting
+    state: Float32  # (2, capacity) seconds of the store's clock, confidence 0..1
+    screen: Float32  # (3, capacity) x, y, depth in the picture
+
+    @classmethod
+    def of(cls, capacity: int) -> Store:
+        return cls(
+            place=np.zeros((3, capacity), np.float32),
+            name=np.zeros(capacity, np.int32),
+            colour=np.zeros((capacity, 4), np.float32),
+            state=np.zeros((2, capacity), np.float32),
+            screen=np.full((3, capacity), OUTSIDE, np.float32),
+        )
 
 
 def _pyramid(height: int, width: int) -> list[Float32]:
