@@ -214,7 +214,7 @@ def test_equal_cpu_time_is_spent_whole_whatever_the_first_guess(guess: float, fr
     assert clock.shown >= 225  # a first guess that is wrong costs some
 
 
-def test_pictures_that_cost_more_than_there_is_miss_refreshes_and_leave_half_to_the_rays() -> None:
+def test_pictures_that_cost_more_than_there_is_miss_refreshes_and_leave_a_quarter_to_the_rays() -> None:
     arm = Burning(ray_s=1e-6, show_s=50e-3)  # three times a core's refresh
     clock = burnt(arm, cores=1.0, refreshes=240)
     assert clock.spent == pytest.approx(4.0, rel=0.05)

@@ -16,7 +16,7 @@ from wall.data import Float32
 from wall.measure.quality.arm import Arm
 
 STEPS_A_REFRESH = 4  # a CPU budget is handed out in so many parts, so that an estimate can be corrected
-RAYS_SHARE = 0.5  # of what is earned is for rays, however dear showing is
+RAYS_SHARE = 0.25  # of what is earned is for rays, however dear showing is
 SMOOTHING = 0.2  # weight of the newest cost of showing in its running estimate
 GUESS_S = 1 / 60  # CPU seconds of every core that the first guess of a ray's cost weighs as much as
 REPAID = 0.1  # of what rays turned out to cost more (or less) than planned, at every refresh
