@@ -6,13 +6,15 @@ from collections.abc import Callable
 
 from wall.config.loading import nearest
 from wall.errors import ConfigError
-from wall.measure.quality import arms_adaptive, arms_plain, arms_progressive
+from wall.measure.quality import arms_adaptive, arms_plain, arms_progressive, arms_reduced, arms_taa
 from wall.measure.quality.arm import Arm, Setup
 
 FACTORIES: dict[str, Callable[[Setup], Arm]] = {
     **arms_adaptive.ARMS,
     **arms_plain.ARMS,
     **arms_progressive.ARMS,
+    **arms_reduced.ARMS,
+    **arms_taa.ARMS,
 }
 ARMS: tuple[str, ...] = tuple(FACTORIES)
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from wall.data import SAMPLE, Batch, Event, Float32, Float64, Rect, Samples
-from wall.measure.quality.arm import INPUT_STEP_S, Inputs, Setup
+from wall.measure.quality.arm import Inputs, Setup
 from wall.packets.samples import MAX_SAMPLES, Codec, encode
 from wall.reconstruction.picture import Pose
 from wall.sampling.ownership import block_order
@@ -91,19 +91,21 @@ class FramedArm:
         self._spacing = np.array(setup.size, np.float64) / grid
         self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=True)
         self._raster = np.zeros((rows, columns), SAMPLE)
-        self._now, self._frame, self._done = 0.0, 0, 0.0
+        self._now, self._frame, self._done, self._allowed = 0.0, 0, 0.0, 0
+        self._step = setup.input_step_s
         self._event: Event | None = self._inputs.event_at(0.0)
         self._finish(self._event)
         self._shooter.rays = self._shooter.secondary = self._shooter.bytes = 0
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
-        rate = self._rate if rays is None else rays / max(until - self._now, 1e-9)
+        rate = self._rate if rays is None else max(0, rays - self._allowed) / max(until - self._now, 1e-9)
+        self._allowed = int(self._rate * until) if rays is None else rays
         while self._now < until:
             if self._event is None:
                 event = self._inputs.event_at(self._now)
                 if event is self._last and not self._display.jittered:  # the picture is complete
-                    self._now = min(self._now + INPUT_STEP_S, until)
+                    self._now = min(self._now + self._step, until)
                     continue
                 self._event, self._done = event, 0.0
             left = len(self._cells) - self._done
@@ -157,12 +159,13 @@ class Renderer(Protocol):
 
 
 class FramelessArm:
-    """Rays of at most INPUT_STEP_S share an event, are traced at that span's end and count at once."""
+    """Rays of at most Setup.input_step_s share an event, are traced at that span's end and count at once."""
 
     def __init__(self, setup: Setup, renderer: Renderer) -> None:
         self._rate, self._renderer = setup.rate, renderer
         self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=renderer.coherent)
-        self._now, self._owed = 0.0, 0.0
+        self._now, self._owed, self._allowed = 0.0, 0.0, 0
+        self._step = setup.input_step_s
         centres = (block_order(setup.rect, worker=0, workers=1) + 0.5).astype(np.float32)
         event = self._inputs.event_at(0.0)
         renderer.take(self._shooter.trace(centres, event, 0.0), event, 0.0)
@@ -170,9 +173,10 @@ class FramelessArm:
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
-        rate = self._rate if rays is None else rays / max(until - self._now, 1e-9)
+        rate = self._rate if rays is None else max(0, rays - self._allowed) / max(until - self._now, 1e-9)
+        self._allowed = int(self._rate * until) if rays is None else rays
         while self._now < until:
-            end = min(self._now + INPUT_STEP_S, until)
+            end = min(self._now + self._step, until)
             self._owed += rate * (end - self._now)
             self._now = end
             if self._owed + ROUNDING_RAYS < 1.0:

@@ -16,8 +16,10 @@ from wall.data import Float32
 from wall.measure.quality.arm import Arm
 
 STEPS_A_REFRESH = 4  # a CPU budget is handed out in so many parts, so that an estimate can be corrected
-RAYS_SHARE = 0.5  # of what is earned is for rays, however dear showing is
-SMOOTHING = 0.2  # weight of the newest cost in the running estimates
+RAYS_SHARE = 0.25  # of what is earned is for rays, however dear showing is
+SMOOTHING = 0.2  # weight of the newest cost of showing in its running estimate
+GUESS_S = 1 / 60  # CPU seconds of every core that the first guess of a ray's cost weighs as much as
+REPAID = 0.1  # of what rays turned out to cost more (or less) than planned, at every refresh
 
 Timer = Callable[[], float]  # seconds of CPU time that this process has used, all its threads
 
@@ -54,38 +56,47 @@ class CpuClock:
     ) -> None:
         """`ray_s`, `show_s`: first estimates of what a ray and a show() cost, seconds; `picture` is shown at 0."""
         self.spent, self.shown = 0.0, 0
-        self.ray_s, self.show_s = ray_s, show_s
-        self._cores, self._balance, self._picture = cores, 0.0, picture
-        self.allowed, self._timer = 0, timer  # rays so far
+        self.allowed = 0  # rays so far
+        self._cores, self._picture, self._timer = cores, picture, timer
+        self._show_s, self._planned, self._mispriced = show_s, 0.0, 0.0
+        weight = cores * GUESS_S / ray_s
+        self._rays, self._rays_s = weight, weight * ray_s  # used so far and what they cost, the guess among them
 
     def refresh(self, arm: Arm, begin: float, end: float) -> Float32:
         earned = self._cores * (end - begin)
-        self._balance = min(self._balance, earned) + earned
+        repaid = REPAID * self._mispriced
+        self._mispriced -= repaid
+        self._planned = min(self._planned, earned) + earned - repaid
         for step in range(STEPS_A_REFRESH):
-            self._advance(arm, begin + (end - begin) * (step + 1) / STEPS_A_REFRESH, earned, STEPS_A_REFRESH - step)
-        if self._balance >= 0.0:
+            until = begin + (end - begin) * (step + 1) / STEPS_A_REFRESH
+            least = RAYS_SHARE * earned / STEPS_A_REFRESH if self._planned > 0.0 else 0.0
+            self._advance(arm, until, max((self._planned - self._show_s) / (STEPS_A_REFRESH - step), least))
+        if self._planned >= 0.0:
             self._show(arm, end)
         return self._picture
 
-    def _advance(self, arm: Arm, until: float, earned: float, steps_left: int) -> None:
-        least = RAYS_SHARE * earned / STEPS_A_REFRESH if self._balance > 0.0 else 0.0
-        budget = max((self._balance - self.show_s) / steps_left, least)
-        self.allowed += max(0, int(budget / self.ray_s))
+    def _advance(self, arm: Arm, until: float, budget: float) -> None:
+        """Grant what `budget` seconds buy. It counts as used at once: an arm may trace a whole frame at its end."""
+        ray_s = self._rays_s / self._rays
+        granted = max(0, int(budget / ray_s))
+        self.allowed += granted
+        self._planned -= granted * ray_s
         before, started = arm.rays, self._timer()
         arm.advance(until, self.allowed)
-        cost, rays = self._charge(started), arm.rays - before
-        if rays:
-            self.ray_s += SMOOTHING * (cost / rays - self.ray_s)
+        cost, used = self._charge(started), arm.rays - before
+        self._rays, self._rays_s = self._rays + used, self._rays_s + cost
+        self._mispriced += cost - used * ray_s
 
     def _show(self, arm: Arm, time_shown: float) -> None:
         started = self._timer()
         picture = arm.show(time_shown)
-        self.show_s += SMOOTHING * (self._charge(started) - self.show_s)
+        cost = self._charge(started)
+        self._planned -= cost
+        self._show_s += SMOOTHING * (cost - self._show_s)
         self.shown += 1
         self._picture = picture.copy()  # the arm's own may change before a later refresh that is missed
 
     def _charge(self, started: float) -> float:
         cost = self._timer() - started
-        self._balance -= cost
         self.spent += cost
         return cost
