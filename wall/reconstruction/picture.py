@@ -88,7 +88,8 @@ class Picture:
         self._kept = int(samples_per_pixel * width * height)
         capacity = self._kept + int(SLACK * width * height) + 4096
         self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
-        self._starts = np.zeros(len(scene.instances) + 2, np.int64)
+        self._tile_starts = np.zeros(rows * columns + 1, np.int64)
+        self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width), np.inf, np.float32)
@@ -209,8 +210,11 @@ class Picture:
         self._until_sorted -= 1
         if self._until_sorted <= 0 or now:
             self._until_sorted = SORT_EVERY
-            self.count = kernels.sort_by_object(*self._store, self.count, self._starts, *self._spare)
-            self._store, self._spare = self._spare, self._store
+            for by_tile, starts in ((True, self._tile_starts), (False, self._object_starts)):
+                self.count = kernels.sort_store(
+                    *self._store, self.count, by_tile, self.residual.shape[1], starts, *self._spare
+                )
+                self._store, self._spare = self._spare, self._store
 
     def _cutoff(self, alive: int) -> np.float32:
         """Time before which samples must go for no more than the wanted number to stay; from every 16th sample."""
