@@ -172,7 +172,7 @@ def test_command_is_understood(message: dict[str, Any], expected: Command) -> No
         ({"kind": "orbit", "x": 10**400, "y": 0}, "want a number"),
         ({"kind": "zoom", "x": 0}, "command zoom: x = 0: want a number from 0.1 to 10"),
         ({"kind": "zoom", "x": "2"}, "command zoom: x = '2'"),
-        ({"kind": "sampler", "value": "x" * 1000}, "want one of framed, frameless, hilbert"),
+        ({"kind": "sampler", "value": "x" * 1000}, "want one of adaptive, framed, frameless, hilbert"),
         ({"kind": "sampler", "value": {}}, "command sampler dict"),
     ],
 )

@@ -81,8 +81,8 @@ def test_the_example_is_what_its_values_encode_to() -> None:
 def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
-    assert fields["size"] == HEADER_BYTES == 80
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 1, 1, 0)
+    assert fields["size"] == HEADER_BYTES == 184
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 2, 1, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
     assert (fields["count"], fields["length"]) == (3, 3 * BYTES_A_SAMPLE)

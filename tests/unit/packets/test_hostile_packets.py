@@ -8,7 +8,7 @@ import tracemalloc
 import lz4.block
 import pytest
 import zstandard
-from packet_examples import CHECKSUM_AT, HEADER, batch_of, check_sane, plain_samples, resealed
+from packet_examples import CHECKSUM_AT, HEADER, LENGTH_AT, batch_of, check_sane, plain_samples, resealed
 
 from wall.data import Rect
 from wall.errors import RemoteProtocolError
@@ -61,7 +61,7 @@ def test_bytes_after_the_packet_are_refused() -> None:
 @pytest.mark.parametrize("codec", Codec)
 def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(codec: Codec) -> None:
     packet, accepted = PACKETS[codec], 0
-    for offset in [*range(CHECKSUM_AT - 4), *range(HEADER, len(packet))]:
+    for offset in [*range(LENGTH_AT), *range(LENGTH_AT + 4, CHECKSUM_AT), *range(HEADER, len(packet))]:
         for value in (0, 1, 2, 0x3F, 0x40, 0x7F, 0x80, 0xC0, 0xFE, 0xFF):
             changed = bytearray(packet)
             changed[offset] = value
@@ -75,7 +75,7 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
         (14, "B", 255), (15, "B", 7), (15, "B", 16), (20, "H", 0), (20, "H", 4097), (22, "H", 0), (22, "H", 65535),
         (40, "d", float("nan")), (40, "d", float("inf")), (48, "f", -1.0), (48, "f", float("nan")), (48, "f", 1e6),
         (52, "f", 0.0), (52, "f", 1.5), (52, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
-        (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 2),
+        (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 1), (4, "B", 3),
     ],
 )  # fmt: skip
 def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: int, layout: str, value: float) -> None:

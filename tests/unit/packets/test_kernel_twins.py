@@ -39,7 +39,7 @@ def twin_pack(samples: Samples) -> tuple[NDArray[Any], ...]:
         mantissa = depth / 2.0**octave - 1.0
         code = np.floor((octave + 127 - BASE + mantissa) * 2.0**BITS + 0.5)
     depths = np.where(np.isinf(depth), 0xFFFF, code).astype(np.uint16)
-    times = np.floor(np.float64(samples["time"]) / np.float64(SPAN) * 63 + 0.5).astype(int)
+    times = np.floor(np.float64(samples["time"]) / np.float64(SPAN) * 3 + 0.5).astype(int)
     return twin_shared_exponent(samples["radiance"]), x, y, depths, wrapped(samples["object"]), times
 
 
@@ -53,7 +53,9 @@ def twin_unpack(planes: list[NDArray[Any]]) -> Samples:
     value = np.float64(depths) / 2.0**BITS
     depth = 2.0 ** (np.floor(value) + BASE - 127) * (1.0 + value % 1.0)
     samples["depth"] = np.where(depths == 0xFFFF, np.inf, depth)
-    samples["time"] = ((xs >> 14) * 16.0 + (ys >> 14) * 4.0 + (objects >> 14)) * (np.float64(SPAN) / 63)
+    samples["time"] = (objects >> 14) * (np.float64(SPAN) / 3)
+    samples["change"] = ((xs >> 14) * 4.0 + (ys >> 14)) / 15
+    samples["light"] = 0.0
     samples["object"] = objects & 0x3FFF
     return samples
 
