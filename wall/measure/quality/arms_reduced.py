@@ -37,7 +37,8 @@ class EnlargingDisplay:
         if self._picture is None:
             (first, second, share), (left, right, part) = self._rows, self._columns
             rows = self._frame[first] * (1 - share)[:, None, None] + self._frame[second] * share[:, None, None]
-            self._picture = rows[:, left] * (1 - part)[:, None] + rows[:, right] * part[:, None]
+            columns = rows[:, left] * (1 - part)[:, None] + rows[:, right] * part[:, None]
+            self._picture = columns.astype(np.float32)
         return self._picture
 
 
@@ -45,7 +46,7 @@ def between(fine: int, coarse: int) -> tuple[NDArray[np.intp], NDArray[np.intp],
     """For each of `fine` pixel centres: the two of `coarse` centres it lies between, and the second one's share."""
     at = (np.arange(fine) + 0.5) * coarse / fine - 0.5
     first = np.floor(at).astype(np.intp)
-    share = (at - first).astype(np.float32)
+    share: Float32 = (at - first).astype(np.float32)
     return np.clip(first, 0, coarse - 1), np.clip(first + 1, 0, coarse - 1), share
 
 

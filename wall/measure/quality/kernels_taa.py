@@ -1,7 +1,7 @@
 """Temporal antialiasing and upsampling: one frame's samples into a history that follows every surface.
 
-After Karis, "High-quality temporal supersampling" (SIGGRAPH 2014 course), and Yang, Liu and Salvi, "A survey of temporal
-antialiasing techniques" (CGF 2020).
+After Karis, "High-quality temporal supersampling" (SIGGRAPH 2014 course), and Yang, Liu and Salvi, "A survey of
+temporal antialiasing techniques" (CGF 2020).
 """
 
 from __future__ import annotations
@@ -15,9 +15,18 @@ from wall.jit import inline_kernel, kernel
 from wall.measure.quality.kernels_warp import catmull_rom
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-NARROW = np.float32(1.0 / (2.0 * 0.4 * 0.4))  # Gaussian of a sample's share of a pixel, sigma 0.4 pixels: Karis's width
+NARROW = np.float32(
+    1.0 / (2.0 * 0.5 * 0.5)
+)  # Gaussian of a sample's share of a pixel, sigma half a pixel: Karis's 0.47
 SAME_DEPTH = np.float32(0.1)  # of the depth: a history pixel further off shows another surface
 PRIOR = np.float32(0.3)  # samples that a pixel's neighbours count for where it has no history
+DISTRUST = np.float32(2.0)  # a history that clipping changed by its own size stands for a third of the samples
+DARK = np.float32(0.05)  # W sr^-1 m^-2: below it a change by clipping is small whatever its ratio
+
+# sums over the 3x3 samples around a pixel: colour and weight by the narrow and by the wide Gaussian; inverse depth and
+# weight of those of its object; colour and number; squares of Y, Co, Cg
+NARROW_SUM, WIDE_SUM, DEPTH_SUM, MEAN, SQUARES = 0, 4, 8, 10, 14
+AROUND = 17
 
 
 @kernel
@@ -35,22 +44,6 @@ def place_samples(raster, frame, corner, object_from_eye, table, place, depth):
             a, b, c = place_of(x, y, sample["depth"], name, frame, object_from_eye)
             place[i, j, 0], place[i, j, 1], place[i, j, 2], place[i, j, 3] = a, b, c, np.float32(name)
             depth[i, j] = pixel_of(a, b, c, name, table)[2]
-
-
-@inline_kernel
-def clip_to_box(r, g, b, mean, deviation, gamma):
-    """Pull a colour towards the mean until it is within gamma deviations of it in Y, Co and Cg (Karis 2014)."""
-    y, o, p = r - mean[0], g - mean[1], b - mean[2]
-    furthest = ONE
-    luma = (y + np.float32(2.0) * o + p) * np.float32(0.25)
-    orange = (y - p) * HALF
-    green = (np.float32(2.0) * o - y - p) * np.float32(0.25)
-    small = np.float32(1e-5)
-    furthest = max(furthest, abs(luma) / (gamma * deviation[0] + small))
-    furthest = max(furthest, abs(orange) / (gamma * deviation[1] + small))
-    furthest = max(furthest, abs(green) / (gamma * deviation[2] + small))
-    scale = ONE / furthest
-    return mean[0] + y * scale, mean[1] + o * scale, mean[2] + p * scale
 
 
 @kernel
@@ -91,94 +84,110 @@ def accumulate(
     -------
     fresh : int, pixels without a history
     """
-    height, width = shown.shape[0], shown.shape[1]
-    rows, columns = raster.shape
-    wide = ONE / (HALF * max(spacing[0], spacing[1]) ** 2)  # sigma: half the spacing
-    mean, deviation, sums = np.empty(3, np.float32), np.empty(3, np.float32), np.empty(6, np.float32)
+    around = np.empty(AROUND, np.float32)
     fresh = 0
-    for i in range(height):
+    for i in range(shown.shape[0]):
         y = np.float32(i) + HALF
-        middle_row = min(int(y / spacing[1]), rows - 1)
-        top, bottom = max(middle_row - 1, 0), min(middle_row + 2, rows)
-        for j in range(width):
+        for j in range(shown.shape[1]):
             x = np.float32(j) + HALF
-            middle = min(int(x / spacing[0]), columns - 1)
-            left, right = max(middle - 1, 0), min(middle + 2, columns)
-            # the nearest sample says which surface this is, the foremost which way the pixel moves
-            best, near = np.float32(np.inf), np.float32(np.inf)
-            own_i = own_j = front_i = front_j = 0
-            for k in range(top, bottom):
-                for m in range(left, right):
-                    dx, dy = raster[k, m]["xy"][0] - x, raster[k, m]["xy"][1] - y
-                    square = dx * dx + dy * dy
-                    if square < best:
-                        best, own_i, own_j = square, k, m
-                    if depth[k, m] < near:
-                        near, front_i, front_j = depth[k, m], k, m
-            name = int(place[own_i, own_j, 3])
-            sums[:] = ZERO
-            mean[:] = ZERO
-            r = g = b = weight = wr = wg = wb = wide_weight = slope = slope_weight = ZERO
-            count = np.float32((bottom - top) * (right - left))
-            for k in range(top, bottom):
-                for m in range(left, right):
-                    dx, dy = raster[k, m]["xy"][0] - x, raster[k, m]["xy"][1] - y
-                    square = dx * dx + dy * dy
-                    red, green, blue = (
-                        raster[k, m]["radiance"][0],
-                        raster[k, m]["radiance"][1],
-                        raster[k, m]["radiance"][2],
-                    )
-                    part = math.exp(-square * NARROW)
-                    r, g, b, weight = r + part * red, g + part * green, b + part * blue, weight + part
-                    part = math.exp(-square * wide)
-                    wr, wg, wb, wide_weight = wr + part * red, wg + part * green, wb + part * blue, wide_weight + part
-                    if int(place[k, m, 3]) == name:
-                        slope += part / depth[k, m]
-                        slope_weight += part
-                    mean[0] += red
-                    mean[1] += green
-                    mean[2] += blue
-                    luma = (red + np.float32(2.0) * green + blue) * np.float32(0.25)
-                    orange, leaf = (red - blue) * HALF, (np.float32(2.0) * green - red - blue) * np.float32(0.25)
-                    sums[0] += luma
-                    sums[1] += orange
-                    sums[2] += leaf
-                    sums[3] += luma * luma
-                    sums[4] += orange * orange
-                    sums[5] += leaf * leaf
-            z = slope_weight / slope if name > 0 else FAR  # 1 / depth is linear over a plane
-            a, c, e = point_at(corner[0] + x, corner[1] + y, z, name, frame, object_from_eye)
-            found[i, j, 0], found[i, j, 1], found[i, j, 2] = a, c, e
+            name = look_around(raster, place, depth, spacing, x, y, around)
+            z = around[DEPTH_SUM + 1] / around[DEPTH_SUM] if name > 0 else FAR  # 1 / depth is linear over a plane
+            a, b, c = point_at(corner[0] + x, corner[1] + y, z, name, frame, object_from_eye)
+            found[i, j, 0], found[i, j, 1], found[i, j, 2] = a, b, c
             found[i, j, 3], found[i, j, 4] = np.float32(name), z
-            hr = hg = hb = n = ZERO
             if still:
-                hr, hg, hb, n = colour[i, j, 0], colour[i, j, 1], colour[i, j, 2], colour[i, j, 3]
+                red, green, blue, n = colour[i, j, 0], colour[i, j, 1], colour[i, j, 2], colour[i, j, 3]
             else:
-                own = pixel_of(a, c, e, name, then)
-                front = place[front_i, front_j]
-                u, v, w = pixel_of(front[0], front[1], front[2], int(front[3]), then)
-                if w != OUTSIDE and own[2] != OUTSIDE:
-                    u += x - raster[front_i, front_j]["xy"][0]
-                    v += y - raster[front_i, front_j]["xy"][1]
-                    n = min(known(about, colour, u, v, name, own[2]), limit)
-                if n > ZERO:
-                    hr, hg, hb = catmull_rom(colour, u, v)
-                    for k in range(3):
-                        mean[k] /= count
-                        deviation[k] = math.sqrt(max(sums[3 + k] / count - (sums[k] / count) ** 2, ZERO))
-                    hr, hg, hb = clip_to_box(hr, hg, hb, mean, deviation, gamma)
+                red, green, blue, n = history(a, b, c, name, then, colour, about, limit, gamma, around)
             if n <= ZERO:
                 fresh += 1
-                n = PRIOR
-                scale = ONE / max(wide_weight, np.float32(1e-20))
-                hr, hg, hb = wr * scale, wg * scale, wb * scale
-            total = ONE / (n + weight)
-            shown[i, j, 0] = (hr * n + r) * total
-            shown[i, j, 1] = (hg * n + g) * total
-            shown[i, j, 2] = (hb * n + b) * total
-            shown[i, j, 3] = n + weight
+                n, scale = PRIOR, ONE / max(around[WIDE_SUM + 3], np.float32(1e-20))
+                red, green, blue = around[WIDE_SUM] * scale, around[WIDE_SUM + 1] * scale, around[WIDE_SUM + 2] * scale
+            scale = ONE / (n + around[NARROW_SUM + 3])
+            shown[i, j, 0] = (red * n + around[NARROW_SUM]) * scale
+            shown[i, j, 1] = (green * n + around[NARROW_SUM + 1]) * scale
+            shown[i, j, 2] = (blue * n + around[NARROW_SUM + 2]) * scale
+            shown[i, j, 3] = n + around[NARROW_SUM + 3]
     return fresh
+
+
+@inline_kernel
+def look_around(raster, place, depth, spacing, x, y, around):
+    """Sum up the 3x3 samples around (x, y) into `around` (AROUND,) float32; returns the nearest one's object id."""
+    rows, columns = raster.shape
+    i, j = min(int(y / spacing[1]), rows - 1), min(int(x / spacing[0]), columns - 1)
+    top, bottom, left, right = max(i - 1, 0), min(i + 2, rows), max(j - 1, 0), min(j + 2, columns)
+    best = np.float32(np.inf)
+    name = 0
+    for k in range(top, bottom):
+        for m in range(left, right):
+            dx, dy = raster[k, m]["xy"][0] - x, raster[k, m]["xy"][1] - y
+            if dx * dx + dy * dy < best:
+                best = dx * dx + dy * dy
+                name = int(place[k, m, 3])
+    wide = ONE / (HALF * max(spacing[0], spacing[1]) ** 2)  # sigma: half the spacing
+    around[:] = ZERO
+    for k in range(top, bottom):
+        for m in range(left, right):
+            dx, dy = raster[k, m]["xy"][0] - x, raster[k, m]["xy"][1] - y
+            square = dx * dx + dy * dy
+            light = raster[k, m]["radiance"]
+            r, g, b = light[0], light[1], light[2]
+            add_weighted(around, NARROW_SUM, math.exp(-square * NARROW), r, g, b)
+            part = math.exp(-square * wide)
+            add_weighted(around, WIDE_SUM, part, r, g, b)
+            if int(place[k, m, 3]) == name:
+                around[DEPTH_SUM] += part / depth[k, m]
+                around[DEPTH_SUM + 1] += part
+            add_weighted(around, MEAN, ONE, r, g, b)
+            luma, orange, leaf = ycocg(r, g, b)
+            around[SQUARES] += luma * luma
+            around[SQUARES + 1] += orange * orange
+            around[SQUARES + 2] += leaf * leaf
+    return name
+
+
+@inline_kernel
+def add_weighted(around, at, weight, r, g, b):
+    around[at] += weight * r
+    around[at + 1] += weight * g
+    around[at + 2] += weight * b
+    around[at + 3] += weight
+
+
+@inline_kernel
+def ycocg(r, g, b):
+    """Luma, orange and green chroma of a colour; linear."""
+    two, quarter = np.float32(2.0), np.float32(0.25)
+    return (r + two * g + b) * quarter, (r - b) * HALF, (two * g - r - b) * quarter
+
+
+@inline_kernel
+def history(a, b, c, name, then, colour, about, limit, gamma, around):
+    """The history of an object's point: clipped radiance and how many samples it stands for, 0 = none."""
+    u, v, z = pixel_of(a, b, c, name, then)
+    n = min(known(about, colour, u, v, name, z), limit) if z != OUTSIDE else ZERO
+    if n <= ZERO:
+        return ZERO, ZERO, ZERO, ZERO
+    red, green, blue = catmull_rom(colour, u, v)
+    r, g, b = clip_to_box(red, green, blue, around, gamma)
+    change = abs(red - r) + abs(green - g) + abs(blue - b)
+    n *= ONE / (ONE + DISTRUST * change / (red + green + blue + DARK))
+    return r, g, b, n
+
+
+@inline_kernel
+def clip_to_box(red, green, blue, around, gamma):
+    """Pull a colour towards the mean until it is within gamma deviations of it in Y, Co and Cg (Karis 2014)."""
+    share = ONE / around[MEAN + 3]
+    r, g, b = around[MEAN] * share, around[MEAN + 1] * share, around[MEAN + 2] * share
+    middle, away = ycocg(r, g, b), ycocg(red - r, green - g, blue - b)
+    furthest = ONE
+    for k in range(3):
+        deviation = math.sqrt(max(around[SQUARES + k] * share - middle[k] * middle[k], ZERO))
+        furthest = max(furthest, abs(away[k]) / (gamma * deviation + np.float32(1e-5)))
+    scale = ONE / furthest
+    return r + (red - r) * scale, g + (green - g) * scale, b + (blue - b) * scale
 
 
 @inline_kernel
@@ -198,11 +207,11 @@ def point_at(x, y, z, name, frame, table):
 
 @inline_kernel
 def known(about, colour, u, v, name, z):
-    """Samples of the history at (u, v) if one of the four pixels around shows object `name` at about depth z, else 0."""
+    """Samples of the history at (u, v) if one of the four pixels around shows object `name` at about depth z; or 0."""
     height, width = about.shape[0], about.shape[1]
     if not (u >= ZERO and v >= ZERO and u < np.float32(width) and v < np.float32(height)):
         return ZERO
-    i, j = int(math.floor(v - HALF)), int(math.floor(u - HALF))
+    i, j = math.floor(v - HALF), math.floor(u - HALF)
     samples = ZERO
     for k in range(max(i, 0), min(i + 2, height)):
         for m in range(max(j, 0), min(j + 2, width)):

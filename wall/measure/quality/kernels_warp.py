@@ -23,7 +23,7 @@ def catmull_rom(picture, u, v):
     """(r, g, b) of a (h, w, >= 3) picture at (u, v) pixels: Catmull-Rom, kept within what the four nearest show."""
     height, width = picture.shape[0], picture.shape[1]
     x, y = u - HALF, v - HALF
-    j, i = int(math.floor(x)), int(math.floor(y))
+    j, i = math.floor(x), math.floor(y)
     s, t = x - np.float32(j), y - np.float32(i)
     r = g = b = ZERO
     low_r = low_g = low_b = np.float32(np.inf)
@@ -75,11 +75,11 @@ def move_surfaces(found, table, moved, nearest, fallback):
             if not (z > ZERO and x > -ONE and y > -ONE and x < np.float32(width + 1) and y < np.float32(height + 1)):
                 moved[i, j, 2] = -ONE
                 continue
-            m, k = int(math.floor(x - HALF)), int(math.floor(y - HALF))
+            m, k = math.floor(x - HALF), math.floor(y - HALF)
             for row in range(max(k, 0), min(k + 2, height)):
                 for column in range(max(m, 0), min(m + 2, width)):
                     fallback[row, column] = min(fallback[row, column], z)
-            k, m = int(math.floor(y)), int(math.floor(x))
+            k, m = math.floor(y), math.floor(x)
             if k >= 0 and m >= 0 and k < height and m < width:
                 nearest[k, m] = min(nearest[k, m], z)
 
@@ -88,8 +88,9 @@ def move_surfaces(found, table, moved, nearest, fallback):
 def sources(moved, nearest, fallback, origin):
     """Where each pixel of the new pose comes from, as a sum over the surfaces that reach it.
 
-    moved, nearest, fallback : see move_surfaces; origin : (h, w, 3) float32, weighted displacement x, y from the pixel to
-    its source, and weight (tent of one pixel); written, weight 0 where nothing came
+    moved, nearest, fallback : see move_surfaces
+    origin : (h, w, 3) float32, weighted displacement x, y from the pixel to its source, and weight (tent of one pixel);
+    written, weight 0 where nothing came
     """
     height, width = nearest.shape
     origin[:] = ZERO
@@ -99,7 +100,7 @@ def sources(moved, nearest, fallback, origin):
             if z < ZERO:
                 continue
             dx, dy = np.float32(j) + HALF - x, np.float32(i) + HALF - y
-            m, k = int(math.floor(x - HALF)), int(math.floor(y - HALF))
+            m, k = math.floor(x - HALF), math.floor(y - HALF)
             for row in range(max(k, 0), min(k + 2, height)):
                 down = ONE - abs(np.float32(row) + HALF - y)
                 for column in range(max(m, 0), min(m + 2, width)):
