@@ -1,24 +1,33 @@
-"""The adaptive sampler and its reconstruction as an arm; one picture serves both."""
+"""The adaptive sampler and its reconstruction as an arm.
+
+`adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
+display has a picture of its own, made from nothing but the packets, as at a compositor.
+"""
 
 from __future__ import annotations
 
-from wall.data import Event, Float32
-from wall.measure.quality.arm import Inputs, Setup, centres, steps
+from collections.abc import Callable
+
+from wall.data import Batch, Event, Float32, Samples
+from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
+from wall.packets.samples import Codec, decode, encode
 from wall.reconstruction.picture import Picture
 from wall.sampling import kernels_adaptive
 from wall.sampling.adaptive import AdaptiveSampler
 
 
 class AdaptiveArm:
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: Setup, *, remote: bool = False) -> None:
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._tracer = setup.tracer(coherent=True)
         self._picture = Picture(setup.panel, setup.plan.view.eye, setup.plan.scene, judging=True)
+        self._shown = self._picture
+        if remote:
+            self._shown = Picture(setup.panel, setup.plan.view.eye, setup.plan.scene, judging=False)
         self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed)
+        self._now, self._spent, self._sequence = 0.0, 0, 0
         self.rays = self.secondary = self.bytes = 0
-        self._now, self._spent = 0.0, 0
-        event = self._inputs.event_at(0.0)
-        self._trace(centres(setup), event, 0.0)
+        self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
@@ -42,11 +51,32 @@ class AdaptiveArm:
         self._sampler.observe(samples)
         self.rays += cost.primary
         self.secondary += cost.shadow + cost.secondary
+        for part in range(0, len(samples), 4096):
+            self._send(samples[part : part + 4096], event, now)
+
+    def _send(self, samples: Samples, event: Event, now: float) -> None:
+        self._sequence += 1
+        batch = Batch(
+            view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._sequence, camera_event=event.camera_event,
+            scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
+            scene_time=event.scene_time, adaptive=True,
+        )  # fmt: skip
+        packet = encode(batch, Codec.ZSTD)
+        self.bytes += len(packet)
+        if self._shown is not self._picture:
+            came = decode(packet)
+            self._shown.insert(came.samples, came.base_time, came)
 
     def show(self, time: float) -> Float32:
-        self._picture.refresh(self._inputs.event_at(time), time)
+        event = self._inputs.event_at(time)
+        self._picture.refresh(event, time)
         self._sampler.replan()
-        return self._picture.radiance
+        if self._shown is not self._picture:
+            self._shown.refresh(event, time)
+        return self._shown.radiance
 
 
-ARMS = {"adaptive": AdaptiveArm}
+ARMS: dict[str, Callable[[Setup], Arm]] = {
+    "adaptive": AdaptiveArm,
+    "adaptive:remote": lambda setup: AdaptiveArm(setup, remote=True),
+}
