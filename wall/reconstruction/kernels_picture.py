@@ -23,30 +23,31 @@ FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 def front_depths(nearest, front):
     """Each pixel's least depth over 3x3, enlarged by BEHIND: up to it a sample is seen without further tests.
 
-    nearest, front : (h, w) float32
+    nearest : (h, w, 4) float32, see keep_nearest; front : (h, w) float32, written
     """
-    height, width = nearest.shape
+    height, width = front.shape
     for i in range(height):
         up, down = max(i - 1, 0), min(i + 1, height - 1)
         for j in range(width):
             left, right = max(j - 1, 0), min(j + 1, width - 1)
-            least = min(min(nearest[up, left], nearest[up, j]), min(nearest[up, right], nearest[i, left]))
-            least = min(least, min(min(nearest[i, j], nearest[i, right]), min(nearest[down, left], nearest[down, j])))
-            front[i, j] = min(least, nearest[down, right]) * BEHIND
+            least = min(min(nearest[up, left, 0], nearest[up, j, 0]), min(nearest[up, right, 0], nearest[i, left, 0]))
+            least = min(least, min(nearest[i, j, 0], nearest[i, right, 0]))
+            least = min(least, min(nearest[down, left, 0], nearest[down, j, 0]))
+            front[i, j] = min(least, nearest[down, right, 0]) * BEHIND
 
 
 @inline_kernel
-def hidden(x, y, z, nearest, at):
+def hidden(x, y, z, nearest):
     """Whether nearer samples cover the place of one: some lies within COVERS, or HIDING of 3x3 pixels are nearer.
 
-    nearest : (h, w) float32; at : (h, w, 2) float32, where in the picture each pixel's nearest sample lies
+    nearest : (h, w, 4) float32, see keep_nearest
     """
     i, j = int(y), int(x)
     nearer = 0
     for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
-            if nearest[di, dj] * BEHIND < z:
-                dx, dy = at[di, dj, 0] - x, at[di, dj, 1] - y
+            if nearest[di, dj, 0] * BEHIND < z:
+                dx, dy = nearest[di, dj, 1] - x, nearest[di, dj, 2] - y
                 if dx * dx + dy * dy < COVERS:
                     return True
                 nearer += 1
@@ -116,17 +117,18 @@ def place_run(place, first, last, m, sky, right, bottom, screen):
 
 
 @kernel
-def keep_nearest(name, state, screen, count, nearest, at, surface):
-    """Each pixel's nearest sample: depth, place, object. Forgotten samples leave the picture.
+def keep_nearest(name, state, screen, count, nearest):
+    """Each pixel's nearest sample. Forgotten samples leave the picture.
 
-    nearest : (h, w) float32, inf where nothing is; at : (h, w, 2) float32; surface : (h, w) int32, -1; written
+    nearest : (h, w, 4) float32, written: depth (inf where nothing is), x, y in the picture, object id (-1)
 
     Returns
     -------
     alive : int, samples in the picture
     """
-    nearest[:] = np.inf
-    surface[:] = -1
+    for i in range(nearest.shape[0]):
+        for j in range(nearest.shape[1]):
+            nearest[i, j, 0], nearest[i, j, 3] = np.inf, -ONE
     alive = 0
     for k in range(count):
         z = screen[2, k]
@@ -138,15 +140,17 @@ def keep_nearest(name, state, screen, count, nearest, at, surface):
         alive += 1
         x, y = screen[0, k], screen[1, k]
         i, j = int(y), int(x)
-        if z < nearest[i, j]:
-            nearest[i, j] = z
-            at[i, j, 0], at[i, j, 1] = x, y
-            surface[i, j] = name[k]
+        a, b, c, d = nearest[i, j, 0], nearest[i, j, 1], nearest[i, j, 2], nearest[i, j, 3]
+        closer = z < a  # as likely as not: selecting costs less than guessing
+        nearest[i, j, 0] = z if closer else a
+        nearest[i, j, 1] = x if closer else b
+        nearest[i, j, 2] = y if closer else c
+        nearest[i, j, 3] = np.float32(name[k]) if closer else d
     return alive
 
 
 @kernel
-def splat(colour, state, screen, count, cutoff, nearest, at, front, now, young, decay, gathered, lighting):
+def splat(colour, state, screen, count, cutoff, nearest, front, now, young, decay, gathered, lighting):
     """Add what is seen to the picture; what is hidden or too old dies.
 
     A sample spreads over the four nearest pixel centres by a tent, weighed by confidence and age. Samples younger than
@@ -157,7 +161,7 @@ def splat(colour, state, screen, count, cutoff, nearest, at, front, now, young, 
     colour : (capacity, 4) float32, radiance and square root of lighting; state : (2, capacity) float32
     screen : (3, capacity) float32; what dies gets depth OUTSIDE and no confidence
     cutoff : float32 seconds of the store's clock; samples from before it die
-    nearest, at, front : see keep_nearest, hidden and front_depths
+    nearest, front : see keep_nearest and front_depths
     now, young : float32 seconds of the store's clock
     decay : (rows, columns) float32, 1 / seconds, how fast old samples lose weight in each tile
     gathered : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
@@ -175,7 +179,7 @@ def splat(colour, state, screen, count, cutoff, nearest, at, front, now, young, 
         i, j = int(y), int(x)
         time = state[0, k]
         age = now - time
-        if time < cutoff or (z > front[i, j] and age > young and hidden(x, y, z, nearest, at)):
+        if time < cutoff or (z > front[i, j] and age > young and hidden(x, y, z, nearest)):
             screen[2, k] = OUTSIDE
             state[1, k] = ZERO
             continue
@@ -325,15 +329,15 @@ def resolve(gathered, filled, shown):
 
 
 @kernel
-def doubt_still(still, surface, moved, doubt):
+def doubt_still(still, nearest, moved, doubt):
     """What pixels gathered while they stood still: gone where what they show moves, less where it was contradicted.
 
     still : (h, w, 8) float32: radiance sums (3), count, mean and squared deviations of sqrt luminance, 0, 0; updated
-    surface : (h, w) int32; moved : (n + 1,) uint8; doubt : (h, w, 2) float32, cleared
+    nearest : (h, w, 4) float32, see keep_nearest; moved : (n + 1,) uint8; doubt : (h, w, 2) float32, cleared
     """
-    for i in range(surface.shape[0]):
-        for j in range(surface.shape[1]):
-            name = surface[i, j]
+    for i in range(nearest.shape[0]):
+        for j in range(nearest.shape[1]):
+            name = int(nearest[i, j, 3])
             if name < 0 or moved[name] != 0:
                 still[i, j, :] = ZERO
             elif doubt[i, j, 0] > ZERO:
@@ -367,7 +371,7 @@ def mix_still(base, still, dirty, shown):
 
 @kernel
 def take_in(
-    samples, offset, frame, corner, object_from_eye, table, place, name, colour, state, screen, count, surface,
+    samples, offset, frame, corner, object_from_eye, table, place, name, colour, state, screen, count, nearest,
     lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, judging, dirty
 ):  # fmt: skip
     """Store a batch, and see how each sample agrees with the picture beneath it.
@@ -379,7 +383,7 @@ def take_in(
     frame, corner, object_from_eye : of the event they were traced under, see object_tables
     table : panel_from_object of the picture
     place, name, colour, state, screen : the store, written from `count` on
-    surface, lighting : of the picture
+    nearest, lighting : of the picture
     doubt, doubt_about : (h, w, 2) float32, (h, w) int32; raised where a sample contradicts
     residual : (rows, columns) float32, moving mean of |change of lighting| in each tile, updated if judging
     probes : (rows, columns, 2) float32, samples judged in each tile and their change, added to
@@ -391,7 +395,7 @@ def take_in(
     -------
     count : int, stored now
     """
-    height, width = surface.shape
+    height, width = nearest.shape[0], nearest.shape[1]
     for k in range(samples.shape[0]):
         if count >= name.shape[0]:
             break
@@ -421,7 +425,7 @@ def take_in(
             change = sample["change"]
             if judging:
                 change = ZERO
-                if surface[i, j] == thing and lighting[i, j, 1] > TRUSTED:
+                if nearest[i, j, 3] == thing and lighting[i, j, 1] > TRUSTED:
                     known = still[i, j, 3] >= KNOWN
                     was = still[i, j, 6] if known else lighting[i, j, 0] / lighting[i, j, 1]
                     difference = abs(light - was)
@@ -429,7 +433,7 @@ def take_in(
                         if known:
                             noise = SIGMAS * np.sqrt(still[i, j, 7] / still[i, j, 3])
                         else:
-                            noise = NOISE * spread_of(lighting, surface, i, j, thing)
+                            noise = NOISE * spread_of(lighting, nearest, i, j, thing)
                         difference = max(difference - noise, ZERO)
                     change = min(max((difference - SMALL_CHANGE) * PER_CHANGE, ZERO), ONE)
                     tile = residual[i // TILE, j // TILE]
@@ -453,13 +457,13 @@ RESIDUAL_SHARE = np.float32(1.0 / 16.0)
 
 
 @inline_kernel
-def spread_of(lighting, surface, i, j, thing):
+def spread_of(lighting, nearest, i, j, thing):
     """The range of the lighting over the 3x3 pixels around that show the same object."""
     low, high = np.float32(np.inf), np.float32(-np.inf)
-    for di in range(max(i - 1, 0), min(i + 2, surface.shape[0])):
-        for dj in range(max(j - 1, 0), min(j + 2, surface.shape[1])):
+    for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
+        for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
             weight = lighting[di, dj, 1]
-            if surface[di, dj] == thing and weight > TRUSTED:
+            if nearest[di, dj, 3] == thing and weight > TRUSTED:
                 light = lighting[di, dj, 0] / weight
                 low, high = min(low, light), max(high, light)
     return max(high - low, ZERO)

@@ -92,9 +92,7 @@ class Picture:
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._until_sorted = 0
         self.count = 0
-        self.nearest = np.full((height, width), np.inf, np.float32)
-        self.surface = np.full((height, width), -1, np.int32)
-        self.at = np.zeros((height, width, 2), np.float32)
+        self.nearest = np.full((height, width, 4), -1.0, np.float32)
         self.front = np.zeros((height, width), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
@@ -124,7 +122,7 @@ class Picture:
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
             samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
-            under.panel_from_object, *self._store, self.count, self.surface, lighting, self.doubt, self.doubt_about,
+            under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
             self.residual, self.probes, self.still, steady, self.nothing_moves, self.judging, self.dirty,
         )  # fmt: skip
 
@@ -163,21 +161,23 @@ class Picture:
             moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
         self._pose = pose
         s, now32 = self._store, np.float32(now - self._epoch)
-        height, width = self.nearest.shape
+        height, width = self.front.shape
         if self._doubted:
             since = np.float32(self._moved - self._epoch)
             kernels.lose_confidence(
                 s.name, s.state, s.screen, self.count, self.doubt, self.doubt_about, self._stale(), since
             )
-        kernels.place_samples(s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen)
-        alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest, self.at, self.surface)
+        kernels.place_samples(
+            s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
+        )
+        alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         kernels.front_depths(self.nearest, self.front)
         decay = SLOW_DECAY * (1.0 + DECAY_PER_RESIDUAL * self.residual)
         kernels.splat(
-            s.colour, s.state, s.screen, self.count, self._cutoff(alive), self.nearest, self.at, self.front, now32,
+            s.colour, s.state, s.screen, self.count, self._cutoff(alive), self.nearest, self.front, now32,
             np.float32(YOUNG_S), decay, self.gathered, self.lighting,
         )  # fmt: skip
-        kernels.doubt_still(self.still, self.surface, moved, self.doubt)
+        kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
         self._sort()
         self._moved = now
         self._fill()
