@@ -127,7 +127,7 @@ def prefiltered(kept, colour, i, j):
 def choose_pixels(priority, wanted, first_error, chosen):
     """About `wanted` pixels, as dense as their priorities: error diffusion (Floyd and Steinberg 1976), serpentine.
 
-    priority : (h, w) float32 >= 0; first_error : float 0..1, where the pattern begins; chosen : (h w, 2) int32 x, y,
+    priority : (h, w) float32 >= 0; first_error : float, where the pattern begins; chosen : (h w, 2) int32 x, y,
     written. Returns how many were chosen.
     """
     height, width = priority.shape
@@ -137,7 +137,8 @@ def choose_pixels(priority, wanted, first_error, chosen):
             total += priority[i, j]
     scale = wanted / max(total, 1e-9)
     here, below = np.zeros(width + 2), np.zeros(width + 2)
-    here[1 if height > 0 else 0] = first_error
+    for j in range(width):  # as if rows came before: else the first rows would lack what they have to pass on
+        here[j + 1] = (first_error + 0.6180339887 * j) % 1.0 - 0.5
     count = 0
     for i in range(height):
         below[:] = 0.0
@@ -150,10 +151,18 @@ def choose_pixels(priority, wanted, first_error, chosen):
                 error = value - 1.0
                 chosen[count, 0], chosen[count, 1] = j, i
                 count += 1
-            here[j + 1 + step] += error * 7.0 / 16.0
-            below[j + 1 - step] += error * 3.0 / 16.0
-            below[j + 1] += error * 5.0 / 16.0
-            below[j + 1 + step] += error / 16.0
+            ahead, behind = n + 1 < width, n > 0  # what would leave the picture goes straight down
+            straight = 5.0
+            if ahead:
+                here[j + 1 + step] += error * 7.0 / 16.0
+                below[j + 1 + step] += error / 16.0
+            else:
+                straight += 8.0
+            if behind:
+                below[j + 1 - step] += error * 3.0 / 16.0
+            else:
+                straight += 3.0
+            below[j + 1] += error * straight / 16.0
         here, below = below, here
     return count
 
