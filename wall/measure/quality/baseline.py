@@ -6,11 +6,14 @@ An arm is a *shooter* (spends rays, counts what they cost) with one method: a `D
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from wall.data import SAMPLE, Batch, Event, Float32, Float64, Rect, Samples
+from wall.deepbuffer.kernels_reproject import object_tables
+from wall.geometry.frusta import ray_frame
 from wall.measure.quality.arm import Inputs, Setup
 from wall.packets.samples import MAX_SAMPLES, Codec, encode
 from wall.reconstruction.picture import Pose
@@ -23,6 +26,27 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's 
 def pose_of(setup: Setup, event: Event) -> Pose:
     """The matrices of an event for the whole panel."""
     return Pose(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldPose:
+    """The same as a Pose for points that stand still in the world: row 0 the sky, row 1 all else."""
+
+    frame: Float64
+    corner: Float64
+    object_from_eye: Float32  # (2, 12)
+    panel_from_object: Float32  # (2, 12)
+
+
+def world_pose_of(setup: Setup, event: Event) -> WorldPose:
+    """Matrices between the eye and the world, whose origin is moved to where the eye was at time 0."""
+    frame = ray_frame(setup.panel, setup.plan.view.eye, event.camera)
+    corner = np.array(setup.panel.screen, np.float64)
+    anchor = np.eye(4)[None]
+    anchor[0, :3, 3] = setup.plan.view.camera_at(0.0).origin()
+    there, back = np.empty((2, 2, 12), np.float32)
+    object_tables(anchor, event.camera.origin(), frame, corner, there, back)
+    return WorldPose(frame=frame, corner=corner, object_from_eye=there, panel_from_object=back)
 
 
 class Shooter:

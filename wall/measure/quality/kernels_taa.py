@@ -90,7 +90,7 @@ def accumulate(
         y = np.float32(i) + HALF
         for j in range(shown.shape[1]):
             x = np.float32(j) + HALF
-            name = look_around(raster, place, depth, spacing, x, y, around)
+            name = look_around(raster, place, depth, spacing, x, y, still, around)
             z = around[DEPTH_SUM + 1] / around[DEPTH_SUM] if name > 0 else FAR  # 1 / depth is linear over a plane
             a, b, c = point_at(corner[0] + x, corner[1] + y, z, name, frame, object_from_eye)
             found[i, j, 0], found[i, j, 1], found[i, j, 2] = a, b, c
@@ -112,8 +112,11 @@ def accumulate(
 
 
 @inline_kernel
-def look_around(raster, place, depth, spacing, x, y, around):
-    """Sum up the 3x3 samples around (x, y) into `around` (AROUND,) float32; returns the nearest one's object id."""
+def look_around(raster, place, depth, spacing, x, y, still, around):
+    """Sum up the 3x3 samples around (x, y) into `around` (AROUND,) float32; returns the nearest one's object id.
+
+    Where all is still only samples of the pixel itself count, so that it converges to its own mean.
+    """
     rows, columns = raster.shape
     i, j = min(int(y / spacing[1]), rows - 1), min(int(x / spacing[0]), columns - 1)
     top, bottom, left, right = max(i - 1, 0), min(i + 2, rows), max(j - 1, 0), min(j + 2, columns)
@@ -133,7 +136,10 @@ def look_around(raster, place, depth, spacing, x, y, around):
             square = dx * dx + dy * dy
             light = raster[k, m]["radiance"]
             r, g, b = light[0], light[1], light[2]
-            add_weighted(around, NARROW_SUM, math.exp(-square * NARROW), r, g, b)
+            part = math.exp(-square * NARROW)
+            if still:
+                part = ONE if max(abs(dx), abs(dy)) <= HALF else ZERO
+            add_weighted(around, NARROW_SUM, part, r, g, b)
             part = math.exp(-square * wide)
             add_weighted(around, WIDE_SUM, part, r, g, b)
             if int(place[k, m, 3]) == name:

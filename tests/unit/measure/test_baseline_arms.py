@@ -1,0 +1,184 @@
+"""Every baseline through the interface of arms: what it spends, what it counts, what it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.config.loading import load
+from wall.data import Float32
+from wall.measure.quality import arms_afr, arms_reduced, arms_render_cache, arms_taa
+from wall.measure.quality.arm import INPUT_STEP_S, Arm, Setup
+from wall.measure.quality.baseline import FramedArm
+from wall.processes.plan import make_layout, make_plan
+from wall.processes.reference import render_plan
+from wall.tracing.resident import make_resident
+
+FRAMED = {**arms_taa.ARMS, **arms_reduced.ARMS}
+FRAMELESS = {**arms_render_cache.ARMS, **arms_afr.ARMS}
+CROSSHAIR = 6  # rays that are chosen together
+REFRESH_HZ = 60.0
+WIDTH, HEIGHT = 48, 32
+CAMERA_ORBITS = ("", "    path: {type: orbit, period_s: 6}\n")
+OBJECTS_ORBIT = ("  animation: [{type: orbit, object: globe, center: [0, 0.7, 0], period_s: 3}]\n", "")
+NOTHING_MOVES = ("", "")
+
+MakeSetup = Callable[..., Setup]
+
+
+@lru_cache
+def setup_of(folder: Path, moves: tuple[str, str]) -> Setup:
+    animation, path = moves
+    config = folder / "scene.yaml"
+    config.write_text(
+        f"""version: 1
+scene:
+  source: gallery
+{animation}wall:
+  grid: {{columns: 1, rows: 1, pixels: [{WIDTH}, {HEIGHT}], size: [0.3, 0.2]}}
+views:
+  - camera: {{position: [2.6, 3, 7.1], target: [0, 0.6, -0.3], fov: 42}}
+{path}sampling: {{method: frameless}}
+graph: {{preset: sort-first, sinks: [png]}}
+""",
+        encoding="utf-8",
+    )
+    plan = make_plan(make_layout(load(config)))
+    return Setup(plan=plan, resident=make_resident(plan.scene), rate=20_000.0, refresh_hz=REFRESH_HZ, seed=1)
+
+
+@pytest.fixture(scope="session")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str], Path]:
+    kinds = (CAMERA_ORBITS, OBJECTS_ORBIT, NOTHING_MOVES)
+    return {moves: tmp_path_factory.mktemp("baselines") for moves in kinds}
+
+
+@pytest.fixture
+def setup(folders: dict[tuple[str, str], Path]) -> MakeSetup:
+    return lambda moves, rate=20_000.0: replace(setup_of(folders[moves], moves), rate=rate)
+
+
+def run(arm: Arm, seconds: float) -> Float32:
+    """Every refresh up to `seconds`, then what is shown."""
+    shown = arm.show(0.0)
+    for refresh in range(1, round(seconds * REFRESH_HZ) + 1):
+        arm.advance(refresh / REFRESH_HZ)
+        shown = arm.show(refresh / REFRESH_HZ)
+    return shown.copy()
+
+
+def error(setup: Setup, shown: Float32, at: float) -> float:
+    """RMSE of linear radiance, clipped at 1, against 64 samples a pixel."""
+    ideal = render_plan(setup.plan, spp=64, seed=7, at=at)
+    assert ideal is not None
+    return float(np.sqrt(np.mean((np.minimum(shown, 1.0) - np.minimum(ideal, 1.0)) ** 2)))
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", FRAMED)
+def test_a_framed_arm_under_a_moving_camera_has_spent_exactly_its_rays(name: str, setup: MakeSetup) -> None:
+    given = setup(CAMERA_ORBITS)
+    arm = FRAMED[name](given)
+    run(arm, 0.25)
+    idle = 0 if "taa" in name else given.rate * INPUT_STEP_S + 1  # until the first new input
+    assert 5000 - idle <= arm.rays <= 5000
+    assert arm.secondary > 0
+    assert arm.bytes > 0
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", FRAMELESS)
+def test_a_frameless_arm_owes_less_than_a_crosshair_of_its_rays(name: str, setup: MakeSetup) -> None:
+    arm = FRAMELESS[name](setup(CAMERA_ORBITS))
+    for refresh in range(1, 16):
+        arm.advance(refresh / REFRESH_HZ)
+        arm.show(refresh / REFRESH_HZ)
+        spent = int(20_000.0 * refresh / REFRESH_HZ + 1e-6)
+        assert spent - CROSSHAIR < arm.rays <= spent
+    assert arm.bytes > 0
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", FRAMED | FRAMELESS)
+def test_equal_setups_show_equal_pictures_of_finite_light(name: str, setup: MakeSetup) -> None:
+    given = setup(CAMERA_ORBITS)
+    first, second = (run((FRAMED | FRAMELESS)[name](given), 0.1) for _ in range(2))
+    assert first.shape == (HEIGHT, WIDTH, 3)
+    assert first.dtype == np.float32
+    assert np.isfinite(first).all()
+    np.testing.assert_array_equal(first, second)
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", ["taa_half", "reduced_64", "render_cache", "afr2005"])
+def test_an_arm_told_how_many_rays_to_spend_spends_those(name: str, setup: MakeSetup) -> None:
+    arm = (FRAMED | FRAMELESS)[name](setup(CAMERA_ORBITS))
+    arm.advance(0.1, rays=700)  # type: ignore[call-arg]
+    assert 700 - 10 <= arm.rays <= 700  # reduced_64 waits 0.5 ms for its first new input, that is 4 rays
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_a_frame_is_shown_from_its_last_ray_on(setup: MakeSetup) -> None:
+    given = setup(CAMERA_ORBITS, rate=WIDTH * HEIGHT / 0.1)  # a frame takes 0.1 s, begun at the first new input
+    display = arms_reduced.EnlargingDisplay(given.size, given.size)
+    arm = FramedArm(given, given.size, display)
+    free = arm.show(0.0).copy()
+    arm.advance(0.1)
+    np.testing.assert_array_equal(arm.show(0.1), free)
+    arm.advance(0.1 + INPUT_STEP_S)
+    assert not np.array_equal(arm.show(0.1 + INPUT_STEP_S), free)
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_a_plain_frame_of_a_still_scene_costs_no_more_rays(setup: MakeSetup) -> None:
+    arm = FRAMED["framed_warp"](setup(NOTHING_MOVES))
+    run(arm, 0.25)
+    assert arm.rays == 0
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_temporal_antialiasing_of_a_still_scene_converges(setup: MakeSetup) -> None:
+    given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ)
+    arm = FRAMED["taa_full"](given)
+    one, many = error(given, arm.show(0.0), 0.0), error(given, run(arm, 0.6), 0.0)
+    assert many < one / 3  # random ones would leave a sixth after 36 frames; R2 within a pixel is no worse
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_half_resolution_frames_of_a_still_scene_grow_sharper_than_one_full_frame(setup: MakeSetup) -> None:
+    given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ / 4)
+    one = error(given, FRAMED["framed_warp"](given).show(0.0), 0.0)
+    assert error(given, run(FRAMED["taa_half"](given), 0.6), 0.0) < one
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("moves", [CAMERA_ORBITS, OBJECTS_ORBIT], ids=["camera", "object"])
+def test_the_warp_takes_away_most_of_a_frames_lateness(moves: tuple[str, str], setup: MakeSetup) -> None:
+    given = setup(moves, rate=1.0)  # no frame is ever complete: only the free one, 0.1 s old
+    late = arms_reduced.reduced(arms_reduced.FULL_ROWS, given)
+    warped = FRAMED["framed_warp"](given)
+    late.advance(0.1)
+    warped.advance(0.1)
+    assert error(given, warped.show(0.1), 0.1) < 0.75 * error(given, late.show(0.1), 0.1)
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", ["render_cache", "afr2005"])
+def test_points_of_objects_follow_them_and_points_of_the_world_do_not(name: str, setup: MakeSetup) -> None:
+    given = setup(OBJECTS_ORBIT)
+    world, objects = (error(given, run(FRAMELESS[k](given), 0.5), 0.5) for k in (name, f"{name}_object"))
+    assert objects < 0.95 * world
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", ["render_cache_object", "afr2005_object"])
+def test_far_from_the_origin_points_are_reprojected_as_well(name: str, setup: MakeSetup, tmp_path: Path) -> None:
+    given = setup(CAMERA_ORBITS)
+    near = run(FRAMELESS[name.removesuffix("_object")](given), 0.2)
+    ours = run(FRAMELESS[name](given), 0.2)
+    assert abs(error(given, near, 0.2) - error(given, ours, 0.2)) < 0.1 * error(given, ours, 0.2)
