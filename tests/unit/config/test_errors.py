@@ -104,7 +104,8 @@ def test_wrong_value_is_refused_with_its_place(old: str, new: str, expected: str
         ("graph: {nodes: [{id: a}]}", "graph.nodes[0]: op is missing; accepted: "),
         (
             "sampling: {method: hilbrt}",
-            "sampling.method = 'hilbrt': is not known; accepted: adaptive, framed, frameless, hilbert; did you mean hilbert?",
+            "sampling.method = 'hilbrt': is not known; accepted: adaptive, framed, frameless, hilbert; "
+            "did you mean hilbert?",
         ),
         (
             "sampling: {chunk_pixels: 64}",

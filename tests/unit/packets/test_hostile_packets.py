@@ -75,7 +75,8 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
         (14, "B", 255), (15, "B", 7), (15, "B", 16), (20, "H", 0), (20, "H", 4097), (22, "H", 0), (22, "H", 65535),
         (40, "d", float("nan")), (40, "d", float("inf")), (48, "f", -1.0), (48, "f", float("nan")), (48, "f", 1e6),
         (52, "f", 0.0), (52, "f", 1.5), (52, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
-        (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 1), (4, "B", 3),
+        (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 1),
+        (4, "B", 3), (7, "B", 2), (76, "d", float("nan")), (84, "d", float("inf")), (172, "d", float("nan")),
     ],
 )  # fmt: skip
 def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: int, layout: str, value: float) -> None:

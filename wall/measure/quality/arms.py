@@ -6,7 +6,15 @@ from collections.abc import Callable
 
 from wall.config.loading import nearest
 from wall.errors import ConfigError
-from wall.measure.quality import arms_adaptive, arms_plain, arms_progressive, arms_reduced, arms_taa
+from wall.measure.quality import (
+    arms_adaptive,
+    arms_afr,
+    arms_plain,
+    arms_progressive,
+    arms_reduced,
+    arms_render_cache,
+    arms_taa,
+)
 from wall.measure.quality.arm import Arm, Setup
 
 FACTORIES: dict[str, Callable[[Setup], Arm]] = {
@@ -15,6 +23,8 @@ FACTORIES: dict[str, Callable[[Setup], Arm]] = {
     **arms_progressive.ARMS,
     **arms_reduced.ARMS,
     **arms_taa.ARMS,
+    **arms_render_cache.ARMS,
+    **arms_afr.ARMS,
 }
 ARMS: tuple[str, ...] = tuple(FACTORIES)
 
