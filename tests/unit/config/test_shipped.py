@@ -26,6 +26,7 @@ RANKS = {
     "measure/orbit": 2,
     "measure/shadows": 2,
     "one_panel": 2,
+    "sampler_adaptive": 2,
     "sampler_framed": 3,
     "sampler_frameless": 3,
     "sampler_hilbert": 3,
