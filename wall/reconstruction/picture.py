@@ -7,6 +7,8 @@ One owner, allocated once. The same code shows the picture at a compositor and l
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -29,22 +31,46 @@ PROBES = 3  # of one tile between two refreshes, from which their mean change sa
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ingredients:
+    """What the picture is made with; each can be left out, to measure what it is worth."""
+
+    reprojection: bool = True  # else samples stay where they were traced
+    objects: bool = True  # else they are points of the world, and moving objects leave them behind
+    visibility: bool = True  # else nothing hides anything
+    change_test: bool = True  # else new samples contradict nothing
+    tile_doubt: bool = True  # else only the surroundings of a contradiction are doubted, never a whole tile
+    ageing: bool = True  # else old samples weigh as much as new ones
+    accumulation: bool = True  # else pixels that stand still gather no mean of their own
+
+
+ALL = Ingredients()
+REBASE_S = 1024.0  # the store's clock starts anew: float32 seconds step by 0.1 ms there
+
+
 class Pose:
     """The matrices of one event: object points to panel pixels (of a rectangle), and back from hits."""
 
     def __init__(
-        self, panel: Panel, eye: Float64, scene: Scene, camera: Camera, scene_time: float, rect: Rect | None = None
+        self,
+        panel: Panel,
+        eye: Float64,
+        scene: Scene,
+        camera: Camera,
+        scene_time: float,
+        rect: Rect | None = None,
+        *,
+        objects: bool = True,
     ) -> None:
-        moment = scene.at(scene_time)
-        n = len(moment.world_from_object)
+        """`rect` is the part of the panel that is pictured, all if None; without `objects` none ever moves."""
+        n = len(scene.instances)
+        placed = scene.at(scene_time).world_from_object if objects else scene.rest[:n]
         self.frame = ray_frame(panel, eye, camera)
         self.corner = np.array(panel.screen, np.float64)
         self.object_from_eye = np.empty((n + 1, 12), np.float32)
         self.panel_from_object = np.empty((n + 1, 12), np.float32)
         corner = self.corner if rect is None else self.corner + np.array([rect.x, rect.y])
-        object_tables(
-            moment.world_from_object, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object
-        )
+        object_tables(placed, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object)
 
 
 class Posed(Protocol):
@@ -75,6 +101,7 @@ class Picture:
         judging: bool,
         rect: Rect | None = None,
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
+        ingredients: Ingredients = ALL,
     ) -> None:
         """`rect` is the part of the panel that is shown, all if None.
 
@@ -84,7 +111,7 @@ class Picture:
         width, height = self.rect.width, self.rect.height
         rows, columns = -(-height // kernels.TILE), -(-width // kernels.TILE)
         self.panel, self.judging = panel, judging
-        self._eye, self._scene = eye, scene
+        self._eye, self._scene, self._with = eye, scene, ingredients
         self._kept = int(samples_per_pixel * width * height)
         capacity = self._kept + int(SLACK * width * height) + 4096
         self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
@@ -109,11 +136,12 @@ class Picture:
         self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
         self._number: tuple[int, int] | None = None
         self.nothing_moves = False
-        self._moved = 0.0
-        self._epoch = 0.0  # the store's clock zero
+        self._moved = -math.inf
+        self._epoch = -math.inf  # the store's clock zero
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Take samples in that were traced under `event`; their `change` is written if judging."""
+        self._keep_time(base_time)
         pose = self._pose_of(event)
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > len(self._store.name):
@@ -123,18 +151,29 @@ class Picture:
         self.count = kernels.take_in(
             samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
-            self.residual, self.probes, self.still, steady, self.nothing_moves, self.judging, self.dirty,
+            self.residual, self.probes, self.still, steady,
+            self.nothing_moves or not self._with.change_test, self.judging, self.dirty,
         )  # fmt: skip
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
+        self._keep_time(now)
         self.nothing_moves = event.number == self._number
         if not self.nothing_moves:
             self._move(self._pose_of(event), now)
             self._number = event.number
             self.dirty[:] = True
+        if not self._with.accumulation:
+            self.still[:] = 0.0
         if self.dirty.any():
             kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
+
+    def _keep_time(self, now: float) -> None:
+        """Keep the store's clock near zero: float32 seconds are coarse far from it."""
+        if now - self._epoch > REBASE_S:
+            shift = now - self._epoch if math.isfinite(self._epoch) else 0.0
+            self._store.state[0, : self.count] -= np.float32(shift)
+            self._epoch = now
 
     def clear(self) -> None:
         """Forget every sample."""
@@ -151,7 +190,7 @@ class Picture:
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
-            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key, self.rect))
+            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects))
         return self._traced[1]
 
     def _move(self, pose: Pose, now: float) -> None:
@@ -159,6 +198,8 @@ class Picture:
         moved = np.ones(len(table), np.uint8)
         if last is not None:
             moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
+        if not self._with.reprojection:
+            moved[:] = 0
         self._pose = pose
         s, now32 = self._store, np.float32(now - self._epoch)
         height, width = self.front.shape
@@ -172,10 +213,11 @@ class Picture:
         )
         alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         kernels.front_depths(self.nearest, self.front)
-        decay = SLOW_DECAY * (1.0 + DECAY_PER_RESIDUAL * self.residual)
+        decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
+        young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels.splat(
             s.colour, s.state, s.screen, self.count, self._cutoff(alive), self.nearest, self.front, now32,
-            np.float32(YOUNG_S), decay, self.gathered, self.lighting,
+            young, decay, self.gathered, self.lighting,
         )  # fmt: skip
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
         self._sort()
@@ -192,6 +234,8 @@ class Picture:
         count, change = self.probes[..., 0], self.probes[..., 1]
         share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
         self.probes[:] = 0.0
+        if not self._with.tile_doubt:
+            share[:] = 0.0
         return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
 
     def _fill(self) -> None:

@@ -37,7 +37,9 @@ class AdaptiveSampler:
 
     coherent = True
 
-    def __init__(self, rect: Rect, beneath: Beneath, *, batch: int, seed: int) -> None:
+    def __init__(self, rect: Rect, beneath: Beneath, *, batch: int, seed: int, uniform: bool = False) -> None:
+        """`uniform`: every pixel is worth the same, to measure what choosing is worth."""
+        self._uniform = uniform
         self.beneath = beneath
         self._rect, self._batch, self._seed, self._sequence = rect, batch, seed, 0
         shape = (rect.height, rect.width)
@@ -50,6 +52,8 @@ class AdaptiveSampler:
 
     def replan(self) -> None:
         """Score every pixel anew from the picture beneath."""
+        if self._uniform:
+            return
         b = self.beneath
         kernels.brightness(b.radiance, self._value)
         if b.nothing_moves:
@@ -78,6 +82,8 @@ class AdaptiveSampler:
         return Targets(xy=xy[:filled], event=newest) if filled else None
 
     def observe(self, samples: Samples) -> None:
+        if self._uniform:
+            return
         kernels.learn(
             samples, self._rect.x, self._rect.y, self._floor, self.beneath.still, self.beneath.nothing_moves,
             np.float32(ENOUGH), self._contrast, self._density, self._score, self._sums,

@@ -1,30 +1,36 @@
 """The adaptive sampler and its reconstruction as an arm.
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
-display has a picture of its own, made from nothing but the packets, as at a compositor.
+display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
+is worth the same. `adaptive:no_X`: without ingredient X of the picture.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import fields
+from functools import partial
 
 from wall.data import Batch, Event, Float32, Samples
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
 from wall.packets.samples import Codec, decode, encode
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.picture import ALL, Ingredients, Picture
 from wall.sampling import kernels_adaptive
 from wall.sampling.adaptive import AdaptiveSampler
 
 
 class AdaptiveArm:
-    def __init__(self, setup: Setup, *, remote: bool = False) -> None:
+    def __init__(
+        self, setup: Setup, *, remote: bool = False, uniform: bool = False, ingredients: Ingredients = ALL
+    ) -> None:
+        eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._tracer = setup.tracer(coherent=True)
-        self._picture = Picture(setup.panel, setup.plan.view.eye, setup.plan.scene, judging=True)
+        self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
         self._shown = self._picture
         if remote:
-            self._shown = Picture(setup.panel, setup.plan.view.eye, setup.plan.scene, judging=False)
-        self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed)
+            self._shown = Picture(setup.panel, eye, scene, judging=False)
+        self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed, uniform=uniform)
         self._now, self._spent, self._sequence = 0.0, 0, 0
         self.rays = self.secondary = self.bytes = 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
@@ -78,5 +84,10 @@ class AdaptiveArm:
 
 ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive": AdaptiveArm,
-    "adaptive:remote": lambda setup: AdaptiveArm(setup, remote=True),
+    "adaptive:remote": partial(AdaptiveArm, remote=True),
+    "adaptive:uniform": partial(AdaptiveArm, uniform=True),
+    **{
+        f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
+        for field in fields(Ingredients)
+    },
 }
