@@ -104,7 +104,7 @@ def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any,
     page.wait_for_selector(".panel canvas")
     frameless = settled(address)
 
-    page.keyboard.press("1")
+    page.keyboard.press("2")
     deadline = time.monotonic() + PATIENCE_S
     while status(address)["sampler"] != "framed":
         assert time.monotonic() < deadline, "the sampler was not switched"
