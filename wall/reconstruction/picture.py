@@ -27,6 +27,7 @@ SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
+EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
 
 class Pose:
@@ -121,7 +122,7 @@ class Picture:
         steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
-            samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
+            samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
             self.residual, self.probes, self.still, steady, self.nothing_moves, self.judging, self.dirty,
         )  # fmt: skip
@@ -148,6 +149,15 @@ class Picture:
         self.dirty[:] = False
         return dirty
 
+    def _seconds(self, time: float) -> np.float32:
+        """A time on the store's clock, which starts anew now and then."""
+        if abs(time - self._epoch) > EPOCH_S:
+            later = np.float32(time - self._epoch)
+            self._store.state[0, : self.count] -= later
+            self.doubt[..., 1] -= later
+            self._epoch = time
+        return np.float32(time - self._epoch)
+
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
@@ -160,7 +170,7 @@ class Picture:
         if last is not None:
             moved = (table != last.panel_from_object).any(axis=1).astype(np.uint8)
         self._pose = pose
-        s, now32 = self._store, np.float32(now - self._epoch)
+        s, now32 = self._store, self._seconds(now)
         height, width = self.front.shape
         if self._doubted:
             since = np.float32(self._moved - self._epoch)

@@ -110,8 +110,8 @@ def test_after_camera_and_object_moved_a_hit_is_where_float64_puts_it(name: str,
 
 @pytest.mark.parametrize("near", [1.0, 0.1, 0.01])
 def test_near_the_eye_on_a_distant_object_the_error_grows_no_faster_than_their_ratio(near: float) -> None:
-    """A point of an object whose origin is d away is rounded to d * EPSILON, seen from `near` away; a few such roundings
-    add up (measured: 2.6)."""
+    """A point of an object whose origin is d away is rounded to d * EPSILON and seen from `near` away; a few such
+    roundings add up (measured: 2.6)."""
     distance, focal = 600.0, 630.0
     camera = look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0, 1, 0))
     traced = pose(instance(0, at=(0.0, -distance, 0.0), turn=("x", 30.0)).world_from_object, camera)
