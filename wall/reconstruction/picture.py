@@ -88,6 +88,7 @@ class Picture:
         self._eye, self._scene = eye, scene
         self._kept = int(samples_per_pixel * width * height)
         capacity = self._kept + int(SLACK * width * height) + 4096
+        self._most = capacity // 2  # samples taken in at once
         self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
@@ -115,6 +116,10 @@ class Picture:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Take samples in that were traced under `event`; their `change` is written if judging."""
+        for first in range(0, len(samples), self._most):  # a store that is full could not even judge them
+            self._insert(samples[first : first + self._most], base_time, event)
+
+    def _insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         pose = self._pose_of(event)
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > len(self._store.name):
@@ -188,6 +193,7 @@ class Picture:
             np.float32(YOUNG_S), decay, self.gathered, self.lighting,
         )  # fmt: skip
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
+        self.probes[:] = 0.0
         self._sort()
         self._moved = now
         self._fill()
@@ -201,7 +207,6 @@ class Picture:
         """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
         count, change = self.probes[..., 0], self.probes[..., 1]
         share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
-        self.probes[:] = 0.0
         return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
 
     def _fill(self) -> None:
