@@ -29,6 +29,7 @@ SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
+EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +46,6 @@ class Ingredients:
 
 
 ALL = Ingredients()
-REBASE_S = 1024.0  # the store's clock starts anew: float32 seconds step by 0.1 ms there
 
 
 class Pose:
@@ -114,6 +114,7 @@ class Picture:
         self._eye, self._scene, self._with = eye, scene, ingredients
         self._kept = int(samples_per_pixel * width * height)
         capacity = self._kept + int(SLACK * width * height) + 4096
+        self._most = capacity // 2  # samples taken in at once
         self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
@@ -137,11 +138,14 @@ class Picture:
         self._number: tuple[int, int] | None = None
         self.nothing_moves = False
         self._moved = -math.inf
-        self._epoch = -math.inf  # the store's clock zero
+        self._epoch = 0.0  # the store's clock zero
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Take samples in that were traced under `event`; their `change` is written if judging."""
-        self._keep_time(base_time)
+        for first in range(0, len(samples), self._most):  # a store that is full could not even judge them
+            self._insert(samples[first : first + self._most], base_time, event)
+
+    def _insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         pose = self._pose_of(event)
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > len(self._store.name):
@@ -149,7 +153,7 @@ class Picture:
         steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
-            samples, np.float32(base_time - self._epoch), pose.frame, pose.corner, pose.object_from_eye,
+            samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
             self.residual, self.probes, self.still, steady,
             self.nothing_moves or not self._with.change_test, self.judging, self.dirty,
@@ -157,7 +161,6 @@ class Picture:
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
-        self._keep_time(now)
         self.nothing_moves = event.number == self._number
         if not self.nothing_moves:
             self._move(self._pose_of(event), now)
@@ -167,13 +170,6 @@ class Picture:
             self.still[:] = 0.0
         if self.dirty.any():
             kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
-
-    def _keep_time(self, now: float) -> None:
-        """Keep the store's clock near zero: float32 seconds are coarse far from it."""
-        if now - self._epoch > REBASE_S:
-            shift = now - self._epoch if math.isfinite(self._epoch) else 0.0
-            self._store.state[0, : self.count] -= np.float32(shift)
-            self._epoch = now
 
     def clear(self) -> None:
         """Forget every sample."""
@@ -186,6 +182,15 @@ class Picture:
         dirty = self.dirty.copy()
         self.dirty[:] = False
         return dirty
+
+    def _seconds(self, time: float) -> np.float32:
+        """A time on the store's clock, which starts anew now and then."""
+        if abs(time - self._epoch) > EPOCH_S:
+            later = np.float32(time - self._epoch)
+            self._store.state[0, : self.count] -= later
+            self.doubt[..., 1] -= later
+            self._epoch = time
+        return np.float32(time - self._epoch)
 
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
@@ -201,7 +206,7 @@ class Picture:
         if not self._with.reprojection:
             moved[:] = 0
         self._pose = pose
-        s, now32 = self._store, np.float32(now - self._epoch)
+        s, now32 = self._store, self._seconds(now)
         height, width = self.front.shape
         if self._doubted:
             since = np.float32(self._moved - self._epoch)
@@ -220,6 +225,7 @@ class Picture:
             young, decay, self.gathered, self.lighting,
         )  # fmt: skip
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
+        self.probes[:] = 0.0
         self._sort()
         self._moved = now
         self._fill()
@@ -233,7 +239,6 @@ class Picture:
         """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
         count, change = self.probes[..., 0], self.probes[..., 1]
         share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
-        self.probes[:] = 0.0
         if not self._with.tile_doubt:
             share[:] = 0.0
         return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)

@@ -1,0 +1,207 @@
+"""A picture at rest averages; a contradicted one lets go of what was contradicted, and of nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from adaptive_pictures import (
+    GREEN,
+    PLATE,
+    RED,
+    SIZE,
+    START,
+    WALL,
+    centres,
+    event_at,
+    hits,
+    picture_of,
+    plate_before_wall,
+)
+from numpy.testing import assert_allclose, assert_array_equal
+
+from wall.data import Float32, Samples
+from wall.reconstruction.picture import Picture
+from wall.scene.build import Scene
+
+REFRESH_S = 1 / 64
+NO_CHANGE, CHANGED = 0.5, 1.0  # of the square root of lighting
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return plate_before_wall((9.0, 0.0, 2.0))  # two objects; which one is hit is decided by hand
+
+
+def lit(samples: Samples, light: float, change: float = 0.0) -> Samples:
+    samples["light"], samples["change"] = light, change
+    return samples
+
+
+def all_pixels(light: float = NO_CHANGE) -> Samples:
+    """The left half shows the wall, the right half the plate; both green, and 4 deep."""
+    samples = lit(hits(centres(SIZE), GREEN), light)
+    samples["object"][samples["xy"][:, 0] > SIZE[0] / 2] = PLATE
+    return samples
+
+
+def at_rest_after(scene: Scene, *batches: Samples, judging: bool = False) -> Picture:
+    """Event 0 was shown with nothing in it; batch k came k refreshes later."""
+    picture = picture_of(scene, judging=judging)
+    picture.refresh(event_at(0), START)
+    picture.take_dirty()
+    for k, samples in enumerate(batches):
+        picture.insert(samples, START + k * REFRESH_S, event_at(0))
+        picture.refresh(event_at(0), START + (k + 1) * REFRESH_S)
+    return picture
+
+
+def seen_then_contradicted(scene: Scene, second: Samples, *, judging: bool = False, quiet: int = 0) -> Picture:
+    """Pixel centres sampled once, shown (after `quiet` more events like it), then `second`, then one more event."""
+    picture = picture_of(scene, judging=judging)
+    for k in range(1 + quiet):
+        picture.insert(all_pixels(), START + (k - 0.5) * REFRESH_S, event_at(k))
+        picture.refresh(event_at(k), START + k * REFRESH_S)
+    when = START + (1 + quiet) * REFRESH_S
+    picture.insert(second, when, event_at(quiet))
+    picture.refresh(event_at(1 + quiet), when)
+    return picture
+
+
+def weights(picture: Picture) -> Float32:
+    return picture.gathered[1:-1, 1:-1, 3]
+
+
+def test_at_rest_a_pixel_shows_the_mean_of_its_samples_nearly(scene: Scene) -> None:
+    """The mean counts 1 - 1 / (1 + n)^2; the rest is the reconstruction, which is black here."""
+    random = np.random.default_rng(2)
+    rounds = random.uniform(0, 1, (12, SIZE[0] * SIZE[1], 3)).astype(np.float32)
+
+    picture = at_rest_after(scene, *(hits(centres(SIZE), colors) for colors in rounds))
+
+    mean = rounds.mean(axis=0).reshape(SIZE[1], SIZE[0], 3)
+    assert_allclose(picture.radiance, mean * (1 - 1 / 13**2), rtol=1e-5)
+
+
+def test_at_rest_samples_anywhere_in_a_pixel_count_for_that_pixel_alone(scene: Scene) -> None:
+    random = np.random.default_rng(3)
+    xy = np.add((20, 11), random.uniform(0.01, 0.99, (500, 2))).astype(np.float32)
+    picture = at_rest_after(scene, hits(xy, GREEN))
+    assert picture.still[11, 20, 3] == 500
+    assert picture.still[..., 3].sum() == 500
+
+
+def test_what_a_still_pixel_gathers_is_numpys_mean_and_variance(scene: Scene) -> None:
+    """Of the square roots of luminance (Rec. 709), and of the lighting's square root; Welford 1962."""
+    random = np.random.default_rng(4)
+    colors = random.uniform(0, 1, (40, 3)).astype(np.float32)
+    lights = random.uniform(0, 1, 40).astype(np.float32)
+    samples = hits(np.full((40, 2), (20.5, 11.5)), colors)
+    samples["light"] = lights
+
+    still = at_rest_after(scene, samples[:13], samples[13:]).still[11, 20]
+
+    brightness = np.sqrt(colors @ np.array([0.2126, 0.7152, 0.0722]))
+    assert_allclose(still[:3], colors.sum(axis=0), rtol=1e-5)
+    assert still[3] == 40
+    assert_allclose(still[4:6], [brightness.mean(), 40 * brightness.var()], rtol=1e-4)
+    assert_allclose(still[6:8], [lights.mean(), 40 * lights.var()], rtol=1e-4)
+
+
+def test_at_rest_only_tiles_that_got_samples_change_and_without_samples_none(scene: Scene) -> None:
+    picture = at_rest_after(scene)
+    picture.refresh(event_at(0), START + REFRESH_S)
+    assert not picture.take_dirty().any()
+
+    picture.insert(hits([(20.5, 11.5), (47.9, 31.9)], GREEN), START, event_at(0))
+    picture.refresh(event_at(0), START + 2 * REFRESH_S)
+
+    assert_array_equal(picture.take_dirty(), [[False, True, False], [False, False, True]])
+    changed = picture.radiance.any(axis=2)
+    assert set(zip(*np.nonzero(changed), strict=True)) == {(11, 20), (31, 47)}
+    picture.refresh(event_at(0), START + 3 * REFRESH_S)
+    assert not picture.take_dirty().any()
+
+
+def test_with_another_number_every_tile_changes(scene: Scene) -> None:
+    picture = at_rest_after(scene, all_pixels())
+    picture.take_dirty()
+    picture.refresh(event_at(1), START + 1)
+    assert not picture.nothing_moves
+    assert picture.take_dirty().all()
+
+
+def test_a_contradiction_takes_weight_from_the_same_object_around_and_from_nothing_else(scene: Scene) -> None:
+    """Doubt is 1 / (1 + d^2 / 2) at a distance of d pixels, up to 1: all at the pixel, 2/3 beside, 1/2 across."""
+    plain = weights(seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE)))
+    picture = seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE, change=1.0))
+
+    kept = weights(picture) / plain
+
+    expected = np.ones((SIZE[1], SIZE[0]))
+    expected[8:11, 22:25] = [[0.5, 1 / 3, 1], [1 / 3, 0, 1], [0.5, 1 / 3, 1]]  # from column 24 on it is the plate
+    kept[9, 23] -= 1 / plain[9, 23]  # the red sample itself
+    assert_allclose(kept, expected, atol=1e-5)
+    assert_allclose(picture.base[9, 23], RED, atol=1e-5)
+
+
+def test_the_newest_samples_are_not_doubted_by_themselves(scene: Scene) -> None:
+    """Of two contradicting samples in one pixel both stay: doubt is about what is older."""
+    picture = seen_then_contradicted(scene, lit(hits([(10.5, 9.5), (10.5, 9.5)], RED), NO_CHANGE, change=1.0))
+    assert_allclose(weights(picture)[9, 10], 2.0, rtol=1e-5)
+
+
+def test_a_contradicted_pixel_at_rest_forgets_its_mean(scene: Scene) -> None:
+    """8 samples agreed, and one with another number contradicts: the next refresh shows the new one."""
+    picture = at_rest_after(scene, *(all_pixels() for _ in range(8)))
+    picture.refresh(event_at(1), START + 1)
+    assert_allclose(picture.radiance, np.broadcast_to(GREEN, picture.radiance.shape), atol=1e-3)
+
+    picture.insert(lit(hits([(10.5, 9.5)], RED), NO_CHANGE, change=1.0), START + 1, event_at(1))
+    picture.refresh(event_at(2), START + 1 + REFRESH_S)
+
+    assert_allclose(picture.radiance[9, 10], RED, atol=1e-3)
+    assert_allclose(picture.radiance[9, 14], GREEN, atol=1e-3)
+
+
+@pytest.mark.parametrize("quiet", [0, 30])
+def test_a_tile_whose_probes_changed_loses_trust_as_a_whole(scene: Scene, quiet: int) -> None:
+    """4 probes of one tile, all changed: its older samples lose 1 - 0.1 of their weight, however long all was quiet."""
+    probes = [(2.5, 2.5), (13.5, 2.5), (2.5, 13.5), (13.5, 13.5)]
+    plain = weights(seen_then_contradicted(scene, lit(hits(probes, GREEN), NO_CHANGE), quiet=quiet))
+    picture = seen_then_contradicted(scene, lit(hits(probes, GREEN), NO_CHANGE, change=1.0), quiet=quiet)
+
+    kept = weights(picture) / plain
+
+    assert_allclose(kept[5:12, 5:12], 0.1, rtol=1e-4)
+    assert_allclose(kept[:, 17:], 1.0, rtol=1e-5)
+
+
+def test_two_probes_of_a_tile_are_not_enough_to_distrust_it(scene: Scene) -> None:
+    probes = hits([(2.5, 2.5), (13.5, 2.5)], GREEN)
+    plain = weights(seen_then_contradicted(scene, lit(probes.copy(), NO_CHANGE)))
+    kept = weights(seen_then_contradicted(scene, lit(probes, NO_CHANGE, change=1.0))) / plain
+    assert_allclose(kept[5:12, 5:12], 1.0, rtol=1e-5)
+
+
+def test_who_judges_finds_changes_of_lighting_and_nothing_else(scene: Scene) -> None:
+    """A texture changes radiance and not lighting; less than 0.018 counts as noise, 0.078 and more as all."""
+    picture = picture_of(scene, judging=True)
+    picture.insert(all_pixels(), START, event_at(0))
+    picture.refresh(event_at(0), START)
+    found = hits([(2.5, 2.5), (6.5, 2.5), (10.5, 2.5), (14.5, 2.5), (18.5, 2.5), (40.5, 2.5)], RED)
+    found["light"] = NO_CHANGE + np.array([0.0, 0.017, 0.018 + 0.03, -0.018 - 0.03, 0.2, 0.2], np.float32)
+    found["object"] = WALL  # the last one hits another object than what was seen there
+    found["change"] = np.nan
+
+    picture.insert(found, START, event_at(0))
+
+    assert_allclose(found["change"], [0, 0, 0.5, 0.5, 1, 0], atol=1e-5)
+
+
+def test_a_judge_at_rest_takes_changes_for_noise(scene: Scene) -> None:
+    picture = at_rest_after(scene, all_pixels(), judging=True)
+    second = all_pixels(CHANGED)
+    picture.insert(second, START + 1, event_at(0))
+    picture.refresh(event_at(0), START + 1 + REFRESH_S)
+    assert (second["change"] == 0.0).all()
+    assert (picture.still[..., 3] == 2).all()
