@@ -28,6 +28,9 @@ class AdaptiveSampling(_Common):
     method: Literal["adaptive"] = Field(
         default="adaptive", description="rays where the picture changes; samples follow camera and objects"
     )
+    samples_per_batch: Annotated[Whole, Ge(64), Le(65536)] = Field(
+        default=2048, description="samples traced under one event; fewer than other samplers, since rays are fewer"
+    )
     samples_per_pixel: Annotated[Number, Ge(1.0), Le(16.0)] = Field(
         default=2.0, description="samples kept, on average; more = smoother and slower"
     )
