@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from wall.data import SAMPLE, Batch, Float64, Rect, Samples
 
-LENGTH_AT, CHECKSUM_AT = 72, 180  # byte offsets in a sample packet's header
-HEADER = 184  # bytes
+LENGTH_AT, CHECKSUM_AT = 74, 142  # byte offsets in a sample packet's header
+HEADER = 146  # bytes
 SMALLEST_NORMAL = 2.0**-126
 LARGEST_COLOUR = 65408.0
 TIME_ROUNDING = 1.0 + 1e-5  # float32 arithmetic around the time code

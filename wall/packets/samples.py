@@ -9,35 +9,28 @@ from __future__ import annotations
 import math
 import struct
 import zlib
-from enum import IntEnum
 
-import lz4.block
 import numpy as np
-import zstandard
 
-from wall.data import SAMPLE, Batch, Camera, Rect
+from wall.data import SAMPLE, Batch, Camera, Rect, Samples
 from wall.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import kernels
+from wall.packets.codecs import Codec, compress, expand
+from wall.packets.compact import body as compact
+from wall.packets.compact.kernels import DEPTH_BITS
+from wall.packets.rotations import is_unit, quaternion_of, rotation_of
+
+__all__ = ["BYTES_A_SAMPLE", "HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
 MAGIC, VERSION, KIND_SAMPLES = b"WALL", 2, 1
-BYTES_A_SAMPLE = 12              # before compression
+PLAIN, COMPACT = 0, 1            # layouts of the body
+BYTES_A_SAMPLE = 12              # of a plain body, before compression
 MAX_SAMPLES = 65536              # of one packet
 MAX_EDGE = 4096                  # pixels of a rectangle: leaves 2 sub-pixel bits
-ZSTD_LEVEL = 1                   # higher levels gain 3 % and cost three times as much
 
-_HEADER = struct.Struct("<4sBBBBHHHBBHHHHQIIdffIIIIId3d9d")
+_HEADER = struct.Struct("<4sBBBBBxHHHBBHHHHQIIdffIIIIId3d4d")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
-
-
-class Codec(IntEnum):
-    NONE = 0
-    LZ4 = 1
-    ZSTD = 2
-
-    @classmethod
-    def named(cls, name: str) -> Codec:
-        return cls[name.upper()]
 
 
 def is_samples(data: bytes) -> bool:
@@ -46,11 +39,13 @@ def is_samples(data: bytes) -> bool:
 
 
 def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
-    """One packet of a batch.
+    """One packet of a batch; the compact layout for adaptive ones, whose samples may come back in another order.
+
+    `codec` is that of the plain layout: the compact one leaves nothing to compress.
 
     Raises LocalProtocolError for what the format cannot carry: too many samples, a rectangle with an edge above 4096,
-    samples outside it, radiance that is not finite, negative depth, times below 0 or from 1e6 s, numbers above their
-    field.
+    samples outside it, radiance that is not finite, negative depth, times below 0 or from 1e6 s, a camera that is not
+    turned by a rotation, numbers above their field.
     """
     n, rect = len(batch.samples), batch.rect
     where = f"rank {batch.rank} packet {batch.sequence}"
@@ -59,33 +54,33 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
             f"{where}: {n} samples of a {rect.width}x{rect.height} rectangle; "
             f"at most {MAX_SAMPLES} samples, edges of 1 to {MAX_EDGE} pixels"
         )
-    low, high, latest, bad = kernels.depth_range(batch.samples)
+    if batch.adaptive:
+        layout, codec, bits = COMPACT, Codec.NONE, DEPTH_BITS
+        data, base, span, bad, outside = compact.pack(batch.samples, rect)
+    else:
+        layout = PLAIN
+        data, base, bits, span, bad, outside = _pack_plain(batch.samples, rect, codec)
     if bad:
         raise LocalProtocolError(f"{where}: {bad} of {n} samples without a finite colour, a depth or a time")
-    (base, bits), span = _depth_code(int(low), int(high)), float(latest)
-    body = np.empty(BYTES_A_SAMPLE * n, np.uint8)
-    outside = kernels.pack(
-        batch.samples, (rect.x, rect.y, rect.width, rect.height), subpixel_bits(rect.width),
-        subpixel_bits(rect.height), base, bits, np.float32(span), *_planes(body, n),
-    )
     if outside:
         raise LocalProtocolError(f"{where}: {outside} of {n} samples outside {rect}")
     if not _sane(batch.base_time, span, float(np.float32(batch.blend))):
         raise LocalProtocolError(
             f"{where}: base time {batch.base_time}, blend {batch.blend}; wanted a finite time, a blend in (0, 1]"
         )
-    if not all(map(math.isfinite, (batch.scene_time, *batch.camera.position, *batch.camera.world_from_wall))):
+    if not all(map(math.isfinite, (batch.scene_time, *batch.camera.position))):
         raise LocalProtocolError(f"{where}: scene time {batch.scene_time}, {batch.camera}; wanted finite numbers")
-    data = _compress(body, codec)
     try:
         header = _HEADER.pack(
-            MAGIC, VERSION, KIND_SAMPLES, codec, batch.adaptive, batch.view, batch.panel, batch.rank, base, bits,
-            rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
+            MAGIC, VERSION, KIND_SAMPLES, codec, batch.adaptive, layout, batch.view, batch.panel, batch.rank, base,
+            bits, rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
             batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, len(data),
-            batch.scene_time, *batch.camera.position, *batch.camera.world_from_wall,
+            batch.scene_time, *batch.camera.position, *quaternion_of(batch.camera.world_from_wall),
         )
     except struct.error as error:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
+    except ValueError as error:
+        raise LocalProtocolError(f"{where}: camera's world_from_wall {error}") from error
     return b"".join((header, _CHECKSUM.pack(zlib.crc32(data, zlib.crc32(header))), data))
 
 
@@ -94,9 +89,9 @@ def decode(data: bytes | memoryview) -> Batch:
     if len(data) < HEADER_BYTES:
         raise RemoteProtocolError(f"a packet of {len(data)} bytes; its header alone has {HEADER_BYTES}")
     fields = _HEADER.unpack_from(data)
-    magic, version, kind, codec, adaptive, view, panel, rank, base, bits, x, y, width, height, sequence = fields[:15]
-    camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n, length = fields[15:25]
-    scene_time, pose = fields[25], fields[26:]
+    magic, version, kind, codec, adaptive, layout, view, panel, rank, base, bits, x, y, width, height = fields[:15]
+    sequence, camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n = fields[15:25]
+    length, scene_time, position, quaternion = fields[25], fields[26], fields[27:30], fields[30:]
     where = f"rank {rank} packet {sequence}"
     if magic != MAGIC or version != VERSION or kind != KIND_SAMPLES:
         raise RemoteProtocolError(f"not a sample packet of version {VERSION}: starts with {bytes(data[:6])!r}")
@@ -111,22 +106,51 @@ def decode(data: bytes | memoryview) -> Batch:
         raise RemoteProtocolError(f"{where}: {n} samples of {width}x{height}, depth code {base}/{bits}: out of range")
     if not _sane(base_time, span, blend):
         raise RemoteProtocolError(f"{where}: time {base_time}, span {span}, blend {blend}: out of range")
-    if adaptive > 1 or not all(map(math.isfinite, (scene_time, *pose))):
-        raise RemoteProtocolError(f"{where}: filter {adaptive}, scene time {scene_time}, pose {pose}: out of range")
-    planes = np.frombuffer(_expand(body, codec, BYTES_A_SAMPLE * n, where), np.uint8)
+    if adaptive > 1 or not all(map(math.isfinite, (scene_time, *position))) or not is_unit(quaternion):
+        raise RemoteProtocolError(
+            f"{where}: filter {adaptive}, scene time {scene_time}, pose {position} {quaternion}: out of range"
+        )
+    rect = Rect(x=x, y=y, width=width, height=height)
+    if layout == PLAIN:
+        samples = _unpack_plain(expand(body, codec, BYTES_A_SAMPLE * n, where), rect, base, bits, span)
+    elif layout == COMPACT and codec == Codec.NONE:
+        samples = compact.unpack(body, n, rect=rect, depth_base=base, depth_bits=bits, span=span)
+    else:
+        raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; known: 0 with any, 1 with 0")
+    if samples is None:
+        raise RemoteProtocolError(f"{where}: body is not {n} samples inside its rectangle")
+    return Batch(
+        view=view, panel=panel, rect=rect, rank=rank, sequence=sequence, camera_event=camera_event,
+        scene_event=scene_event, base_time=base_time, samples=samples, frame=frame, frame_samples=frame_samples,
+        skipped=skipped, blend=blend, camera=Camera(position=position, world_from_wall=rotation_of(quaternion)),
+        scene_time=scene_time, adaptive=bool(adaptive),
+    )
+
+
+def _pack_plain(samples: Samples, rect: Rect, codec: Codec) -> tuple[bytes, int, int, float, int, int]:
+    """Body, depth code's base and bits, span of times, samples that are bad or outside (then the body is empty)."""
+    n = len(samples)
+    low, high, latest, bad = kernels.depth_range(samples)
+    if bad:
+        return b"", 0, 0, 0.0, int(bad), 0
+    base, bits = _depth_code(int(low), int(high))
+    body = np.empty(BYTES_A_SAMPLE * n, np.uint8)
+    outside = kernels.pack(
+        samples, (rect.x, rect.y, rect.width, rect.height), subpixel_bits(rect.width), subpixel_bits(rect.height),
+        base, bits, np.float32(latest), *_planes(body, n),
+    )
+    return compress(body.data, codec), base, bits, float(latest), 0, int(outside)
+
+
+def _unpack_plain(data: bytes | memoryview, rect: Rect, base: int, bits: int, span: float) -> Samples | None:
+    """The samples of a plain body, None if one lies outside the rectangle."""
+    n = len(data) // BYTES_A_SAMPLE
     samples = np.empty(n, SAMPLE)
     outside = kernels.unpack(
-        *_planes(planes, n), (x, y, width, height), subpixel_bits(width), subpixel_bits(height), base, bits,
-        np.float32(span), samples,
+        *_planes(np.frombuffer(data, np.uint8), n), (rect.x, rect.y, rect.width, rect.height),
+        subpixel_bits(rect.width), subpixel_bits(rect.height), base, bits, np.float32(span), samples,
     )
-    if outside:
-        raise RemoteProtocolError(f"{where}: {outside} of {n} samples outside its rectangle")
-    return Batch(
-        view=view, panel=panel, rect=Rect(x=x, y=y, width=width, height=height), rank=rank, sequence=sequence,
-        camera_event=camera_event, scene_event=scene_event, base_time=base_time, samples=samples, frame=frame,
-        frame_samples=frame_samples, skipped=skipped, blend=blend,
-        camera=Camera(position=pose[:3], world_from_wall=pose[3:]), scene_time=scene_time, adaptive=bool(adaptive),
-    )
+    return None if outside else samples
 
 
 def subpixel_bits(edge: int) -> int:
@@ -149,31 +173,3 @@ def _planes(body: np.ndarray[tuple[int], np.dtype[np.uint8]], n: int) -> tuple[n
     """Colour (n,) uint32, then x, y, depth, object (n,) uint16: views of one body."""
     words = body[4 * n :].view(np.uint16)
     return body[: 4 * n].view(np.uint32), words[:n], words[n : 2 * n], words[2 * n : 3 * n], words[3 * n :]
-
-
-def _compress(body: np.ndarray[tuple[int], np.dtype[np.uint8]], codec: Codec) -> bytes:
-    if codec == Codec.LZ4:
-        return bytes(lz4.block.compress(body, store_size=False))
-    if codec == Codec.ZSTD:
-        return zstandard.ZstdCompressor(level=ZSTD_LEVEL).compress(body.data)
-    return body.tobytes()
-
-
-def _expand(body: memoryview, codec: int, size: int, where: str) -> bytes | memoryview:
-    """The body before compression: exactly `size` bytes, never more is allocated."""
-    try:
-        if codec == Codec.NONE:
-            data: bytes | memoryview = body
-        elif codec == Codec.LZ4:
-            data = lz4.block.decompress(body, uncompressed_size=size)
-        elif codec == Codec.ZSTD:
-            if zstandard.frame_content_size(body) != size:
-                raise RemoteProtocolError(f"{where}: body does not expand to the {size} bytes its samples need")
-            data = zstandard.ZstdDecompressor().decompress(body, max_output_size=size, allow_extra_data=False)
-        else:
-            raise RemoteProtocolError(f"{where}: unknown codec {codec}; known: 0 none, 1 lz4, 2 zstd")
-    except (lz4.block.LZ4BlockError, zstandard.ZstdError, ValueError) as error:
-        raise RemoteProtocolError(f"{where}: body does not decompress ({error})") from error
-    if len(data) != size:
-        raise RemoteProtocolError(f"{where}: body has {len(data)} bytes, its samples need {size}")
-    return data

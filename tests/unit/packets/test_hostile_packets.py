@@ -14,7 +14,7 @@ from wall.data import Rect
 from wall.errors import RemoteProtocolError
 from wall.packets.samples import HEADER_BYTES, Codec, decode, encode
 
-COUNT_AT, CODEC_AT = 68, 6
+COUNT_AT, CODEC_AT = 70, 6
 PACKETS = {codec: encode(batch_of(plain_samples(2)), codec) for codec in Codec}
 
 
@@ -72,11 +72,12 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
 @pytest.mark.parametrize(
     ("offset", "layout", "value"),
     [
-        (14, "B", 255), (15, "B", 7), (15, "B", 16), (20, "H", 0), (20, "H", 4097), (22, "H", 0), (22, "H", 65535),
-        (40, "d", float("nan")), (40, "d", float("inf")), (48, "f", -1.0), (48, "f", float("nan")), (48, "f", 1e6),
-        (52, "f", 0.0), (52, "f", 1.5), (52, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
+        (16, "B", 255), (17, "B", 7), (17, "B", 16), (22, "H", 0), (22, "H", 4097), (24, "H", 0), (24, "H", 65535),
+        (42, "d", float("nan")), (42, "d", float("inf")), (50, "f", -1.0), (50, "f", float("nan")), (50, "f", 1e6),
+        (54, "f", 0.0), (54, "f", 1.5), (54, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
         (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 1),
-        (4, "B", 3), (7, "B", 2), (76, "d", float("nan")), (84, "d", float("inf")), (172, "d", float("nan")),
+        (4, "B", 3), (7, "B", 2), (8, "B", 1), (8, "B", 2), (78, "d", float("nan")), (86, "d", float("inf")),
+        (110, "d", float("nan")), (110, "d", 1.0 + 2e-6), (110, "d", 0.0), (134, "d", 1.0), (134, "d", 1e300),
     ],
 )  # fmt: skip
 def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: int, layout: str, value: float) -> None:
@@ -89,7 +90,7 @@ def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: in
 def test_a_position_outside_the_rectangle_is_refused() -> None:
     changed = bytearray(PACKETS[Codec.NONE])
     struct.pack_into("<H", changed, HEADER + 8, 480 << 5)  # x of sample 0: pixel 480 of 480
-    with pytest.raises(RemoteProtocolError, match="1 of 2 samples outside"):
+    with pytest.raises(RemoteProtocolError, match="not 2 samples inside"):
         decode(resealed(changed))
 
 
@@ -100,7 +101,7 @@ def test_a_position_that_rounds_up_to_the_far_edge_is_refused() -> None:
     samples["xy"] = 40000.0, 0.5
     changed = bytearray(encode(batch_of(samples, rect=rect)))
     struct.pack_into("<H", changed, HEADER + 4, 0x3FFF)
-    with pytest.raises(RemoteProtocolError, match="outside"):
+    with pytest.raises(RemoteProtocolError, match="inside its rectangle"):
         decode(resealed(changed))
 
 

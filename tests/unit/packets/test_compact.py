@@ -1,0 +1,273 @@
+"""The compact layout: every sample comes back once, in its place, within the bounds of docs/packet_format.md."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from packet_examples import (
+    HEADER,
+    SMALLEST_NORMAL,
+    TIME_ROUNDING,
+    batch_of,
+    batches,
+    check_sane,
+    plain_samples,
+    resealed,
+    wrapped,
+)
+
+from wall.data import SAMPLE, Batch, Float64, Rect, Samples
+from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets.compact import kernels
+from wall.packets.compact.tables import make_tables
+from wall.packets.samples import Codec, decode, encode
+
+HALF_CODE = 0.51  # the exact curve bends between whole codes, most at code 10.3
+RECT = Rect(x=0, y=0, width=480, height=270)
+
+
+def curve_place(colour: Float64) -> Float64:
+    """Place on the curve of colour codes, exactly (between whole codes the packet's curve is straight)."""
+    low = np.clip(colour, 0.0, 65408.0)
+    srgb = np.where(low <= 0.0031308, 12.92 * low, 1.055 * np.maximum(low, 1e-9) ** (1 / 2.4) - 0.055)
+    return np.where(low <= 1.0, 255 * srgb, 255 + 80 * np.log2(np.maximum(low, 1.0)))
+
+
+def along_hilbert(x: int, y: int) -> int:
+    """The place of a pixel of a 16 x 16 tile on Hilbert's curve, quadrant by quadrant."""
+    place, side = 0, 8
+    while side:
+        right, down = x >= side, y >= side
+        quadrant = (2 if down else 3) if right else (1 if down else 0)
+        place += quadrant * side * side
+        x, y = x % side, y % side
+        if quadrant == 0:
+            x, y = y, x
+        elif quadrant == 3:
+            x, y = side - 1 - y, side - 1 - x
+        side //= 2
+    return place
+
+
+def in_order(samples: Samples, rect: Rect) -> Samples:
+    """Samples by tile and place, those of one pixel as they were."""
+    across = -(-rect.width // 16)
+    keys = []
+    for x, y in np.floor(np.float64(samples["xy"])).astype(int) - (rect.x, rect.y):
+        row, column = y // 16, x // 16
+        tile = row * across + (across - 1 - column if row % 2 else column)
+        keys.append(256 * tile + along_hilbert(x % 16, y % 16))
+    return samples[np.argsort(np.array(keys, np.int64), kind="stable")]
+
+
+def check_compact(sent: Batch, came: Batch) -> None:
+    a, b = in_order(sent.samples, sent.rect), came.samples
+    assert len(a) == len(b)
+    assert (np.abs(np.float64(a["xy"]) - b["xy"]) <= 1 / 16).all()
+    assert (np.floor(a["xy"]) == np.floor(b["xy"])).all()
+    error = np.abs(curve_place(np.float64(a["radiance"])) - curve_place(np.float64(b["radiance"])))
+    assert (error <= HALF_CODE).all()
+    finite = np.isfinite(a["depth"])
+    assert (np.isinf(b["depth"]) == ~finite).all()
+    depth = np.float64(a["depth"][finite])
+    assert (np.abs(depth - b["depth"][finite]) <= np.maximum(depth * 2.0**-12, SMALLEST_NORMAL)).all()
+    assert (b["object"] == wrapped(a["object"])).all()
+    span = float(a["time"].max(initial=0.0))
+    assert (np.abs(np.float64(a["time"]) - b["time"]) <= max(span / 126 * TIME_ROUNDING, 1e-30)).all()
+    assert (np.abs(a["change"] - b["change"]) <= 1 / 30 + 1e-6).all()
+    assert not b["light"].any()
+
+
+def through(samples: Samples, *, rect: Rect = RECT) -> Samples:
+    """What arrives, its bounds checked."""
+    batch = batch_of(samples, rect=rect, adaptive=True)
+    came = decode(encode(batch))
+    check_compact(batch, came)
+    return came.samples
+
+
+def tile_samples(n: int, seed: int = 3) -> Samples:
+    """(n,) samples in sixteens inside tiles, of three objects, as the adaptive sampler sends them."""
+    rng = np.random.default_rng(seed)
+    samples = plain_samples(n, seed=seed)
+    tiles = rng.integers(0, (30, 16), (-(-n // 16), 2)).repeat(16, axis=0)[:n] * 16
+    samples["xy"] = tiles + rng.random((n, 2)) * 15.99
+    samples["object"] = 40 + (np.linspace(0, 20, n).astype(int) % 3)
+    samples["change"] = np.maximum(rng.random(n) * 4 - 3, 0)
+    return samples
+
+
+@given(batch=batches())
+@settings(max_examples=150, deadline=None)
+def test_any_batch_comes_back_within_the_stated_bounds(batch: Batch) -> None:
+    batch = replace(batch, adaptive=True)
+    came = decode(encode(batch))
+    check_compact(batch, came)
+    check_sane(came)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 16, 17, 300, 1500])
+def test_tiles_of_samples_come_back_within_the_stated_bounds(n: int) -> None:
+    through(tile_samples(n))
+
+
+def test_a_packet_of_the_most_samples_comes_back(compiled_only: None) -> None:
+    through(plain_samples(65536))
+
+
+@pytest.mark.parametrize("rect", [Rect(x=65535, y=65535, width=4096, height=4096), Rect(x=7, y=3, width=17, height=1)])
+def test_corners_of_the_rectangle_stay_in_their_pixels(rect: Rect) -> None:
+    samples = np.zeros(4, SAMPLE)
+    last = [np.nextafter(np.float32(k), np.float32(0)) for k in (rect.x + rect.width, rect.y + rect.height)]
+    samples["xy"] = [(rect.x, rect.y), (last[0], rect.y), (rect.x, last[1]), last]
+    through(samples, rect=rect)
+
+
+def test_samples_of_one_pixel_keep_their_order() -> None:
+    samples = np.zeros(40, SAMPLE)
+    samples["xy"] = 100.3, 77.7
+    samples["depth"] = np.arange(1, 41)
+    assert (np.diff(through(samples)["depth"]) > 0).all()
+
+
+def test_the_worst_errors_come_near_their_bounds() -> None:
+    samples = plain_samples(4000)
+    a, b = in_order(samples, RECT), through(samples)
+    assert np.abs(np.float64(a["xy"]) - b["xy"]).max() > 0.99 / 16
+    places = [curve_place(np.float64(s["radiance"])) for s in (a, b)]
+    assert np.abs(places[0] - places[1]).max() > 0.495
+    finite = np.isfinite(a["depth"])
+    assert np.abs(b["depth"][finite] / np.float64(a["depth"][finite]) - 1).max() > 0.98 * 2.0**-12
+
+
+def test_colours_of_every_size_stay_within_half_a_code() -> None:
+    tops = np.concatenate([np.geomspace(2.0**-30, 7e4, 1200), make_tables().colour_of_code[:1536:5, 0]])
+    samples = np.zeros(len(tops), SAMPLE)
+    samples["xy"] = np.random.default_rng(1).random((len(tops), 2)) * (480, 270)
+    samples["radiance"] = np.float32(tops[:, None] * (1.0, 0.3, -1.0))
+    through(samples)
+
+
+def test_a_flat_colour_is_right_on_average() -> None:
+    """Rounded without dither, 0.3 of a code would stay off by 0.3; the mean of 10,000 draws is good to 0.003."""
+    samples = np.zeros(10_000, SAMPLE)
+    samples["xy"] = np.random.default_rng(1).random((10_000, 2)) * (480, 270)
+    codes = np.array([100.3, 181.5, 240.7])
+    samples["radiance"] = np.float32(((codes / 255 + 0.055) / 1.055) ** 2.4)
+    assert np.abs(curve_place(np.float64(through(samples)["radiance"])).mean(axis=0) - codes).max() < 0.012
+
+
+@pytest.mark.parametrize("span", [0.0, 1e-45, 1e-36, 0.001, 999999.0])
+def test_times_stay_within_a_126th_of_their_span(span: float) -> None:
+    samples = tile_samples(400)
+    samples["time"] = np.linspace(0.0, span, 400)[np.random.default_rng(2).permutation(400)]
+    through(samples)
+
+
+def test_objects_beyond_the_range_wrap_and_never_become_background() -> None:
+    samples = plain_samples(9)
+    samples["object"] = [0, 1, 16382, 16383, 16384, 32766, 32767, 2**31, 2**32 - 1]
+    assert (through(samples)["object"] > 0).sum() == 8
+
+
+def test_as_many_objects_as_there_are_ids_fit(compiled_only: None) -> None:
+    samples = plain_samples(20_000)
+    samples["object"] = np.random.default_rng(3).permutation(20_000) % 16384
+    through(samples)
+
+
+def test_samples_that_differ_as_much_as_they_can_fit_the_space_that_is_set_aside() -> None:
+    rng = np.random.default_rng(6)
+    samples = np.zeros(600, SAMPLE)
+    samples["xy"] = rng.random((600, 2)) * 4095.9
+    samples["radiance"] = rng.choice([0.0, 65408.0], (600, 3))
+    samples["depth"] = rng.choice(np.float32([1e-38, 3e38, np.inf]), 600)
+    samples["object"] = rng.integers(0, 16384, 600)
+    samples["time"], samples["change"] = rng.choice([0.0, 1.0], 600), rng.choice([0.0, 1.0], 600)
+    batch = batch_of(samples, rect=Rect(x=0, y=0, width=4096, height=4096), adaptive=True)
+    packet = encode(batch)
+    check_compact(batch, decode(packet))
+    assert len(packet) - HEADER < 4 * (kernels.WORDS_A_SAMPLE * 600 + kernels.WORDS_BESIDE)
+
+
+def test_a_codec_is_not_applied_to_it() -> None:
+    batch = batch_of(tile_samples(200), adaptive=True)
+    assert encode(batch, Codec.ZSTD) == encode(batch, Codec.NONE)
+
+
+def test_order_of_places_and_its_inverse_agree_with_hilbert_s_curve() -> None:
+    tables = make_tables()
+    assert [along_hilbert(p % 16, p // 16) for p in range(256)] == tables.place_on_curve.tolist()
+    assert (tables.place_on_curve[tables.pixel_on_curve] == np.arange(256)).all()
+    steps = np.abs(np.diff(np.stack(np.divmod(tables.pixel_on_curve.astype(int), 16)), axis=1)).sum(axis=0)
+    assert (steps == 1).all()
+
+
+def test_sorting_is_stable_and_growing() -> None:
+    keys = np.random.default_rng(7).integers(0, 2**24, 500).astype(np.uint32)
+    keys[::3] = keys[0]
+    assert (kernels.sorted_order(keys) == np.argsort(keys, kind="stable")).all()
+    assert kernels.sorted_order(keys[:0]).tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("xy", (480.0, 1.0)), ("xy", (np.nan, 1.0)), ("radiance", (np.nan, 0, 0)), ("depth", -1.0), ("time", np.inf)],
+)
+def test_a_sample_that_cannot_be_carried_is_refused(field: str, value: object) -> None:
+    samples = plain_samples(5)
+    samples[3][field] = value
+    with pytest.raises(LocalProtocolError, match="rank 2 packet 812: 1 of 5 samples"):
+        encode(batch_of(samples, adaptive=True))
+
+
+def packet_of(n: int) -> bytes:
+    return encode(batch_of(tile_samples(n), adaptive=True))
+
+
+def test_every_flipped_bit_under_a_valid_checksum_is_refused_or_harmless() -> None:
+    packet = packet_of(6)
+    accepted = 0
+    for bit in range(8 * HEADER, 8 * len(packet)):
+        changed = bytearray(packet)
+        changed[bit // 8] ^= 1 << bit % 8
+        try:
+            check_sane(decode(resealed(changed)))
+            accepted += 1
+        except RemoteProtocolError:
+            continue
+    assert 10 < accepted < 8 * (len(packet) - HEADER)  # the test looks at both outcomes
+
+
+@pytest.mark.parametrize("cut", [1, 4, 8, 40])
+def test_a_body_that_is_too_short_or_too_long_is_refused(cut: int) -> None:
+    packet = packet_of(60)
+    for wrong in (packet[:-cut], packet + bytes(cut)):
+        with pytest.raises(RemoteProtocolError, match="is not 60 samples"):
+            decode(resealed(wrong))
+
+
+@pytest.mark.parametrize("fill", [b"\x00", b"\xff", b"\x55"])
+def test_a_body_of_one_byte_repeated_is_refused(fill: bytes) -> None:
+    packet = packet_of(60)
+    with pytest.raises(RemoteProtocolError):
+        decode(resealed(packet[:HEADER] + fill * (len(packet) - HEADER)))
+
+
+def test_a_short_body_cannot_ask_for_much_memory() -> None:
+    changed = bytearray(packet_of(6))
+    changed[70:74] = (65536).to_bytes(4, "little")
+    packet = resealed(changed)
+    tracemalloc.start()
+    try:
+        with pytest.raises(RemoteProtocolError):
+            decode(packet)
+        assert tracemalloc.get_traced_memory()[1] < 1 << 16
+    finally:
+        tracemalloc.stop()
+
+

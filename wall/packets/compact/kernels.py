@@ -1,0 +1,501 @@
+"""Write samples as planes of small numbers and read them back: sorted by place, told by their differences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.jit import inline_kernel, kernel
+from wall.packets.kernels import LARGEST_COLOUR, LARGEST_OBJECT, SHORTEST_SPAN_S, depth_range
+from wall.packets.planes.kernels import bits_of, folded, get_all, get_plane, put_all, put_plane, unfolded
+
+SUBPIXEL_BITS = 3
+DEPTH_BITS = 11                  # mantissa bits of a depth code
+OBJECT_BITS = 14
+TIME_STEPS, CHANGE_STEPS = 63, 15
+TILE_BITS, TILE = 4, 16          # pixels
+TOP_CODE = 1535                  # of colours, see tables.py
+DARK_BITS = 115 << 23            # of float32 2^-12
+BUCKET_SHIFT = 16
+COUNT_BITS = 17                  # of tiles and of objects, each at most 65,536
+FLAG_BITS = 3
+MIXED_OBJECTS, MIXED_TIMES, CHANGED = 1, 2, 4  # flags of a tile
+WORDS_A_SAMPLE = 14              # at worst, alone in its tile: eleven escaped numbers, 9 + 14 bits more
+WORDS_BESIDE = 3
+TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS = range(11)  # planes of numbers
+MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64], np.int64)  # before the first number of each
+ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+
+
+@inline_kernel
+def noise_of(x, y):
+    """30 random bits of sub-pixel (x, y), ten for each colour channel."""
+    h = np.uint32((x << 16) | y) * np.uint32(0x9E3779B1)
+    h ^= h >> np.uint32(15)
+    h *= np.uint32(0x85EBCA77)
+    h ^= h >> np.uint32(13)
+    return np.int64(h)
+
+
+@inline_kernel
+def noise(bits):
+    """float32 inside (0, 1): odd multiples of 1/2048."""
+    return (np.float32(bits & 1023) + HALF) * np.float32(1.0 / 1024.0)
+
+
+@inline_kernel
+def colour_code(value, lift, colour_of_code, code_of_bucket):
+    """The code of a channel: floor(its place on the curve + lift)."""
+    value = min(max(value, ZERO), np.float32(LARGEST_COLOUR))
+    bits = max(np.int64(np.float32(value).view(np.int32)) - DARK_BITS, 0)
+    code = np.int64(code_of_bucket[bits >> BUCKET_SHIFT])
+    code += np.int64(colour_of_code[code + 1, 0] <= value)
+    place = (value - colour_of_code[code, 0]) * colour_of_code[code, 1]
+    return min(code + np.int64(place + lift), TOP_CODE)
+
+
+@inline_kernel
+def colour_of(code, lift, colour_of_code):
+    """The inverse: the middle of all colours that `lift` takes to this code."""
+    place = np.float32(code) + (HALF - lift)
+    place = min(max(place, ZERO), np.float32(TOP_CODE))
+    whole = np.int64(place)
+    low = colour_of_code[whole, 0]
+    return low + (place - np.float32(whole)) * (colour_of_code[whole + 1, 0] - low)
+
+
+@kernel
+def sorted_order(keys):
+    """(n,) int64: a stable order of keys (n,) uint32, by as many digits of 8 bits as the largest one has."""
+    n = keys.shape[0]
+    order, other = np.arange(n), np.empty(n, np.int64)
+    starts = np.empty(256, np.int64)
+    top = np.int64(0)
+    for i in range(n):
+        top = max(top, np.int64(keys[i]))
+    shift = 0
+    while top >> shift > 0:
+        starts[:] = 0
+        for i in range(n):
+            starts[(np.int64(keys[i]) >> shift) & 255] += 1
+        total = np.int64(0)
+        for digit in range(256):
+            count = starts[digit]
+            starts[digit] = total
+            total += count
+        for i in range(n):
+            k = order[i]
+            digit = (np.int64(keys[k]) >> shift) & 255
+            other[starts[digit]] = k
+            starts[digit] += 1
+        order, other = other, order
+        shift += 8
+    return order
+
+
+@kernel
+def places(samples, rect, place_on_curve, keys, subpixels):
+    """Where samples (n,) SAMPLE are: keys (n,) uint32 and x, y in sub-pixels (n, 2) int32 are written.
+
+    A key is a tile's number (row by row and back), then the pixel's place on the tile's curve in 8 bits. Returns how
+    many samples are not in the rectangle.
+    """
+    x0, y0, width, height = rect
+    tile_columns = (width + TILE - 1) >> TILE_BITS
+    scale = np.float32(1 << SUBPIXEL_BITS)
+    outside = 0
+    for k in range(samples.shape[0]):
+        dx, dy = samples[k]["xy"][0] - np.float32(x0), samples[k]["xy"][1] - np.float32(y0)
+        if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):       # NaN too
+            outside += 1
+            dx, dy = ZERO, ZERO
+        x, y = np.int64(dx * scale), np.int64(dy * scale)
+        i, j = y >> SUBPIXEL_BITS, x >> SUBPIXEL_BITS
+        row, column = i >> TILE_BITS, j >> TILE_BITS
+        if row & 1:
+            column = tile_columns - 1 - column
+        place = place_on_curve[((i & (TILE - 1)) << TILE_BITS) | (j & (TILE - 1))]
+        keys[k] = ((row * tile_columns + column) << 8) | np.int64(place)
+        subpixels[k, 0], subpixels[k, 1] = x, y
+    return outside
+
+
+@kernel
+def codes(samples, order, subpixels, base, span, tables, columns):
+    """Quantise samples (n,) SAMPLE in some order.
+
+    base : float32 exponent of depth code 1; span : float32 seconds of time code 63
+    columns : (7, n) int32, written: luma, orange, green, depth, object, time, change
+    """
+    _, _, colour_of_code, code_of_bucket = tables
+    per_second = ZERO if span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / span
+    shift, origin = 23 - DEPTH_BITS, base << 23
+    for i in range(order.shape[0]):
+        k = order[i]
+        lift = noise_of(np.int64(subpixels[k, 0]), np.int64(subpixels[k, 1]))
+        red = colour_code(samples[k]["radiance"][0], noise(lift), colour_of_code, code_of_bucket)
+        green = colour_code(samples[k]["radiance"][1], noise(lift >> 10), colour_of_code, code_of_bucket)
+        blue = colour_code(samples[k]["radiance"][2], noise(lift >> 20), colour_of_code, code_of_bucket)
+        orange = red - blue                       # YCoCg-R (Malvar, Sullivan 2003): whole numbers, reversible
+        middle = blue + (orange >> 1)
+        columns[0, i], columns[1, i], columns[2, i] = middle + ((green - middle) >> 1), orange, green - middle
+        bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))
+        depth = 1 + ((max(bits, origin) - origin + ((1 << shift) >> 1)) >> shift)
+        columns[3, i] = depth if bits < 0x7F800000 else 0
+        name = np.int64(samples[k]["object"])
+        if name > LARGEST_OBJECT:
+            name = (name - 1) % LARGEST_OBJECT + 1
+        columns[4, i] = name
+        columns[5, i] = min(max(np.int64(samples[k]["time"] * per_second + HALF), 0), TIME_STEPS)
+        columns[6, i] = np.int64(min(max(samples[k]["change"], ZERO), ONE) * np.float32(CHANGE_STEPS) + HALF)
+
+
+@kernel
+def palette_of(names, index_of):
+    """The distinct of names (n,), growing.
+
+    index_of : (2^14,) int16 of -1, written: the place of each name in the palette
+    """
+    found = np.empty(names.shape[0], np.uint32)
+    count = 0
+    for i in range(names.shape[0]):
+        if index_of[names[i]] < 0:
+            index_of[names[i]] = 0
+            found[count] = names[i]
+            count += 1
+    palette = found[:count][sorted_order(found[:count])]
+    for place in range(count):
+        index_of[palette[place]] = place
+    return palette
+
+
+@kernel
+def differences(who, columns, known):
+    """columns (4, n) int32: to the last sample of the same object, or of any while there is none; folded, in place.
+
+    who : (n,) int32, places in the palette; known : (palette's size,) of objects
+    """
+    last = np.empty((known, 4), np.int64)
+    seen = np.zeros(known, np.bool_)
+    before = np.int64(0)
+    for i in range(who.shape[0]):
+        mine = np.int64(who[i])
+        if not seen[mine]:
+            seen[mine] = True
+            for c in range(4):
+                last[mine, c] = last[before, c] if i > 0 else 0
+        for c in range(4):
+            value = np.int64(columns[c, i])
+            columns[c, i] = folded(value - last[mine, c])
+            last[mine, c] = value
+        before = mine
+
+
+@kernel
+def write(keys, order, subpixels, columns, words):
+    """Write quantised samples (see codes) that are in some order of growing keys. Returns the number of words."""
+    n = order.shape[0]
+    at = np.zeros(3, np.int64)
+    tiles, counts, flags = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    gaps, inside = np.empty(n, np.int32), np.empty(n, np.int32)
+    symbols, indices = np.empty(n, np.int32), np.empty(n, np.int32)
+    times, changes = np.empty(n, np.int32), np.empty(n, np.int32)
+    index_of = np.full(1 << OBJECT_BITS, -1, np.int16)
+    palette = palette_of(columns[4], index_of)
+    who = np.empty(n, np.int32)
+    for i in range(n):
+        who[i] = index_of[columns[4, i]]
+        k = order[i]
+        inside[i] = ((subpixels[k, 1] & 7) << SUBPIXEL_BITS) | (subpixels[k, 0] & 7)
+    m = told = listed = timed = changed = begin = 0
+    tile_before, count_before, time_before = np.int64(-1), np.int64(TILE), np.int64(0)
+    this = other = np.int64(-1)
+    while begin < n:
+        tile, end = np.int64(keys[order[begin]]) >> 8, begin
+        differ_who = differ_time = any_change = np.int64(0)
+        spot = np.int64(0)
+        while end < n and np.int64(keys[order[end]]) >> 8 == tile:
+            here = np.int64(keys[order[end]]) & 255
+            gaps[end], spot = here - spot, here
+            differ_who |= who[end] ^ who[begin]
+            differ_time |= columns[5, end] ^ columns[5, begin]
+            any_change |= columns[6, end]
+            end += 1
+        flag = (MIXED_OBJECTS if differ_who else 0) | (MIXED_TIMES if differ_time else 0)
+        flag |= CHANGED if any_change else 0
+        tiles[m], counts[m], flags[m] = tile - tile_before - 1, folded(np.int64(end - begin) - count_before), flag
+        tile_before, count_before = tile, np.int64(end - begin)
+        m += 1
+        for i in range(begin, end if differ_who else begin + 1):
+            mine = np.int64(who[i])
+            symbols[told] = 0 if mine == this else (1 if mine == other else 2)
+            if mine != this and mine != other:
+                indices[listed] = mine
+                listed += 1
+            if mine != this:
+                this, other = mine, this
+            told += 1
+        for i in range(begin, end if differ_time else begin + 1):
+            times[timed] = folded(np.int64(columns[5, i]) - time_before)
+            time_before = np.int64(columns[5, i])
+            timed += 1
+        if any_change:
+            for i in range(begin, end):
+                changes[changed] = columns[6, i]
+                changed += 1
+        begin = end
+    differences(who, columns, palette.shape[0])
+    put_all(np.array([m, palette.shape[0]]), COUNT_BITS, words, at)
+    put_plane(tiles[:m], MEANS[TILES], words, at)
+    put_plane(counts[:m], MEANS[COUNTS], words, at)
+    put_all(flags[:m], FLAG_BITS, words, at)
+    for place in range(palette.shape[0] - 1, 0, -1):
+        palette[place] -= palette[place - 1] + np.uint32(1)
+    put_plane(palette, MEANS[NAMES], words, at)
+    put_plane(gaps, MEANS[GAPS], words, at)
+    put_all(inside, 2 * SUBPIXEL_BITS, words, at)
+    put_plane(symbols[:told], MEANS[WHO], words, at)
+    put_all(indices[:listed], bits_of(palette.shape[0] - 1), words, at)
+    put_plane(times[:timed], MEANS[TIMES], words, at)
+    put_plane(changes[:changed], MEANS[CHANGES], words, at)
+    for c in range(4):
+        put_plane(columns[c], MEANS[LUMA + c], words, at)
+    if at[1] > 0:
+        words[at[2]] = np.uint32(at[0])
+        at[2] += 1
+    return at[2]
+
+
+@kernel
+def encode(samples, rect, tables, words):
+    """Write samples (n,) SAMPLE.
+
+    rect : (x, y, width, height), panel pixels; tables : see tables.Tables
+    words : (WORDS_A_SAMPLE * n + WORDS_BESIDE,) uint32, written
+
+    Returns
+    -------
+    written, base, latest, bad, outside : words; depth base; seconds of time code 63; samples that are not usable (see
+    depth_range) or not in the rectangle, with any of which nothing is written
+    """
+    n = samples.shape[0]
+    low, high, latest, bad = depth_range(samples)
+    base = low if low <= high else 0
+    keys, subpixels = np.empty(n, np.uint32), np.empty((n, 2), np.int32)
+    outside = places(samples, rect, tables[0], keys, subpixels)
+    if bad or outside:
+        return np.int64(0), base, latest, bad, outside
+    order, columns = sorted_order(keys), np.empty((7, n), np.int32)
+    codes(samples, order, subpixels, base, latest, tables, columns)
+    return write(keys, order, subpixels, columns, words), base, latest, bad, outside
+
+
+@kernel
+def summed(numbers, first, step):
+    """numbers (n,) int32 become running sums, int64: first + number + step, and so on."""
+    sums, total = np.empty(numbers.shape[0], np.int64), np.int64(first)
+    for i in range(numbers.shape[0]):
+        total += np.int64(numbers[i]) + step
+        sums[i] = total
+    return sums
+
+
+@kernel
+def read_tiles(words, position, head, tiles, starts, flags):
+    """Read numbers (m,), first samples (m + 1,) and flags (m,) of tiles; returns the position, -1 if out of range.
+
+    head : (tiles of the rectangle, samples of the packet)
+    """
+    m = tiles.shape[0]
+    counts = np.empty(m, np.int32)
+    position = get_plane(tiles, MEANS[TILES], words, position)
+    position = get_plane(counts, MEANS[COUNTS], words, position)
+    position = get_all(flags, FLAG_BITS, words, position)
+    tile, count, total = np.int64(-1), np.int64(TILE), np.int64(0)
+    for t in range(m):
+        tile, count = tile + 1 + tiles[t], count + unfolded(np.int64(counts[t]))
+        starts[t] = total
+        total += count
+        if tile >= head[0] or count < 1 or total > head[1]:
+            return np.int64(-1)
+        tiles[t] = tile
+    starts[m] = total
+    return position if total == head[1] else np.int64(-1)
+
+
+@kernel
+def read_objects(words, position, starts, flags, known, who):
+    """Read places in the palette (n,) of all samples; returns the position, -1 if one is not below `known`."""
+    told = 0
+    for t in range(flags.shape[0]):
+        told += starts[t + 1] - starts[t] if flags[t] & MIXED_OBJECTS else 1
+    symbols, listed = np.empty(told, np.int32), 0
+    position = get_plane(symbols, MEANS[WHO], words, position)
+    for i in range(told):
+        listed += np.int64(symbols[i] == 2)
+    indices = np.empty(listed, np.int32)
+    position = get_all(indices, bits_of(known - 1), words, position)
+    this, other, told, listed = np.int64(-1), np.int64(-1), 0, 0
+    for t in range(flags.shape[0]):
+        for i in range(starts[t], starts[t + 1]):
+            if i == starts[t] or flags[t] & MIXED_OBJECTS:
+                symbol = symbols[told]
+                told += 1
+                if symbol == 1:
+                    this, other = other, this
+                elif symbol == 2:
+                    this, other = np.int64(indices[listed]), this
+                    listed += 1
+                if symbol > 2 or this < 0 or this >= known:
+                    return np.int64(-1)
+            who[i] = this
+    return position
+
+
+@kernel
+def read_labels(words, position, starts, flags, times, changes):
+    """Read time and change codes (n,) of all samples; returns the position, -1 if one is out of range."""
+    timed = changed = 0
+    for t in range(flags.shape[0]):
+        count = starts[t + 1] - starts[t]
+        timed += count if flags[t] & MIXED_TIMES else 1
+        changed += count if flags[t] & CHANGED else 0
+    told_times, told_changes = np.empty(timed, np.int32), np.empty(changed, np.int32)
+    position = get_plane(told_times, MEANS[TIMES], words, position)
+    position = get_plane(told_changes, MEANS[CHANGES], words, position)
+    time, timed, changed = np.int64(0), 0, 0
+    for t in range(flags.shape[0]):
+        for i in range(starts[t], starts[t + 1]):
+            if i == starts[t] or flags[t] & MIXED_TIMES:
+                time += unfolded(np.int64(told_times[timed]))
+                timed += 1
+            changes[i] = 0
+            if flags[t] & CHANGED:
+                changes[i] = told_changes[changed]
+                changed += 1
+            if time < 0 or time > TIME_STEPS or changes[i] > CHANGE_STEPS:
+                return np.int64(-1)
+            times[i] = time
+    return position
+
+
+@kernel
+def sums_of_differences(who, columns, known):
+    """The inverse of differences()."""
+    last = np.empty((known, 4), np.int64)
+    seen = np.zeros(known, np.bool_)
+    before = np.int64(0)
+    for i in range(who.shape[0]):
+        mine = np.int64(who[i])
+        if not seen[mine]:
+            seen[mine] = True
+            for c in range(4):
+                last[mine, c] = last[before, c] if i > 0 else 0
+        for c in range(4):
+            value = last[mine, c] + unfolded(np.int64(columns[c, i]))
+            value = min(max(value, -(1 << 24)), 1 << 24)
+            columns[c, i] = value
+            last[mine, c] = value
+        before = mine
+
+
+@kernel
+def restore_places(tiles, starts, gaps, inside, rect, pixel_on_curve, subpixels):
+    """Sub-pixels (n, 2) int32 of all samples from their tiles and places on the curve; False if one is outside."""
+    width, height = rect[2], rect[3]
+    tile_columns = (width + TILE - 1) >> TILE_BITS
+    for t in range(tiles.shape[0]):
+        row, column = tiles[t] // tile_columns, tiles[t] % tile_columns
+        if row & 1:
+            column = tile_columns - 1 - column
+        spot = np.int64(0)
+        for i in range(starts[t], starts[t + 1]):
+            spot += gaps[i]
+            if spot > 255:
+                return False
+            pixel = np.int64(pixel_on_curve[spot])
+            x, y = (column << TILE_BITS) | (pixel & 15), (row << TILE_BITS) | (pixel >> 4)
+            if x >= width or y >= height:
+                return False
+            subpixels[i, 0] = (x << SUBPIXEL_BITS) | (inside[i] & 7)
+            subpixels[i, 1] = (y << SUBPIXEL_BITS) | (inside[i] >> 3)
+    return True
+
+
+@kernel
+def restore(subpixels, columns, rect, base, depth_bits, colour_of_code, samples):
+    """Positions, colours and depths of samples (n,) SAMPLE, written; False if a code is out of range."""
+    shift, origin = 23 - depth_bits, base << 23
+    deepest = 1 + ((0x7F800000 - origin) >> shift)
+    step = np.float32(1.0 / (1 << SUBPIXEL_BITS))
+    for i in range(samples.shape[0]):
+        x, y = np.int64(subpixels[i, 0]), np.int64(subpixels[i, 1])
+        samples[i]["xy"][0] = np.float32(rect[0]) + (np.float32(x) + HALF) * step
+        samples[i]["xy"][1] = np.float32(rect[1]) + (np.float32(y) + HALF) * step
+        luma, orange, green = np.int64(columns[0, i]), np.int64(columns[1, i]), np.int64(columns[2, i])
+        depth = np.int64(columns[3, i])
+        middle = luma - (green >> 1)
+        green += middle
+        blue = middle - (orange >> 1)
+        red = blue + orange
+        if min(red, min(green, blue)) < 0 or max(red, max(green, blue)) > TOP_CODE or depth < 0 or depth > deepest:
+            return False
+        lift = noise_of(x, y)
+        samples[i]["radiance"][0] = colour_of(red, noise(lift), colour_of_code)
+        samples[i]["radiance"][1] = colour_of(green, noise(lift >> 10), colour_of_code)
+        samples[i]["radiance"][2] = colour_of(blue, noise(lift >> 20), colour_of_code)
+        bits = min((max(depth - 1, 0) << shift) + origin, 0x7F7FFFFF)
+        samples[i]["depth"] = np.float32(np.inf) if depth == 0 else np.int32(bits).view(np.float32)
+        samples[i]["light"] = ZERO
+    return True
+
+
+@kernel
+def decode(words, rect, base, depth_bits, span, tables, samples):
+    """Read as many samples as `samples` (n,) SAMPLE has; they come in the order of their places.
+
+    Parameters
+    ----------
+    words : (w + 2,) uint32, the last two of zeros
+    rect : (x, y, width, height), panel pixels; base, depth_bits : of depth codes; span : float32 s, of time code 63
+
+    Returns
+    -------
+    read : int, bits; -1 if anything is out of range
+    """
+    n = samples.shape[0]
+    head = np.empty(2, np.int64)
+    position = get_all(head, COUNT_BITS, words, np.int64(0))
+    m, known = head[0], head[1]
+    if m > n or known > n or (n > 0 and known == 0):
+        return np.int64(-1)
+    tiles, starts, flags = np.empty(m, np.int32), np.empty(m + 1, np.int64), np.empty(m, np.int32)
+    all_tiles = ((rect[2] + TILE - 1) >> TILE_BITS) * ((rect[3] + TILE - 1) >> TILE_BITS)
+    position = read_tiles(words, position, (all_tiles, n), tiles, starts, flags)
+    if position < 0:
+        return position
+    names, gaps, inside = np.empty(known, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    position = get_plane(names, MEANS[NAMES], words, position)
+    palette = summed(names, -1, 1)
+    position = get_plane(gaps, MEANS[GAPS], words, position)
+    position = get_all(inside, 2 * SUBPIXEL_BITS, words, position)
+    who, times, changes = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    position = read_objects(words, position, starts, flags, known, who)
+    if position < 0 or (known > 0 and palette[known - 1] > LARGEST_OBJECT):
+        return np.int64(-1)
+    position = read_labels(words, position, starts, flags, times, changes)
+    if position < 0:
+        return position
+    columns, subpixels = np.empty((4, n), np.int32), np.empty((n, 2), np.int32)
+    for c in range(4):
+        position = get_plane(columns[c], MEANS[LUMA + c], words, position)
+    sums_of_differences(who, columns, known)
+    if not restore_places(tiles, starts, gaps, inside, rect, tables[1], subpixels):
+        return np.int64(-1)
+    if not restore(subpixels, columns, rect, base, depth_bits, tables[2], samples):
+        return np.int64(-1)
+    step = np.float32(span) / np.float32(TIME_STEPS)
+    for i in range(n):
+        samples[i]["object"] = np.uint32(palette[who[i]])
+        samples[i]["time"] = np.float32(times[i]) * step
+        samples[i]["change"] = np.float32(changes[i]) / np.float32(CHANGE_STEPS)
+    return position
