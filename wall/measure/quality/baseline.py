@@ -83,6 +83,8 @@ class Shooter:
             samples=samples,
             frame=frame,
             frame_samples=frame_samples if frame else 0,
+            camera=event.camera,
+            scene_time=event.scene_time,
         )
         self.bytes += len(encode(batch, Codec.ZSTD))
 

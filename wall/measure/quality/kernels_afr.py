@@ -5,6 +5,7 @@ the samples that lie in it, each weighing exp(3.47 (time - epoch)): the common f
 turns this into the paper's exp(-3.47 age) need not be kept up to date, as means and variances do not see it.
 """
 
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators, allow-incomplete-defs, allow-any-generics
 from __future__ import annotations
 
 import math

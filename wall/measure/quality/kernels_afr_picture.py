@@ -1,5 +1,6 @@
 """Adaptive frameless rendering of 2005, the reconstruction: every sample scattered by its tile's space-time filter."""
 
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators, allow-incomplete-defs, allow-any-generics
 from __future__ import annotations
 
 import math

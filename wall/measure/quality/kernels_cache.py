@@ -4,6 +4,7 @@ Walter, Drettakis and Parker, "Interactive rendering using the Render Cache" (19
 "Enhancing and optimizing the Render Cache" (2002).
 """
 
+# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators, allow-incomplete-defs, allow-any-generics
 from __future__ import annotations
 
 import math
