@@ -207,6 +207,17 @@ def test_order_of_places_and_its_inverse_agree_with_hilbert_s_curve() -> None:
     assert (steps == 1).all()
 
 
+def test_the_dither_is_the_document_s() -> None:
+    for x, y in [(0, 0), (84, 162), (32767, 32767), (1, 32767), (32767, 0)]:
+        h = (x * 2**16 + y) * 0x9E3779B1 % 2**32
+        h ^= h >> 15
+        h = h * 0x85EBCA77 % 2**32
+        h ^= h >> 13
+        bits = kernels.noise_of(np.int64(x), np.int64(y))
+        for shift in (0, 10, 20):
+            assert kernels.noise(bits >> shift) == ((h >> shift) % 1024 + 0.5) / 1024
+
+
 def test_sorting_is_stable_and_growing() -> None:
     keys = np.random.default_rng(7).integers(0, 2**24, 500).astype(np.uint32)
     keys[::3] = keys[0]

@@ -23,16 +23,17 @@ WORDS_A_SAMPLE = 14              # at worst, alone in its tile: eleven escaped n
 WORDS_BESIDE = 3
 TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS = range(11)  # planes of numbers
 MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64], np.int64)  # before the first number of each
+LOW_32 = np.uint64(0xFFFFFFFF)
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 @inline_kernel
 def noise_of(x, y):
     """30 random bits of sub-pixel (x, y), ten for each colour channel."""
-    h = np.uint32((x << 16) | y) * np.uint32(0x9E3779B1)
-    h ^= h >> np.uint32(15)
-    h *= np.uint32(0x85EBCA77)
-    h ^= h >> np.uint32(13)
+    h = (np.uint64((x << 16) | y) * np.uint64(0x9E3779B1)) & LOW_32
+    h ^= h >> np.uint64(15)
+    h = (h * np.uint64(0x85EBCA77)) & LOW_32
+    h ^= h >> np.uint64(13)
     return np.int64(h)
 
 
