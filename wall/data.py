@@ -116,6 +116,24 @@ class Batch:
     adaptive: bool = False  # the picture is made by reprojection; else every pixel shows its newest sample
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tiling:
+    """How a rank's sampler has cut its rectangle into tiles, and what it measured in each: what filters go by."""
+
+    view: int
+    panel: int
+    rect: Rect  # of panel pixels; every tile lies inside
+    rank: int
+    sequence: int  # counts this rank's tilings
+    camera_event: int
+    scene_event: int
+    base_time: float  # when it was true, seconds of the head's clock
+    rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
+    spatial: Float32  # (n,) gradient, display units a pixel
+    temporal: Float32  # (n,) rate of change, a second
+    density: Float32  # (n,) samples a pixel
+
+
 @dataclass(slots=True)
 class Counters:
     """Named counts of what was dropped or repaired; merged into the summary."""

@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 from packet_examples import CHECKSUM_AT, batch_of, check_sane, plain_samples, resealed
 
-from wall.data import Batch, Camera, Event, Rect
+from wall.data import Batch, Camera, Event, Rect, Tiling
 from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, Heartbeat, Hello, Message, Ping, parse_control, serialise
 from wall.packets.samples import Codec, decode, encode
+from wall.packets.tiling import HEADER_BYTES, MEASURES, decode_tiling, encode_tiling, grid
+
+Parsed = Batch | Tiling | Message
 
 ROUNDS = 4000
+RECT = Rect(x=3, y=4, width=40, height=30)
 EVENT = Event(
     view=0, camera_event=7, scene_event=1, scene_time=2.0, input_time=3.0,
     camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
@@ -33,6 +37,17 @@ CONTROL = [
     ),
 ]  # fmt: skip
 SAMPLES = [encode(batch_of(plain_samples(n)), codec) for n in (0, 1, 5) for codec in Codec]
+COMPACT = [encode(batch_of(plain_samples(n), adaptive=True)) for n in (0, 1, 5, 40)]
+TILINGS = [
+    encode_tiling(
+        Tiling(
+            view=0, panel=1, rect=RECT, rank=2, sequence=3, camera_event=4, scene_event=5, base_time=6.0,
+            rects=rects.astype(np.uint16),
+            **{name: np.linspace(0.0, 9.0, len(rects), dtype=np.float32) for name in MEASURES},
+        )
+    )
+    for rects in (grid(RECT, 16), grid(RECT, 8)[5:])
+]  # fmt: skip
 
 
 def resealed_control(data: bytes) -> bytes:
@@ -57,7 +72,7 @@ def mutated(rng: np.random.Generator, data: bytes) -> bytes:
     return bytes(changed)
 
 
-def survives(parse: Callable[[bytes], Batch | Message], data: bytes) -> bool:
+def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
     try:
         value = parse(data)
     except RemoteProtocolError:
@@ -66,6 +81,11 @@ def survives(parse: Callable[[bytes], Batch | Message], data: bytes) -> bool:
         check_sane(value)
     elif isinstance(value, Framelet):
         with_pixels(value)
+    elif isinstance(value, Tiling):
+        low, size = value.rects[:, :2].astype(int), value.rects[:, 2:].astype(int)
+        edges = (value.rect.x + value.rect.width, value.rect.y + value.rect.height)
+        assert ((low >= (value.rect.x, value.rect.y)) & (size > 0) & (low + size <= edges)).all()
+        assert all(np.isfinite(getattr(value, name)).all() for name in MEASURES)
     return True
 
 
@@ -76,8 +96,8 @@ def with_pixels(framelet: Framelet) -> None:
         return
 
 
-@pytest.mark.parametrize("parse", [decode, parse_control])
-def test_random_bytes_are_refused(parse: Callable[[bytes], Batch | Message]) -> None:
+@pytest.mark.parametrize("parse", [decode, decode_tiling, parse_control])
+def test_random_bytes_are_refused(parse: Callable[[bytes], Parsed]) -> None:
     rng = np.random.default_rng(1)
     for _ in range(ROUNDS):
         data = rng.bytes(int(rng.integers(0, 200)))
@@ -85,13 +105,29 @@ def test_random_bytes_are_refused(parse: Callable[[bytes], Batch | Message]) -> 
         assert not survives(parse, b"WALL\x01" + data)
 
 
-def test_mutated_sample_packets_are_refused_or_harmless() -> None:
+@pytest.mark.parametrize("packets", [SAMPLES, COMPACT], ids=["plain", "compact"])
+def test_mutated_sample_packets_are_refused_or_harmless(packets: list[bytes]) -> None:
     rng, accepted = np.random.default_rng(2), 0
     for k in range(ROUNDS):
-        data = mutated(rng, SAMPLES[k % len(SAMPLES)])
+        data = mutated(rng, packets[k % len(packets)])
         survives(decode, data)
         if len(data) >= CHECKSUM_AT + 4:
             accepted += survives(decode, resealed(data))
+    assert accepted > ROUNDS // 50
+
+
+def resealed_tiling(data: bytes) -> bytes:
+    head = data[: HEADER_BYTES - 8] + struct.pack("<I", len(data) - HEADER_BYTES)
+    return head + struct.pack("<I", zlib.crc32(data[HEADER_BYTES:], zlib.crc32(head))) + data[HEADER_BYTES:]
+
+
+def test_mutated_tilings_are_refused_or_harmless() -> None:
+    rng, accepted = np.random.default_rng(4), 0
+    for k in range(ROUNDS):
+        data = mutated(rng, TILINGS[k % len(TILINGS)])
+        survives(decode_tiling, data)
+        if len(data) >= HEADER_BYTES:
+            accepted += survives(decode_tiling, resealed_tiling(data))
     assert accepted > ROUNDS // 50
 
 
@@ -105,5 +141,6 @@ def test_mutated_control_messages_are_refused_or_harmless() -> None:
 
 
 def test_messages_of_one_kind_are_refused_by_the_other_parser() -> None:
-    assert not any(survives(parse_control, data) for data in SAMPLES)
-    assert not any(survives(decode, data) for data in CONTROL)
+    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + TILINGS)
+    assert not any(survives(decode, data) for data in CONTROL + TILINGS)
+    assert not any(survives(decode_tiling, data) for data in CONTROL + SAMPLES + COMPACT)

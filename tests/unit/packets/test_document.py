@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import struct
+import zlib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ from typing import Any
 import numpy as np
 from packet_examples import batch_of
 
-from wall.data import SAMPLE, Camera, Event, Rect, Samples
+from wall.data import SAMPLE, Camera, Event, Rect, Samples, Tiling
 from wall.packets import control
+from wall.packets import tiling as tiling_packets
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
+from wall.packets.tiling import MEASURES, encode_tiling, grid
 
 PAGE = (Path(__file__).parents[3] / "docs" / "packet_format.md").read_text()
 
@@ -97,6 +100,23 @@ def test_the_header_s_byte_table_reads_the_example() -> None:
     assert (fields["count"], fields["length"]) == (3, 3 * BYTES_A_SAMPLE)
     assert len(data) == fields["size"] + fields["length"]
     assert (fields["depth_base"], fields["depth_bits"]) == (127 + 2, 15)  # 4 = 2^2 and 7.3 share an octave
+
+
+def test_the_tiling_table_reads_a_tiling() -> None:
+    rect = Rect(x=5, y=6, width=70, height=80)
+    measures = {name: np.ones(25, np.float32) for name in MEASURES}
+    tiling = Tiling(
+        view=1, panel=2, rect=rect, rank=3, sequence=4, camera_event=5, scene_event=6, base_time=7.5,
+        rects=grid(rect, 16).astype(np.uint16), **measures,
+    )  # fmt: skip
+    data = encode_tiling(tiling)
+    fields = read(table("## Tiling packets"), data)
+    assert fields.pop("size") == tiling_packets.HEADER_BYTES == 58
+    assert fields.pop("checksum") == zlib.crc32(data[58:], zlib.crc32(data[:54]))
+    assert fields == {
+        "magic": b"WALL", "version": 2, "kind": 9, "view": 1, "panel": 2, "rank": 3, "edge": 16, **asdict(rect),
+        "sequence": 4, "camera_event": 5, "scene_event": 6, "base_time": 7.5, "count": 25, "length": len(data) - 58,
+    }  # fmt: skip
 
 
 def test_the_control_header_s_table_reads_the_ping() -> None:
