@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.data import SAMPLE, Rect, Samples
-from wall.packets.compact import kernels
+from wall.packets.compact import kernels, kernels_read
 from wall.packets.compact.tables import make_tables
 
 LEAST_BITS_A_SAMPLE = 11         # a place, luma, orange, green, depth of a bit each, and six bits of sub-pixels
@@ -38,7 +38,7 @@ def unpack(
     words = np.zeros(len(body) // 4 + 2, np.uint32)
     words[:-2] = np.frombuffer(body, "<u4")
     samples = np.empty(count, SAMPLE)
-    read = kernels.decode(words, _numbers(rect), depth_base, depth_bits, np.float32(span), TABLES, samples)
+    read = kernels_read.decode(words, _numbers(rect), depth_base, depth_bits, np.float32(span), TABLES, samples)
     return samples if read >= 0 and (read + 31) // 32 == len(words) - 2 else None
 
 
