@@ -83,7 +83,7 @@ def test_pictures_of_any_size_show_their_samples(scene: Scene, size: tuple[int, 
     assert_allclose(picture.radiance, np.broadcast_to(GREEN, picture.radiance.shape), rtol=0, atol=1e-5)
 
 
-def test_between_two_refreshes_no_array_grows_and_the_newest_samples_stay(scene: Scene) -> None:
+def test_between_two_refreshes_no_array_grows_and_the_newest_samples_stay(scene: Scene, compiled_only: None) -> None:
     """40 rounds of all pixels, each of its own brightness: the darkest one shown tells the oldest that is left."""
     picture = picture_of(scene, kept=4.0)
     before = arrays_of(picture)
@@ -101,7 +101,9 @@ def test_between_two_refreshes_no_array_grows_and_the_newest_samples_stay(scene:
 
 
 @pytest.mark.parametrize("kept", [1.0, 2.0, 4.0])
-def test_from_refresh_to_refresh_so_many_samples_a_pixel_stay_the_newest(scene: Scene, kept: float) -> None:
+def test_from_refresh_to_refresh_so_many_samples_a_pixel_stay_the_newest(
+    scene: Scene, kept: float, compiled_only: None
+) -> None:
     """Four rounds a second: what is older than `kept` rounds, and the half that the slack allows, has gone."""
     picture = picture_of(scene, kept=kept)
     for k in range(20):
@@ -111,7 +113,7 @@ def test_from_refresh_to_refresh_so_many_samples_a_pixel_stay_the_newest(scene: 
     assert (picture.gathered[1:-1, 1:-1, 3] > 0.99).all(), "the newest round weighs 1"
 
 
-def test_a_batch_larger_than_the_whole_store_is_taken_in_and_judged(scene: Scene) -> None:
+def test_a_batch_larger_than_the_whole_store_is_taken_in_and_judged(scene: Scene, compiled_only: None) -> None:
     """Batches have 65,536 samples at most; a store of 3 x 2 pixels has room for 4,000."""
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(3, 2))
     picture = picture_of(scene, seen, judging=True)

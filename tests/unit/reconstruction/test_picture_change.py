@@ -164,7 +164,7 @@ def test_a_contradicted_pixel_at_rest_forgets_its_mean(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("quiet", [0, 30])
-def test_a_tile_whose_probes_changed_loses_trust_as_a_whole(scene: Scene, quiet: int) -> None:
+def test_a_tile_whose_probes_changed_loses_trust_as_a_whole(scene: Scene, quiet: int, compiled_only: None) -> None:
     """4 probes of one tile, all changed: its older samples lose 1 - 0.1 of their weight, however long all was quiet."""
     probes = [(2.5, 2.5), (13.5, 2.5), (2.5, 13.5), (13.5, 13.5)]
     plain = weights(seen_then_contradicted(scene, lit(hits(probes, GREEN), NO_CHANGE), quiet=quiet))

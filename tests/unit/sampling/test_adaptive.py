@@ -1,0 +1,141 @@
+"""Rays go where scores say: tiles and pixels by a systematic draw, none where nothing is to be gained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from wall.data import Event, Float32, Float64
+from wall.sampling import kernels_adaptive as kernels
+
+TILE, PACKET = kernels.TILE, kernels.PACKET
+Path = Callable[[int], Event]
+SIZES = [(1, 1), (16, 16), (17, 16), (15, 1), (40, 37), (3, 70)]  # width, height
+ORIGIN = (5, 9)  # panel pixel of the region's corner
+
+
+def tiles_of(score: Float32 | Float64) -> Float64:
+    """(rows, columns) float64 sums, by NumPy."""
+    height, width = score.shape
+    down, across = np.arange(0, height, TILE), np.arange(0, width, TILE)
+    return np.add.reduceat(np.add.reduceat(score.astype(np.float64), down, axis=0), across, axis=1)
+
+
+def drawn(score: Float32, packets: int, *, seed: int = 1, sequence: int = 1, visits: object = None) -> Float32:
+    xy = np.full((packets * PACKET, 2), np.nan, np.float32)
+    seen = np.zeros(score.shape, np.uint16) if visits is None else visits
+    filled = kernels.draw(score, tiles_of(score), packets, seed, sequence, seen, *ORIGIN, xy)
+    assert np.isnan(xy[filled:]).all()
+    return xy[:filled]
+
+
+def per_pixel(xy: Float32, shape: tuple[int, ...]) -> Float64:
+    x, y = (np.floor(xy) - ORIGIN).astype(int).T
+    assert (np.minimum(x, y) >= 0).all(), "outside the region"
+    assert ((x < shape[1]) & (y < shape[0])).all(), "outside the region"
+    counts = np.zeros(shape)
+    np.add.at(counts, (y, x), 1)
+    return counts
+
+
+def scores(size: tuple[int, int], *, seed: int = 5) -> Float32:
+    """Over three orders of magnitude, some of them zero."""
+    random = np.random.default_rng(seed)
+    found = np.exp(random.uniform(-7, 0, (size[1], size[0]))).astype(np.float32)
+    found[random.random(found.shape) < 0.1] = 0.0
+    found[0, 0] = 1.0
+    return found
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("packets", [1, 7, 40])
+def test_a_draw_fills_all_packets_inside_the_region(size: tuple[int, int], packets: int) -> None:
+    xy = drawn(scores(size), packets)
+    assert len(xy) == packets * PACKET
+    assert per_pixel(xy, (size[1], size[0])).sum() == packets * PACKET
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_every_tile_gets_its_expected_number_of_packets_rounded_down_or_up(seed: int) -> None:
+    """A systematic draw: marks at equal distances over the sums hit an interval of length L floor or ceil L times."""
+    score = scores((100, 80), seed=seed)
+    packets = 60
+    found = tiles_of(per_pixel(drawn(score, packets, seed=seed), score.shape)) / PACKET
+    expected = packets * tiles_of(score) / score.sum(dtype=np.float64)
+    assert (found == np.round(found)).all(), "a packet lies inside one tile"
+    assert (found >= np.floor(expected - 1e-6)).all()
+    assert (found <= np.ceil(expected + 1e-6)).all()
+
+
+def test_inside_a_tile_every_pixel_gets_its_expected_number_rounded_down_or_up() -> None:
+    score = scores((16, 16))
+    for sequence in range(20):
+        found = per_pixel(drawn(score, 9, sequence=sequence), score.shape)
+        expected = 9 * PACKET * score / score.sum(dtype=np.float64)
+        assert (found >= np.floor(expected - 1e-3)).all()
+        assert (found <= np.ceil(expected + 1e-3)).all()
+
+
+def test_over_many_draws_pixels_get_rays_in_proportion_to_their_scores(compiled_only: None) -> None:
+    """400 draws of 3 packets in 4 tiles: the mean of a systematic draw is exact; each draw is off by less than 1 ray
+    and one packet in 16 rays, so that the mean of 400 is within 5 / sqrt(400) of them."""
+    score = scores((32, 32))
+    found = np.mean([per_pixel(drawn(score, 3, sequence=k), score.shape) for k in range(400)], axis=0)
+    expected = 3 * PACKET * score / score.sum(dtype=np.float64)
+    # a tile's 16 rays come or not (variance at most 16^2 / 4 a tile), and of them a pixel has its share
+    share = PACKET * score / np.repeat(np.repeat(tiles_of(score), TILE, 0), TILE, 1)
+    assert (np.abs(found - expected) < 5 / 20 * np.sqrt(0.25 * share**2 + 0.25)).all()
+    assert_allclose(tiles_of(found), tiles_of(expected), rtol=0, atol=16 * 5 / 40)
+
+
+def test_pixels_without_a_score_get_no_rays() -> None:
+    score = scores((40, 37))
+    assert (score == 0.0).sum() > 50
+    for sequence in range(20):
+        assert (per_pixel(drawn(score, 30, sequence=sequence), score.shape)[score == 0.0] == 0).all()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_where_no_pixel_has_a_score_nothing_is_drawn(size: tuple[int, int]) -> None:
+    assert len(drawn(np.zeros((size[1], size[0]), np.float32), 4)) == 0
+
+
+def test_sums_that_have_drifted_are_set_right_and_draw_nothing_from_an_empty_tile() -> None:
+    score = np.zeros((16, 48), np.float32)
+    score[:, 20] = 1.0
+    sums = np.array([[3.0, 7.0, 1e-9]])
+    xy = np.zeros((10 * PACKET, 2), np.float32)
+    filled = kernels.draw(score, sums, 10, 1, 1, np.zeros(score.shape, np.uint16), *ORIGIN, xy)
+    assert filled % PACKET == 0
+    assert 6 * PACKET <= filled <= 8 * PACKET, "of 10 packets the 3 of an empty tile are not traced"
+    assert set((xy[:filled, 0] - ORIGIN[0]).astype(int)) == {20}
+    assert_allclose(sums[0, :2], [0.0, 16.0])
+
+
+def test_a_seed_repeats_its_positions_and_another_does_not() -> None:
+    score = scores((40, 37))
+    assert_array_equal(drawn(score, 8), drawn(score, 8))
+    assert (drawn(score, 8) != drawn(score, 8, seed=2)).any()
+    assert (drawn(score, 8) != drawn(score, 8, sequence=2)).any()
+
+
+def test_visits_to_a_pixel_spread_evenly_over_it() -> None:
+    """The R2 sequence: of 64 visits each 1/16 of the pixel, in x and in y, gets 4 of them within 3."""
+    visits = np.zeros((1, 1), np.uint16)
+    xy = np.concatenate([drawn(np.ones((1, 1), np.float32), 1, sequence=k, visits=visits) for k in range(4)])
+    assert visits[0, 0] == 64
+    for axis in range(2):
+        counts = np.bincount(((xy[:, axis] - ORIGIN[axis]) * 16).astype(int), minlength=16)
+        assert np.abs(counts - 4).max() <= 3
+
+
+def test_far_right_on_a_wide_wall_positions_stay_in_their_pixels(compiled_only: None) -> None:
+    """At pixel 8191 float32 steps by 1/2048: rounding must not carry a position over the edge."""
+    score = np.ones((1, 16), np.float32)
+    xy = np.zeros((2000 * PACKET, 2), np.float32)
+    kernels.draw(score, np.array([[16.0]]), 2000, 3, 1, np.zeros(score.shape, np.uint16), 8176, 8191, xy)
+    assert_array_equal(np.bincount(xy[:, 0].astype(int) - 8176, minlength=16), 2000)
+    assert (xy[:, 1] < 8192).all()

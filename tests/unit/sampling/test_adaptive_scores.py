@@ -1,0 +1,237 @@
+"""What another sample is worth: before anything is known, in motion, at rest, and after a contradiction or a loss."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import ArrayLike
+
+from wall.data import SAMPLE, Event, Float32, Float64, Rect, Samples
+from wall.sampling import kernels_adaptive as kernels
+from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler
+
+TILE, PACKET = kernels.TILE, kernels.PACKET
+Path = Callable[[int], Event]
+RECT = Rect(x=5, y=9, width=40, height=37)  # 3 x 3 tiles, ragged
+
+
+@dataclass
+class Known:
+    """A picture beneath that a test fills in; `Picture` itself is tested where it lives."""
+
+    rect: Rect
+    nothing_moves: bool = False
+    radiance: Float32 = field(init=False)
+    gathered: Float32 = field(init=False)
+    still: Float32 = field(init=False)
+
+    def __post_init__(self) -> None:
+        height, width = self.rect.height, self.rect.width
+        self.radiance = np.zeros((height, width, 3), np.float32)
+        self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
+        self.still = np.zeros((height, width, 8), np.float32)
+
+    def refresh(self, event: Event, now: float) -> None: ...
+
+    def insert(self, samples: Samples, base_time: float, event: Event) -> None: ...
+
+
+def sampler_over(known: Known, *, batch: int = 4096, seed: int = 1) -> AdaptiveSampler:
+    sampler = AdaptiveSampler(known.rect, known, batch=batch, seed=seed)
+    sampler.replan()
+    return sampler
+
+
+def rays(sampler: AdaptiveSampler, event: Event, *, batches: int = 1) -> Float64:
+    """(h, w) how many rays each pixel of RECT gets."""
+    counts = np.zeros((RECT.height, RECT.width))
+    for _ in range(batches):
+        targets = sampler.choose(event)
+        assert targets is not None
+        x, y = (np.floor(targets.xy) - (RECT.x, RECT.y)).astype(int).T
+        np.add.at(counts, (y, x), 1)
+    return counts
+
+
+def samples_at(pixels: ArrayLike, *, change: float = 0.0) -> Samples:
+    """One in the middle of each pixel (i, j) of RECT."""
+    places = np.asarray(pixels).reshape(-1, 2)
+    samples = np.zeros(len(places), SAMPLE)
+    samples["xy"] = places[:, ::-1] + (RECT.x + 0.5, RECT.y + 0.5)
+    samples["change"] = change
+    return samples
+
+
+def test_before_anything_is_known_every_pixel_is_worth_the_same(camera_path: Path) -> None:
+    counts = rays(sampler_over(Known(RECT)), camera_path(0), batches=2)
+    assert set(np.unique(counts)) <= {4, 5, 6, 7}, "8192 rays on 1480 pixels: 5.5 each"
+
+
+def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
+    """The NumPy twin: contrast to the eight neighbours (the border repeated); n, the weight at the pixel, halves it."""
+    random = np.random.default_rng(1)
+    value = random.random((37, 40)).astype(np.float32)
+    gathered = np.zeros((39, 42, 4), np.float32)
+    gathered[..., 3] = random.uniform(0.11, 3, (39, 42))
+    gathered[5:9, 7:11, 3] = 0.05  # holes
+    still = np.zeros((37, 40, 8), np.float32)
+    still[20, 20, 3] = 50
+    contrast, density, score = (np.zeros((37, 40), np.float32) for _ in range(3))
+    sums = np.zeros((3, 3))
+
+    kernels.score_moving(value, gathered, still, np.float32(FLOOR_MOVING), contrast, density, score, sums)
+
+    padded = np.pad(value, 1, mode="edge")
+    around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]
+    expected = np.mean([(v - value) ** 2 for k, v in enumerate(around) if k != 4], axis=0)
+    n = np.maximum(gathered[1:-1, 1:-1, 3], still[..., 3])
+    gain = np.where(n < kernels.EMPTY, kernels.HOLE + expected, expected / (n * (n + 1))) + FLOOR_MOVING
+    assert_allclose(score, gain, rtol=1e-5)
+    down, across = (0, 16, 32), (0, 16, 32)
+    assert_allclose(sums, np.add.reduceat(np.add.reduceat(gain, down, axis=0), across, axis=1), rtol=1e-5)
+
+
+def test_holes_come_first_and_edges_before_plain_surfaces(camera_path: Path) -> None:
+    known = Known(RECT)
+    known.gathered[..., 3] = 1.0
+    known.gathered[1:7, 1:7, 3] = 0.0  # 36 pixels not known
+    known.radiance[:, 20:] = 0.04  # an edge of 0.2 in brightness between columns 19 and 20
+    counts = rays(sampler_over(known), camera_path(0), batches=4)
+    plain = counts[10:, 25:].mean()
+    assert counts[:6, :6].min() > 20 * plain
+    assert counts[10:, 19:21].min() > 20 * plain
+    assert plain > 0, "nothing starves"
+
+
+def test_sums_stay_the_sums_of_scores_while_samples_come(random_numbers: np.random.Generator) -> None:
+    """Added and subtracted in float64: within the float32 rounding of 600 scores."""
+    known = Known(RECT)
+    known.radiance[:] = random_numbers.random((37, 40, 1))
+    for moving in (True, False):
+        known.nothing_moves = not moving
+        sampler = sampler_over(known)
+        for _ in range(10):
+            pixels = np.stack([random_numbers.integers(-3, 41, 60), random_numbers.integers(-3, 44, 60)], axis=1)
+            samples = samples_at(pixels)
+            samples["change"] = np.maximum(0, random_numbers.uniform(-1, 1, 60))
+            sampler.observe(samples)
+            sampler.forget(samples["xy"][::4])
+        score, sums = sampler._score, sampler._sums
+        assert (score >= 0).all()
+        down, across = (0, 16, 32), (0, 16, 32)
+        expected = np.add.reduceat(np.add.reduceat(score.astype(float), down, axis=0), across, axis=1)
+        assert_allclose(sums, expected, rtol=1e-6)
+
+
+def test_a_sample_lowers_what_its_pixel_is_worth_and_no_other() -> None:
+    sampler = sampler_over(Known(RECT))
+    before = sampler._score.copy()
+    sampler.observe(samples_at([(3, 4)]))
+    lower = sampler._score < before
+    assert np.argwhere(lower).tolist() == [[3, 4]]
+    assert (sampler._score == before)[~lower].all()
+
+
+@pytest.mark.parametrize("at", [(12, 13), (0, 0), (36, 39), (15, 16)])
+def test_a_contradiction_draws_rays_to_its_neighbours_at_once(at: tuple[int, int], camera_path: Path) -> None:
+    known = Known(RECT)
+    known.gathered[..., 3] = 1.0
+    sampler = sampler_over(known)
+    plain = rays(sampler, camera_path(0)).mean()
+    sampler.observe(samples_at([at], change=1.0))
+
+    counts = rays(sampler, camera_path(0))
+
+    near = np.zeros(counts.shape, bool)
+    near[max(at[0] - 1, 0) : at[0] + 2, max(at[1] - 1, 0) : at[1] + 2] = True
+    assert counts[near].min() > 50 * plain
+    assert counts[~near].max() <= np.ceil(plain)
+
+
+def test_lost_samples_make_their_pixels_worth_a_hole() -> None:
+    known = Known(RECT)
+    known.gathered[..., 3] = 1.0
+    sampler = sampler_over(known)
+    before = sampler._score.copy()
+    lost = samples_at([(0, 0), (36, 39), (7, 7), (7, 7), (-1, 5), (5, 40), (37, 0)])["xy"]
+
+    sampler.forget(lost.astype(np.float32))
+
+    changed = np.argwhere(sampler._score != before)
+    assert changed.tolist() == [[0, 0], [7, 7], [36, 39]]
+    assert (sampler._score[sampler._score != before] == kernels.HOLE).all()
+
+
+def test_no_samples_and_no_losses_change_nothing() -> None:
+    sampler = sampler_over(Known(RECT))
+    before = sampler._score.copy()
+    sampler.observe(np.zeros(0, SAMPLE))
+    sampler.forget(np.zeros((0, 2), np.float32))
+    assert_array_equal(sampler._score, before)
+
+
+def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
+    camera_path: Path, compiled_only: None
+) -> None:
+    """Noise of 0.03 in brightness, but for a corner without noise: (0.03 / (0.5 / 255))^2 = 234 samples are needed.
+
+    The end is judged from the samples' own variance, so single pixels stop early: the bound is on the mean square of
+    the error against the true mean, half a step, and on how many samples that took.
+    """
+    random = np.random.default_rng(9)
+    known = Known(RECT, nothing_moves=True)
+    known.radiance[:] = 0.25  # brightness 0.5
+    noise = np.full((RECT.height, RECT.width), 0.03)
+    noise[:10, :10] = 0.0
+    sampler = sampler_over(known, batch=16384)
+    total = 0
+    while (targets := sampler.choose(camera_path(0))) is not None:
+        total += len(targets.xy)
+        assert total < 234 * RECT.area * 2, "never ends"
+        x, y = (np.floor(targets.xy) - (RECT.x, RECT.y)).astype(int).T
+        observe(known.still, y, x, 0.5 + noise[y, x] * random.standard_normal(len(x)))
+        samples = np.zeros(len(x), SAMPLE)
+        samples["xy"] = targets.xy
+        sampler.observe(samples)
+        sampler.replan()
+
+    count, mean, deviations = known.still[..., 3], known.still[..., 4], known.still[..., 5]
+    assert (count >= kernels.LEAST).all()
+    assert (np.sqrt(deviations) / count <= ENOUGH).all(), "standard error, from its own samples"
+    assert np.sqrt(((mean - 0.5) ** 2).mean()) < ENOUGH
+    assert count[:9, :9].max() <= 2 * kernels.LEAST + PACKET, "rays were spent where nothing was to be gained"
+    assert total < 1.5 * 234 * RECT.area
+
+
+def observe(still: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -> None:
+    """Welford's update, in the order in which values came; what Picture does for pixels at rest."""
+    for row, column, value in zip(np.asarray(i), np.asarray(j), values, strict=True):
+        pixel = still[row, column]
+        pixel[3] += 1
+        delta = value - pixel[4]
+        pixel[4] += delta / pixel[3]
+        pixel[5] += delta * (value - pixel[4])
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 40), (17, 1), (16, 16), (33, 31)])
+@pytest.mark.parametrize("still", [False, True])
+def test_regions_of_any_size_are_sampled_inside(size: tuple[int, int], still: bool, camera_path: Path) -> None:
+    rect = Rect(x=7, y=3, width=size[0], height=size[1])
+    sampler = sampler_over(Known(rect, nothing_moves=still), batch=256)
+    for _ in range(5):
+        targets = sampler.choose(camera_path(0))
+        assert targets is not None
+        assert len(targets.xy) == 256
+        assert ((targets.xy >= (7, 3)) & (targets.xy < (7 + size[0], 3 + size[1]))).all()
+
+
+def test_rays_that_are_asked_for_come_in_whole_packets_and_at_least_one(camera_path: Path) -> None:
+    sampler = sampler_over(Known(RECT))
+    for asked, given in ((1, 16), (16, 16), (31, 16), (32, 32), (1000, 992)):
+        targets = sampler.choose(camera_path(0), asked)
+        assert targets is not None
+        assert len(targets.xy) == given
