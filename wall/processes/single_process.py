@@ -47,11 +47,17 @@ class SingleProcess:
 
     def until_complete(self) -> list[PanelPicture]:
         """Step under the present event until every renderer has nothing left to do."""
-        for _ in self._steps():
-            pass
+        due = self.clock.now()
+        for _ in self._steps():  # refreshed as in a run: only samples of an event that is shown count as at rest
+            if self.clock.now() >= due:
+                due = self.clock.now() + 1.0 / self.plan.view.refresh_hz
+                self._refresh()
+        self._refresh()
+        return [panel.picture() for panel in self.panels]
+
+    def _refresh(self) -> None:
         for panel in self.panels:
             panel.refresh(self.event, self.clock.now())
-        return [panel.picture() for panel in self.panels]
 
     def _steps(self) -> Iterator[int]:
         while traced := self.step():

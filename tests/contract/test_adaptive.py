@@ -1,0 +1,53 @@
+"""A still view ends, and what it ends with is the converged picture, however the region is cut and shared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from running import write_config
+
+from wall.config.loading import load
+from wall.data import Float32
+from wall.geometry.cameras import resolve_view
+from wall.processes.plan import Plan, make_layout
+from wall.processes.reference import render_plan
+from wall.processes.single_process import SingleProcess
+from wall.scene.build import Scene
+from wall.tracing.resident import make_resident
+
+RMSE = 0.01  # display values; a pixel ends at a standard error of 0.002 by its own first samples; measured 0.0078
+REFERENCE_SPP = 256
+SMALL = ("pixels: [64, 48]", "pixels: [32, 24]")  # a pixel on an edge takes 2,000 samples to half an 8-bit step
+
+
+def display(radiance: Float32) -> Float32:
+    """sRGB, 0..1; IEC 61966-2-1."""
+    clipped = np.clip(radiance, 0.0, 1.0)
+    shown: Float32 = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    return shown
+
+
+def plan_of(folder: Path, scene: Scene, **changes: object) -> Plan:
+    path = write_config(folder, method="adaptive", **changes)
+    path.write_text(path.read_text().replace(*SMALL).replace("[6, 4.5, 10]", "[0, 2.2, 5]"))
+    layout = make_layout(load(path))
+    return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+
+
+@pytest.mark.parametrize(("threads", "ranks"), [(1, 1), (2, 1), (1, 3)])
+def test_a_still_view_ends_and_equals_the_reference(
+    tmp_path: Path, tiny_scene: Scene, threads: int, ranks: int
+) -> None:
+    plan = plan_of(tmp_path, tiny_scene, threads=threads, ranks=ranks)
+    reference = render_plan(plan, spp=REFERENCE_SPP, seed=7, at=0.0)
+    assert reference is not None
+
+    single = SingleProcess(plan, make_resident(tiny_scene))
+    (picture,) = single.until_complete()
+
+    shown = picture.rgb.astype(np.float32) / 255.0
+    assert shown.std() > 0.1, "the picture shows nothing"
+    assert np.sqrt(((shown - display(reference)) ** 2).mean()) < RMSE
+    assert sum(worker.samples_traced for worker in single.workers) < 2000 * shown.shape[0] * shown.shape[1]
