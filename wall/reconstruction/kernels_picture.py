@@ -372,7 +372,7 @@ def mix_still(base, still, dirty, shown):
 @kernel
 def take_in(
     samples, offset, frame, corner, object_from_eye, table, place, name, colour, state, screen, count, nearest,
-    lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, judging, dirty
+    lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, stored, judging, dirty
 ):  # fmt: skip
     """Store a batch, and see how each sample agrees with the picture beneath it.
 
@@ -383,12 +383,11 @@ def take_in(
     frame, corner, object_from_eye : of the event they were traced under, see object_tables
     table : panel_from_object of the picture
     place, name, colour, state, screen : the store, written from `count` on
-    nearest, lighting : of the picture
-    doubt, doubt_about : (h, w, 2) float32, (h, w) int32; raised where a sample contradicts
+    nearest, lighting : of the picture; doubt, doubt_about : (h, w, 2) float32, (h, w) int32, raised by contradictions
     residual : (rows, columns) float32, moving mean of |change of lighting| in each tile, updated if judging
     probes : (rows, columns, 2) float32, samples judged in each tile and their change, added to
     still : (h, w, 8) float32, updated; steady : bool, these samples show what the picture shows
-    still_mode : bool, nothing moves: changes are noise, count is all
+    still_mode : bool, changes are noise; stored : float32, a steady pixel that gathered so many stores no more
     dirty : (rows, columns) bool, set where the picture changes
 
     Returns
@@ -421,6 +420,8 @@ def take_in(
             continue
         i, j = int(v), int(u)
         dirty[i // TILE, j // TILE] = True
+        if steady and still[i, j, 3] >= stored:
+            count -= 1  # only its pixel's mean gains; stored, it would drive plain surfaces' few samples out
         if not still_mode:
             change = sample["change"]
             if judging:

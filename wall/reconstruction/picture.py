@@ -112,7 +112,7 @@ class Picture:
         rows, columns = -(-height // kernels.TILE), -(-width // kernels.TILE)
         self.panel, self.judging = panel, judging
         self._eye, self._scene, self._with = eye, scene, ingredients
-        self._kept = int(samples_per_pixel * width * height)
+        self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         capacity = self._kept + int(SLACK * width * height) + 4096
         self._most = capacity // 2  # samples taken in at once
         self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
@@ -150,13 +150,14 @@ class Picture:
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > len(self._store.name):
             self._make_room(len(samples))
+        stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
         steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
             self.residual, self.probes, self.still, steady,
-            self.nothing_moves or not self._with.change_test, self.judging, self.dirty,
+            self.nothing_moves or not self._with.change_test, stored, self.judging, self.dirty,
         )  # fmt: skip
 
     def refresh(self, event: Event, now: float) -> None:

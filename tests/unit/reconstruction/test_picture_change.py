@@ -90,6 +90,17 @@ def test_at_rest_samples_anywhere_in_a_pixel_count_for_that_pixel_alone(scene: S
     assert picture.still[..., 3].sum() == 500
 
 
+def test_many_samples_of_one_pixel_at_rest_do_not_drive_out_the_others(scene: Scene) -> None:
+    """Edges take thousands of samples at rest and plain surfaces a few; when something moves again, all are needed."""
+    edge = hits(np.full((4096, 2), (20.5, 11.5)), RED)
+    picture = at_rest_after(scene, hits(centres(SIZE), GREEN), *(edge.copy() for _ in range(8)))
+
+    picture.refresh(event_at(1), START + 1.0)
+
+    assert (weights(picture) > 0.5).all(), "a hole where there was a sample"
+    assert_allclose(picture.base[20, 30], GREEN, atol=1e-5)
+
+
 def test_what_a_still_pixel_gathers_is_numpys_mean_and_variance(scene: Scene) -> None:
     """Of the square roots of luminance (Rec. 709), and of the lighting's square root; Welford 1962."""
     random = np.random.default_rng(4)
