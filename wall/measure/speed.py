@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.table import Table
 
 from wall.errors import ConfigError, WallError
-from wall.measure import mitsuba_peer, runs, tracing, wire
+from wall.measure import mitsuba_peer, runs, tracing, wire, wire_adaptive
 from wall.measure.record import Row, commit, failed
 
 ROUNDS, QUICK_ROUNDS = 9, 3
@@ -20,6 +20,7 @@ SECONDS, QUICK_SECONDS = 6.0, 2.0
 GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = (
     (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
     (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
+    (("adaptive_bytes", "adaptive_encode"), lambda rounds, seconds: wire_adaptive.measure(rounds)),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
@@ -28,7 +29,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("memory_per_rank",), lambda rounds, seconds: runs.memory_per_rank(seconds / 2)),
 )
 METRICS = (
-    "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "end_to_end", "compositor_cpu",
+    "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
+    "adaptive_encode", "end_to_end", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank",
 )  # fmt: skip
 
