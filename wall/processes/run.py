@@ -34,6 +34,8 @@ from wall.tracing.resident import Resident, make_resident
 from wall.transport.base import Hub
 from wall.transport.factory import connect, open_hub
 
+RENDERER_NICE = 5  # renderers share this machine's cores with the head: showing comes before tracing
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
@@ -150,6 +152,8 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
         return
     outbox = connect(endpoints[layout.compositor_of(layout.region(rank).panel)]["data"], rank=rank)
     renderer = Renderer(plan, resident, rank, control, outbox)
+    if isinstance(bootstrap, LocalBootstrap):
+        os.nice(RENDERER_NICE)
     try:
         renderer.run()
     finally:
