@@ -55,8 +55,9 @@ def probe(plan: Plan) -> float:
     resident = make_resident(plan.scene)
     warm_up(plan, resident, lambda line: None)
     rank = plan.layout.renderers()[0]
-    samplers = make_samplers(plan, "", plan.layout.region(rank), HeadClock())
-    worker = Worker(plan, resident, rank, HeadClock(), samplers, 0)
+    clock = HeadClock()
+    samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
+    worker = Worker(plan, resident, rank, clock, samplers, 0)
     event = first_event(plan, 0.0)
     began = time.perf_counter()
     while time.perf_counter() - began < PROBE_S:

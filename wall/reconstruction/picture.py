@@ -15,9 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.data import Camera, Event, Float32, Float64, Rect, Samples
+from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
+from wall.reconstruction import kernels_fill
 from wall.reconstruction import kernels_picture as kernels
 from wall.scene.build import Scene
 
@@ -109,7 +111,7 @@ class Picture:
         """
         self.rect = rect or Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
         width, height = self.rect.width, self.rect.height
-        rows, columns = -(-height // kernels.TILE), -(-width // kernels.TILE)
+        rows, columns = -(-height // TILE), -(-width // TILE)
         self.panel, self.judging = panel, judging
         self._eye, self._scene, self._with = eye, scene, ingredients
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
@@ -245,15 +247,15 @@ class Picture:
         return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
 
     def _fill(self) -> None:
-        fine, border, trusted = self.gathered, 1, kernels.TRUSTED
+        fine, border, trusted = self.gathered, 1, kernels_fill.TRUSTED
         for level in self._levels:
-            kernels.halve(fine, border, trusted, level)
-            fine, border, trusted = level, 0, kernels.ONE
+            kernels_fill.halve(fine, border, trusted, level)
+            fine, border, trusted = level, 0, kernels_fill.ONE
         filled = None
         for level in reversed(self._levels):
-            kernels.expand(level, filled)
+            kernels_fill.expand(level, filled)
             filled = level
-        kernels.resolve(self.gathered, self._levels[0], self.base)
+        kernels_fill.resolve(self.gathered, self._levels[0], self.base)
 
     def _sort(self, *, now: bool = False) -> None:
         """Now and then: close ranks, and let objects stand together again."""

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from wall.data import Event, Float32, Rect, Samples
+from wall.deepbuffer.kernels import TILE
 from wall.sampling import kernels_adaptive as kernels
 from wall.sampling.base import Targets
 
@@ -45,8 +46,8 @@ class AdaptiveSampler:
         shape = (rect.height, rect.width)
         self._value, self._contrast = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         self._density, self._score = np.zeros(shape, np.float32), np.ones(shape, np.float32)
-        self._sums = np.zeros((-(-rect.height // kernels.TILE), -(-rect.width // kernels.TILE)), np.float64)
-        self._sums[:] = kernels.TILE**2
+        self._sums = np.zeros((-(-rect.height // TILE), -(-rect.width // TILE)), np.float64)
+        self._sums[:] = TILE**2
         self._visits = np.zeros(shape, np.uint16)
         self._floor = np.float32(FLOOR_MOVING)
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from wall.deepbuffer.kernels import TILE
 from wall.jit import inline_kernel, kernel
 from wall.sampling.kernels import hash_uint32
 
-TILE = 16  # pixels
 PACKET = 16  # rays
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 EMPTY = np.float32(0.1)  # weight below which a pixel counts as a hole

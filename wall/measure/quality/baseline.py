@@ -14,7 +14,7 @@ import numpy as np
 from wall.data import SAMPLE, Batch, Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.kernels_reproject import object_tables
 from wall.geometry.frusta import ray_frame
-from wall.measure.quality.arm import Inputs, Setup
+from wall.measure.quality.arm import Inputs, Setup, centres
 from wall.packets.samples import MAX_SAMPLES, Codec, encode
 from wall.reconstruction.picture import Pose
 from wall.sampling.ownership import block_order
@@ -192,9 +192,8 @@ class FramelessArm:
         self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=renderer.coherent)
         self._now, self._owed, self._allowed = 0.0, 0.0, 0
         self._step = setup.input_step_s
-        centres = (block_order(setup.rect, worker=0, workers=1) + 0.5).astype(np.float32)
         event = self._inputs.event_at(0.0)
-        renderer.take(self._shooter.trace(centres, event, 0.0), event, 0.0)
+        renderer.take(self._shooter.trace(centres(setup), event, 0.0), event, 0.0)
         self._shooter.rays = self._shooter.secondary = self._shooter.bytes = 0
         self.rays = self.secondary = self.bytes = 0
 
