@@ -1,4 +1,4 @@
-"""Fill holes (push-pull): weighted radiance to a pyramid of ever coarser sums, and back down where weight is missing."""
+"""Fill holes (push-pull): a pyramid of ever coarser weighted sums, and back down where weight is missing."""
 
 from __future__ import annotations
 
