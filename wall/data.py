@@ -26,6 +26,8 @@ SAMPLE = np.dtype(
         ("time", np.float32),  # seconds after the batch's base time
         ("object", np.uint32),  # object id
         ("light", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
+        ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes
+        ("unlit", np.uint16),  # bit k: something is between it and lamp k (directional lights, then points)
         ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
     ]
 )
@@ -114,6 +116,7 @@ class Batch:
     camera: Camera = STILL  # that the samples saw
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the picture is made by reprojection; else every pixel shows its newest sample
+    relightable: bool = False  # adaptive samples bring normals and lamps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -63,7 +63,7 @@ class Bench:
 
     def _record(self) -> None:
         """Every primary packet, and the shadow packet of every light that some lane of it faces."""
-        work, (points, suns) = self.tracer._work, self.arguments(self.raster)[-5:-3]
+        work, (points, suns) = self.tracer._work, self.arguments(self.raster)[-6:-4]
         lights = [(None, suns[k : k + 1]) for k in range(0 if suns is None else len(suns))]
         lights += [(points[k : k + 1], None) for k in range(0 if points is None else len(points))]
         hits, shadows, lit, stopped, ends = [], [], [], [], []

@@ -35,6 +35,7 @@ class Worker:
             coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent)
             for coherent in (False, True)
         }
+        self._relightable = resident.needs.relighting
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
         self._lost: deque[Float32] = deque()
@@ -76,6 +77,7 @@ class Worker:
             camera=targets.event.camera,
             scene_time=targets.event.scene_time,
             adaptive=isinstance(self.sampler, LiveAdaptive),
+            relightable=self._relightable,
         )
         return encode(batch, self._codec)
 

@@ -19,9 +19,12 @@ from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_fill
+from wall.reconstruction import kernels_fill, kernels_relight
 from wall.reconstruction import kernels_picture as kernels
+from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects
 from wall.scene.build import Scene
+from wall.scene.needs import needs
+from wall.scene.sky import sky_irradiance
 
 SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 0.5  # samples a pixel that may arrive between two refreshes, beside
@@ -31,6 +34,7 @@ SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
+SKY_STEPS = 256  # of light from the sky by the normal's height
 EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
 
@@ -44,6 +48,7 @@ class Ingredients:
     change_test: bool = True  # else new samples contradict nothing
     tile_doubt: bool = True  # else only the surroundings of a contradiction are doubted, never a whole tile
     ageing: bool = True  # else old samples weigh as much as new ones
+    relighting: bool = True  # else stored samples keep the light that they were traced in
     accumulation: bool = True  # else pixels that stand still gather no mean of their own
 
 
@@ -63,8 +68,12 @@ class Pose:
         rect: Rect | None = None,
         *,
         objects: bool = True,
+        lamps: bool = False,
     ) -> None:
-        """`rect` is the part of the panel that is pictured, all if None; without `objects` none ever moves."""
+        """`rect` is the part of the panel that is pictured, all if None.
+
+        Without `objects` none ever moves; with `lamps` theirs are taken along.
+        """
         n = len(scene.instances)
         placed = scene.at(scene_time).world_from_object if objects else scene.rest[:n]
         self.frame = ray_frame(panel, eye, camera)
@@ -73,6 +82,7 @@ class Pose:
         self.panel_from_object = np.empty((n + 1, 12), np.float32)
         corner = self.corner if rect is None else self.corner + np.array([rect.x, rect.y])
         object_tables(placed, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object)
+        self.lamps = Lamps.at(scene, scene.at(scene_time)) if lamps else NO_LAMPS
 
 
 class Posed(Protocol):
@@ -116,14 +126,18 @@ class Picture:
         self._eye, self._scene, self._with = eye, scene, ingredients
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         capacity = self._kept + int(SLACK * width * height) + 4096
+        self._relights = ingredients.relighting and needs(scene).relighting
+        self._irradiance = sky_irradiance(scene.sky, SKY_STEPS)
+        self._matt = matt_objects(scene)
         self._most = capacity // 2  # samples taken in at once
-        self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
+        self._store = Store.of(capacity, lit=self._relights)
+        self._spare = Store.of(capacity, lit=self._relights)  # what sorting writes to
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
-        self.front = np.zeros((height, width), np.float32)
+        self.front = np.zeros((height, width, 2), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)
@@ -159,7 +173,8 @@ class Picture:
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
             self.residual, self.probes, self.still, steady,
-            self.nothing_moves or not self._with.change_test, stored, self.judging, self.dirty,
+            self.nothing_moves or not self._with.change_test, stored, self.judging, self.dirty, *pose.lamps,
+            self._matt, self._irradiance,
         )  # fmt: skip
 
     def refresh(self, event: Event, now: float) -> None:
@@ -198,7 +213,10 @@ class Picture:
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
-            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects))
+            made = Pose(
+                self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects, lamps=self._relights
+            )
+            self._traced = (key, made)
         return self._traced[1]
 
     def _move(self, pose: Pose, now: float) -> None:
@@ -210,7 +228,7 @@ class Picture:
             moved[:] = 0
         self._pose = pose
         s, now32 = self._store, self._seconds(now)
-        height, width = self.front.shape
+        height, width = self.front.shape[:2]
         if self._doubted:
             since = np.float32(self._moved - self._epoch)
             kernels.lose_confidence(
@@ -219,6 +237,7 @@ class Picture:
         kernels.place_samples(
             s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
         )
+        moved |= self._relight(pose, last)
         alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         kernels.front_depths(self.nearest, self.front)
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
@@ -232,6 +251,20 @@ class Picture:
         self._sort()
         self._moved = now
         self._fill()
+
+    def _relight(self, pose: Pose, last: Pose | None) -> NDArray[np.uint8]:
+        """Bring stored samples into the light of `pose`. Returns (n + 1,) uint8, whose light changed."""
+        now, s = pose.lamps, self._store
+        changed = np.zeros(len(pose.panel_from_object), np.uint8)
+        if self._relights:
+            changed[:] = self._matt
+            if last is not None:
+                was = last.lamps
+                changed &= (now.lamps != was.lamps).any(axis=(1, 2)) | (now.up != was.up).any(axis=1)
+            kernels_relight.relight(
+                s.place, s.name, s.colour, s.surface, s.albedo, self.count, changed, *now, self._irradiance
+            )
+        return changed
 
     @property
     def _doubted(self) -> bool:
@@ -294,15 +327,19 @@ class Store(NamedTuple):
     colour: Float32  # (capacity, 4) radiance and square root of lighting
     state: Float32  # (2, capacity) seconds of the store's clock, confidence 0..1
     screen: Float32  # (3, capacity) x, y, depth in the picture
+    surface: NDArray[np.int32]  # (capacity,) normal and lamps out of sight; none if never relit
+    albedo: Float32  # (3, capacity) what it reflects, NOT_RELIT if that is not known; none if never relit
 
     @classmethod
-    def of(cls, capacity: int) -> Store:
+    def of(cls, capacity: int, *, lit: bool) -> Store:
         return cls(
             place=np.zeros((3, capacity), np.float32),
             name=np.zeros(capacity, np.int32),
             colour=np.zeros((capacity, 4), np.float32),
             state=np.zeros((2, capacity), np.float32),
             screen=np.full((3, capacity), OUTSIDE, np.float32),
+            surface=np.zeros(lit * capacity, np.int32),
+            albedo=np.zeros((3, lit * capacity), np.float32),
         )
 
 

@@ -65,7 +65,7 @@ class AdaptiveArm:
         batch = Batch(
             view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._sequence, camera_event=event.camera_event,
             scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
-            scene_time=event.scene_time, adaptive=True,
+            scene_time=event.scene_time, adaptive=True, relightable=self._setup.resident.needs.relighting,
         )  # fmt: skip
         packet = encode(batch, Codec.ZSTD)
         self.bytes += len(packet)
