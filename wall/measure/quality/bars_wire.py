@@ -13,7 +13,7 @@ BYTES_A_SAMPLE = 7.0
 OF_RAW = 0.25
 OF_RAW_AT = (256, 256, 60.0, 400_000.0)  # width, height, refreshes and rays a second: what that bar is about
 LOSSLESS = "stream_zstd_tiles"
-COMPLETE_S = 16.0  # of rest, after which a picture is expected to be complete
+COMPLETE = 256  # samples a pixel that a rest must have had time for, before a picture is expected to be complete
 
 
 def wire_verdicts(rows: Sequence[Row]) -> list[Verdict]:
@@ -27,7 +27,7 @@ def wire_verdicts(rows: Sequence[Row]) -> list[Verdict]:
         if (rows[0].width, rows[0].height, rows[0].refresh_hz, spent) == OF_RAW_AT:
             verdicts.append(_of_raw(here))
         verdicts += _of_lossless(here, [t for t in found if t.arm == LOSSLESS and t.spending == spent])
-    return [*verdicts, *_silence(at_rest(rows))]
+    return [*verdicts, *_silence(at_rest(rows), rows[0].width * rows[0].height)]
 
 
 def _bytes_a_sample(ours: Sequence[Traffic]) -> Verdict:
@@ -58,13 +58,13 @@ def _of_lossless(ours: Sequence[Traffic], theirs: Sequence[Traffic]) -> list[Ver
     return [Verdict(what=what, wanted="< 1", came=f"at most {ratio:.2f} ({scene})", met=ratio < 1.0)]
 
 
-def _silence(found: Sequence[Rest]) -> list[Verdict]:
-    """Only of runs that rest for long enough; the last COMPLETE_S say what is still sent."""
+def _silence(found: Sequence[Rest], pixels: int) -> list[Verdict]:
+    """Only of runs that rest for long enough."""
     verdicts = []
     for rest in found:
-        if rest.arm == OURS and rest.rested_s >= COMPLETE_S:
-            what = f"samples stop after a stop, {said(rest.spending, 'virtual')}, {rest.scene}"
+        if rest.arm == OURS and rest.rested_s * rest.spending >= COMPLETE * pixels:
+            what = f"nothing is sent of a picture at rest, {said(rest.spending, 'virtual')}, {rest.scene}"
             silent = rest.silent_s is not None
             came = f"after {rest.silent_s:.1f} s" if silent else f"not within {rest.rested_s:.1f} s"
-            verdicts.append(Verdict(what=what, wanted=f"within {COMPLETE_S:g} s", came=came, met=silent))
+            verdicts.append(Verdict(what=what, wanted=f"within {COMPLETE} samples a pixel", came=came, met=silent))
     return verdicts

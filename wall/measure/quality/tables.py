@@ -80,7 +80,7 @@ def bars_table(rows: Sequence[Row]) -> Table:
 def _wire(wanted: Lines) -> Table:
     found = Table(title=wanted.title, title_justify="left", caption=wanted.note, caption_justify="left")
     for k, column in enumerate(wanted.columns):
-        found.add_column(column, justify="left" if k in wanted.text else "right")
+        found.add_column(column, justify="left" if k in wanted.text else "right", overflow="fold")
     for line in wanted.lines:
         found.add_row(*line, style="bold" if OURS in line else "")
     return found

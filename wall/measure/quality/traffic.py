@@ -17,6 +17,7 @@ from wall.measure.quality.rows import Row
 from wall.measure.quality.summary import OURS, STREAMS, averaged, geometric, scenes, spending
 
 REST_EDGES_S = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # after everything stopped
+SILENCE_S = 0.5  # and longer is no mere pause
 RAW_BYTES_A_PIXEL = 3.0
 
 
@@ -157,7 +158,7 @@ def _window(row: Row, begin: float, end: float) -> float | None:
 
 def _silent(row: Row, since: float) -> float | None:
     last = next((k for k in range(len(row.times) - 1, 0, -1) if row.bytes_over_time[k] > row.bytes_over_time[k - 1]), 0)
-    return None if last == len(row.times) - 1 else max(row.times[last] - since, 0.0)
+    return None if row.times[-1] - row.times[last] < SILENCE_S else max(row.times[last] - since, 0.0)
 
 
 def size_of(pixels: float) -> str:
