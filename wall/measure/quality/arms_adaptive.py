@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 
-from wall.data import Batch, Event, Float32, Samples
+from wall.data import Batch, Event, Float32
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
-from wall.packets.samples import Codec, decode, encode
+from wall.measure.quality.shooter import Shooter
 from wall.reconstruction.picture import ALL, Ingredients, Picture
 from wall.sampling import kernels_adaptive
 from wall.sampling.adaptive import AdaptiveSampler
@@ -21,20 +21,24 @@ from wall.sampling.adaptive import AdaptiveSampler
 
 class AdaptiveArm:
     def __init__(
-        self, setup: Setup, *, remote: bool = False, uniform: bool = False, ingredients: Ingredients = ALL
-    ) -> None:
+        self, setup: Setup, *, remote: bool = False, uniform: bool = False, ingredients: Ingredients = ALL,
+        sends: bool = True,
+    ) -> None:  # fmt: skip
+        """`sends`: whether samples are, rather than pictures made of them."""
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._tracer = setup.tracer(coherent=True)
         self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
         self._shown = self._picture
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
+        self._shooter = Shooter(
+            setup, coherent=True, adaptive=True, sends=sends, receive=self._receive if remote else None
+        )
         self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed, uniform=uniform)
-        self._now, self._spent, self._sequence = 0.0, 0, 0
-        self.rays = self.secondary = self.bytes = 0
+        self._now, self._spent = 0.0, 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
-        self.rays = self.secondary = self.bytes = 0
+        self._shooter.reset()
+        self.rays, self.secondary, self.bytes = self._shooter.counts
 
     def advance(self, until: float, rays: int | None = None) -> None:
         allowed = int(self._setup.rate * until) if rays is None else rays
@@ -49,29 +53,16 @@ class AdaptiveArm:
             self._spent += len(targets.xy)
             self._trace(targets.xy, event, now)
         self._now = until
+        self.rays, self.secondary, self.bytes = self._shooter.counts
 
     def _trace(self, xy: Float32, event: Event, now: float) -> None:
-        self._tracer.take(event)
-        samples, cost = self._tracer.trace(xy)
-        self._picture.insert(samples, now, event)
+        samples, _ = self._shooter.shoot(xy, event)
+        self._picture.insert(samples, now, event)  # which writes into them what they contradict
         self._sampler.observe(samples)
-        self.rays += cost.primary
-        self.secondary += cost.shadow + cost.secondary
-        for part in range(0, len(samples), 4096):
-            self._send(samples[part : part + 4096], event, now)
+        self._shooter.send(samples, event, now)
 
-    def _send(self, samples: Samples, event: Event, now: float) -> None:
-        self._sequence += 1
-        batch = Batch(
-            view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._sequence, camera_event=event.camera_event,
-            scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
-            scene_time=event.scene_time, adaptive=True, relightable=self._setup.resident.needs.relighting,
-        )  # fmt: skip
-        packet = encode(batch, Codec.ZSTD)
-        self.bytes += len(packet)
-        if self._shown is not self._picture:
-            came = decode(packet)
-            self._shown.insert(came.samples, came.base_time, came)
+    def _receive(self, batch: Batch) -> None:
+        self._shown.insert(batch.samples, batch.base_time, batch)
 
     def show(self, time: float) -> Float32:
         event = self._inputs.event_at(time)

@@ -12,6 +12,7 @@ from wall.config.loading import nearest
 from wall.errors import ConfigError, RunError
 from wall.jit import PACKAGE
 from wall.measure.quality.arms import ARMS
+from wall.measure.quality.arms_streams import absent
 from wall.measure.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
 SCENES = ("orbit", "shadows", "light", "mirrors")
@@ -44,10 +45,16 @@ def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
 
 
 def arms_of(text: str, *, clock: str) -> tuple[str, ...]:
-    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them."""
+    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them.
+
+    Patterns leave out what cannot run here. Raises ConfigError for a name that is unknown, or is of such an arm.
+    """
+    here = tuple(arm for arm in ARMS if arm not in absent())
     if text:
-        return _picked("--arms", text, ARMS)
-    return tuple(arm for arm in ARMS if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
+        if named := next((word for word in map(str.strip, text.split(",")) if word in absent()), None):
+            raise ConfigError(f"--arms {named}: {absent()[named]}")
+        return _picked("--arms", text, here)
+    return tuple(arm for arm in here if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
 
 
 def rates_of(text: str) -> tuple[float, ...]:
