@@ -2,7 +2,8 @@
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
-is worth the same. `adaptive:no_X`: without ingredient X of the picture.
+is worth the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
+the picture.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
+from typing import Literal
 
 from wall.data import Batch, Event, Float32, Samples
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
@@ -21,7 +23,13 @@ from wall.sampling.adaptive import AdaptiveSampler
 
 class AdaptiveArm:
     def __init__(
-        self, setup: Setup, *, remote: bool = False, uniform: bool = False, ingredients: Ingredients = ALL
+        self,
+        setup: Setup,
+        *,
+        remote: bool = False,
+        tiling: Literal["grid", "cut"] = "grid",
+        uniform: bool = False,
+        ingredients: Ingredients = ALL,
     ) -> None:
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
@@ -30,7 +38,9 @@ class AdaptiveArm:
         self._shown = self._picture
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
-        self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed, uniform=uniform)
+        self._sampler = AdaptiveSampler(
+            setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
+        )
         self._now, self._spent, self._sequence = 0.0, 0, 0
         self.rays = self.secondary = self.bytes = 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
@@ -85,6 +95,7 @@ class AdaptiveArm:
 ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive": AdaptiveArm,
     "adaptive:remote": partial(AdaptiveArm, remote=True),
+    "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
     "adaptive:uniform": partial(AdaptiveArm, uniform=True),
     **{
         f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
