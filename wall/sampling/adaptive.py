@@ -13,9 +13,10 @@ import numpy as np
 
 from wall.data import Event, Float32, Rect, Samples
 from wall.sampling import kernels_adaptive as kernels
+from wall.sampling import kernels_tiling
 from wall.sampling.base import Targets
 from wall.sampling.cut import Cut
-from wall.sampling.tiles import Division, Grid
+from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/quality.md
 ENOUGH = 0.5 / 255.0  # half a step of 8 bits
@@ -79,6 +80,16 @@ class AdaptiveSampler:
                 self._value, b.gathered, b.still, self._floor, self._contrast, self._density, self._score, tile_of, sums
             )
         self.division.balance(self._contrast, 0.0 if b.nothing_moves else float(b.residual.mean()))
+
+    def measure(self) -> Measured:
+        """What is known of each tile since the last replan."""
+        listed, rects = self.division.listed, self.division.tiles.rects
+        spatial, temporal, density = np.empty((3, len(listed)), np.float32)
+        kernels_tiling.measure(
+            rects, listed, self._contrast, self.beneath.residual, self._density, spatial, temporal, density
+        )
+        placed = rects[listed] + np.array([self._rect.x, self._rect.y, 0, 0])
+        return Measured(rects=placed.astype(np.uint16), spatial=spatial, temporal=temporal, density=density)
 
     def forget(self, xy: Float32) -> None:
         """These never arrived: their pixels count as holes."""

@@ -27,7 +27,7 @@ import numpy as np
 
 from wall.data import Float32
 from wall.sampling import kernels_cut as kernels
-from wall.sampling.tiles import Tiles
+from wall.sampling.tiles import Integers, Tiles
 
 LEAST_EDGE, MOST_EDGE = 4, 64  # pixels, of any tile
 FINE, COARSE = 16, 40  # pixels, mean edge of the most and the fewest tiles
@@ -57,6 +57,10 @@ class Cut:
         self.tiles.sums[0] = area
         while self.adjust(np.ones((height, width), np.float32), capacity):
             pass
+
+    @property
+    def listed(self) -> Integers:
+        return self.tiles.order
 
     def adjust(self, score: Float32, steps: int) -> int:
         """At most `steps` splits and merges; returns how many."""

@@ -22,10 +22,24 @@ class Tiles(NamedTuple):
     order: Integers  # (n,) the tiles there are, neighbours in a row
 
 
+class Measured(NamedTuple):
+    """What is known of each tile: the numbers of a data.Tiling."""
+
+    rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
+    spatial: Float32  # (n,)
+    temporal: Float32  # (n,)
+    density: Float32  # (n,)
+
+
 class Division(Protocol):
     """A way to divide a region: the grid, or the cut."""
 
     tiles: Tiles
+
+    @property
+    def listed(self) -> Integers:
+        """(n,) the tiles in the order in which they are sent."""
+        ...
 
     def adjust(self, score: Float32, steps: int) -> int:
         """Take at most so many steps towards the division that suits the scores (h, w); returns how many."""
@@ -48,6 +62,7 @@ class Grid:
         tile_of = np.arange(height)[:, None] // TILE * columns + np.arange(width) // TILE
         sums = rects[:, 2].astype(np.float64) * rects[:, 3]
         self.tiles = Tiles(rects=rects, sums=sums, tile_of=tile_of.astype(np.int32), order=order.ravel())
+        self.listed: Integers = np.arange(rows * columns, dtype=np.int32)
 
     def adjust(self, score: Float32, steps: int) -> int:
         return 0

@@ -8,14 +8,17 @@ the picture.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from typing import Literal
 
-from wall.data import Batch, Event, Float32, Samples
+from wall.data import Batch, Event, Float32, Samples, Tiling
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
 from wall.packets.samples import Codec, decode, encode
+from wall.packets.tiling import decode_tiling, encode_tiling
+from wall.processes.beneath import TILINGS_HZ
 from wall.reconstruction.picture import ALL, Ingredients, Picture
 from wall.sampling import kernels_adaptive
 from wall.sampling.adaptive import AdaptiveSampler
@@ -27,6 +30,7 @@ class AdaptiveArm:
         setup: Setup,
         *,
         remote: bool = False,
+        tilings: bool = True,
         tiling: Literal["grid", "cut"] = "grid",
         uniform: bool = False,
         ingredients: Ingredients = ALL,
@@ -38,6 +42,7 @@ class AdaptiveArm:
         self._shown = self._picture
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
+        self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
         self._sampler = AdaptiveSampler(
             setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
         )
@@ -83,18 +88,36 @@ class AdaptiveArm:
             came = decode(packet)
             self._shown.insert(came.samples, came.base_time, came)
 
+    def _send_tiling(self, event: Event, now: float) -> None:
+        """On its way when a refresh is made: the display's next one goes by it."""
+        if now < self._tiling_due or self._picture.nothing_moves:
+            return
+        self._tiling_due = now + 1.0 / TILINGS_HZ
+        self._tilings += 1
+        packet = encode_tiling(
+            Tiling(
+                view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._tilings,
+                camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
+                **self._sampler.measure()._asdict(),
+            )
+        )  # fmt: skip
+        self.bytes += len(packet)
+        self._shown.take_tiling(decode_tiling(packet))
+
     def show(self, time: float) -> Float32:
         event = self._inputs.event_at(time)
         self._picture.refresh(event, time)
         self._sampler.replan()
         if self._shown is not self._picture:
             self._shown.refresh(event, time)
+            self._send_tiling(event, time)
         return self._shown.radiance
 
 
 ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive": AdaptiveArm,
     "adaptive:remote": partial(AdaptiveArm, remote=True),
+    "adaptive:remote_no_tilings": partial(AdaptiveArm, remote=True, tilings=False),
     "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
     "adaptive:uniform": partial(AdaptiveArm, uniform=True),
     **{
