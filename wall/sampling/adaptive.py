@@ -19,6 +19,7 @@ from wall.sampling.cut import Cut
 from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/quality.md
+PACKETS_A_STEP = 4  # between two changes of the cut: of 64 rays
 ENOUGH = 0.5 / 255.0  # half a step of 8 bits
 
 
@@ -100,7 +101,7 @@ class AdaptiveSampler:
         packets = max(1, (self._batch if rays is None else rays) // kernels.PACKET)
         xy = np.empty((packets * kernels.PACKET, 2), np.float32)
         self._sequence += 1
-        self.division.adjust(self._score, packets)
+        self.division.adjust(self._score, max(1, packets // PACKETS_A_STEP))
         rects, sums, _, order = self.division.tiles
         filled = kernels.draw(
             self._score, rects, order, sums, packets, self._seed, self._sequence, self._visits, self._rect.x,

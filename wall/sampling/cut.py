@@ -29,7 +29,7 @@ from wall.data import Float32
 from wall.sampling import kernels_cut as kernels
 from wall.sampling.tiles import Integers, Tiles
 
-LEAST_EDGE, MOST_EDGE = 4, 64  # pixels, of any tile
+LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile; in smaller ones rays crowd (docs/quality.md)
 FINE, COARSE = 16, 40  # pixels, mean edge of the most and the fewest tiles
 BALANCE = 200.0  # K: puts the four scenes of `measure quality` between FINE and COARSE
 GAIN = 0.125  # of the way to balance, at every refresh
