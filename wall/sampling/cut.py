@@ -41,8 +41,7 @@ class Cut:
     def __init__(self, width: int, height: int) -> None:
         area = width * height
         self._range = (max(1.0, area / COARSE**2), max(1.0, area / FINE**2))
-        forced = -(-width * 4 // MOST_EDGE) * -(-height * 4 // MOST_EDGE)  # by their edges, however uneven the cuts
-        capacity = 2 * (2 * math.ceil(self._range[1]) + forced)
+        capacity = 2 * max(1, width // LEAST_EDGE) * max(1, height // LEAST_EDGE)  # no cut can have more leaves
         self._child, self._parent = np.zeros((capacity, 2), np.int32), np.zeros(capacity, np.int32)
         self._vacant, self._order = np.zeros(capacity, np.int32), np.zeros(capacity, np.int32)
         self._state = np.zeros(4, np.int64)

@@ -30,8 +30,10 @@ def adjust(score, wanted, steps, least, most, rects, child, parent, sums, tile_o
     Parameters
     ----------
     score : (h, w) float32, none negative; wanted : float, number of leaves
-    least, most : int, shortest and longest edge of a leaf, pixels; a longer one is split whatever its sum
-    rects : (capacity, 4) int32, x, y, width, height; child : (capacity, 2) int32; parent : (capacity,) int32
+    least, most : int, shortest and longest edge of a leaf, pixels, most >= 2 least; a longer one is split whatever its
+        sum. Every split keeps `least` on both sides: never more than max(1, w // least) max(1, h // least) leaves
+    rects : (capacity, 4) int32, x, y, width, height; twice as many nodes as there can be leaves
+    child : (capacity, 2) int32; parent : (capacity,) int32
     sums : (capacity,) float64, of leaves; tile_of : (h, w) int32, the leaf of each pixel
     vacant : (capacity,) int32, nodes that were given up
     order : (capacity,) int32, written if anything changed: the leaves from left to right in the tree
@@ -57,8 +59,7 @@ def adjust(score, wanted, steps, least, most, rects, child, parent, sums, tile_o
         width, height = rects[node, 2], rects[node, 3]
         if child[node, 0] == LEAF:
             heavy = sums[node] > SPLIT * wanted_sum and max(width, height) >= 2 * least
-            room = state[NODES] - state[VACANT] + 2 <= parent.shape[0]
-            if room and (heavy or max(width, height) > most):
+            if heavy or max(width, height) > most:
                 split(score, node, least, rects, child, parent, sums, tile_of, vacant, state)
                 taken += 1
         elif max(width, height) <= most:
@@ -76,9 +77,7 @@ def split(score, node, least, rects, child, parent, sums, tile_of, vacant, state
     """Two leaves for one, cut across the longer axis where half of its sum lies on either side, as near as may be."""
     x, y, width, height = rects[node, 0], rects[node, 1], rects[node, 2], rects[node, 3]
     across = width >= height
-    length = width if across else height
-    low = min(least, length // 2)
-    at = cut_at(score, x, y, width, height, across, low)
+    at = cut_at(score, x, y, width, height, across, least)
     a, b = new_node(vacant, state), new_node(vacant, state)
     if across:
         place_node(rects, a, x, y, at, height)

@@ -13,7 +13,7 @@ from wall.sampling import kernels_adaptive
 from wall.sampling import kernels_cut as kernels
 from wall.sampling.cut import BALANCE, COARSE, FINE, GAIN, LEAST_EDGE, MOST_EDGE, Cut
 
-SIZES = [(1, 1), (5, 3), (1, 200), (16, 16), (65, 64), (100, 75), (150, 40)]  # width, height
+SIZES = [(1, 1), (5, 3), (1, 200), (300, 11), (23, 70), (16, 16), (65, 64), (100, 75), (150, 40)]  # width, height
 MANY = 10_000
 
 
@@ -31,6 +31,7 @@ def check(cut: Cut, score: Float32) -> None:
         owner[y : y + height, x : x + width] = leaf
         assert_allclose(sums[leaf], score[y : y + height, x : x + width].sum(dtype=np.float64), rtol=1e-6, atol=1e-12)
     assert_array_equal(owner, tile_of)
+    assert len(order) <= len(rects) // 2
 
 
 def summed(cut: Cut, score: Float32) -> None:
