@@ -46,6 +46,16 @@ class Rect:
     def area(self) -> int:
         return self.width * self.height
 
+    def holds(self, other: Rect) -> bool:
+        """Whether all of the other lies in this one."""
+        inside = self.x <= other.x and other.x + other.width <= self.x + self.width
+        return inside and self.y <= other.y and other.y + other.height <= self.y + self.height
+
+    def meets(self, other: Rect) -> bool:
+        """Whether they have a pixel in common."""
+        across = self.x < other.x + other.width and other.x < self.x + self.width
+        return across and self.y < other.y + other.height and other.y < self.y + self.height
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Region:
@@ -132,8 +142,8 @@ class Tiling:
     scene_event: int
     base_time: float  # when it was true, seconds of the head's clock
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
-    spatial: Float32  # (n,) gradient, display units a pixel
-    temporal: Float32  # (n,) rate of change, a second
+    spatial: Float32  # (n,) mean contrast of neighbouring pixels, display units
+    temporal: Float32  # (n,) mean change of the square root of lighting that new samples find against older ones
     density: Float32  # (n,) samples a pixel
 
 

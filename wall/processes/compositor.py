@@ -11,6 +11,7 @@ from wall.errors import RemoteProtocolError
 from wall.geometry.panels import Panel
 from wall.packets.control import Framelet, Heartbeat, parse_control, serialise
 from wall.packets.samples import decode, is_samples
+from wall.packets.tiling import decode_tiling, is_tiling
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan
 from wall.processes.renderer import Control, peak_memory
@@ -49,9 +50,15 @@ class Compositor:
                 raise RemoteProtocolError(f"samples of panel {batch.panel}, which is another compositor's")
             self.panels[batch.panel].insert(batch)
             return
+        if is_tiling(packet):
+            tiling = decode_tiling(packet)
+            if tiling.panel not in self.panels:
+                raise RemoteProtocolError(f"tiles of panel {tiling.panel}, which is another compositor's")
+            self.panels[tiling.panel].take_tiling(tiling)
+            return
         framelet = parse_control(packet)
         if not isinstance(framelet, Framelet) or framelet.panel not in self.remote:
-            raise RemoteProtocolError("neither samples nor a framelet of another compositor's panel")
+            raise RemoteProtocolError("neither samples nor tiles nor a framelet of another compositor's panel")
         self.remote[framelet.panel].insert(framelet)
 
     def refresh(self, event: Event, now: float) -> dict[int, NDArray[np.bool_]]:

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.data import Batch, Event
+from wall.data import Batch, Event, Rect, Tiling
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
+from wall.errors import RemoteProtocolError
 from wall.processes.plan import Plan
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
@@ -25,6 +26,7 @@ class PanelCompositor:
         self._plan = plan
         self._reprojected: Picture | None = None  # made when the first adaptive batch comes
         self._adaptive = False
+        self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
         self._rgb = np.zeros((height, width, 3), np.uint8)
@@ -37,6 +39,25 @@ class PanelCompositor:
             if self._reprojected is None:
                 self._reprojected = self._new_picture()
             self._reprojected.insert(batch.samples, batch.base_time, batch)
+
+    def take_tiling(self, tiling: Tiling) -> None:
+        """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
+
+        Raises RemoteProtocolError where they are not of this panel's pixels or their rank renders others.
+        """
+        layout, key = self._plan.layout, (tiling.rank, tiling.rect)
+        region = layout.region(tiling.rank) if tiling.rank in layout.renderers() else None
+        if region is None or layout.wall.panels[region.panel] is not self.panel or not region.rect.holds(tiling.rect):
+            raise RemoteProtocolError(f"rank {tiling.rank}: tiles of {tiling.rect}; wanted: inside {region}")
+        known = self.tilings.get(key)
+        if known is not None and known.base_time > tiling.base_time:
+            self.buffer.counters.add("late_tilings")
+            return
+        for other in [k for k in self.tilings if k != key and k[0] == tiling.rank and k[1].meets(tiling.rect)]:
+            del self.tilings[other]  # the rank has cut its region anew, among other threads
+        self.tilings[key] = tiling
+        if self._reprojected is not None:
+            self._reprojected.take_tiling(tiling)
 
     def _new_picture(self) -> Picture:
         sampling = self._plan.layout.sampling

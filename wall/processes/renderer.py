@@ -13,6 +13,7 @@ from wall.data import Counters, Event
 from wall.errors import RemoteProtocolError, RunError
 from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
 from wall.packets.samples import decode
+from wall.packets.tiling import is_tiling
 from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan
 from wall.processes.worker import Worker, make_samplers
@@ -125,26 +126,32 @@ class Renderer:
     def _step(self, event: Event) -> Iterator[bytes]:
         """Packets that are ready: of the one worker, or of those threads that finished first."""
         if self._pool is None:
-            packet = self._workers[0].step(event)
-            if packet is not None:
-                yield packet
+            yield from self._ready(self._workers[0], self._workers[0].step(event))
             return
         for worker in self._workers:
             if worker not in self._running.values():
                 self._running[self._pool.submit(worker.step, event)] = worker
         done, _ = wait(self._running, return_when=FIRST_COMPLETED)
         for future in done:
-            del self._running[future]
-            packet = future.result()
-            if packet is not None:
-                yield packet
+            yield from self._ready(self._running.pop(future), future.result())
         if self._running:  # others still work: not idle even if these had nothing
             yield from ()
+
+    def _ready(self, worker: Worker, packet: bytes | None) -> Iterator[bytes]:
+        """A worker's samples, and before them its tiles, where those are due and need not wait."""
+        if packet is None:
+            return
+        tiling = worker.tiling() if self._outbox.ready() else None
+        if tiling is not None:
+            yield tiling
+        yield packet
 
     def _offer(self, packet: bytes) -> None:
         self._packets += 1
         self._bytes += len(packet)
         for dropped in self._outbox.offer(packet):
+            if is_tiling(dropped):
+                continue  # the next one replaces it
             batch = decode(dropped)
             self._workers[batch.sequence % len(self._workers)].forget(batch.samples["xy"])
 

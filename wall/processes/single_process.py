@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from wall.data import Event
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode
+from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, first_event
@@ -36,9 +37,12 @@ class SingleProcess:
         """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
         traced = 0
         for worker in self.workers:
-            packet = worker.step(self.event)
+            packet, tiles = worker.step(self.event), worker.tiling()
             if packet is None:
                 continue
+            if tiles is not None:
+                tiling = decode_tiling(tiles)
+                self.panels[tiling.panel].take_tiling(tiling)
             batch = decode(packet)
             self.panels[batch.panel].insert(batch)
             traced += len(batch.samples)

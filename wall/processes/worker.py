@@ -7,8 +7,9 @@ from collections import deque
 import numpy as np
 
 from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
-from wall.data import Batch, Event, Float32, Region
+from wall.data import Batch, Event, Float32, Region, Tiling
 from wall.packets.samples import Codec, encode
+from wall.packets.tiling import encode_tiling
 from wall.processes.beneath import LiveAdaptive, bands
 from wall.processes.clock import Clock
 from wall.processes.plan import Plan
@@ -38,6 +39,7 @@ class Worker:
         self._relightable = resident.needs.relighting
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
+        self._tilings = worker
         self._lost: deque[Float32] = deque()
 
     @property
@@ -80,6 +82,21 @@ class Worker:
             relightable=self._relightable,
         )
         return encode(batch, self._codec)
+
+    def tiling(self) -> bytes | None:
+        """The packet of the sampler's tiles, if one is due. Between steps, by whoever calls them."""
+        sampler = self.sampler
+        if not isinstance(sampler, LiveAdaptive) or (due := sampler.take_tiling()) is None:
+            return None
+        event, now, measured = due
+        self._tilings += self._workers
+        return encode_tiling(
+            Tiling(
+                view=event.view, panel=self._region.panel, rect=sampler.band, rank=self._rank,
+                sequence=self._tilings, camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
+                **measured._asdict(),
+            )
+        )  # fmt: skip
 
     def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
         tracer = self._tracers[coherent]

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Float32, Float64, Rect, Samples
+from wall.data import Camera, Event, Float32, Float64, Rect, Samples, Tiling
 from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_fill, kernels_relight
+from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling
 from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects
 from wall.scene.build import Scene
@@ -188,6 +188,14 @@ class Picture:
             self.still[:] = 0.0
         if self.dirty.any():
             kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
+
+    def take_tiling(self, tiling: Tiling) -> None:
+        """Learn where change is found, for whoever does not judge: there old samples lose weight sooner."""
+        if not self.judging:
+            kernels_tiling.spread(
+                tiling.rects, tiling.temporal, self.rect.x, self.rect.y, self.rect.height, self.rect.width,
+                self.residual, np.empty((*self.residual.shape, 2), np.float32),
+            )  # fmt: skip
 
     def clear(self) -> None:
         """Forget every sample."""

@@ -2,18 +2,23 @@
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
-is worth the same. `adaptive:no_X`: without ingredient X of the picture.
+is worth the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
+the picture.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
+from typing import Literal
 
-from wall.data import Batch, Event, Float32
+from wall.data import Batch, Event, Float32, Tiling
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
 from wall.measure.quality.shooter import Shooter
+from wall.packets.tiling import decode_tiling, encode_tiling
+from wall.processes.beneath import TILINGS_HZ
 from wall.reconstruction.picture import ALL, Ingredients, Picture
 from wall.sampling import kernels_adaptive
 from wall.sampling.adaptive import AdaptiveSampler
@@ -21,9 +26,16 @@ from wall.sampling.adaptive import AdaptiveSampler
 
 class AdaptiveArm:
     def __init__(
-        self, setup: Setup, *, remote: bool = False, uniform: bool = False, ingredients: Ingredients = ALL,
+        self,
+        setup: Setup,
+        *,
+        remote: bool = False,
+        tilings: bool = True,
+        tiling: Literal["grid", "cut"] = "grid",
+        uniform: bool = False,
+        ingredients: Ingredients = ALL,
         sends: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """`sends`: whether samples are, rather than pictures made of them."""
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
@@ -34,7 +46,10 @@ class AdaptiveArm:
         self._shooter = Shooter(
             setup, coherent=True, adaptive=True, sends=sends, receive=self._receive if remote else None
         )
-        self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed, uniform=uniform)
+        self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
+        self._sampler = AdaptiveSampler(
+            setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
+        )
         self._now, self._spent = 0.0, 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
         self._shooter.reset()
@@ -64,18 +79,37 @@ class AdaptiveArm:
     def _receive(self, batch: Batch) -> None:
         self._shown.insert(batch.samples, batch.base_time, batch)
 
+    def _send_tiling(self, event: Event, now: float) -> None:
+        """On its way when a refresh is made: the display's next one goes by it."""
+        if now < self._tiling_due or self._picture.nothing_moves:
+            return
+        self._tiling_due = now + 1.0 / TILINGS_HZ
+        self._tilings += 1
+        packet = encode_tiling(
+            Tiling(
+                view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._tilings,
+                camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
+                **self._sampler.measure()._asdict(),
+            )
+        )  # fmt: skip
+        self._shooter.bytes += len(packet)
+        self._shown.take_tiling(decode_tiling(packet))
+
     def show(self, time: float) -> Float32:
         event = self._inputs.event_at(time)
         self._picture.refresh(event, time)
         self._sampler.replan()
         if self._shown is not self._picture:
             self._shown.refresh(event, time)
+            self._send_tiling(event, time)
         return self._shown.radiance
 
 
 ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive": AdaptiveArm,
     "adaptive:remote": partial(AdaptiveArm, remote=True),
+    "adaptive:remote_no_tilings": partial(AdaptiveArm, remote=True, tilings=False),
+    "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
     "adaptive:uniform": partial(AdaptiveArm, uniform=True),
     **{
         f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
