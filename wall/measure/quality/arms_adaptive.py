@@ -2,7 +2,8 @@
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
-is worth the same. `adaptive:no_X`: without ingredient X of the picture.
+is worth the same. `adaptive:no_X`: without ingredient X of the picture. `adaptive:delayed`: what is made at a refresh
+is seen at the next; `adaptive:predicted`: the same, made for what is expected then; `..._2`: two refreshes later.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from functools import partial
 
 from wall.data import Batch, Event, Float32, Samples
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
+from wall.measure.quality.late_display import LateDisplay
 from wall.packets.samples import Codec, decode, encode
 from wall.reconstruction.picture import ALL, Ingredients, Picture
 from wall.sampling import kernels_adaptive
@@ -21,8 +23,16 @@ from wall.sampling.adaptive import AdaptiveSampler
 
 class AdaptiveArm:
     def __init__(
-        self, setup: Setup, *, remote: bool = False, uniform: bool = False, ingredients: Ingredients = ALL
+        self,
+        setup: Setup,
+        *,
+        remote: bool = False,
+        uniform: bool = False,
+        ingredients: Ingredients = ALL,
+        late: int = 0,
+        predicted: bool = False,
     ) -> None:
+        """`late`: refreshes between making a picture and seeing it; `predicted`: it is made for when it is seen."""
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._tracer = setup.tracer(coherent=True)
@@ -30,6 +40,7 @@ class AdaptiveArm:
         self._shown = self._picture
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
+        self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted)
         self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed, uniform=uniform)
         self._now, self._spent, self._sequence = 0.0, 0, 0
         self.rays = self.secondary = self.bytes = 0
@@ -42,6 +53,7 @@ class AdaptiveArm:
             if owed - self._spent < kernels_adaptive.PACKET:
                 continue
             event = self._inputs.event_at(now)
+            self._display.hear(event, now)
             targets = self._sampler.choose(event, owed - self._spent)
             if targets is None:
                 self._spent = owed  # no pixel gains: this time passes unused
@@ -74,18 +86,22 @@ class AdaptiveArm:
             self._shown.insert(came.samples, came.base_time, came)
 
     def show(self, time: float) -> Float32:
-        event = self._inputs.event_at(time)
+        event = self._display.expected(self._inputs.event_at(time), time)
         self._picture.refresh(event, time)
         self._sampler.replan()
         if self._shown is not self._picture:
             self._shown.refresh(event, time)
-        return self._shown.radiance
+        return self._display.seen(self._shown.radiance)
 
 
 ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive": AdaptiveArm,
     "adaptive:remote": partial(AdaptiveArm, remote=True),
     "adaptive:uniform": partial(AdaptiveArm, uniform=True),
+    "adaptive:delayed": partial(AdaptiveArm, late=1),
+    "adaptive:delayed_2": partial(AdaptiveArm, late=2),
+    "adaptive:predicted": partial(AdaptiveArm, late=1, predicted=True),
+    "adaptive:predicted_2": partial(AdaptiveArm, late=2, predicted=True),
     **{
         f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
         for field in fields(Ingredients)
