@@ -36,6 +36,7 @@ GONE_S = 0.1  # or after so long in any case
 JUMP = 16.0  # times as fast as just before is no motion but a cut
 FORGETTING = 0.6  # weight of each foresight against the next
 HOPE = 0.1  # weight of the present foresight, which nobody has seen come true yet: there must be a beginning
+JUDGED_S = 0.012  # foresights nearer together would be one judgement that counts twice
 OUTLIER = 2.0  # times what was foreseen: what came counts as no more, so that a cut does not spoil the trust for long
 
 
@@ -129,9 +130,10 @@ class Predictor:
         if not speed.any():
             return self._event.camera
         newest = self._inputs[-1]
-        foreseen = speed * min(moment - newest.time, LONGEST_S)
-        self._foresights.append(Foresight(moment, newest.camera, foreseen))
-        return moved(newest.camera, foreseen * self._trust(foreseen))
+        screw = speed * min(moment - newest.time, LONGEST_S)
+        if not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S:
+            self._foresights.append(Foresight(moment, newest.camera, screw))
+        return moved(newest.camera, screw * self._trust(screw))
 
     def _speed(self, now: float) -> Float64:
         """(6,) screw a second between the newest two inputs; nothing after a cut, less and less in silence."""
@@ -155,9 +157,9 @@ class Predictor:
         begin, end = min(MISSED * usual, GONE_S / 2.0), min(GONE * usual, GONE_S)
         return min(max((end - (now - recent[-1].time)) / (end - begin), 0.0), 1.0)
 
-    def _trust(self, foreseen: Float64) -> Float64:
+    def _trust(self, screw: Float64) -> Float64:
         """(6,) in 0..1, by the foresights that could be checked, and a little by this one, as if it had come true."""
-        own = HOPE * foreseen**2
+        own = HOPE * screw**2
         energy = self._energy + own
         share = np.divide(self._agreement + own, energy, out=np.zeros(6), where=energy > 0.0)
         return np.clip(share, 0.0, 1.0)
@@ -165,11 +167,11 @@ class Predictor:
     def _look_back(self, now: float) -> None:
         """Hold foresights whose moment has come against what came."""
         while self._foresights and self._foresights[0].moment <= now:
-            moment, camera, foreseen = self._foresights.popleft()
+            moment, camera, screw = self._foresights.popleft()
             came = between(camera, self._known(moment))
-            most = OUTLIER * np.abs(foreseen)
-            self._agreement = FORGETTING * self._agreement + foreseen * np.clip(came, -most, most)
-            self._energy = FORGETTING * self._energy + foreseen**2
+            most = OUTLIER * np.abs(screw)
+            self._agreement = FORGETTING * self._agreement + screw * np.clip(came, -most, most)
+            self._energy = FORGETTING * self._energy + screw**2
 
     def _known(self, moment: float) -> Camera:
         """Where the camera was, straight between inputs; the newest one after them."""
@@ -180,6 +182,13 @@ class Predictor:
                 return moved(input_.camera, share * between(input_.camera, later.camera)) if share else input_.camera
             later = input_
         return later.camera
+
+
+def foreseen(event: Event, expected: Event) -> Event:
+    """`event`, number and all, where and when `expected` is: what rays are traced under."""
+    if expected is event:
+        return event
+    return replace(event, camera=expected.camera, scene_time=expected.scene_time)
 
 
 def _finite(event: Event) -> bool:

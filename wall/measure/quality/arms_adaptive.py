@@ -3,7 +3,8 @@
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
 is worth the same. `adaptive:no_X`: without ingredient X of the picture. `adaptive:delayed`: what is made at a refresh
-is seen at the next; `adaptive:predicted`: the same, made for what is expected then; `..._2`: two refreshes later.
+is seen at the next; `adaptive:predicted`: the same, but made, and its rays traced, for what is expected then;
+`adaptive:predicted_picture`: made for it, but rays traced under the newest inputs; `..._2`: two refreshes later.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ class AdaptiveArm:
         ingredients: Ingredients = ALL,
         late: int = 0,
         predicted: bool = False,
+        ahead: bool = True,
     ) -> None:
-        """`late`: refreshes between making a picture and seeing it; `predicted`: it is made for when it is seen."""
+        """`late`, `predicted`, `ahead`: see LateDisplay."""
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._tracer = setup.tracer(coherent=True)
@@ -40,7 +42,7 @@ class AdaptiveArm:
         self._shown = self._picture
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
-        self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted)
+        self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
         self._sampler = AdaptiveSampler(setup.rect, self._picture, batch=4096, seed=setup.seed, uniform=uniform)
         self._now, self._spent, self._sequence = 0.0, 0, 0
         self.rays = self.secondary = self.bytes = 0
@@ -52,8 +54,7 @@ class AdaptiveArm:
         for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
             if owed - self._spent < kernels_adaptive.PACKET:
                 continue
-            event = self._inputs.event_at(now)
-            self._display.hear(event, now)
+            event = self._display.traced(self._inputs.event_at(now), now)
             targets = self._sampler.choose(event, owed - self._spent)
             if targets is None:
                 self._spent = owed  # no pixel gains: this time passes unused
@@ -86,7 +87,7 @@ class AdaptiveArm:
             self._shown.insert(came.samples, came.base_time, came)
 
     def show(self, time: float) -> Float32:
-        event = self._display.expected(self._inputs.event_at(time), time)
+        event = self._display.made(self._inputs.event_at(time), time)
         self._picture.refresh(event, time)
         self._sampler.replan()
         if self._shown is not self._picture:
@@ -102,6 +103,8 @@ ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive:delayed_2": partial(AdaptiveArm, late=2),
     "adaptive:predicted": partial(AdaptiveArm, late=1, predicted=True),
     "adaptive:predicted_2": partial(AdaptiveArm, late=2, predicted=True),
+    "adaptive:predicted_picture": partial(AdaptiveArm, late=1, predicted=True, ahead=False),
+    "adaptive:predicted_picture_2": partial(AdaptiveArm, late=2, predicted=True, ahead=False),
     **{
         f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
         for field in fields(Ingredients)

@@ -5,26 +5,29 @@ from __future__ import annotations
 from collections import deque
 
 from wall.data import Event, Float32
-from wall.geometry.prediction import Predictor
+from wall.geometry.prediction import Predictor, foreseen
 from wall.processes.manager import EVENTS_A_REFRESH
 
 
 class LateDisplay:
-    """It hears of inputs as often as a manager publishes them, while rays are traced under the newest ones."""
+    """It hears of inputs as often as a manager publishes them."""
 
-    def __init__(self, refresh_hz: float, *, refreshes: int, predicted: bool) -> None:
-        """`refreshes`: how many lie between making a picture and seeing it; 0 is at once."""
-        self._predictor = Predictor(refreshes / refresh_hz, on=predicted)
+    def __init__(self, refresh_hz: float, *, refreshes: int, predicted: bool, ahead: bool) -> None:
+        """`refreshes`: how many lie between making a picture and seeing it, 0 is none; `predicted`: pictures are made
+        for when they are seen; `ahead`: rays are traced for that moment as well."""
+        self._predictor, self._ahead = Predictor(refreshes / refresh_hz, on=predicted), ahead and predicted
         self._pictures: deque[Float32] = deque(maxlen=refreshes + 1)
         self._interval, self._due = 1.0 / (refresh_hz * EVENTS_A_REFRESH), 0.0
+        self._foreseen: Event | None = None
 
-    def hear(self, event: Event, time: float) -> None:
-        """The newest event at `time` (seconds, growing)."""
-        if time >= self._due:
-            self._predictor.take(event)
+    def traced(self, event: Event, time: float) -> Event:
+        """What rays are traced under at `time` (seconds, growing), when `event` is the newest."""
+        if self._foreseen is None or time >= self._due:
             self._due = time + self._interval
+            self._foreseen = foreseen(event, self.made(event, time))
+        return self._foreseen if self._ahead else event
 
-    def expected(self, event: Event, time: float) -> Event:
+    def made(self, event: Event, time: float) -> Event:
         """What a picture made at `time`, when `event` is the newest, is to show."""
         self._predictor.take(event)
         return self._predictor.at(time)
