@@ -92,8 +92,11 @@ class Head:
     def _hold(self) -> None:
         """Freeze the view, so that wall.png shows one moment with every sample."""
         self.manager.hold()
-        limit = self._clock.now() + HOLD_S
-        while self._clock.now() < limit and not self._idle():
+        limit, due = self._clock.now() + HOLD_S, 0.0
+        while (now := self._clock.now()) < limit and not self._idle():
+            if now >= due:  # samples of the frozen view are kept only where they are in the picture
+                due = now + 1.0 / self._plan.view.refresh_hz
+                self._refresh(now, self._expected(now))
             if not self._compositor.take_in():
                 self._compositor.hub.wait(0.005)
 
