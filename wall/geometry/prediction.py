@@ -93,7 +93,7 @@ class Predictor:
             return event
         camera = self._camera(now, moment)
         ahead = min(max(moment - event.input_time, 0.0), LONGEST_S) if self._scene_runs else 0.0
-        if camera is event.camera and ahead == 0.0:
+        if camera == event.camera and ahead == 0.0:
             return event
         scene_time, last = event.scene_time + ahead, self._predicted
         if last is None or (last.camera, last.scene_time) != (camera, scene_time):
@@ -130,7 +130,7 @@ class Predictor:
         if not speed.any():
             return self._event.camera
         newest = self._inputs[-1]
-        screw = speed * min(moment - newest.time, LONGEST_S)
+        screw = speed * min(max(moment - newest.time, 0.0), LONGEST_S)
         if not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S:
             self._foresights.append(Foresight(moment, newest.camera, screw))
         return moved(newest.camera, screw * self._trust(screw))
