@@ -7,8 +7,9 @@ from itertools import pairwise
 from wall.config.schema import AdaptiveSampling
 from wall.data import Event, Float32, Rect, Region, Samples
 from wall.errors import RunError
+from wall.geometry.prediction import foreseen
 from wall.processes.clock import Clock
-from wall.processes.plan import Plan
+from wall.processes.plan import Plan, make_predictor
 from wall.reconstruction.picture import Picture
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
@@ -33,19 +34,30 @@ class LiveAdaptive:
         )
         self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
         self._due, self._chosen_at = float("-inf"), 0.0
-        self._event: Event | None = None
         self.band, self._tiling_due, self._replanned = band, float("-inf"), False
+        self._predictor = make_predictor(plan)
+        self._newest: Event | None = None
+        self._event: Event | None = None  # that rays are traced under
 
     def choose(self, newest: Event) -> Targets | None:
         now = self._clock.now()
         if now >= self._due:
-            self.picture.refresh(newest, now)
+            self.picture.refresh(self._expected(newest, now), now)
             self._sampler.replan()
             self._replanned = True
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
-        self._event, self._chosen_at = newest, now
-        return self._sampler.choose(newest)
+        elif newest is not self._newest:
+            self._expected(newest, now)
+        self._chosen_at = now
+        return self._sampler.choose(self._event or newest)
+
+    def _expected(self, newest: Event, now: float) -> Event:
+        """What a display that is refreshed now shows; rays are traced for that moment too."""
+        self._predictor.take(newest)
+        expected = self._predictor.at(now)
+        self._newest, self._event = newest, foreseen(newest, expected)
+        return expected
 
     def observe(self, samples: Samples) -> None:
         if self._event is not None:

@@ -13,7 +13,7 @@ from wall.packets.control import Framelet, Heartbeat, parse_control, serialise
 from wall.packets.samples import decode, is_samples
 from wall.packets.tiling import decode_tiling, is_tiling
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan
+from wall.processes.plan import Plan, make_predictor
 from wall.processes.renderer import Control, peak_memory
 from wall.transport.base import Hub, Link
 
@@ -121,18 +121,24 @@ class FurtherCompositor:
         self._compositor = Compositor(plan, rank, hub)
         self._pending = {k: np.zeros(p.tiles, np.bool_) for k, p in self._compositor.panels.items()}
         self._packets = self._bytes = 0
+        self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
 
     def run(self) -> None:
         control, clock = self._control, self._control.clock
         due = clock.now()
+        predictor = make_predictor(self._plan)
         while not control.stopped:
             event = control.newest()
             taken = self._compositor.take_in()
             now = clock.now()
             if now >= due:
                 due = max(due + 1.0 / self._plan.view.refresh_hz, now)
+                while control.recent:
+                    predictor.take(control.recent.popleft())
                 if event is not None:
-                    self._refresh(event, now)
+                    expected = predictor.at(now)
+                    self._ahead = expected.number != event.number
+                    self._refresh(expected, now)
             if control.beat_due():
                 control.beat(self._heartbeat(event, last=False))
             if not taken:
@@ -169,7 +175,7 @@ class FurtherCompositor:
             bytes=self._bytes,
             peak_memory=peak_memory(),
             dropped=c.drops().counts,
-            complete=not any(p.any() for p in self._pending.values()),
+            complete=not self._ahead and not any(p.any() for p in self._pending.values()),
             camera_event=event.camera_event if event else -1,
             scene_event=event.scene_event if event else -1,
             last=last,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from wall.config.schema import METHODS
@@ -23,6 +24,7 @@ from wall.transport.base import Hub
 
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+RECENT_EVENTS = 32  # kept for a head that is late; older ones predict nothing
 BYE_WAIT_S = 0.8  # for the ranks' last words
 
 
@@ -63,6 +65,12 @@ class Director:
             paused=self.paused,
         )
         return True
+
+    def hold(self) -> bool:
+        """Stop everything where it is. Returns whether that is news: then the event says that it is paused."""
+        was, self.paused = self.event.paused, True
+        self.event = replace(self.event, paused=True)
+        return not was
 
     def _camera(self) -> Camera:
         return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
@@ -107,6 +115,7 @@ class Manager(threading.Thread):
         self._heartbeat_s = plan.layout.config.transport.heartbeat_s
         self._tick_s = 1.0 / (plan.view.refresh_hz * EVENTS_A_REFRESH)
         self.event = self._director.event
+        self.recent = deque([self.event], maxlen=RECENT_EVENTS)  # for the head's thread to take
         self.latency, self.counters = Latency(), Counters()
         self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
         self.hellos: dict[int, Hello] = {}
@@ -136,6 +145,9 @@ class Manager(threading.Thread):
         while not self._stopping.is_set():
             now = self._clock.now()
             commands = self._parse(self._commands())
+            if self._held.is_set() and self._director.hold():
+                self._publish(now)
+                beat = now
             if not self._held.is_set() and (now >= due or commands) and self._director.update(commands, now):
                 self._publish(now)
                 beat = now
@@ -150,6 +162,7 @@ class Manager(threading.Thread):
 
     def _publish(self, now: float) -> None:
         self.event = self._director.event
+        self.recent.append(self.event)
         if len(self.hellos) == len(self._others):  # before, nobody is there who could show it
             self.latency.published(self.event)
         self._hub.broadcast(serialise(self.event))

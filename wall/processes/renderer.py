@@ -6,6 +6,7 @@ import os
 import resource
 import socket
 import time
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
@@ -21,6 +22,7 @@ from wall.tracing.resident import Resident
 from wall.transport.base import Link
 
 IDLE_WAIT_S = 0.05  # a complete view looks for a new event this often, if none wakes it
+RECENT_EVENTS = 32
 PINGS = 8  # round trips to the head; the fastest sets the clock
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the head, then a rank ends itself
 
@@ -34,6 +36,7 @@ class Control:
         self._transport = plan.layout.config.transport
         self.clock, self.counters = HeadClock(), Counters()
         self.event: Event | None = None
+        self.recent: deque[Event] = deque(maxlen=RECENT_EVENTS)  # all that came, for who wants them in their order
         self.stopped = False
         self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
         self._heard = time.monotonic()
@@ -62,6 +65,7 @@ class Control:
             if isinstance(message, Event):
                 if self.event is None or message.number >= self.event.number:
                     self.event = message
+                    self.recent.append(message)
             elif isinstance(message, Stop):
                 self.stopped = True
             elif isinstance(message, Pong):

@@ -13,7 +13,7 @@ from wall.packets.samples import decode
 from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan, first_event
+from wall.processes.plan import Plan, first_event, make_predictor
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
 
@@ -26,6 +26,7 @@ class SingleProcess:
     def __init__(self, plan: Plan, resident: Resident) -> None:
         self.plan, self.clock = plan, ManualClock()
         self.event: Event = first_event(plan, now=0.0)
+        self._predictor = make_predictor(plan)
         layout = plan.layout
         self.workers: list[Worker] = []
         for rank in layout.renderers():
@@ -60,8 +61,11 @@ class SingleProcess:
         return [panel.picture() for panel in self.panels]
 
     def _refresh(self) -> None:
+        now = self.clock.now()
+        self._predictor.take(self.event)
+        event = self._predictor.at(now)  # the event itself as long as nothing moves
         for panel in self.panels:
-            panel.refresh(self.event, self.clock.now())
+            panel.refresh(event, now)
 
     def _steps(self) -> Iterator[int]:
         while traced := self.step():

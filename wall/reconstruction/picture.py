@@ -35,6 +35,7 @@ DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
 SKY_STEPS = 256  # of light from the sky by the normal's height
+SAME_TURN = 1e-9  # of a matrix element; packets bring a rotation back to 1e-15
 EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
 
@@ -151,7 +152,7 @@ class Picture:
         self._levels = _pyramid(height, width)
         self._pose: Pose | None = None  # of the picture
         self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
-        self._number: tuple[int, int] | None = None
+        self._shown: Event | None = None
         self.nothing_moves = False
         self._moved = -math.inf
         self._epoch = 0.0  # the store's clock zero
@@ -167,7 +168,7 @@ class Picture:
         if self.count + len(samples) > len(self._store.name):
             self._make_room(len(samples))
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
-        steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
+        steady = not self.nothing_moves or self._is_shown(event)
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
@@ -179,10 +180,10 @@ class Picture:
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
-        self.nothing_moves = event.number == self._number
+        self.nothing_moves = self._shown is not None and event.number == self._shown.number
+        self._shown = event
         if not self.nothing_moves:
             self._move(self._pose_of(event), now)
-            self._number = event.number
             self.dirty[:] = True
         if not self._with.accumulation:
             self.still[:] = 0.0
@@ -196,11 +197,21 @@ class Picture:
                 tiling.rects, tiling.temporal, self.rect.x, self.rect.y, self.rect.height, self.rect.width,
                 self.residual, np.empty((*self.residual.shape, 2), np.float32),
             )  # fmt: skip
+    def _is_shown(self, event: Posed) -> bool:
+        """Whether samples belong to the very picture that is shown; a foreseen pose has its event's number too."""
+        shown = self._shown
+        if shown is None or (event.camera_event, event.scene_event) != shown.number:
+            return False
+        turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
+        return (
+            (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
+            and max(abs(a - b) for a, b in turned) < SAME_TURN
+        )
 
     def clear(self) -> None:
         """Forget every sample."""
         self.count = 0
-        self._number = None
+        self._shown = None
         self.still[:] = 0.0
 
     def take_dirty(self) -> NDArray[np.bool_]:

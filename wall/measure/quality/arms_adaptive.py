@@ -3,7 +3,9 @@
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
 is worth the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
-the picture.
+the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but made,
+and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under the
+newest inputs; `..._2`: two refreshes later.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from typing import Literal
 
 from wall.data import Batch, Event, Float32, Tiling
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
+from wall.measure.quality.late_display import LateDisplay
 from wall.measure.quality.shooter import Shooter
 from wall.packets.tiling import decode_tiling, encode_tiling
 from wall.processes.beneath import TILINGS_HZ
@@ -35,8 +38,11 @@ class AdaptiveArm:
         uniform: bool = False,
         ingredients: Ingredients = ALL,
         sends: bool = True,
+        late: int = 0,
+        predicted: bool = False,
+        ahead: bool = True,
     ) -> None:
-        """`sends`: whether samples are, rather than pictures made of them."""
+        """`sends`: whether samples are, rather than pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay."""
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
@@ -47,6 +53,7 @@ class AdaptiveArm:
             setup, coherent=True, adaptive=True, sends=sends, receive=self._receive if remote else None
         )
         self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
+        self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
         self._sampler = AdaptiveSampler(
             setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
         )
@@ -60,7 +67,7 @@ class AdaptiveArm:
         for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
             if owed - self._spent < kernels_adaptive.PACKET:
                 continue
-            event = self._inputs.event_at(now)
+            event = self._display.traced(self._inputs.event_at(now), now)
             targets = self._sampler.choose(event, owed - self._spent)
             if targets is None:
                 self._spent = owed  # no pixel gains: this time passes unused
@@ -96,13 +103,13 @@ class AdaptiveArm:
         self._shown.take_tiling(decode_tiling(packet))
 
     def show(self, time: float) -> Float32:
-        event = self._inputs.event_at(time)
+        event = self._display.made(self._inputs.event_at(time), time)
         self._picture.refresh(event, time)
         self._sampler.replan()
         if self._shown is not self._picture:
             self._shown.refresh(event, time)
             self._send_tiling(event, time)
-        return self._shown.radiance
+        return self._display.seen(self._shown.radiance)
 
 
 ARMS: dict[str, Callable[[Setup], Arm]] = {
@@ -111,6 +118,12 @@ ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive:remote_no_tilings": partial(AdaptiveArm, remote=True, tilings=False),
     "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
     "adaptive:uniform": partial(AdaptiveArm, uniform=True),
+    "adaptive:delayed": partial(AdaptiveArm, late=1),
+    "adaptive:delayed_2": partial(AdaptiveArm, late=2),
+    "adaptive:predicted": partial(AdaptiveArm, late=1, predicted=True),
+    "adaptive:predicted_2": partial(AdaptiveArm, late=2, predicted=True),
+    "adaptive:predicted_picture": partial(AdaptiveArm, late=1, predicted=True, ahead=False),
+    "adaptive:predicted_picture_2": partial(AdaptiveArm, late=2, predicted=True, ahead=False),
     **{
         f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
         for field in fields(Ingredients)

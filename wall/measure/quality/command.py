@@ -16,6 +16,7 @@ from wall.measure.quality.arms_streams import absent
 from wall.measure.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
 SCENES = ("orbit", "shadows", "light", "mirrors")
+BESIDE_SCENES = ("jerky",)  # measured only if asked for: no bar is about them
 SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
 FASTEST_RATE = 1e9
 MOST_CORES = 1024.0
@@ -34,14 +35,19 @@ def check_installed() -> None:
 
 def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
     """The configurations given, or the project's own; `scenes` picks some of them by name. Raises ConfigError."""
-    found = tuple(configs) or tuple(SCENES_FOLDER / f"{name}.yaml" for name in SCENES)
-    known = {config.stem: config for config in found}
+    found = tuple(configs) or tuple(_own(name) for name in SCENES)
+    beside = () if configs else tuple(_own(name) for name in BESIDE_SCENES)
+    known = {config.stem: config for config in (*found, *beside)}
     for config in found:
         if not config.is_file():
             raise ConfigError(
                 f"{config}: no such file; accepted: YAML configurations, such as configs/measure/orbit.yaml"
             )
     return tuple(known[name] for name in _picked("--scenes", scenes, tuple(known))) if scenes else found
+
+
+def _own(name: str) -> Path:
+    return SCENES_FOLDER / f"{name}.yaml"
 
 
 def arms_of(text: str, *, clock: str) -> tuple[str, ...]:
