@@ -15,7 +15,7 @@ from wall.reconstruction.survey import (
     tiling_worth,
 )
 
-SURVEY_PERIOD_S = 0.1
+SURVEY_PERIOD_S = 0.2  # eyes follow colours of tiles no faster
 
 
 def survey_of(

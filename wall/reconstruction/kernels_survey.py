@@ -1,4 +1,4 @@
-"""Ages of samples by tiles, as histograms of codes."""
+"""Ages of samples by tiles, as histograms of codes; contrasts of tiles."""
 
 from __future__ import annotations
 
@@ -61,3 +61,26 @@ def medians(histogram, median):
                 if total > 0 and 2 * below >= total:
                     median[row, column] = code
                     break
+
+
+@kernel
+def contrasts(radiance, variance):
+    """The variance of display values (mean of the channels' square roots) within each tile.
+
+    radiance : (h, w, 3) float32 linear RGB; variance : (rows, columns) float64, written
+    """
+    height, width = radiance.shape[0], radiance.shape[1]
+    for row in range(variance.shape[0]):
+        for column in range(variance.shape[1]):
+            top, left = row * TILE, column * TILE
+            bottom, right = min(top + TILE, height), min(left + TILE, width)
+            total, squares = 0.0, 0.0
+            for i in range(top, bottom):
+                for j in range(left, right):
+                    value = 0.0
+                    for c in range(3):
+                        value += np.sqrt(max(radiance[i, j, c], np.float32(0.0))) / 3.0
+                    total += value
+                    squares += value * value
+            mean = total / ((bottom - top) * (right - left))
+            variance[row, column] = max(squares / ((bottom - top) * (right - left)) - mean * mean, 0.0)

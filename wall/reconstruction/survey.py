@@ -75,10 +75,8 @@ def grid_worth(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16],
     (square root of radiance, mean of the channels) within the tile.
     """
     height, width = radiance.shape[:2]
-    value = np.sqrt(np.maximum(radiance, 0.0)).mean(2, dtype=np.float64)
-    areas = tile_areas(height, width)
-    mean = tile_sums(value) / areas
-    variance = np.maximum(tile_sums(value * value) / areas - mean * mean, 0.0)
+    variance = np.empty(density.shape, np.float64)
+    kernels.contrasts(radiance, variance)
     y, x = np.meshgrid(np.arange(0, height, TILE), np.arange(0, width, TILE), indexing="ij")
     rects = np.stack([x, y, np.minimum(TILE, width - x), np.minimum(TILE, height - y)], axis=2)
     return rects.reshape(-1, 4).astype(np.uint16), _expected(variance, density).ravel()

@@ -125,7 +125,16 @@ def test_worth_of_a_grid_is_variance_over_n_n_plus_1() -> None:
     radiance[:8, :16] = 1.0
     rects, worth = grid_worth(radiance, np.ones((1, 2)))
     assert rects.tolist() == [[0, 0, 16, 16], [16, 0, 16, 16]]
-    assert worth.tolist() == [0.125, 0.0]
+    assert worth.tolist() == pytest.approx([0.125, 0.0])
+
+
+def test_contrasts_of_cut_tiles_equal_the_plain_variance() -> None:
+    radiance = np.random.default_rng(3).random((20, 40, 3)).astype(np.float32)
+    variance = np.empty((2, 3), np.float64)
+    kernels.contrasts(radiance, variance)
+    value = np.sqrt(radiance.astype(np.float64)).mean(2)
+    expected = [[value[i : i + 16, j : j + 16].var() for j in (0, 16, 32)] for i in (0, 16)]
+    np.testing.assert_allclose(variance, expected, rtol=1e-5)
 
 
 def test_worth_of_a_tiling_comes_from_its_gradients() -> None:
