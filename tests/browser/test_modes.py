@@ -9,6 +9,8 @@ import pytest
 from page_hands import drag, eventually, find
 from PIL import Image
 
+from wall.reconstruction.survey import AGE, DENSITY, WORTH
+
 pytestmark = pytest.mark.browser
 
 STEPS = 6                           # of 255: JPEG's, and the screenshot's own colour rounding
@@ -205,6 +207,12 @@ def test_everything_fits_in_every_mode(page, source, width, height, view):
     right = page.evaluate("Math.max(...[...document.querySelectorAll('button, .choice')]"
                           ".map((e) => e.getBoundingClientRect().right))")
     assert right <= width
+
+
+def test_the_page_reads_codes_as_they_are_written(page):
+    kinds = page.evaluate("import('/overlay.js').then((m) => m.KINDS)")
+    for name, scale in {"age": AGE, "density": DENSITY, "tiles": WORTH}.items():
+        assert (kinds[name]["steps"], kinds[name]["least"]) == tuple(scale)
 
 
 def test_the_colour_scale_grows_evenly_in_lightness(page):

@@ -85,7 +85,8 @@ class PanelCompositor:
     def surveys(self, now: float) -> list[Survey]:
         """How old and how dense the samples of its pictures are, one Survey a picture."""
         main = self._reprojected if self._adaptive and self._reprojected is not None else self.buffer
-        found = [survey_of(main, list(self.tilings.values()), self.panel.index, compared=False, now=now)]
+        tilings = list(self.tilings.values()) if main is self._reprojected else []  # others sample without tiles
+        found = [survey_of(main, tilings, self.panel.index, compared=False, now=now)]
         if self.compared is not None:
             found.append(survey_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
         return found

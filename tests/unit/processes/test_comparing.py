@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wall.config.loading import loads
-from wall.data import SAMPLE, Batch, Event, Rect
+from wall.data import SAMPLE, Batch, Event, Rect, Region, Tiling
 from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, parse_control, serialise
@@ -74,6 +74,26 @@ def refresh(panel: PanelCompositor, event: Event) -> None:
     panel.refresh(event, 1.0)
     if panel.compared is not None:
         panel.compared.refresh()
+
+
+def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    measures = {name: np.ones(1, np.float32) for name in ("spatial", "temporal", "density")}
+    tiling = Tiling(
+        view=0, panel=0, rect=RECT, rank=1, sequence=1, camera_event=0, scene_event=0, base_time=0.0,
+        rects=np.array([[0, 0, 40, 24]], np.uint16), **measures,
+    )  # fmt: skip
+    panel.tilings[Region(panel=0, rect=RECT)] = tiling
+    panel.insert(flat(1.0, event, adaptive=True))
+    refresh(panel, event)
+    assert panel.surveys(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
+
+    chosen = replace(event, sampler="frameless", camera_event=1)
+    panel.insert(flat(1.0, chosen, adaptive=False, sequence=2))
+    refresh(panel, chosen)
+    assert panel.surveys(1.0)[0].rects.tolist() == [
+        [0, 0, 16, 16], [16, 0, 16, 16], [32, 0, 8, 16], [0, 16, 16, 8], [16, 16, 16, 8], [32, 16, 8, 8],
+    ]  # fmt: skip
 
 
 def test_each_sampler_makes_its_own_picture(plan: Plan) -> None:
@@ -153,6 +173,26 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
         assert single.step() == 128
     assert worker.samples_compared == before
     assert panel.compared is None
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int, compiled_only: None) -> None:
+    text = TEXT.replace("samples_per_batch", f"threads: {threads}, samples_per_batch")
+    plan = make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+    resident = make_resident(plan.scene)
+    compared, fresh = SingleProcess(plan, resident), SingleProcess(plan, resident)
+    compared.event = replace(compared.event, compare="framed", camera_event=1)
+    for _ in range(30):
+        compared.step()
+    assert np.isfinite(compared.panels[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
+
+    pictures = []
+    for single in (compared, fresh):
+        single.event = replace(single.event, sampler="frameless", compare="", camera_event=2)
+        pictures.append(single.until_complete()[0].rgb)
+
+    assert pictures[1].std() > 10
+    assert np.array_equal(*pictures)
 
 
 def test_lost_samples_come_back_to_the_sampler_that_chose_them(

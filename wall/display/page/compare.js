@@ -11,10 +11,11 @@ const $ = (id) => document.getElementById(id);
 
 export class Compare {
   other = "";                     // the sampler at the right; "" when there is one view of one
-  #wall; #send; #kind = "wipe"; #last = USUAL; #asked = -Infinity; #divider = $("divider"); #at = 0.5;
+  #wall; #send; #tell; #kind = "wipe"; #last = USUAL; #asked = -Infinity; #divider = $("divider"); #at = 0.5;
 
-  // `send` takes a command.
-  constructor(wall, send) {
+  // `send` takes a command; `asked` is called with the name of the sampler that is to stand at the right.
+  constructor(wall, send, asked) {
+    this.#tell = asked;
     this.#wall = wall;
     this.#send = send;
     for (const input of $("views").querySelectorAll("input")) input.onchange = () => this.view(input.value);
@@ -60,6 +61,7 @@ export class Compare {
     this.#asked = performance.now();
     if (other !== this.other) this.#send({ kind: "compare", value: other });
     this.other = other;
+    if (other) this.#tell(other);
     this.#show();
   }
 

@@ -8,7 +8,7 @@ const FILL = 0.4;                 // opacity of a tile's colour beneath its outl
 const NAMES = ["", "tiles", "age", "density"];    // wall/display/steering.py, OVERLAYS
 
 // Codes as in wall/reconstruction/survey.py: value = 2^((code - 1) / steps + least); `range`: log2 of both ends shown.
-const KINDS = {
+export const KINDS = {
   tiles: {
     title: "Gain of a sample", steps: 8, least: -28, range: [-20, -2],
     ticks: [[-20, "little"], [-2, "much"]],

@@ -23,7 +23,7 @@ let attempts = 0;
 let heard = 0;
 let ended = false;
 
-const compare = new Compare(wall, (command) => send(command));
+const compare = new Compare(wall, (command) => send(command), (name) => readout.sampler(name));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -124,7 +124,6 @@ function toggleDetails() {
 // While two are compared, another sampler than the adaptive one takes the place at the right.
 function choose(name) {
   if (compare.other && name !== "adaptive") {
-    readout.sampler(name);
     compare.with(name);
     return;
   }
