@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.data import Batch, Event, Region, Survey, Tiling
+from wall.data import Batch, Event, Rect, Survey, Tiling
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
@@ -27,14 +27,14 @@ class PanelCompositor:
         self._plan = plan
         self._reprojected: Picture | None = None  # made when the first adaptive batch comes
         self._adaptive = False
-        self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
-        self._compared_version = 0  # of its next picture
-        self._alone_since = 0  # camera event with which the last comparison ended
-        self.tilings: dict[Region, Tiling] = {}  # the newest of each region
+        self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
         self._rgb = np.zeros((height, width, 3), np.uint8)
         self._picture = self._hand_over(version=0)
+        self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
+        self._compared_version = 0  # of its next picture
+        self._alone_since = 0  # camera event with which the last comparison ended
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing, if `event` says so; best before the first batch that was traced under it comes."""

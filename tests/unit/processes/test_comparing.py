@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wall.config.loading import loads
-from wall.data import SAMPLE, Batch, Event, Rect, Region, Tiling
+from wall.data import SAMPLE, Batch, Event, Rect, Tiling
 from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, parse_control, serialise
@@ -83,7 +83,7 @@ def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_gr
         view=0, panel=0, rect=RECT, rank=1, sequence=1, camera_event=0, scene_event=0, base_time=0.0,
         rects=np.array([[0, 0, 40, 24]], np.uint16), **measures,
     )  # fmt: skip
-    panel.tilings[Region(panel=0, rect=RECT)] = tiling
+    panel.tilings[1, RECT] = tiling
     panel.insert(flat(1.0, event, adaptive=True))
     refresh(panel, event)
     assert panel.surveys(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
