@@ -64,23 +64,26 @@ def medians(histogram, median):
 
 
 @kernel
-def contrasts(radiance, variance):
-    """The variance of display values (mean of the channels' square roots) within each tile.
+def contrasts(radiance, value, contrast):
+    """The mean squared difference of display values to the right and lower neighbour, in each tile.
 
-    radiance : (h, w, 3) float32 linear RGB; variance : (rows, columns) float64, written
+    radiance : (h, w, 3) float32 linear RGB
+    value : (h, w) float32, scratch: mean of the channels' square roots; contrast : (rows, columns) float64, written
     """
-    height, width = radiance.shape[0], radiance.shape[1]
-    for row in range(variance.shape[0]):
-        for column in range(variance.shape[1]):
-            top, left = row * TILE, column * TILE
-            bottom, right = min(top + TILE, height), min(left + TILE, width)
-            total, squares = 0.0, 0.0
-            for i in range(top, bottom):
-                for j in range(left, right):
-                    value = 0.0
-                    for c in range(3):
-                        value += np.sqrt(max(radiance[i, j, c], np.float32(0.0))) / 3.0
-                    total += value
-                    squares += value * value
-            mean = total / ((bottom - top) * (right - left))
-            variance[row, column] = max(squares / ((bottom - top) * (right - left)) - mean * mean, 0.0)
+    height, width = value.shape
+    for i in range(height):
+        for j in range(width):
+            total = np.float32(0.0)
+            for c in range(3):
+                total += np.sqrt(max(radiance[i, j, c], np.float32(0.0)))
+            value[i, j] = total / np.float32(3.0)
+    contrast[:] = 0.0
+    for i in range(height):
+        below = min(i + 1, height - 1)
+        for j in range(width):
+            across, down = value[i, min(j + 1, width - 1)] - value[i, j], value[below, j] - value[i, j]
+            contrast[i // TILE, j // TILE] += (across * across + down * down) / 2.0
+    for row in range(contrast.shape[0]):
+        for column in range(contrast.shape[1]):
+            area = (min((row + 1) * TILE, height) - row * TILE) * (min((column + 1) * TILE, width) - column * TILE)
+            contrast[row, column] /= area

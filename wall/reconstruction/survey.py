@@ -71,31 +71,28 @@ def grid_worth(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16],
     """Tiles of a fixed grid, (n, 4) x, y, width, height, and what one more sample is worth in each, (n,).
 
     radiance : (h, w, 3) linear RGB; density : (rows, columns) samples a pixel
-    The squared error that a sample is expected to remove is s^2 / (n (n + 1)), s^2 the variance of display values
-    (square root of radiance, mean of the channels) within the tile.
+    The squared error that a sample is expected to remove is c / (n (n + 1)), c the mean squared difference between
+    neighbouring pixels of the tile (mean of the channels' square roots), n the samples a pixel.
     """
     height, width = radiance.shape[:2]
-    variance = np.empty(density.shape, np.float64)
-    kernels.contrasts(radiance, variance)
+    contrast = np.empty(density.shape, np.float64)
+    kernels.contrasts(radiance, np.empty((height, width), np.float32), contrast)
     y, x = np.meshgrid(np.arange(0, height, TILE), np.arange(0, width, TILE), indexing="ij")
     rects = np.stack([x, y, np.minimum(TILE, width - x), np.minimum(TILE, height - y)], axis=2)
-    return rects.reshape(-1, 4).astype(np.uint16), _expected(variance, density).ravel()
+    return rects.reshape(-1, 4).astype(np.uint16), _expected(contrast, density).ravel()
 
 
 def tiling_worth(tilings: list[Tiling]) -> tuple[NDArray[np.uint16], Float64]:
-    """The tiles of several tilings and what one more sample is worth in each, from the gradients that came with them.
-
-    A gradient g over a pixel is a variance of g^2 / 12 within it.
-    """
+    """The tiles of several tilings and what one more sample is worth in each, likewise, from the gradients given."""
     rects = np.concatenate([t.rects for t in tilings]).astype(np.uint16)
     spatial = np.concatenate([t.spatial for t in tilings]).astype(np.float64)
     density = np.concatenate([t.density for t in tilings]).astype(np.float64)
-    return rects, _expected(spatial**2 / 12.0, density)
+    return rects, _expected(spatial**2, density)
 
 
-def _expected(variance: Float64, density: Float64) -> Float64:
+def _expected(contrast: Float64, density: Float64) -> Float64:
     n = np.maximum(density, 1.0 / TILE**2)
-    worth: Float64 = variance / (n * (n + 1.0))
+    worth: Float64 = contrast / (n * (n + 1.0))
     return worth
 
 

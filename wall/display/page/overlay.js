@@ -10,8 +10,8 @@ const NAMES = ["", "tiles", "age", "density"];    // wall/display/steering.py, O
 // Codes as in wall/reconstruction/survey.py: value = 2^((code - 1) / steps + least); `range`: log2 of both ends shown.
 export const KINDS = {
   tiles: {
-    title: "Gain of a sample", steps: 8, least: -28, range: [-20, -2],
-    ticks: [[-20, "little"], [-2, "much"]],
+    title: "Gain of a sample", steps: 8, least: -28, range: [-20, -4],
+    ticks: [[-20, "little"], [-4, "much"]],
   },
   age: {
     title: "Age of samples", steps: 16, least: -10, range: [Math.log2(0.01), Math.log2(10)],
