@@ -100,6 +100,8 @@ class Event:
     camera: Camera
     sampler: str = ""  # sampling method asked for; "" keeps the configured one
     paused: bool = False
+    compare: str = ""  # another method that gets half of the rays, for a picture of its own; "" none
+    survey: bool = False  # somebody looks at Surveys: compositors make them
 
     @property
     def number(self) -> tuple[int, int]:
@@ -145,6 +147,21 @@ class Tiling:
     spatial: Float32  # (n,) mean contrast of neighbouring pixels, display units
     temporal: Float32  # (n,) mean change of the square root of lighting that new samples find against older ones
     density: Float32  # (n,) samples a pixel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """How old and how dense the samples of a panel are by tiles of 16 pixels, and the tiles that samplers go by.
+
+    Codes are of reconstruction.survey: 0 is none, the others are logarithmic.
+    """
+
+    panel: int  # index in Wall.panels
+    compared: bool  # of the second picture, while two samplers are compared
+    age: NDArray[np.uint8]  # (rows, columns) median age of the samples shown
+    density: NDArray[np.uint8]  # (rows, columns) samples a pixel
+    rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
+    worth: NDArray[np.uint8]  # (n,) squared error that one more sample is expected to remove
 
 
 @dataclass(slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wall.config.schema import METHODS
-from wall.data import Event
+from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status, WallPicture
 from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
@@ -19,6 +19,7 @@ from wall.processes.compositor import Compositor
 from wall.processes.manager import Manager
 from wall.processes.plan import HEAD, Plan, make_predictor
 from wall.processes.renderer import peak_memory
+from wall.processes.watching import Due
 from wall.transport.base import Hub
 
 STATUS_PERIOD_S = 0.25
@@ -52,6 +53,8 @@ class Head:
         self._refreshes = 0
         self._status: Status | None = None
         self._status_due = 0.0
+        self._surveys: tuple[Survey, ...] = ()
+        self._survey_due = Due()
 
     def run(self, *, seconds: float | None, until_complete: bool) -> None:
         """The compositor's loop, until time is up, the picture is complete, or nobody renders any more."""
@@ -59,6 +62,7 @@ class Head:
         clock, period = self._clock, 1.0 / self._plan.view.refresh_hz
         due = clock.now()
         while not self.stopping:
+            self._compositor.follow(self.manager.event)
             taken = self._compositor.take_in()
             now = clock.now()
             if now >= due:
@@ -109,6 +113,8 @@ class Head:
             time=self._clock.now(),
             camera_event=event.camera_event,
             scene_event=event.scene_event,
+            compared=self._compositor.compared() if event.compare else (),
+            surveys=self._surveys,
         )
 
     def _expected(self, now: float) -> Event:
@@ -118,9 +124,18 @@ class Head:
             self._predictor.take(recent.popleft())
         return self._predictor.at(now)
 
+    def _survey(self, now: float) -> None:
+        """Look at the samples for whoever watches them."""
+        event = self.manager.event
+        if not event.survey:
+            self._surveys = ()
+        elif self._survey_due.now(now):
+            self._surveys = self._compositor.surveys(now, comparing=bool(event.compare))
+
     def _refresh(self, now: float, event: Event) -> None:
         before = [p.version for p in self._compositor.pictures()]
         self._compositor.refresh(event, now)
+        self._survey(now)
         picture = self.picture()
         if [p.version for p in picture.panels] != before or self._refreshes == 0:
             self._changed = now
@@ -170,6 +185,8 @@ class Head:
             paused=self.manager.event.paused,
             sampler=self.manager.event.sampler,
             samplers=METHODS,
+            compare=self.manager.event.compare,
+            compared_per_s=sum(beat.compared_per_s for _, beat in list(self.manager.heartbeats.values())),
             ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),
             latency_ms=percentiles_ms(latencies),
             latencies_ms=tuple(1000.0 * s for s in latencies),

@@ -22,6 +22,7 @@ from wall.processes.clock import Clock
 from wall.processes.plan import Plan, first_event
 from wall.transport.base import Hub
 
+COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
 RECENT_EVENTS = 32  # kept for a head that is late; older ones predict nothing
@@ -37,6 +38,8 @@ class Director:
         self._scene_time, self._path_time, self._last = 0.0, 0.0, now
         self.paused = False
         self.sampler: str = plan.layout.sampling.method
+        self.compare = ""  # with the adaptive sampler, whichever `sampler` is
+        self.survey = False
         self.event = first_event(plan, now)
 
     def update(self, commands: list[Command], now: float) -> bool:
@@ -50,9 +53,10 @@ class Director:
         camera = self._camera()
         scene_time = self._scene_time if self._plan.scene.animated else 0.0
         old = self.event
-        turned = camera != old.camera or self.sampler != (old.sampler or self.sampler)
+        sampler = COMPARED_WITH if self.compare else self.sampler
+        turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
         moved = scene_time != old.scene_time
-        if not turned and not moved and self.paused == old.paused:
+        if not turned and not moved and (self.paused, self.survey) == (old.paused, old.survey):
             return False
         self.event = Event(
             view=0,
@@ -61,8 +65,10 @@ class Director:
             scene_time=scene_time,
             input_time=now,
             camera=camera,
-            sampler=self.sampler,
+            sampler=sampler,
             paused=self.paused,
+            compare=self.compare,
+            survey=self.survey,
         )
         return True
 
@@ -82,6 +88,11 @@ class Director:
             self._steering = None
         elif command.kind == "sampler":
             self.sampler = command.value if command.value in METHODS else self.sampler
+            self.compare = ""
+        elif command.kind == "compare":
+            self.compare = command.value
+        elif command.kind == "survey":
+            self.survey = command.value == "on"
         else:
             steering = self._steering or Steering.from_view(self._view, self._path_time)
             self._steering = steering.apply(command)

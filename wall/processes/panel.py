@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.data import Batch, Event, Rect, Tiling
+from wall.data import Batch, Event, Rect, Survey, Tiling
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
+from wall.processes.compared import Compared
 from wall.processes.plan import Plan
+from wall.processes.watching import survey_of
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
 
@@ -31,8 +33,30 @@ class PanelCompositor:
         self.buffer = DeepBuffer(width, height)
         self._rgb = np.zeros((height, width, 3), np.uint8)
         self._picture = self._hand_over(version=0)
+        self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
+        self._compared_version = 0  # of its next picture
+        self._alone_since = 0  # camera event with which the last comparison ended
+
+    def follow(self, event: Event) -> None:
+        """Begin or end comparing, if `event` says so; best before the first batch that was traced under it comes."""
+        method = self.compared.method if self.compared else ""
+        if event.compare == method:
+            return
+        if self.compared is not None:
+            self._compared_version = self.compared.picture().version + 1
+            self.buffer.counters.merge(self.compared.buffer.counters.counts)
+            self.buffer.samples_shown += self.compared.buffer.samples_shown
+        self._alone_since = event.camera_event
+        version = self._compared_version
+        self.compared = Compared(self.panel, event.compare, version=version) if event.compare else None
 
     def insert(self, batch: Batch) -> None:
+        if not batch.adaptive and self.compared is not None:
+            self.compared.buffer.insert(batch)
+            return
+        if not batch.adaptive and self._reprojected is not None and batch.camera_event < self._alone_since:
+            self.buffer.counters.add("late", len(batch.samples))  # of the sampler that is no longer compared
+            return
         self.buffer.insert(batch)
         self._adaptive = batch.adaptive
         if batch.adaptive:
@@ -77,6 +101,15 @@ class PanelCompositor:
             update_display(radiance, dirty, TILE, self._rgb)
             self._picture = self._hand_over(version=self._picture.version + 1)
         return dirty
+
+    def surveys(self, now: float) -> list[Survey]:
+        """How old and how dense the samples of its pictures are, one Survey a picture."""
+        main = self._reprojected if self._adaptive and self._reprojected is not None else self.buffer
+        tilings = list(self.tilings.values()) if main is self._reprojected else []  # others sample without tiles
+        found = [survey_of(main, tilings, self.panel.index, compared=False, now=now)]
+        if self.compared is not None:
+            found.append(survey_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
+        return found
 
     @property
     def tiles(self) -> tuple[int, int]:

@@ -93,7 +93,7 @@ class Renderer:
     def __init__(self, plan: Plan, resident: Resident, rank: int, control: Control, outbox: Link) -> None:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
-        self._method: str = self._sampling.method
+        self._methods: tuple[str, str] = (self._sampling.method, "")  # the second is compared with the first
         self._samplers = make_samplers(plan, "", self._region, control.clock)
         self._workers = [
             Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
@@ -103,7 +103,8 @@ class Renderer:
         self._counters = Counters()
         self._packets = self._bytes = 0
         self._complete = False
-        self._began, self._last = time.monotonic(), (time.monotonic(), 0, 0)
+        self._began, self._last = time.monotonic(), (time.monotonic(), 0, 0, 0)
+        self._rates = (0.0, 0.0, 0.0)  # samples, bytes, samples of the second sampler; a second, lately
 
     def run(self) -> None:
         """Until the head says stop."""
@@ -157,14 +158,17 @@ class Renderer:
             if is_tiling(dropped):
                 continue  # the next one replaces it
             batch = decode(dropped)
-            self._workers[batch.sequence % len(self._workers)].forget(batch.samples["xy"])
+            self._workers[batch.sequence % len(self._workers)].forget(batch)
 
     def _follow_sampler(self, event: Event) -> None:
-        """The viewer chose another sampler: start over with it."""
-        if event.sampler and event.sampler != self._method:
+        """The viewer chose another sampler, or two: start over with it."""
+        wanted = (event.sampler or self._methods[0], event.compare)
+        if wanted != self._methods:
             self._drain()
-            self._method = event.sampler
-            self._samplers[:] = make_samplers(self._plan, event.sampler, self._region, self._control.clock)
+            self._methods = wanted
+            self._samplers[:] = make_samplers(
+                self._plan, wanted[0], self._region, self._control.clock, compare=wanted[1]
+            )
 
     def _drain(self) -> None:
         for future in list(self._running):
@@ -179,12 +183,16 @@ class Renderer:
 
     def _heartbeat(self, *, last: bool) -> Heartbeat:
         traced = sum(worker.samples_traced for worker in self._workers)
-        now, (then, traced_then, bytes_then) = time.monotonic(), self._last
+        compared = sum(worker.samples_compared for worker in self._workers)
+        now, (then, *before) = time.monotonic(), self._last
         span = max(now - then, 1e-3)
         if span > 0.2:
-            self._last = (now, traced, self._bytes)
-            self._rates = ((traced - traced_then) / span, (self._bytes - bytes_then) / span)
-        samples_per_s, bytes_per_s = getattr(self, "_rates", (0.0, 0.0))
+            self._last = (now, traced, self._bytes, compared)
+            traced_then, bytes_then, compared_then = before
+            self._rates = (
+                (traced - traced_then) / span, (self._bytes - bytes_then) / span, (compared - compared_then) / span
+            )  # fmt: skip
+        samples_per_s, bytes_per_s, compared_per_s = self._rates
         bad = sum(worker.bad_samples for worker in self._workers)
         dropped = Counters(dict(self._counters.counts))
         dropped.merge(self._outbox.counters.counts)
@@ -197,6 +205,7 @@ class Renderer:
             samples_traced=traced,
             secondary_rays=sum(worker.secondary_rays for worker in self._workers),
             samples_per_s=samples_per_s,
+            compared_per_s=compared_per_s,
             bytes_per_s=bytes_per_s,
             packets=self._packets,
             bytes=self._bytes,

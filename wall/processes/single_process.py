@@ -28,6 +28,7 @@ class SingleProcess:
         self.event: Event = first_event(plan, now=0.0)
         self._predictor = make_predictor(plan)
         layout = plan.layout
+        self._methods = (self.event.sampler, "")  # the second is compared with the first
         self.workers: list[Worker] = []
         for rank in layout.renderers():
             samplers = make_samplers(plan, "", layout.region(rank), self.clock)
@@ -37,6 +38,7 @@ class SingleProcess:
     def step(self) -> int:
         """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
         traced = 0
+        self._follow_event()
         for worker in self.workers:
             packet, tiles = worker.step(self.event), worker.tiling()
             if packet is None:
@@ -59,6 +61,20 @@ class SingleProcess:
                 self._refresh()
         self._refresh()
         return [panel.picture() for panel in self.panels]
+
+    def _follow_event(self) -> None:
+        """Panels learn whether two samplers are compared; workers start over when the event names other samplers."""
+        for panel in self.panels:
+            panel.follow(self.event)
+        wanted = (self.event.sampler or self._methods[0], self.event.compare)
+        if wanted == self._methods:
+            return
+        self._methods = wanted
+        layout, per_rank = self.plan.layout, {id(worker.samplers): worker for worker in self.workers}
+        for rank, worker in zip(layout.renderers(), per_rank.values(), strict=True):
+            worker.samplers[:] = make_samplers(
+                self.plan, wanted[0], layout.region(rank), self.clock, compare=wanted[1]
+            )
 
     def _refresh(self) -> None:
         now = self.clock.now()

@@ -49,7 +49,7 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     if packet is not None:
         batch = decode(packet)
         panel.insert(batch)
-        worker.forget(batch.samples["xy"])
+        worker.forget(batch)
     for number in range(2):  # something moved, nothing moved
         panel.refresh(event, 0.1 * number)
         worker.step(event)
@@ -57,6 +57,7 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     if tiling is not None:
         panel.take_tiling(decode_tiling(tiling))
     panel.buffer.oldest_sample(0.0)
+    panel.surveys(0.0)
 
 
 @contextmanager

@@ -220,6 +220,10 @@ class Picture:
         self.dirty[:] = False
         return dirty
 
+    def stored(self) -> tuple[Float32, Float32, int, float]:
+        """For whoever looks on: times and confidences, places in the picture, how many, and their clock's zero."""
+        return self._store.state, self._store.screen, self.count, self._epoch
+
     def _seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
         if abs(time - self._epoch) > EPOCH_S:

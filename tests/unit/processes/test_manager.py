@@ -118,6 +118,37 @@ def test_sampler_asked_for_travels_with_the_event(plan: Plan) -> None:
     assert director.event.sampler == "hilbert"
 
 
+def test_comparing_gives_the_adaptive_sampler_its_half_and_back_what_was_there(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause"), command(kind="sampler", value="hilbert")], 0.0)
+    alone = director.event
+
+    director.update([command(kind="compare", value="framed")], 0.1)
+    both = director.event
+    director.update([command(kind="compare", value="")], 0.2)
+
+    assert (both.sampler, both.compare) == ("adaptive", "framed")
+    assert (director.event.sampler, director.event.compare) == ("hilbert", "")
+    assert alone.camera_event < both.camera_event < director.event.camera_event, "each starts over"
+
+
+def test_choosing_one_sampler_ends_a_comparison(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="compare", value="framed")], 0.0)
+    director.update([command(kind="sampler", value="frameless")], 0.1)
+    assert (director.event.sampler, director.event.compare) == ("frameless", "")
+
+
+def test_a_survey_is_told_without_starting_anything_over(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause")], 0.0)
+    before = director.event.number
+    assert director.update([command(kind="survey", value="on")], 0.1)
+    assert director.event.survey
+    assert director.event.number == before
+    assert not director.update([], 0.2)
+
+
 def test_latency_counts_superseded_inputs_until_a_newer_one_is_shown(plan: Plan) -> None:
     director, latency = Director(plan, 0.0), Latency()
     for now in (1.0, 2.0, 3.0):

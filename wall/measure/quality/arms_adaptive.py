@@ -3,8 +3,8 @@
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
 is worth the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
-the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but made,
-and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under the
+the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
+made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under the
 newest inputs; `..._2`: two refreshes later.
 """
 
@@ -42,7 +42,7 @@ class AdaptiveArm:
         predicted: bool = False,
         ahead: bool = True,
     ) -> None:
-        """`sends`: whether samples are, rather than pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay."""
+        """`sends`: whether samples are, not pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay."""
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
