@@ -4,8 +4,8 @@
 display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
 is worth the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
 the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
-made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under the
-newest inputs; `..._2`: two refreshes later.
+made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under
+the newest inputs; `..._2`: two refreshes later.
 """
 
 from __future__ import annotations
