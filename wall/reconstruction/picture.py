@@ -197,16 +197,16 @@ class Picture:
                 tiling.rects, tiling.temporal, self.rect.x, self.rect.y, self.rect.height, self.rect.width,
                 self.residual, np.empty((*self.residual.shape, 2), np.float32),
             )  # fmt: skip
+
     def _is_shown(self, event: Posed) -> bool:
         """Whether samples belong to the very picture that is shown; a foreseen pose has its event's number too."""
         shown = self._shown
         if shown is None or (event.camera_event, event.scene_event) != shown.number:
             return False
+        if (event.scene_time, event.camera.position) != (shown.scene_time, shown.camera.position):
+            return False
         turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
-        return (
-            (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
-            and max(abs(a - b) for a, b in turned) < SAME_TURN
-        )
+        return max(abs(a - b) for a, b in turned) < SAME_TURN
 
     def clear(self) -> None:
         """Forget every sample."""
