@@ -1,4 +1,4 @@
-"""Which deeper samples nearer ones hide: silhouettes neither grow nor shrink, narrow gaps stay open, covers cover."""
+"""Which deeper samples nearer ones hide: silhouettes stay where they are, gaps of two pixels open, covers cover."""
 
 from __future__ import annotations
 
@@ -7,19 +7,12 @@ import pytest
 from numpy.typing import NDArray
 
 from wall.data import Float32, Float64
-from wall.jit import kernel
-from wall.reconstruction.kernels_picture import front_depths, hidden, keep_nearest
+from wall.deepbuffer.kernels import TILE
+from wall.deepbuffer.kernels_reproject import OUTSIDE
+from wall.reconstruction.kernels_picture import front_depths, keep_nearest, splat
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0
-
-
-@kernel
-def hidden_each(x, y, z, nearest, front, found):  # type: ignore[no-untyped-def]
-    """found (n,) uint8, written: whether a sample at each place is hidden, as splat() has it."""
-    for k in range(x.shape[0]):
-        seen = z <= front[int(y[k]), int(x[k]), 0]
-        found[k] = 0 if seen else hidden(x[k], y[k], z, nearest)
 
 
 def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
@@ -27,15 +20,19 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     places = np.concatenate([nearer, deeper])
     screen = np.concatenate([places.T, np.where(np.arange(len(places)) < len(nearer), NEAR, FAR)[None]])
     screen = screen.astype(np.float32)
-    name = np.where(screen[2] == NEAR, 1, 2).astype(np.int32)
+    n, blank = len(places), np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
+    name, state = np.where(screen[2] == NEAR, 1, 2).astype(np.int32), np.ones((2, n), np.float32)
     nearest: Float32 = np.zeros((SIZE, SIZE, 4), np.float32)
-    front = np.zeros((SIZE, SIZE, 2), np.float32)
-    keep_nearest(name, np.ones((2, len(places)), np.float32), screen, len(places), nearest)
+    front = np.zeros((SIZE, SIZE, 3), np.float32)
+    now = np.float32(2.0)  # all are from second 1: old enough not to wait
+    keep_nearest(name, state, screen, n, nearest)
     front_depths(nearest, front)
-    found = np.zeros(len(deeper), np.uint8)
-    x, y = np.float32(deeper).T
-    hidden_each(x, y, np.float32(FAR), nearest, front, found)
-    return found.astype(bool)
+    decay = np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
+    splat(
+        np.zeros((n, 4), np.float32), state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0),
+        decay, blank, None,
+    )  # fmt: skip
+    return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)
 
 
 def scattered(rng: np.random.Generator, density: float) -> Float64:
