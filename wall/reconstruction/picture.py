@@ -21,6 +21,7 @@ from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_fill
 from wall.reconstruction import kernels_picture as kernels
+from wall.reconstruction.kernels_ages import AGES, oldest_kept
 from wall.scene.build import Scene
 
 SAMPLES_PER_PIXEL = 4  # kept on average
@@ -120,6 +121,8 @@ class Picture:
         self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
+        self._ages = np.zeros(AGES, np.int32)
+        self._oldest_kept(0, np.float32(0.0))  # compiled now, not when first there are too many
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
@@ -224,7 +227,7 @@ class Picture:
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels.splat(
-            s.colour, s.state, s.screen, self.count, self._cutoff(alive), self.nearest, self.front, now32,
+            s.colour, s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32,
             young, decay, self.gathered, self.lighting,
         )  # fmt: skip
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
@@ -268,13 +271,15 @@ class Picture:
                 )
                 self._store, self._spare = self._spare, self._store
 
-    def _cutoff(self, alive: int) -> np.float32:
-        """Time before which samples must go for no more than the wanted number to stay; from every 16th sample."""
+    def _cutoff(self, alive: int, now: np.float32) -> np.float32:
+        """Time before which samples must go for no more than the wanted number to stay."""
         if alive <= self._kept:
             return np.float32(-np.inf)
+        return self._oldest_kept(self.count, now)
+
+    def _oldest_kept(self, count: int, now: np.float32) -> np.float32:
         s = self._store
-        times = s.state[0, : self.count : 16][s.screen[2, : self.count : 16] > 0.0]
-        return np.float32(np.quantile(times, 1.0 - self._kept / alive)) if len(times) else np.float32(-np.inf)
+        return np.float32(oldest_kept(s.state, s.screen, count, now, self._kept, self._ages))
 
     def _make_room(self, n: int) -> None:
         """More came between two refreshes than there is slack for: the dead leave, then the oldest."""
