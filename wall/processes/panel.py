@@ -29,7 +29,7 @@ class PanelCompositor:
         self.panel = panel = plan.layout.wall.panels[index]
         self._plan = plan
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
-        self._adaptive = False
+        self._adaptive = self._given_up = False
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
         self._rgb = np.zeros((height, width, 3), np.uint8)
@@ -37,8 +37,8 @@ class PanelCompositor:
 
     def insert(self, batch: Batch) -> None:
         self.buffer.insert(batch)
-        self._adaptive = batch.adaptive
-        if batch.adaptive:
+        self._adaptive = batch.adaptive and not self._given_up
+        if self._adaptive:
             if self._reprojected is None:
                 self._reprojected = self._new_picture()
             try:
@@ -55,10 +55,15 @@ class PanelCompositor:
         return made
 
     def _give_up(self, error: GpuError, event: Batch | Event) -> Reprojected:
-        """The GPU is lost: the CPU goes on from the newest sample of every pixel, unless a GPU was insisted on."""
-        self._reprojected = None
+        """The GPU is lost: the CPU goes on from the newest sample of every pixel.
+
+        Where a GPU was insisted on, those samples are shown where they were traced, and the error is raised.
+        """
         self.buffer.counters.add("gpu_lost")
         if self._wish == "gpu":
+            self._reprojected, self._given_up = None, True
+            update_display(self.buffer.radiance, np.ones(self.tiles, np.bool_), TILE, self._rgb)
+            self._picture = self._hand_over(version=self._picture.version + 1)
             raise error
         self._wish = "cpu"
         self._reprojected = shown = self._new_picture()
