@@ -81,7 +81,7 @@ class GpuStore:
 def reserve(device: Device, words: int) -> Any:
     """A buffer of 4-byte words. Raises GpuError where memory ends."""
     try:
-        return device.context.buffer(reserve=max(words, 1) * WORD_BYTES, dynamic=True)
+        return device.context.buffer(reserve=max(words, 1) * WORD_BYTES)
     except Exception as error:  # moderngl raises nothing narrower
         problem = f"{words * WORD_BYTES} bytes on {device.renderer}: {error}"
         raise GpuError(problem, wanted="smaller panels, fewer samples_per_pixel") from error
