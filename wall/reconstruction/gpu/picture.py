@@ -120,7 +120,7 @@ class GpuPicture:
         if self.count + len(samples) > self._store.capacity:
             self._make_room(len(samples))
         if self._staged + len(samples) > self._most:
-            self._send()
+            self._send(moving=not self.nothing_moves)
         offset, first = self._seconds(base_time), self._staged
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
         steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
@@ -195,14 +195,14 @@ class GpuPicture:
         self._device.check()
         self._moved = now
 
-    def _send(self, *, moving: bool | None = None) -> None:
+    def _send(self, *, moving: bool) -> None:
         """Let the staged samples travel; in a moving picture still pixels gather them, and contradictions count."""
         n, self._staged = self._staged, 0
         if n == 0:
             return
         first = self._store.count
         self._store.append(self._new, n)
-        if not self.nothing_moves if moving is None else moving:
+        if moving:
             self._passes.gather_still(self._store, first, n)
             if self._change[:n].any():
                 self._passes.doubt(self._store, first, self._change[:n], self._ordinal)
@@ -215,7 +215,7 @@ class GpuPicture:
 
     def _make_room(self, n: int) -> None:
         """More came between two refreshes than there is slack for: the dead leave, then the oldest."""
-        self._send()
+        self._send(moving=not self.nothing_moves)
         self._pack()
         count = self._store.count
         if count + n > self._store.capacity:
