@@ -26,6 +26,8 @@ SAMPLE = np.dtype(
         ("time", np.float32),  # seconds after the batch's base time
         ("object", np.uint32),  # object id
         ("light", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
+        ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes
+        ("unlit", np.uint16),  # bit k: something is between it and lamp k (directional lights, then points)
         ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
     ]
 )
@@ -43,6 +45,16 @@ class Rect:
     @property
     def area(self) -> int:
         return self.width * self.height
+
+    def holds(self, other: Rect) -> bool:
+        """Whether all of the other lies in this one."""
+        inside = self.x <= other.x and other.x + other.width <= self.x + self.width
+        return inside and self.y <= other.y and other.y + other.height <= self.y + self.height
+
+    def meets(self, other: Rect) -> bool:
+        """Whether they have a pixel in common."""
+        across = self.x < other.x + other.width and other.x < self.x + self.width
+        return across and self.y < other.y + other.height and other.y < self.y + self.height
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +100,8 @@ class Event:
     camera: Camera
     sampler: str = ""  # sampling method asked for; "" keeps the configured one
     paused: bool = False
+    compare: str = ""  # another method that gets half of the rays, for a picture of its own; "" none
+    survey: bool = False  # somebody looks at Surveys: compositors make them
 
     @property
     def number(self) -> tuple[int, int]:
@@ -114,6 +128,7 @@ class Batch:
     camera: Camera = STILL  # that the samples saw
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the picture is made by reprojection; else every pixel shows its newest sample
+    relightable: bool = False  # adaptive samples bring normals and lamps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,9 +144,24 @@ class Tiling:
     scene_event: int
     base_time: float  # when it was true, seconds of the head's clock
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
-    spatial: Float32  # (n,) gradient, display units a pixel
-    temporal: Float32  # (n,) rate of change, a second
+    spatial: Float32  # (n,) mean contrast of neighbouring pixels, display units
+    temporal: Float32  # (n,) mean change of the square root of lighting that new samples find against older ones
     density: Float32  # (n,) samples a pixel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Survey:
+    """How old and how dense the samples of a panel are by tiles of 16 pixels, and the tiles that samplers go by.
+
+    Codes are of reconstruction.survey: 0 is none, the others are logarithmic.
+    """
+
+    panel: int  # index in Wall.panels
+    compared: bool  # of the second picture, while two samplers are compared
+    age: NDArray[np.uint8]  # (rows, columns) median age of the samples shown
+    density: NDArray[np.uint8]  # (rows, columns) samples a pixel
+    rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
+    worth: NDArray[np.uint8]  # (n,) squared error that one more sample is expected to remove
 
 
 @dataclass(slots=True)

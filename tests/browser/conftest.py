@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import shutil
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
 
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.schema import METHODS, GridConfig, WallConfig
+from wall.data import Survey
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.display.browser import Browser
 from wall.geometry.panels import Wall, expand
 
 REFRESH_S = 1 / 30
+SECOND = (20, 40, 220)               # colour of every second picture
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
 
@@ -42,7 +44,8 @@ def chromium() -> Iterator[Any]:
 class Source(threading.Thread):
     """Shows a flat colour a panel at 30 Hz; what the page asks for changes colour, sampler and pause.
 
-    Panel k has red 40 + 50 k; the sum of orbits moves green by 100 a wall height; blue counts nothing and is 30.
+    Panel k has red 40 + 50 k; the sum of orbits moves green by 100 a wall height; blue counts nothing and is 30. Second
+    pictures, while something is compared, are blue. Surveys: see `surveys`.
     """
 
     wall: Wall
@@ -54,7 +57,7 @@ class Source(threading.Thread):
     def __post_init__(self) -> None:
         super().__init__(daemon=True)
         self.sink = Browser("127.0.0.1", self.port, self.wall)
-        self.turned, self.paused, self.sampler = 0.0, False, "hilbert"
+        self.turned, self.paused, self.sampler, self.compare, self.survey = 0.0, False, "hilbert", "", ""
         self.version = self.refreshes = 0
         self.stopping = threading.Event()
         self.start()
@@ -74,23 +77,45 @@ class Source(threading.Thread):
         elif command["kind"] == "pause":
             self.paused = not self.paused
         elif command["kind"] == "sampler":
-            self.sampler = command["value"]
+            self.sampler, self.compare = command["value"], ""
+        elif command["kind"] == "compare":
+            self.compare = command["value"]
+        elif command["kind"] == "survey":
+            self.survey = command["value"]
 
     def green(self) -> int:
         return int(np.clip(100 + 100 * self.turned, 0, 255))
 
     def picture(self) -> WallPicture:
-        panels = tuple(
-            PanelPicture(
-                id=p.id, screen=p.screen, version=self.version,
-                rgb=np.full((p.pixels[1], p.pixels[0], 3), (40 + 50 * p.index, self.green(), 30), np.uint8),
-            )
-            for p in self.wall.panels
-        )
+        panels = self.panels(lambda k: (40 + 50 * k, self.green(), 30))
         return WallPicture(
             width=self.wall.width, height=self.wall.height, panels=panels, time=self.refreshes * REFRESH_S,
             camera_event=self.version, scene_event=0,
-        )
+            compared=self.panels(lambda k: SECOND) if self.compare else (), surveys=self.surveys(),
+        )  # fmt: skip
+
+    def panels(self, colour: Callable[[int], tuple[int, int, int]]) -> tuple[PanelPicture, ...]:
+        return tuple(
+            PanelPicture(
+                id=p.id, screen=p.screen, version=self.version,
+                rgb=np.full((p.pixels[1], p.pixels[0], 3), colour(p.index), np.uint8),
+            )
+            for p in self.wall.panels
+        )  # fmt: skip
+
+    def surveys(self) -> tuple[Survey, ...]:
+        """8 x 5 tiles a panel: ages grow from left to right, nothing is in the first column. Two rectangles."""
+        if not self.survey:
+            return ()
+        codes = np.tile(np.arange(8, dtype=np.uint8) * 36, (5, 1))
+        rects = np.array([[0, 0, 60, 68], [60, 0, 60, 68]], np.uint16)
+        return tuple(
+            Survey(
+                panel=p.index, compared=second, age=codes, density=codes[:, ::-1], rects=rects,
+                worth=np.array([60, 200], np.uint8),
+            )
+            for p in self.wall.panels for second in ((False, True) if self.compare else (False,))
+        )  # fmt: skip
 
     def status(self) -> Status:
         ranks = tuple(
@@ -101,9 +126,10 @@ class Source(threading.Thread):
             for k, p in enumerate(self.wall.panels)
         )
         return Status(
-            seconds=self.refreshes * REFRESH_S, paused=self.paused, sampler=self.sampler,
-            samplers=("framed", "frameless", "hilbert"), ranks=ranks, latency_ms=(21.0, 34.0, 55.0),
-            latencies_ms=(20.0, 22.0, 34.0), refresh_hz=30.0,
+            seconds=self.refreshes * REFRESH_S, paused=self.paused,
+            sampler="adaptive" if self.compare else self.sampler, samplers=METHODS, ranks=ranks,
+            latency_ms=(21.0, 34.0, 55.0), latencies_ms=(20.0, 22.0, 34.0), refresh_hz=30.0, compare=self.compare,
+            compared_per_s=2e6 if self.compare else 0.0,
         )
 
     def stop(self) -> None:

@@ -114,6 +114,36 @@ def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any,
     assert changed(frameless, framed) == 0.0
 
 
+def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(chromium: Any, run: tuple[Any, str]) -> None:
+    _, address = run
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(address)
+    page.wait_for_selector(".panel canvas")
+    page.keyboard.press("Space")                               # it moves: both have something to do
+    page.keyboard.press("c")
+    page.keyboard.press("o")
+    page.keyboard.press("o")
+    both = "() => ['left-rate', 'right-rate'].every((id) => parseFloat(document.getElementById(id).textContent) > 0)"
+    page.wait_for_function(both, timeout=1000 * PATIENCE_S)
+    page.wait_for_selector(".face.second:not(.empty)")
+    painted = """() => [...document.querySelectorAll('canvas.cover')].filter((c) => {
+        const found = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+        return found.some((v) => v > 0); }).length === 4"""
+    page.wait_for_function(painted, timeout=1000 * PATIENCE_S)
+
+    found = status(address)
+    shares = sum(rank["samples_per_s"] for rank in found["ranks"])
+    assert (found["sampler"], found["compare"]) == ("adaptive", "frameless")
+    assert 0.2 < found["compared_per_s"] / shares < 0.8        # lately; in all it is a half to a batch
+    page.keyboard.press("c")
+    page.keyboard.press("c")
+    deadline = time.monotonic() + PATIENCE_S
+    while status(address)["compare"] or status(address)["compared_per_s"] > 0:
+        assert time.monotonic() < deadline, "the budget did not come back"
+    assert status(address)["sampler"] == "frameless"
+    page.close()
+
+
 def status(address: str) -> dict[str, Any]:
     with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
         found: dict[str, Any] = json.loads(answer.read())

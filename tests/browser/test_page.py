@@ -6,6 +6,7 @@ import json
 import urllib.request
 
 import pytest
+from page_hands import drag, eventually, find, middle
 
 pytestmark = pytest.mark.browser
 
@@ -19,40 +20,12 @@ COLOURS = """() => {
 JPEG_STEPS = 3                      # a flat colour through JPEG's YCbCr at quality 88
 
 
-def eventually(page, condition, what):
-    """Poll until the condition holds; the page goes on meanwhile."""
-    for _ in range(300):
-        if condition():
-            return
-        page.wait_for_timeout(20)
-    pytest.fail(f"never happened: {what}")
-
-
-def find(page, selector):
-    """Wait until something matches, visible or not. Playwright's own wait looks only every half second."""
-    eventually(page, lambda: page.locator(selector).count() > 0, selector)
-
-
 def near(colour, expected):
     return all(abs(a - b) <= JPEG_STEPS for a, b in zip(colour, expected, strict=True))
 
 
 def kinds(source):
     return [command["kind"] for command in source.received]
-
-
-def middle(page):
-    box = page.locator("#wall").bounding_box()
-    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, box["height"]
-
-
-def drag(page, dx, dy, *, button="left"):
-    """Drag from the wall's middle by fractions of its height."""
-    x, y, height = middle(page)
-    page.mouse.move(x, y)
-    page.mouse.down(button=button)
-    page.mouse.move(x + dx * height, y + dy * height, steps=6)
-    page.mouse.up(button=button)
 
 
 def total(source, kind, axis):

@@ -29,18 +29,20 @@ def display(radiance: Float32) -> Float32:
     return shown
 
 
-def plan_of(folder: Path, scene: Scene, **changes: object) -> Plan:
-    path = write_config(folder, method="adaptive", **changes)
+def plan_of(folder: Path, scene: Scene, *, tiling: str, **changes: object) -> Plan:
+    path = write_config(folder, method=f"adaptive, tiling: {tiling}", **changes)
     path.write_text(path.read_text().replace(*SMALL).replace("[6, 4.5, 10]", "[0, 2.2, 5]"))
     layout = make_layout(load(path))
     return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
 
 
-@pytest.mark.parametrize(("threads", "ranks"), [(1, 1), (2, 1), (1, 3)])
+@pytest.mark.parametrize(
+    ("threads", "ranks", "tiling"), [(1, 1, "grid"), (2, 1, "grid"), (1, 3, "grid"), (1, 3, "cut")]
+)
 def test_a_still_view_ends_and_equals_the_reference(
-    tmp_path: Path, tiny_scene: Scene, threads: int, ranks: int
+    tmp_path: Path, tiny_scene: Scene, threads: int, ranks: int, tiling: str
 ) -> None:
-    plan = plan_of(tmp_path, tiny_scene, threads=threads, ranks=ranks)
+    plan = plan_of(tmp_path, tiny_scene, threads=threads, ranks=ranks, tiling=tiling)
     reference = render_plan(plan, spp=REFERENCE_SPP, seed=7, at=0.0)
     assert reference is not None
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from packet_examples import CHECKSUM_AT, batch_of, check_sane, plain_samples, resealed
 
-from wall.data import Batch, Camera, Event, Rect, Tiling
+from wall.data import Batch, Camera, Event, Rect, Survey, Tiling
 from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, Heartbeat, Hello, Message, Ping, parse_control, serialise
 from wall.packets.samples import Codec, decode, encode
@@ -33,6 +33,12 @@ CONTROL = [
         Framelet.of(
             panel=1, rect=Rect(x=0, y=0, width=4, height=4), rgb=np.zeros((4, 4, 3), np.uint8), camera_event=1,
             scene_event=1,
+        )
+    ),
+    serialise(
+        Survey(
+            panel=1, compared=True, age=np.ones((2, 3), np.uint8), density=np.ones((2, 3), np.uint8),
+            rects=np.ones((2, 4), np.uint16), worth=np.ones(2, np.uint8),
         )
     ),
 ]  # fmt: skip
@@ -81,6 +87,9 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
         check_sane(value)
     elif isinstance(value, Framelet):
         with_pixels(value)
+    elif isinstance(value, Survey):
+        assert value.age.shape == value.density.shape
+        assert value.rects.shape == (len(value.worth), 4)
     elif isinstance(value, Tiling):
         low, size = value.rects[:, :2].astype(int), value.rects[:, 2:].astype(int)
         edges = (value.rect.x + value.rect.width, value.rect.y + value.rect.height)

@@ -34,6 +34,9 @@ class AdaptiveSampling(_Common):
     samples_per_pixel: Annotated[Number, Ge(1.0), Le(16.0)] = Field(
         default=2.0, description="samples kept, on average; more = smoother and slower"
     )
+    tiling: Literal["grid", "cut"] = Field(
+        default="grid", description="grid = 16-pixel tiles; cut = tiles of about equal importance, from a K-D cut"
+    )
 
 
 class FramedSampling(_Common):

@@ -119,6 +119,14 @@ class ViewConfig(Model):
     )
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
     refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="pictures shown a second")
+    prediction: Literal["velocity", "none"] = Field(
+        default="velocity",
+        description="velocity: samples go where camera and objects will be when a refresh becomes light, if they go on "
+        "as they do; none: where the newest input has them. Only the adaptive sampler moves samples",
+    )
+    display_delay_s: Annotated[Number, Ge(0.0), Le(1.0)] | None = Field(
+        default=None, description="seconds from a refresh to its light; absent = one refresh"
+    )
     sampling: SamplingConfig | None = Field(default=None, description="replaces the top-level sampling for this view")
 
     @model_validator(mode="after")

@@ -12,6 +12,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.data import Survey
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PanelPicture:
@@ -33,6 +35,8 @@ class WallPicture:
     time: float                      # seconds of the head's clock
     camera_event: int
     scene_event: int
+    compared: tuple[PanelPicture, ...] = ()  # second pictures of the panels, while two samplers are compared
+    surveys: tuple[Survey, ...] = ()  # while somebody watches; the same object until there are new ones
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +67,8 @@ class Status:
     latency_ms: tuple[float, float, float]             # p50, p95, p99, input to changed picture; 0: no input
     latencies_ms: tuple[float, ...]                    # the recent ones, newest last, for the plot
     refresh_hz: float                                  # pictures shown a second
+    compare: str = ""                                  # the sampler that has the other half of the rays; "" none
+    compared_per_s: float = 0.0                        # its samples, of those of all ranks
 
 
 class Sink(Protocol):

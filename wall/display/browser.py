@@ -21,11 +21,18 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 from PIL import Image
 
-from wall.data import Counters
-from wall.display.base import Status, WallPicture
+from wall.data import Counters, Survey
+from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.png import QUICK, whole_wall
 from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
-from wall.display.stream import encode_jpeg, layout_message, panel_message, picture_message, status_message
+from wall.display.stream import (
+    encode_jpeg,
+    layout_message,
+    panel_message,
+    picture_message,
+    status_message,
+    survey_message,
+)
 from wall.errors import RemoteProtocolError, RunError
 from wall.geometry.panels import Wall
 
@@ -48,21 +55,27 @@ HEADERS = {
 }
 
 
+_Shown = tuple[bool, int]    # second picture of two that are compared, panel
+
+
 @dataclass(slots=True, eq=False)
 class _Viewer:
     socket: web.WebSocketResponse
     wake: asyncio.Event = field(default_factory=asyncio.Event)
-    versions: dict[int, int] = field(default_factory=dict)     # of every panel, as last sent
+    versions: dict[_Shown, int] = field(default_factory=dict)  # of every panel's pictures, as last sent
     in_flight: deque[int] = field(default_factory=deque)       # numbers of pictures sent, not yet drawn
     number: int = 0
-    told: tuple[bool, str] | None = None                       # paused, sampler, as last sent
+    told: tuple[bool, str, str] | None = None                  # paused, sampler, compared one, as last sent
     status_due: float = 0.0
+    overlay: str = ""                                          # one of OVERLAYS
+    surveys: tuple[Survey, ...] = ()                           # as last sent
 
 
 class Browser:
     """Serves the page from construction to `close`.
 
-    `commands` gives what the viewers asked for since the last call, checked by steering.parse_message.
+    `commands` gives what the viewers asked for since the last call, checked by steering.parse_message, and `survey`
+    when the first of them puts an overlay on and the last one takes it off.
     """
 
     def __init__(self, host: str, port: int, wall: Wall, *, max_viewers: int = MAX_VIEWERS) -> None:
@@ -74,7 +87,8 @@ class Browser:
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
         self._counters = Counters()
-        self._jpegs: dict[int, tuple[int, bytes]] = {}         # panel: version, JPEG; the encoder's own
+        self._jpegs: dict[_Shown, tuple[int, bytes]] = {}      # version, JPEG; the encoder's own
+        self._surveying = False                                # as last told by `commands`
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
@@ -92,6 +106,10 @@ class Browser:
         taken = []
         while self._commands:
             taken.append(self._commands.popleft())
+        watching = any(viewer.overlay for viewer in tuple(self._viewers))
+        if watching != self._surveying:
+            self._surveying = watching
+            taken.append({"kind": "survey", "value": "on" if watching else ""})
         return taken
 
     def dropped(self) -> dict[str, int]:
@@ -218,6 +236,8 @@ class Browser:
             return
         if message["kind"] == "shown":
             self._drawn(viewer, message["number"])
+        elif message["kind"] == "overlay":
+            viewer.overlay, viewer.surveys = message["value"], ()
         elif len(self._commands) >= MAX_COMMANDS:
             self._counters.add("browser_command_overflow")
         else:
@@ -248,29 +268,38 @@ class Browser:
             await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
 
     async def _send(self, viewer: _Viewer, picture: WallPicture, status: Status) -> None:
-        answer = (status.paused, status.sampler)               # to a command; the viewer waits for it
+        answer = (status.paused, status.sampler, status.compare)   # to a command; the viewer waits for it
         if self._loop.time() >= viewer.status_due or answer != viewer.told:
             viewer.status_due, viewer.told = self._loop.time() + STATUS_PERIOD_S, answer
             await viewer.socket.send_str(status_message(status))
-        changed = [k for k, p in enumerate(picture.panels) if viewer.versions.get(k) != p.version]
-        if not changed or len(viewer.in_flight) >= IN_FLIGHT:
+        if len(viewer.in_flight) >= IN_FLIGHT:
+            return
+        if viewer.overlay and picture.surveys is not viewer.surveys:
+            viewer.surveys = picture.surveys
+            for survey in picture.surveys:
+                await viewer.socket.send_bytes(survey_message(survey, viewer.overlay))
+        panels = {(False, k): p for k, p in enumerate(picture.panels)}
+        panels |= {(True, k): p for k, p in enumerate(picture.compared)}
+        changed = {shown: p for shown, p in panels.items() if viewer.versions.get(shown) != p.version}
+        if not changed:
             return
         viewer.number += 1
         viewer.in_flight.append(viewer.number)
-        encoded = await self._loop.run_in_executor(self._encoder, self._encode, picture, changed)
+        encoded = await self._loop.run_in_executor(self._encoder, self._encode, changed)
         await viewer.socket.send_str(picture_message(picture, panels=len(changed), number=viewer.number))
-        for k, jpeg in zip(changed, encoded, strict=True):
-            panel = picture.panels[k]
-            await viewer.socket.send_bytes(panel_message(k, panel, jpeg=jpeg, number=viewer.number))
-            viewer.versions[k] = panel.version
+        for (shown, panel), jpeg in zip(changed.items(), encoded, strict=True):
+            compared, k = shown
+            await viewer.socket.send_bytes(
+                panel_message(k, panel, jpeg=jpeg, number=viewer.number, compared=compared)
+            )
+            viewer.versions[shown] = panel.version
 
-    def _encode(self, picture: WallPicture, changed: list[int]) -> list[bytes]:
+    def _encode(self, changed: dict[_Shown, PanelPicture]) -> list[bytes]:
         """JPEGs of the changed panels; one version is compressed once, however many watch it."""
-        for k in changed:
-            panel = picture.panels[k]
-            if self._jpegs.get(k, (None,))[0] != panel.version:
-                self._jpegs[k] = (panel.version, encode_jpeg(panel))
-        return [self._jpegs[k][1] for k in changed]
+        for shown, panel in changed.items():
+            if self._jpegs.get(shown, (None,))[0] != panel.version:
+                self._jpegs[shown] = (panel.version, encode_jpeg(panel))
+        return [self._jpegs[shown][1] for shown in changed]
 
 
 def _own_names(host: str) -> frozenset[str]:

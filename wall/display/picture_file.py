@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 from PIL import Image
 
+from wall.colour import srgb_encoded
 from wall.data import Float32
 from wall.errors import ConfigError, RunError
 
@@ -45,6 +46,5 @@ def _write(path: Path, picture: Float32) -> None:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"RGB": np.ascontiguousarray(picture)}).write(str(path))
     else:
-        clipped = np.clip(picture.astype(np.float64), 0.0, 1.0)
-        encoded = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+        encoded = srgb_encoded(picture.astype(np.float64))
         Image.fromarray(np.round(encoded * 255).astype(np.uint8)).save(path)

@@ -17,6 +17,7 @@ MAX_MESSAGE_BYTES = 1024          # the longest honest message has about 80
 MAX_MOVE = 10.0                   # wall heights in one message: more than any hand can do in a frame
 MAX_ZOOM = 64.0
 MAX_NAME = 64                     # characters of a sampler's name
+OVERLAYS = ("", "tiles", "age", "density")
 MAX_NUMBER = 2**53                # the largest whole number that a page can count to
 
 FIELDS = {
@@ -26,12 +27,15 @@ FIELDS = {
     "pause": {"kind"},
     "reset": {"kind"},
     "sampler": {"kind", "value"},
+    "compare": {"kind", "value"},
+    "overlay": {"kind", "value"},
     "shown": {"kind", "number"},
 }
 
 
 def parse_message(text: str) -> dict[str, Any]:
-    """One message of a page: a steering command, or `shown` with the number of the picture it has drawn.
+    """One message of a page: a steering command, what it lays over its picture (`overlay`, one of OVERLAYS), or
+    `shown` with the number of the picture it has drawn.
 
     Returns a dict with exactly the fields of its kind, checked. Raises RemoteProtocolError for anything else.
     """
@@ -61,10 +65,12 @@ def _check_values(kind: str, message: dict[str, Any]) -> None:
         _check_number(message["number"], 0, MAX_NUMBER)
         if not isinstance(message["number"], int):
             raise RemoteProtocolError(f"page message shown: {message['number']}, wanted a whole number")
-    elif kind == "sampler":
-        value = message["value"]
-        if not isinstance(value, str) or not 0 < len(value) <= MAX_NAME:
-            raise RemoteProtocolError(f"page message sampler: wanted a name of 1 to {MAX_NAME} characters")
+    elif kind in ("sampler", "compare"):
+        value, least = message["value"], int(kind == "sampler")
+        if not isinstance(value, str) or not least <= len(value) <= MAX_NAME:
+            raise RemoteProtocolError(f"page message {kind}: wanted a name of {least} to {MAX_NAME} characters")
+    elif kind == "overlay" and message["value"] not in OVERLAYS:
+        raise RemoteProtocolError(f"page message overlay: wanted one of {', '.join(OVERLAYS[1:])}, or nothing")
 
 
 def _check_number(value: object, low: float, high: float) -> None:

@@ -1,7 +1,8 @@
 """What the page is sent, as bytes and JSON text. Pure, no I/O.
 
 A picture is one JSON message `picture` that says how many panels follow, then one binary message a panel:
-HEADER, then a JPEG. Only panels that changed since the viewer's last picture are sent.
+HEADER, then a JPEG. Only panels that changed since the viewer's last picture are sent. While two samplers are compared
+every panel has a second picture. An overlay comes as a binary message a picture of a panel: SURVEY_HEADER, then codes.
 """
 
 from __future__ import annotations
@@ -12,13 +13,17 @@ import struct
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
 import simplejpeg
 
+from wall.data import Survey
 from wall.display.base import PanelPicture, Status, WallPicture
+from wall.display.steering import OVERLAYS
 from wall.geometry.panels import Wall
 
-HEADER = struct.Struct("<2sBxHHHxxII")   # "WP", format, panel, width, height, version, picture number
-FORMAT = 1
+HEADER = struct.Struct("<2sBBHHHxxII")   # "WP", format, compared, panel, width, height, version, picture number
+SURVEY_HEADER = struct.Struct("<2sBBHBxHHI")   # "WS", format, compared, panel, overlay, rows, columns, rectangles
+FORMAT = 2
 QUALITY = 88                             # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 
 
@@ -28,17 +33,17 @@ def encode_jpeg(panel: PanelPicture) -> bytes:
     return jpeg
 
 
-def panel_message(index: int, panel: PanelPicture, *, jpeg: bytes, number: int) -> bytes:
-    """One panel of picture `number`. Counts wrap at 2^32, which takes two years at 60 Hz."""
+def panel_message(index: int, panel: PanelPicture, *, jpeg: bytes, number: int, compared: bool = False) -> bytes:
+    """One panel of picture `number`, or its second one. Counts wrap at 2^32, which takes two years at 60 Hz."""
     height, width = panel.rgb.shape[:2]
     header = HEADER.pack(
-        b"WP", FORMAT, index, width, height, panel.version & 0xFFFFFFFF, number & 0xFFFFFFFF
+        b"WP", FORMAT, compared, index, width, height, panel.version & 0xFFFFFFFF, number & 0xFFFFFFFF
     )
     return header + jpeg
 
 
 def picture_message(picture: WallPicture, *, panels: int, number: int) -> str:
-    """Announces picture `number`, of which `panels` binary messages follow."""
+    """Announces picture `number`, of which `panels` binary messages follow (second pictures included)."""
     return json.dumps(
         {
             "kind": "picture",
@@ -49,6 +54,19 @@ def picture_message(picture: WallPicture, *, panels: int, number: int) -> str:
             "scene_event": picture.scene_event,
         }
     )
+
+
+def survey_message(survey: Survey, overlay: str) -> bytes:
+    """What one overlay of OVERLAYS draws over one panel: codes by tiles, or n rectangles (4 u16) and their n codes."""
+    rows, columns = survey.age.shape
+    tiles = overlay == "tiles"
+    header = SURVEY_HEADER.pack(
+        b"WS", FORMAT, survey.compared, survey.panel, OVERLAYS.index(overlay), rows, columns,
+        len(survey.rects) if tiles else 0,
+    )  # fmt: skip
+    if tiles:
+        return header + np.ascontiguousarray(survey.rects, "<u2").tobytes() + survey.worth.tobytes()
+    return header + (survey.age if overlay == "age" else survey.density).tobytes()
 
 
 def layout_message(wall: Wall) -> str:

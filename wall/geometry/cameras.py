@@ -34,6 +34,8 @@ class View:
     spread: float  # height of the wall (metres) over the eye's distance to it
     still: Camera  # the camera without its path
     path: PathConfig | None
+    predicted: bool  # to the moment of display
+    display_delay_s: float  # from a refresh to its light
 
     def camera_at(self, time: float) -> Camera:
         """The camera at a scene time (seconds). Pure: the same time gives the same camera.
@@ -124,6 +126,8 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
         spread=_spread(window_ahead(wall, eye), eye),
         still=still,
         path=config.path,
+        predicted=config.prediction == "velocity",
+        display_delay_s=1.0 / config.refresh_hz if config.display_delay_s is None else config.display_delay_s,
     )
 
 

@@ -15,7 +15,7 @@ from wall.data import Camera, Float64
 from wall.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
-Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset"]
+Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "survey"]
 Vector: TypeAlias = tuple[float, float, float]
 
 STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the picture would flip
@@ -24,6 +24,11 @@ ZOOM_STEP = 10.0  # the most that one command may do
 FARTHEST_DRAG = 10.0  # wall heights; a command sums the drags of one animation frame
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 NUMBERS: dict[str, tuple[str, ...]] = {"orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",)}
+VALUES: dict[str, tuple[str, ...]] = {
+    "sampler": METHODS,
+    "compare": ("", *(method for method in METHODS if method != "adaptive")),
+    "survey": ("", "on"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +37,8 @@ class Command:
 
     orbit, pan: x and y are drags in fractions of the wall's height, x to the right, y down. zoom: x is the
     factor by which things grow. pause: stops or resumes. sampler: `value` is one of METHODS. reset: back to
-    the path.
+    the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. survey: "on" has
+    compositors look at their samples, "" ends that.
     """
 
     kind: Kind
@@ -46,14 +52,15 @@ def parse(message: Mapping[str, Any]) -> Command:
     kind = message.get("kind") if isinstance(message, Mapping) else None
     if not isinstance(kind, str) or kind not in get_args(Kind):
         raise RemoteProtocolError(f"command kind {_short(kind)}: want one of {', '.join(get_args(Kind))}")
-    wanted = NUMBERS.get(kind, ("value",) if kind == "sampler" else ())
+    wanted = NUMBERS.get(kind, ("value",) if kind in VALUES else ())
     if set(message) - {"kind"} != set(wanted):
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
         raise RemoteProtocolError(f"command {kind} came with {got}: want {', '.join(wanted) or 'nothing'}")
-    if kind == "sampler" and message["value"] not in METHODS:
-        raise RemoteProtocolError(f"command sampler {_short(message['value'])}: want one of {', '.join(METHODS)}")
+    if kind in VALUES and message["value"] not in VALUES[kind]:
+        known = ", ".join(value or "nothing" for value in VALUES[kind])
+        raise RemoteProtocolError(f"command {kind} {_short(message['value'])}: want one of {known}")
     numbers = {name: _number(kind, name, message[name]) for name in wanted if name != "value"}
-    value = str(message["value"]) if kind == "sampler" else ""
+    value = str(message["value"]) if kind in VALUES else ""
     return Command(kind=kind, value=value, **numbers)  # type: ignore[arg-type]  # kind is one of Kind by now
 
 

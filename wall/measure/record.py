@@ -26,7 +26,7 @@ class Row:
     limit: float | None
     ratio: float | None
     bar: str
-    met: bool | None  # None: not measured
+    met: bool | None  # None: not measured, or no bar is set
     note: str = ""
     spread: float | None = None  # half the range of the ratio over the rounds
     failed: bool = False  # it was to be measured, and could not be
@@ -58,6 +58,13 @@ def bounded(metric: str, value: float, limit: float, *, unit: str, below: bool, 
     return Row(
         metric=metric, value=value, unit=unit, limit=limit, ratio=value / limit if limit else None,
         bar=f"value {'<=' if below else '>='} {limit:g}", met=met, note=note, more=more,
+    )  # fmt: skip
+
+
+def reported(metric: str, value: float, *, unit: str, note: str = "", **more: Any) -> Row:
+    """A row of one figure that no bar is set for."""
+    return Row(
+        metric=metric, value=value, unit=unit, limit=None, ratio=None, bar="", met=None, note=note, more=more,
     )  # fmt: skip
 
 

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from rich.table import Table
 
 from wall.errors import ConfigError, WallError
-from wall.measure import mitsuba_peer, reconstruction, runs, tracing, wire, wire_adaptive
+from wall.measure import adaptive_cost, mitsuba_peer, reconstruction, runs, tracing, wire, wire_adaptive
 from wall.measure.record import Row, commit, failed
 
 ROUNDS, QUICK_ROUNDS = 9, 3
 SECONDS, QUICK_SECONDS = 6.0, 2.0
+
+
+def _display_side(name: str, rounds: int, seconds: float) -> list[Row]:
+    return adaptive_cost.display_side(name)
+
 
 # metrics of each group, and what measures them: (rounds, seconds of a run) -> rows. What forks comes first: a small
 # process forks quickly.
@@ -21,6 +27,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
     (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
     (("adaptive_bytes", "adaptive_encode"), lambda rounds, seconds: wire_adaptive.measure(rounds)),
+    (("adaptive_overhead", "adaptive_rate"), lambda rounds, seconds: adaptive_cost.rank_side(rounds)),
+    *(((name,), partial(_display_side, name)) for name in adaptive_cost.PANELS),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
@@ -31,7 +39,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
 )
 METRICS = (
     "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
-    "adaptive_encode", "end_to_end", "compositor_cpu",
+    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
 )  # fmt: skip
 
@@ -70,7 +78,8 @@ def table(rows: list[Row]) -> Table:
     for column, right in (("metric", 0), ("value", 1), ("unit", 0), ("limit", 1), ("ratio", 1), ("bar", 0), ("met", 0)):
         found.add_column(column, justify="right" if right else "left", no_wrap=column == "metric")
     for row in _ordered(rows):
-        met = "FAILED" if row.failed else "skipped" if row.met is None else "yes" if row.met else "MISSED"
+        unmet = "skipped" if row.value is None else ""
+        met = "FAILED" if row.failed else unmet if row.met is None else "yes" if row.met else "MISSED"
         spread = f" ±{row.spread:.2f}" if row.spread is not None else ""
         ratio = f"{row.ratio:.2f}{spread}" if row.ratio is not None else ""
         found.add_row(row.metric, _figure(row.value), row.unit, _figure(row.limit), ratio, row.bar, met)

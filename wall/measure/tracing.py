@@ -10,7 +10,7 @@ import numpy as np
 
 from wall.config.loading import loads
 from wall.config.schema import HilbertSampling
-from wall.data import SAMPLE, Float32
+from wall.data import SAMPLE, Event, Float32
 from wall.errors import RunError
 from wall.measure.kernels import bare_queries
 from wall.measure.record import SEED, Row, compared
@@ -25,7 +25,7 @@ from wall.tracing.tracer import Tracer
 SCENE = """\
 version: 1
 scene: {{source: {source}}}
-wall: {{grid: {{columns: 1, rows: 1, pixels: [480, 270], size: [0.48, 0.27]}}}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [{width}, {height}], size: [0.48, 0.27]}}}}
 views: [{{camera: {camera}}}]
 """
 CAMERAS = {"courtyard": "{position: [7.4, 3.6, 9.4], target: [0, 0.9, 0], fov: 38}", "forest": "auto"}
@@ -35,21 +35,24 @@ T_FAR = slice(embree.T_FAR, embree.T_FAR + embree.PACKET)
 INSTANCE = slice(embree.INSTANCE, embree.INSTANCE + embree.PACKET)
 
 
-def plan_of(source: str) -> Plan:
-    """One panel of 480x270 that shows a built-in scene."""
-    return make_plan(make_layout(loads(SCENE.format(source=source, camera=CAMERAS[source]), path=Path("measure.yaml"))))
+def plan_of(source: str, pixels: tuple[int, int] = (480, 270)) -> Plan:
+    """One panel of so many pixels, 16 : 9, that shows a built-in scene."""
+    text = SCENE.format(source=source, camera=CAMERAS[source], width=pixels[0], height=pixels[1])
+    return make_plan(make_layout(loads(text, path=Path("measure.yaml"))))
 
 
 class Bench:
     """A scene ready to trace, and its rays recorded as packets. Mirrors are left out: they would add rays."""
 
-    def __init__(self, source: str) -> None:
+    def __init__(self, source: str, chosen: tuple[Float32, Event] | None = None) -> None:
+        """`chosen`: positions (n, 2) and the event they are traced under, instead of every pixel in raster order."""
         self.plan = plan_of(source)
         layout = self.plan.layout
         self.rect = layout.regions[0].rect
         self.tracer = Tracer(make_resident(self.plan.scene), layout.wall.panels[0], self.plan.view.eye, coherent=True)
-        self.tracer.take(first_event(self.plan, 0.0))
         raster = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32)
+        raster, event = chosen or (raster, first_event(self.plan, 0.0))
+        self.tracer.take(event)
         self.raster = raster[: len(raster) // 16 * 16]
         self.samples = np.zeros(len(self.raster), SAMPLE)
         self._record()
@@ -63,7 +66,7 @@ class Bench:
 
     def _record(self) -> None:
         """Every primary packet, and the shadow packet of every light that some lane of it faces."""
-        work, (points, suns) = self.tracer._work, self.arguments(self.raster)[-5:-3]
+        work, (points, suns) = self.tracer._work, self.arguments(self.raster)[-6:-4]
         lights = [(None, suns[k : k + 1]) for k in range(0 if suns is None else len(suns))]
         lights += [(points[k : k + 1], None) for k in range(0 if points is None else len(points))]
         hits, shadows, lit, stopped, ends = [], [], [], [], []
@@ -118,9 +121,9 @@ class Bench:
         self._block_lit[:m] = self.lit[shadows]
         ends, arguments = self._ends[packets] - shadows.start, self.tracer._work.arguments
         block = self._block_hits[:n], self._valid, self._block_shadows[:m], self._block_lit[:m]
-        began = time.perf_counter()
+        began = time.thread_time()
         bare_queries(self.tracer._scene, *block, ends, arguments)
-        return time.perf_counter() - began
+        return time.thread_time() - began
 
     def _of_block(self, first: int) -> tuple[slice, slice]:
         """The block's packets, and their shadow packets."""
@@ -130,10 +133,10 @@ class Bench:
     def traced_rate(self, batches: list[Float32]) -> float:
         """Samples a second of whole samples at these positions."""
         ready = [self.arguments(xy) for xy in batches]
-        began = time.perf_counter()
+        began = time.thread_time()
         for arguments in ready:
             kernels.trace(*arguments)
-        return sum(len(xy) for xy in batches) / (time.perf_counter() - began)
+        return sum(len(xy) for xy in batches) / (time.thread_time() - began)
 
     def hilbert_batches(self) -> list[Float32]:
         """One sweep of the Hilbert sampler at its default settings."""

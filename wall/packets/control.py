@@ -19,11 +19,13 @@ import lz4.block
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Rect
+from wall.data import Camera, Event, Rect, Survey
 from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets.survey import parse_survey, survey_body
 
-MAGIC, VERSION = b"WALL", 1
+MAGIC, VERSION = b"WALL", 2
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
+KIND_SURVEY = 10                 # 9 is a tiling
 MAX_TEXT_BYTES = 16384           # of a JSON body
 MAX_AREA = 1 << 25               # pixels of a framelet: 8K UHD
 LZ4_LARGEST_RATIO = 255          # lz4 cannot expand more: a few bytes cannot ask for a large buffer
@@ -32,8 +34,8 @@ MAX_COUNTERS = 64
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
-_EVENT = struct.Struct("<HIIdd3d9dB31p")
-_FRAMELET = struct.Struct("<HHHHHIII")
+_EVENT = struct.Struct("<HIIdd3d9dB31p31pB")
+_FRAMELET = struct.Struct("<HHHHHIIIB")
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -58,6 +60,7 @@ class Heartbeat:
     samples_shown: int = 0
     secondary_rays: int = 0
     samples_per_s: float = 0.0   # lately
+    compared_per_s: float = 0.0  # of them by the sampler that is compared
     bytes_per_s: float = 0.0
     packets: int = 0
     bytes: int = 0
@@ -95,12 +98,18 @@ class Framelet:
     camera_event: int
     scene_event: int
     data: bytes                  # lz4 of width * height * 3 bytes
+    compared: bool = False       # of the second picture, while two samplers are compared
 
     @classmethod
-    def of(cls, *, panel: int, rect: Rect, rgb: NDArray[np.uint8], camera_event: int, scene_event: int) -> Framelet:
+    def of(
+        cls, *, panel: int, rect: Rect, rgb: NDArray[np.uint8], camera_event: int, scene_event: int,
+        compared: bool = False,
+    ) -> Framelet:  # fmt: skip
         """rgb : (height, width, 3) uint8."""
         data = bytes(lz4.block.compress(rgb.tobytes(), store_size=False))
-        return cls(panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data)
+        return cls(
+            panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data, compared=compared
+        )
 
     def pixels(self) -> NDArray[np.uint8]:
         """(height, width, 3) uint8, read-only. Raises RemoteProtocolError if the data is not that."""
@@ -114,7 +123,7 @@ class Framelet:
         return np.frombuffer(raw, np.uint8).reshape(self.rect.height, self.rect.width, 3)
 
 
-Message: TypeAlias = Event | Framelet | Hello | Heartbeat | Ping | Pong | Stop
+Message: TypeAlias = Event | Framelet | Hello | Heartbeat | Ping | Pong | Stop | Survey
 _JSON_KINDS: dict[int, type[Hello] | type[Heartbeat] | type[Ping] | type[Pong] | type[Stop]] = {
     KIND_HELLO: Hello,
     KIND_HEARTBEAT: Heartbeat,
@@ -153,9 +162,13 @@ def parse_control(data: bytes | memoryview) -> Message:
 def _body(message: Message) -> tuple[int, bytes]:
     if isinstance(message, Event):
         return KIND_EVENT, _event_body(message)
+    if isinstance(message, Survey):
+        return KIND_SURVEY, survey_body(message)
     if isinstance(message, Framelet):
         r, numbers = message.rect, (message.camera_event, message.scene_event)
-        head = _FRAMELET.pack(message.panel, r.x, r.y, r.width, r.height, *numbers, len(message.data))
+        head = _FRAMELET.pack(
+            message.panel, r.x, r.y, r.width, r.height, *numbers, len(message.data), message.compared
+        )
         return KIND_FRAMELET, head + message.data
     kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
     return kind, json.dumps(asdict(message), allow_nan=False).encode()
@@ -166,48 +179,58 @@ def _parse_body(kind: int, body: bytes) -> Message:
         return _parse_event(body)
     if kind == KIND_FRAMELET:
         return _parse_framelet(body)
+    if kind == KIND_SURVEY:
+        return parse_survey(body)
     if kind in _JSON_KINDS:
         return _parse_json(_JSON_KINDS[kind], body)
     raise RemoteProtocolError(f"unknown kind of message {kind}")
 
 
 def _event_body(event: Event) -> bytes:
-    sampler = event.sampler.encode()
-    if len(sampler) > 30:
-        raise LocalProtocolError(f"sampler name {event.sampler!r} is longer than 30 bytes")
+    sampler, compare = event.sampler.encode(), event.compare.encode()
+    if max(len(sampler), len(compare)) > 30:
+        raise LocalProtocolError(f"sampler name {event.sampler!r} or {event.compare!r} is longer than 30 bytes")
     return _EVENT.pack(
         event.view, event.camera_event, event.scene_event, event.scene_time, event.input_time,
-        *event.camera.position, *event.camera.world_from_wall, event.paused, sampler,
+        *event.camera.position, *event.camera.world_from_wall, event.paused, sampler, compare,
+        event.survey,
     )  # fmt: skip
 
 
 def _parse_event(body: bytes) -> Event:
     if len(body) != _EVENT.size:
         raise RemoteProtocolError(f"an event of {len(body)} bytes; it has {_EVENT.size}")
-    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler = _EVENT.unpack(body)
-    if not all(map(math.isfinite, (scene_time, input_time, *pose))) or paused > 1:
-        raise RemoteProtocolError(f"event {camera_event}/{scene_event}: a number is not finite, or paused is {paused}")
+    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler, compare, survey = (
+        _EVENT.unpack(body)
+    )
+    if not all(map(math.isfinite, (scene_time, input_time, *pose))) or max(paused, survey) > 1:
+        raise RemoteProtocolError(
+            f"event {camera_event}/{scene_event}: a number is not finite, or paused {paused} or survey {survey} above 1"
+        )
     try:
-        name = sampler.decode()
+        names = sampler.decode(), compare.decode()
     except UnicodeDecodeError as error:
         raise RemoteProtocolError(f"event {camera_event}/{scene_event}: sampler name is not text") from error
     return Event(
         view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=input_time,
-        camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=name, paused=bool(paused),
+        camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=names[0], paused=bool(paused),
+        compare=names[1], survey=bool(survey),
     )  # fmt: skip
 
 
 def _parse_framelet(body: bytes) -> Framelet:
     if len(body) < _FRAMELET.size:
         raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {_FRAMELET.size}")
-    panel, x, y, width, height, camera_event, scene_event, length = _FRAMELET.unpack_from(body)
+    panel, x, y, width, height, camera_event, scene_event, length, compared = _FRAMELET.unpack_from(body)
     if length != len(body) - _FRAMELET.size:
         raise RemoteProtocolError(f"framelet of panel {panel}: {len(body) - _FRAMELET.size} bytes came of {length}")
-    if not 0 < 3 * width * height <= min(3 * MAX_AREA, LZ4_LARGEST_RATIO * length):
+    if compared > 1 or not 0 < 3 * width * height <= min(3 * MAX_AREA, LZ4_LARGEST_RATIO * length):
         raise RemoteProtocolError(f"framelet of panel {panel}: {width}x{height} with {length} bytes is out of range")
     rect = Rect(x=x, y=y, width=width, height=height)
     data = body[_FRAMELET.size :]
-    return Framelet(panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data)
+    return Framelet(
+        panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data, compared=bool(compared)
+    )
 
 
 def _parse_json(cls: Any, body: bytes) -> Message:

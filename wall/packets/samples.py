@@ -23,7 +23,7 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 __all__ = ["BYTES_A_SAMPLE", "HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
 MAGIC, VERSION, KIND_SAMPLES = b"WALL", 2, 1
-PLAIN, COMPACT = 0, 1            # layouts of the body
+PLAIN, COMPACT, LIT = 0, 1, 2    # layouts of the body; LIT: compact with normals and lamps
 BYTES_A_SAMPLE = 12              # of a plain body, before compression
 MAX_SAMPLES = 65536              # of one packet
 MAX_EDGE = 4096                  # pixels of a rectangle: leaves 2 sub-pixel bits
@@ -55,8 +55,8 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
             f"at most {MAX_SAMPLES} samples, edges of 1 to {MAX_EDGE} pixels"
         )
     if batch.adaptive:
-        layout, codec, bits = COMPACT, Codec.NONE, DEPTH_BITS
-        data, base, span, bad, outside = compact.pack(batch.samples, rect)
+        layout, codec, bits = LIT if batch.relightable else COMPACT, Codec.NONE, DEPTH_BITS
+        data, base, span, bad, outside = compact.pack(batch.samples, rect, lit=batch.relightable)
     else:
         layout = PLAIN
         data, base, bits, span, bad, outside = _pack_plain(batch.samples, rect, codec)
@@ -113,17 +113,19 @@ def decode(data: bytes | memoryview) -> Batch:
     rect = Rect(x=x, y=y, width=width, height=height)
     if layout == PLAIN:
         samples = _unpack_plain(expand(body, codec, BYTES_A_SAMPLE * n, where), rect, base, bits, span)
-    elif layout == COMPACT and codec == Codec.NONE:
-        samples = compact.unpack(body, n, rect=rect, depth_base=base, depth_bits=bits, span=span)
+    elif layout in (COMPACT, LIT) and codec == Codec.NONE:
+        samples = compact.unpack(
+            body, n, rect=rect, depth_base=base, depth_bits=bits, span=span, lit=layout == LIT
+        )
     else:
-        raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; known: 0 with any, 1 with 0")
+        raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; known: 0 with any, 1 and 2 with 0")
     if samples is None:
         raise RemoteProtocolError(f"{where}: body is not {n} samples inside its rectangle")
     return Batch(
         view=view, panel=panel, rect=rect, rank=rank, sequence=sequence, camera_event=camera_event,
         scene_event=scene_event, base_time=base_time, samples=samples, frame=frame, frame_samples=frame_samples,
         skipped=skipped, blend=blend, camera=Camera(position=position, world_from_wall=rotation_of(quaternion)),
-        scene_time=scene_time, adaptive=bool(adaptive),
+        scene_time=scene_time, adaptive=bool(adaptive), relightable=layout == LIT,
     )
 
 
@@ -145,7 +147,7 @@ def _pack_plain(samples: Samples, rect: Rect, codec: Codec) -> tuple[bytes, int,
 def _unpack_plain(data: bytes | memoryview, rect: Rect, base: int, bits: int, span: float) -> Samples | None:
     """The samples of a plain body, None if one lies outside the rectangle."""
     n = len(data) // BYTES_A_SAMPLE
-    samples = np.empty(n, SAMPLE)
+    samples = np.zeros(n, SAMPLE)
     outside = kernels.unpack(
         *_planes(np.frombuffer(data, np.uint8), n), (rect.x, rect.y, rect.width, rect.height),
         subpixel_bits(rect.width), subpixel_bits(rect.height), base, bits, np.float32(span), samples,

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Counters, Event, Rect
+from wall.data import Counters, Event, Rect, Survey
 from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
 from wall.geometry.panels import Panel
 from wall.packets.control import Framelet, Heartbeat, parse_control, serialise
 from wall.packets.samples import decode, is_samples
+from wall.packets.tiling import decode_tiling, is_tiling
+from wall.processes.compared import Compared
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan
+from wall.processes.plan import Plan, make_predictor
 from wall.processes.renderer import Control, peak_memory
+from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
 
+Dirty: TypeAlias = dict[tuple[int, bool], NDArray[np.bool_]]  # by panel, and whether it is the second picture of two
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 
 
@@ -27,6 +33,13 @@ class Compositor:
         self.packets = self.bytes = 0
         self.panels = {k: PanelCompositor(plan, k) for k in plan.layout.panels_of(rank)}
         self.remote = {k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels}
+        self._remote_compared: dict[int, RemotePanel] = {}  # their second pictures, once there was one
+        self._remote_surveys: dict[tuple[int, bool], Survey] = {}  # the newest of each picture
+
+    def follow(self, event: Event) -> None:
+        """Begin or end comparing two samplers, if `event` says so."""
+        for panel in self.panels.values():
+            panel.follow(event)
 
     def take_in(self) -> int:
         """Fold in what has arrived, at most DRAIN_BYTES of it. Returns packets taken."""
@@ -49,18 +62,46 @@ class Compositor:
                 raise RemoteProtocolError(f"samples of panel {batch.panel}, which is another compositor's")
             self.panels[batch.panel].insert(batch)
             return
-        framelet = parse_control(packet)
-        if not isinstance(framelet, Framelet) or framelet.panel not in self.remote:
-            raise RemoteProtocolError("neither samples nor a framelet of another compositor's panel")
-        self.remote[framelet.panel].insert(framelet)
+        if is_tiling(packet):
+            tiling = decode_tiling(packet)
+            if tiling.panel not in self.panels:
+                raise RemoteProtocolError(f"tiles of panel {tiling.panel}, which is another compositor's")
+            self.panels[tiling.panel].take_tiling(tiling)
+            return
+        message = parse_control(packet)
+        if not isinstance(message, Framelet | Survey) or message.panel not in self.remote:
+            raise RemoteProtocolError("neither samples, tiles nor a framelet or survey of another compositor's panel")
+        panel = self.remote[message.panel]
+        if isinstance(message, Survey):
+            panel.check(message)
+            self._remote_surveys[message.panel, message.compared] = message
+        elif message.compared:
+            self._remote_compared.setdefault(message.panel, RemotePanel(panel.panel)).insert(message)
+        else:
+            panel.insert(message)
 
-    def refresh(self, event: Event, now: float) -> dict[int, NDArray[np.bool_]]:
-        """Bring every panel's display values up to date; the tiles that changed, by panel."""
-        return {k: panel.refresh(event, now) for k, panel in self.panels.items()}
+    def refresh(self, event: Event, now: float) -> Dirty:
+        """Bring every panel's display values up to date; the tiles that changed."""
+        dirty = {(k, False): panel.refresh(event, now) for k, panel in self.panels.items()}
+        seconds = {(k, True): p.compared.refresh() for k, p in self.panels.items() if p.compared is not None}
+        return dirty | seconds
+
+    def surveys(self, now: float, *, comparing: bool) -> tuple[Survey, ...]:
+        """Of every picture of every panel: made now for own ones, the newest of the others."""
+        own = [survey for panel in self.panels.values() for survey in panel.surveys(now)]
+        return (*own, *(survey for (_, second), survey in self._remote_surveys.items() if comparing or not second))
 
     def pictures(self) -> tuple[PanelPicture, ...]:
         """All panels of the wall, in order: own ones, and the newest framelets of the others."""
         shown: dict[int, PanelCompositor | RemotePanel] = {**self.panels, **self.remote}
+        return tuple(shown[k].picture() for k in sorted(shown))
+
+    def compared(self) -> tuple[PanelPicture, ...]:
+        """The second pictures of all panels, in order, while two samplers are compared; black until something came."""
+        for k, panel in self.remote.items():
+            self._remote_compared.setdefault(k, RemotePanel(panel.panel))
+        own = {k: panel.compared for k, panel in self.panels.items() if panel.compared is not None}
+        shown: dict[int, Compared | RemotePanel] = {**own, **self._remote_compared}
         return tuple(shown[k].picture() for k in sorted(shown))
 
     def newest_event(self) -> tuple[int, int]:
@@ -97,6 +138,15 @@ class RemotePanel:
         self.newest_event = max(self.newest_event, (framelet.camera_event, framelet.scene_event))
         self._version += 1
 
+    def check(self, survey: Survey) -> None:
+        """Raise RemoteProtocolError for a survey whose tiles are not this panel's."""
+        height, width = self._rgb.shape[:2]
+        if survey.age.shape != (-(-height // 16), -(-width // 16)):
+            raise RemoteProtocolError(f"survey of {survey.age.shape} tiles, panel {self.panel.id} has {width}x{height}")
+        ends = survey.rects[:, :2].astype(np.int64) + survey.rects[:, 2:]
+        if (ends > (width, height)).any():
+            raise RemoteProtocolError(f"survey: a tile reaches outside panel {self.panel.id} of {width}x{height}")
+
     def picture(self) -> PanelPicture:
         if self._version != self._picture.version:
             self._picture = self._hand_over(self._version)
@@ -112,20 +162,29 @@ class FurtherCompositor:
     def __init__(self, plan: Plan, rank: int, hub: Hub, control: Control, outbox: Link) -> None:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._compositor = Compositor(plan, rank, hub)
-        self._pending = {k: np.zeros(p.tiles, np.bool_) for k, p in self._compositor.panels.items()}
+        self._pending: Dirty = {}
+        self._survey_due = Due()
         self._packets = self._bytes = 0
+        self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
 
     def run(self) -> None:
         control, clock = self._control, self._control.clock
         due = clock.now()
+        predictor = make_predictor(self._plan)
         while not control.stopped:
             event = control.newest()
+            if event is not None:
+                self._compositor.follow(event)
             taken = self._compositor.take_in()
             now = clock.now()
             if now >= due:
                 due = max(due + 1.0 / self._plan.view.refresh_hz, now)
+                while control.recent:
+                    predictor.take(control.recent.popleft())
                 if event is not None:
-                    self._refresh(event, now)
+                    expected = predictor.at(now)
+                    self._ahead = expected.number != event.number
+                    self._refresh(expected, now)
             if control.beat_due():
                 control.beat(self._heartbeat(event, last=False))
             if not taken:
@@ -133,24 +192,36 @@ class FurtherCompositor:
         control.beat(self._heartbeat(control.event, last=True))
 
     def _refresh(self, event: Event, now: float) -> None:
-        for k, dirty in self._compositor.refresh(event, now).items():
-            self._pending[k] |= dirty
-            if self._pending[k].any() and self._outbox.ready():
-                self._send(k)
+        refreshed = self._compositor.refresh(event, now)
+        for gone in self._pending.keys() - refreshed.keys():
+            del self._pending[gone]  # no longer compared
+        for shown, dirty in refreshed.items():
+            if shown not in self._pending:
+                self._pending[shown] = np.full(dirty.shape, shown[1])  # a second picture begins black
+            self._pending[shown] |= dirty
+            if self._pending[shown].any() and self._outbox.ready():
+                self._send(*shown)
+        if event.survey and self._outbox.ready() and self._survey_due.now(now):
+            for survey in self._compositor.surveys(now, comparing=True):
+                self._offer(serialise(survey))
 
-    def _send(self, k: int) -> None:
-        panel = self._compositor.panels[k]
-        rect = _bounds(self._pending[k], panel.panel.pixels)
-        camera_event, scene_event = panel.buffer.newest_event
-        rgb = panel.picture().rgb[rect.y : rect.y + rect.height, rect.x : rect.x + rect.width]
-        packet = serialise(Framelet.of(panel=k, rect=rect, rgb=rgb, camera_event=camera_event, scene_event=scene_event))
+    def _send(self, k: int, compared: bool) -> None:
+        panel, pending = self._compositor.panels[k], self._pending[k, compared]
+        second = panel.compared if compared else None
+        rect = _bounds(pending, panel.panel.pixels)
+        camera_event, scene_event = (second or panel).buffer.newest_event
+        rgb = (second or panel).picture().rgb[rect.y : rect.y + rect.height, rect.x : rect.x + rect.width]
+        numbers = {"camera_event": max(camera_event, 0), "scene_event": max(scene_event, 0)}  # -1: still black
+        pending[:] = False
+        self._offer(serialise(Framelet.of(panel=k, rect=rect, rgb=rgb, compared=compared, **numbers)))
+
+    def _offer(self, packet: bytes) -> None:
         self._packets += 1
         self._bytes += len(packet)
-        self._pending[k][:] = False
         for dropped in self._outbox.offer(packet):
             lost = parse_control(dropped)
-            if isinstance(lost, Framelet):
-                self._pending[lost.panel][_tiles(lost.rect)] = True
+            if isinstance(lost, Framelet) and (lost.panel, lost.compared) in self._pending:
+                self._pending[lost.panel, lost.compared][_tiles(lost.rect)] = True
 
     def _heartbeat(self, event: Event | None, *, last: bool) -> Heartbeat:
         c = self._compositor
@@ -162,7 +233,7 @@ class FurtherCompositor:
             bytes=self._bytes,
             peak_memory=peak_memory(),
             dropped=c.drops().counts,
-            complete=not any(p.any() for p in self._pending.values()),
+            complete=not self._ahead and not any(p.any() for p in self._pending.values()),
             camera_event=event.camera_event if event else -1,
             scene_event=event.scene_event if event else -1,
             last=last,

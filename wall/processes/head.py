@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 
 from wall.config.schema import METHODS
+from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status, WallPicture
 from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
 from wall.processes.manager import Manager
-from wall.processes.plan import HEAD, Plan
+from wall.processes.plan import HEAD, Plan, make_predictor
 from wall.processes.renderer import peak_memory
+from wall.processes.watching import Due
 from wall.transport.base import Hub
 
 STATUS_PERIOD_S = 0.25
@@ -42,6 +44,7 @@ class Head:
         self._plan, self._bootstrap, self._clock, self._sinks = plan, bootstrap, clock, sinks
         self._compositor = Compositor(plan, HEAD, hub)
         self.manager = Manager(plan, control_hub, clock, commands, still=still)
+        self._predictor = make_predictor(plan)
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -50,6 +53,8 @@ class Head:
         self._refreshes = 0
         self._status: Status | None = None
         self._status_due = 0.0
+        self._surveys: tuple[Survey, ...] = ()
+        self._survey_due = Due()
 
     def run(self, *, seconds: float | None, until_complete: bool) -> None:
         """The compositor's loop, until time is up, the picture is complete, or nobody renders any more."""
@@ -57,11 +62,12 @@ class Head:
         clock, period = self._clock, 1.0 / self._plan.view.refresh_hz
         due = clock.now()
         while not self.stopping:
+            self._compositor.follow(self.manager.event)
             taken = self._compositor.take_in()
             now = clock.now()
             if now >= due:
                 due = max(due + period, now)
-                self._refresh(now)
+                self._refresh(now, self._expected(now))
                 self._watch(now)
                 if seconds is not None and now - self._began >= seconds:
                     self.stopping = "time is up"
@@ -77,7 +83,7 @@ class Head:
         self.manager.stop()
         while self._compositor.take_in():
             pass
-        self._refresh(self._clock.now())
+        self._refresh(self._clock.now(), self.manager.event)
         failures = []
         for sink in self._sinks:
             try:
@@ -90,8 +96,11 @@ class Head:
     def _hold(self) -> None:
         """Freeze the view, so that wall.png shows one moment with every sample."""
         self.manager.hold()
-        limit = self._clock.now() + HOLD_S
-        while self._clock.now() < limit and not self._idle():
+        limit, due = self._clock.now() + HOLD_S, 0.0
+        while (now := self._clock.now()) < limit and not self._idle():
+            if now >= due:  # samples of the frozen view are kept only where they are in the picture
+                due = now + 1.0 / self._plan.view.refresh_hz
+                self._refresh(now, self._expected(now))
             if not self._compositor.take_in():
                 self._compositor.hub.wait(0.005)
 
@@ -104,11 +113,29 @@ class Head:
             time=self._clock.now(),
             camera_event=event.camera_event,
             scene_event=event.scene_event,
+            compared=self._compositor.compared() if event.compare else (),
+            surveys=self._surveys,
         )
 
-    def _refresh(self, now: float) -> None:
+    def _expected(self, now: float) -> Event:
+        """What the viewer is expected to ask for when a refresh at `now` is seen."""
+        recent = self.manager.recent
+        while recent:
+            self._predictor.take(recent.popleft())
+        return self._predictor.at(now)
+
+    def _survey(self, now: float) -> None:
+        """Look at the samples for whoever watches them."""
+        event = self.manager.event
+        if not event.survey:
+            self._surveys = ()
+        elif self._survey_due.now(now):
+            self._surveys = self._compositor.surveys(now, comparing=bool(event.compare))
+
+    def _refresh(self, now: float, event: Event) -> None:
         before = [p.version for p in self._compositor.pictures()]
-        self._compositor.refresh(self.manager.event, now)
+        self._compositor.refresh(event, now)
+        self._survey(now)
         picture = self.picture()
         if [p.version for p in picture.panels] != before or self._refreshes == 0:
             self._changed = now
@@ -158,6 +185,8 @@ class Head:
             paused=self.manager.event.paused,
             sampler=self.manager.event.sampler,
             samplers=METHODS,
+            compare=self.manager.event.compare,
+            compared_per_s=sum(beat.compared_per_s for _, beat in list(self.manager.heartbeats.values())),
             ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),
             latency_ms=percentiles_ms(latencies),
             latencies_ms=tuple(1000.0 * s for s in latencies),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from wall.config.schema import METHODS
@@ -21,8 +22,10 @@ from wall.processes.clock import Clock
 from wall.processes.plan import Plan, first_event
 from wall.transport.base import Hub
 
+COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+RECENT_EVENTS = 32  # kept for a head that is late; older ones predict nothing
 BYE_WAIT_S = 0.8  # for the ranks' last words
 
 
@@ -35,6 +38,8 @@ class Director:
         self._scene_time, self._path_time, self._last = 0.0, 0.0, now
         self.paused = False
         self.sampler: str = plan.layout.sampling.method
+        self.compare = ""  # with the adaptive sampler, whichever `sampler` is
+        self.survey = False
         self.event = first_event(plan, now)
 
     def update(self, commands: list[Command], now: float) -> bool:
@@ -48,9 +53,10 @@ class Director:
         camera = self._camera()
         scene_time = self._scene_time if self._plan.scene.animated else 0.0
         old = self.event
-        turned = camera != old.camera or self.sampler != (old.sampler or self.sampler)
+        sampler = COMPARED_WITH if self.compare else self.sampler
+        turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
         moved = scene_time != old.scene_time
-        if not turned and not moved and self.paused == old.paused:
+        if not turned and not moved and (self.paused, self.survey) == (old.paused, old.survey):
             return False
         self.event = Event(
             view=0,
@@ -59,10 +65,18 @@ class Director:
             scene_time=scene_time,
             input_time=now,
             camera=camera,
-            sampler=self.sampler,
+            sampler=sampler,
             paused=self.paused,
+            compare=self.compare,
+            survey=self.survey,
         )
         return True
+
+    def hold(self) -> bool:
+        """Stop everything where it is. Returns whether that is news: then the event says that it is paused."""
+        was, self.paused = self.event.paused, True
+        self.event = replace(self.event, paused=True)
+        return not was
 
     def _camera(self) -> Camera:
         return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
@@ -74,6 +88,11 @@ class Director:
             self._steering = None
         elif command.kind == "sampler":
             self.sampler = command.value if command.value in METHODS else self.sampler
+            self.compare = ""
+        elif command.kind == "compare":
+            self.compare = command.value
+        elif command.kind == "survey":
+            self.survey = command.value == "on"
         else:
             steering = self._steering or Steering.from_view(self._view, self._path_time)
             self._steering = steering.apply(command)
@@ -107,6 +126,7 @@ class Manager(threading.Thread):
         self._heartbeat_s = plan.layout.config.transport.heartbeat_s
         self._tick_s = 1.0 / (plan.view.refresh_hz * EVENTS_A_REFRESH)
         self.event = self._director.event
+        self.recent = deque([self.event], maxlen=RECENT_EVENTS)  # for the head's thread to take
         self.latency, self.counters = Latency(), Counters()
         self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
         self.hellos: dict[int, Hello] = {}
@@ -136,6 +156,9 @@ class Manager(threading.Thread):
         while not self._stopping.is_set():
             now = self._clock.now()
             commands = self._parse(self._commands())
+            if self._held.is_set() and self._director.hold():
+                self._publish(now)
+                beat = now
             if not self._held.is_set() and (now >= due or commands) and self._director.update(commands, now):
                 self._publish(now)
                 beat = now
@@ -150,6 +173,7 @@ class Manager(threading.Thread):
 
     def _publish(self, now: float) -> None:
         self.event = self._director.event
+        self.recent.append(self.event)
         if len(self.hellos) == len(self._others):  # before, nobody is there who could show it
             self.latency.published(self.event)
         self._hub.broadcast(serialise(self.event))

@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.data import SAMPLE, Batch, Event, Samples
+from wall.data import SAMPLE, Batch, Event, Rect, Samples, Survey, Tiling
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
+from wall.errors import RemoteProtocolError
+from wall.processes.compared import Compared
 from wall.processes.plan import Plan
+from wall.processes.watching import survey_of
 from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_picture
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError
@@ -30,12 +33,36 @@ class PanelCompositor:
         self._plan = plan
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
         self._adaptive = self._given_up = False
+        self._shown: Event | None = None  # of the newest picture
+        self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
         self._rgb = np.zeros((height, width, 3), np.uint8)
         self._picture = self._hand_over(version=0)
+        self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
+        self._compared_version = 0  # of its next picture
+        self._alone_since = 0  # camera event with which the last comparison ended
+
+    def follow(self, event: Event) -> None:
+        """Begin or end comparing, if `event` says so; best before the first batch that was traced under it comes."""
+        method = self.compared.method if self.compared else ""
+        if event.compare == method:
+            return
+        if self.compared is not None:
+            self._compared_version = self.compared.picture().version + 1
+            self.buffer.counters.merge(self.compared.buffer.counters.counts)
+            self.buffer.samples_shown += self.compared.buffer.samples_shown
+        self._alone_since = event.camera_event
+        version = self._compared_version
+        self.compared = Compared(self.panel, event.compare, version=version) if event.compare else None
 
     def insert(self, batch: Batch) -> None:
+        if not batch.adaptive and self.compared is not None:
+            self.compared.buffer.insert(batch)
+            return
+        if not batch.adaptive and self._reprojected is not None and batch.camera_event < self._alone_since:
+            self.buffer.counters.add("late", len(batch.samples))  # of the sampler that is no longer compared
+            return
         self.buffer.insert(batch)
         self._adaptive = batch.adaptive and not self._given_up
         if self._adaptive:
@@ -46,12 +73,33 @@ class PanelCompositor:
             except GpuError as error:
                 self._give_up(error, batch)
 
+    def take_tiling(self, tiling: Tiling) -> None:
+        """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
+
+        Raises RemoteProtocolError where they are not of this panel's pixels or their rank renders others.
+        """
+        layout, key = self._plan.layout, (tiling.rank, tiling.rect)
+        region = layout.region(tiling.rank) if tiling.rank in layout.renderers() else None
+        if region is None or layout.wall.panels[region.panel] is not self.panel or not region.rect.holds(tiling.rect):
+            raise RemoteProtocolError(f"rank {tiling.rank}: tiles of {tiling.rect}; wanted: inside {region}")
+        known = self.tilings.get(key)
+        if known is not None and known.base_time > tiling.base_time:
+            self.buffer.counters.add("late_tilings")
+            return
+        for other in [k for k in self.tilings if k != key and k[0] == tiling.rank and k[1].meets(tiling.rect)]:
+            del self.tilings[other]  # the rank has cut its region anew, among other threads
+        self.tilings[key] = tiling
+        if self._reprojected is not None:
+            self._reprojected.take_tiling(tiling)
+
     def _new_picture(self) -> Reprojected:
         sampling, view = self._plan.layout.sampling, self._plan.view
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         made, self.reconstruction = make_picture(
             self._wish, self.panel, view.eye, self._plan.scene, samples_per_pixel=kept
         )
+        for tiling in self.tilings.values():
+            made.take_tiling(tiling)
         return made
 
     def _give_up(self, error: GpuError, event: Batch | Event) -> Reprojected:
@@ -80,6 +128,7 @@ class PanelCompositor:
         """
         dirty = self.buffer.take_dirty()
         if self._adaptive and self._reprojected is not None:
+            self._shown = event
             dirty = self._reproject(self._reprojected, event, now)
         elif dirty.any():
             update_display(self.buffer.radiance, dirty, TILE, self._rgb)
@@ -96,6 +145,26 @@ class PanelCompositor:
             return dirty
         except GpuError as error:
             return self._reproject(self._give_up(error, event), event, now)
+
+    def surveys(self, now: float) -> list[Survey]:
+        """How old and how dense the samples of its pictures are, one Survey a picture.
+
+        Raises GpuError if a GPU was asked for and is lost.
+        """
+        found = [self._survey(now)]
+        if self.compared is not None:
+            found.append(survey_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
+        return found
+
+    def _survey(self, now: float) -> Survey:
+        if not self._adaptive or self._reprojected is None or self._shown is None:
+            return survey_of(self.buffer, [], self.panel.index, compared=False, now=now)  # samples without tiles
+        try:
+            tilings = list(self.tilings.values())
+            return survey_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
+        except GpuError as error:
+            self._give_up(error, self._shown)
+            return self._survey(now)
 
     @property
     def tiles(self) -> tuple[int, int]:
@@ -126,4 +195,5 @@ def _newest(buffer: DeepBuffer) -> tuple[Samples, float]:
     samples["xy"] = np.argwhere(shown)[:, ::-1] + 0.5
     samples["radiance"], samples["depth"], samples["object"] = records["shown"], records["depth"], records["object"]
     samples["time"] = records["time"] - newest
+    samples["unlit"] = np.iinfo(np.uint16).max  # their normals are not known: lamps that move change nothing
     return samples, newest

@@ -15,6 +15,7 @@ from wall.data import Event, Region
 from wall.errors import SceneError
 from wall.geometry.cameras import View, resolve_view
 from wall.geometry.panels import Panel, Wall, expand
+from wall.geometry.prediction import Predictor
 from wall.geometry.regions import regions
 from wall.scene.build import Scene
 from wall.scene.build import build as build_scene
@@ -95,6 +96,11 @@ def make_plan(layout: Layout) -> Plan:
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
     return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+
+
+def make_predictor(plan: Plan) -> Predictor:
+    """What a compositor foresees its refreshes with."""
+    return Predictor(plan.view.display_delay_s, on=plan.view.predicted)
 
 
 def first_event(plan: Plan, now: float) -> Event:

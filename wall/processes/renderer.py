@@ -6,6 +6,7 @@ import os
 import resource
 import socket
 import time
+from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
@@ -13,6 +14,7 @@ from wall.data import Counters, Event
 from wall.errors import RemoteProtocolError, RunError
 from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
 from wall.packets.samples import decode
+from wall.packets.tiling import is_tiling
 from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan
 from wall.processes.worker import Worker, make_samplers
@@ -20,6 +22,7 @@ from wall.tracing.resident import Resident
 from wall.transport.base import Link
 
 IDLE_WAIT_S = 0.05  # a complete view looks for a new event this often, if none wakes it
+RECENT_EVENTS = 32
 PINGS = 8  # round trips to the head; the fastest sets the clock
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the head, then a rank ends itself
 
@@ -33,6 +36,7 @@ class Control:
         self._transport = plan.layout.config.transport
         self.clock, self.counters = HeadClock(), Counters()
         self.event: Event | None = None
+        self.recent: deque[Event] = deque(maxlen=RECENT_EVENTS)  # all that came, for who wants them in their order
         self.stopped = False
         self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
         self._heard = time.monotonic()
@@ -61,6 +65,7 @@ class Control:
             if isinstance(message, Event):
                 if self.event is None or message.number >= self.event.number:
                     self.event = message
+                    self.recent.append(message)
             elif isinstance(message, Stop):
                 self.stopped = True
             elif isinstance(message, Pong):
@@ -88,7 +93,7 @@ class Renderer:
     def __init__(self, plan: Plan, resident: Resident, rank: int, control: Control, outbox: Link) -> None:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
-        self._method: str = self._sampling.method
+        self._methods: tuple[str, str] = (self._sampling.method, "")  # the second is compared with the first
         self._samplers = make_samplers(plan, "", self._region, control.clock)
         self._workers = [
             Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
@@ -98,7 +103,8 @@ class Renderer:
         self._counters = Counters()
         self._packets = self._bytes = 0
         self._complete = False
-        self._began, self._last = time.monotonic(), (time.monotonic(), 0, 0)
+        self._began, self._last = time.monotonic(), (time.monotonic(), 0, 0, 0)
+        self._rates = (0.0, 0.0, 0.0)  # samples, bytes, samples of the second sampler; a second, lately
 
     def run(self) -> None:
         """Until the head says stop."""
@@ -125,35 +131,44 @@ class Renderer:
     def _step(self, event: Event) -> Iterator[bytes]:
         """Packets that are ready: of the one worker, or of those threads that finished first."""
         if self._pool is None:
-            packet = self._workers[0].step(event)
-            if packet is not None:
-                yield packet
+            yield from self._ready(self._workers[0], self._workers[0].step(event))
             return
         for worker in self._workers:
             if worker not in self._running.values():
                 self._running[self._pool.submit(worker.step, event)] = worker
         done, _ = wait(self._running, return_when=FIRST_COMPLETED)
         for future in done:
-            del self._running[future]
-            packet = future.result()
-            if packet is not None:
-                yield packet
+            yield from self._ready(self._running.pop(future), future.result())
         if self._running:  # others still work: not idle even if these had nothing
             yield from ()
+
+    def _ready(self, worker: Worker, packet: bytes | None) -> Iterator[bytes]:
+        """A worker's samples, and before them its tiles, where those are due and need not wait."""
+        if packet is None:
+            return
+        tiling = worker.tiling() if self._outbox.ready() else None
+        if tiling is not None:
+            yield tiling
+        yield packet
 
     def _offer(self, packet: bytes) -> None:
         self._packets += 1
         self._bytes += len(packet)
         for dropped in self._outbox.offer(packet):
+            if is_tiling(dropped):
+                continue  # the next one replaces it
             batch = decode(dropped)
-            self._workers[batch.sequence % len(self._workers)].forget(batch.samples["xy"])
+            self._workers[batch.sequence % len(self._workers)].forget(batch)
 
     def _follow_sampler(self, event: Event) -> None:
-        """The viewer chose another sampler: start over with it."""
-        if event.sampler and event.sampler != self._method:
+        """The viewer chose another sampler, or two: start over with it."""
+        wanted = (event.sampler or self._methods[0], event.compare)
+        if wanted != self._methods:
             self._drain()
-            self._method = event.sampler
-            self._samplers[:] = make_samplers(self._plan, event.sampler, self._region, self._control.clock)
+            self._methods = wanted
+            self._samplers[:] = make_samplers(
+                self._plan, wanted[0], self._region, self._control.clock, compare=wanted[1]
+            )
 
     def _drain(self) -> None:
         for future in list(self._running):
@@ -168,12 +183,16 @@ class Renderer:
 
     def _heartbeat(self, *, last: bool) -> Heartbeat:
         traced = sum(worker.samples_traced for worker in self._workers)
-        now, (then, traced_then, bytes_then) = time.monotonic(), self._last
+        compared = sum(worker.samples_compared for worker in self._workers)
+        now, (then, *before) = time.monotonic(), self._last
         span = max(now - then, 1e-3)
         if span > 0.2:
-            self._last = (now, traced, self._bytes)
-            self._rates = ((traced - traced_then) / span, (self._bytes - bytes_then) / span)
-        samples_per_s, bytes_per_s = getattr(self, "_rates", (0.0, 0.0))
+            self._last = (now, traced, self._bytes, compared)
+            traced_then, bytes_then, compared_then = before
+            self._rates = (
+                (traced - traced_then) / span, (self._bytes - bytes_then) / span, (compared - compared_then) / span
+            )  # fmt: skip
+        samples_per_s, bytes_per_s, compared_per_s = self._rates
         bad = sum(worker.bad_samples for worker in self._workers)
         dropped = Counters(dict(self._counters.counts))
         dropped.merge(self._outbox.counters.counts)
@@ -186,6 +205,7 @@ class Renderer:
             samples_traced=traced,
             secondary_rays=sum(worker.secondary_rays for worker in self._workers),
             samples_per_s=samples_per_s,
+            compared_per_s=compared_per_s,
             bytes_per_s=bytes_per_s,
             packets=self._packets,
             bytes=self._bytes,

@@ -10,9 +10,10 @@ from collections.abc import Iterator
 from wall.data import Event
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode
+from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan, first_event
+from wall.processes.plan import Plan, first_event, make_predictor
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
 
@@ -25,7 +26,9 @@ class SingleProcess:
     def __init__(self, plan: Plan, resident: Resident) -> None:
         self.plan, self.clock = plan, ManualClock()
         self.event: Event = first_event(plan, now=0.0)
+        self._predictor = make_predictor(plan)
         layout = plan.layout
+        self._methods = (self.event.sampler, "")  # the second is compared with the first
         self.workers: list[Worker] = []
         for rank in layout.renderers():
             samplers = make_samplers(plan, "", layout.region(rank), self.clock)
@@ -35,10 +38,14 @@ class SingleProcess:
     def step(self) -> int:
         """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
         traced = 0
+        self._follow_event()
         for worker in self.workers:
-            packet = worker.step(self.event)
+            packet, tiles = worker.step(self.event), worker.tiling()
             if packet is None:
                 continue
+            if tiles is not None:
+                tiling = decode_tiling(tiles)
+                self.panels[tiling.panel].take_tiling(tiling)
             batch = decode(packet)
             self.panels[batch.panel].insert(batch)
             traced += len(batch.samples)
@@ -55,9 +62,26 @@ class SingleProcess:
         self._refresh()
         return [panel.picture() for panel in self.panels]
 
-    def _refresh(self) -> None:
+    def _follow_event(self) -> None:
+        """Panels learn whether two samplers are compared; workers start over when the event names other samplers."""
         for panel in self.panels:
-            panel.refresh(self.event, self.clock.now())
+            panel.follow(self.event)
+        wanted = (self.event.sampler or self._methods[0], self.event.compare)
+        if wanted == self._methods:
+            return
+        self._methods = wanted
+        layout, per_rank = self.plan.layout, {id(worker.samplers): worker for worker in self.workers}
+        for rank, worker in zip(layout.renderers(), per_rank.values(), strict=True):
+            worker.samplers[:] = make_samplers(
+                self.plan, wanted[0], layout.region(rank), self.clock, compare=wanted[1]
+            )
+
+    def _refresh(self) -> None:
+        now = self.clock.now()
+        self._predictor.take(self.event)
+        event = self._predictor.at(now)  # the event itself as long as nothing moves
+        for panel in self.panels:
+            panel.refresh(event, now)
 
     def _steps(self) -> Iterator[int]:
         while traced := self.step():

@@ -15,6 +15,7 @@ from wall.config.schema import METHODS
 from wall.data import Rect, Region
 from wall.jit import cache_folder, compiled_kernels
 from wall.packets.samples import decode
+from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, first_event
@@ -48,11 +49,15 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     if packet is not None:
         batch = decode(packet)
         panel.insert(batch)
-        worker.forget(batch.samples["xy"])
+        worker.forget(batch)
     for number in range(2):  # something moved, nothing moved
         panel.refresh(event, 0.1 * number)
         worker.step(event)
+    tiling = worker.tiling()
+    if tiling is not None:
+        panel.take_tiling(decode_tiling(tiling))
     panel.buffer.oldest_sample(0.0)
+    panel.surveys(0.0)
 
 
 @contextmanager

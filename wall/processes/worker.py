@@ -7,14 +7,16 @@ from collections import deque
 import numpy as np
 
 from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
-from wall.data import Batch, Event, Float32, Region
+from wall.data import Batch, Event, Float32, Region, Tiling
 from wall.packets.samples import Codec, encode
+from wall.packets.tiling import encode_tiling
 from wall.processes.beneath import LiveAdaptive, bands
 from wall.processes.clock import Clock
 from wall.processes.plan import Plan
 from wall.sampling.base import Sampler
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
+from wall.sampling.halves import Halves
 from wall.sampling.hilbert import HilbertSampler
 from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
@@ -29,15 +31,18 @@ class Worker:
         layout = plan.layout
         self.samplers, self.worker = samplers, worker
         self.samples_traced, self.secondary_rays, self.bad_samples = 0, 0, 0
+        self.samples_compared = 0  # of those traced: by the second of two samplers
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
         self._codec = Codec.named(layout.config.transport.codec)
         self._tracers = {
             coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent)
             for coherent in (False, True)
         }
+        self._relightable = resident.needs.relighting
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
-        self._lost: deque[Float32] = deque()
+        self._tilings = worker
+        self._lost: deque[tuple[Float32, bool]] = deque()
 
     @property
     def sampler(self) -> Sampler:
@@ -45,7 +50,8 @@ class Worker:
 
     def step(self, newest: Event) -> bytes | None:
         while self._lost:
-            self.sampler.forget(self._lost.popleft())
+            xy, adaptive = self._lost.popleft()
+            _of_kind(self.sampler, adaptive).forget(xy)
         targets = self.sampler.choose(newest)
         if targets is None:
             return None
@@ -55,7 +61,9 @@ class Worker:
         step = max(0.0, self._clock.now() - began) / len(targets.xy)
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
         self.sampler.observe(samples)
+        chosen = _chosen(self.sampler)
         self.samples_traced += cost.primary
+        self.samples_compared += cost.primary * (isinstance(self.sampler, Halves) and self.sampler.turn)
         self.secondary_rays += cost.shadow + cost.secondary
         self.bad_samples += cost.bad
         self._sequence += self._workers
@@ -75,9 +83,25 @@ class Worker:
             blend=targets.blend,
             camera=targets.event.camera,
             scene_time=targets.event.scene_time,
-            adaptive=isinstance(self.sampler, LiveAdaptive),
+            adaptive=isinstance(chosen, LiveAdaptive),
+            relightable=self._relightable,
         )
         return encode(batch, self._codec)
+
+    def tiling(self) -> bytes | None:
+        """The packet of the sampler's tiles, if one is due. Between steps, by whoever calls them."""
+        sampler = self.sampler
+        if not isinstance(sampler, LiveAdaptive) or (due := sampler.take_tiling()) is None:
+            return None
+        event, now, measured = due
+        self._tilings += self._workers
+        return encode_tiling(
+            Tiling(
+                view=event.view, panel=self._region.panel, rect=sampler.band, rank=self._rank,
+                sequence=self._tilings, camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
+                **measured._asdict(),
+            )
+        )  # fmt: skip
 
     def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
         tracer = self._tracers[coherent]
@@ -86,13 +110,34 @@ class Worker:
             self._placed[coherent] = event
         return tracer
 
-    def forget(self, xy: Float32) -> None:
+    def forget(self, batch: Batch) -> None:
         """A packet of ours was dropped before it was sent. May be called while another thread runs `step`."""
-        self._lost.append(xy)
+        self._lost.append((batch.samples["xy"], batch.adaptive))
 
 
-def make_samplers(plan: Plan, method: str, region: Region, clock: Clock) -> list[Sampler]:
-    """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty."""
+def _chosen(sampler: Sampler) -> Sampler:
+    """Whose the newest batch is."""
+    return sampler.sides[sampler.turn] if isinstance(sampler, Halves) else sampler
+
+
+def _of_kind(sampler: Sampler, adaptive: bool) -> Sampler:
+    """Whose a batch was; of the two that are compared exactly one is adaptive."""
+    if not isinstance(sampler, Halves):
+        return sampler
+    first, second = sampler.sides
+    return first if isinstance(first, LiveAdaptive) == adaptive else second
+
+
+def make_samplers(plan: Plan, method: str, region: Region, clock: Clock, *, compare: str = "") -> list[Sampler]:
+    """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty.
+
+    `compare`: another method that gets half of the rays, unless empty.
+    """
+    if compare:
+        pairs = zip(
+            make_samplers(plan, method, region, clock), make_samplers(plan, compare, region, clock), strict=True
+        )
+        return [Halves(first, second) for first, second in pairs]
     sampling = plan.layout.sampling
     if method:
         sampling = switched(sampling, method)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.colour import srgb_encoded
 from wall.data import Float32
 from wall.reconstruction import kernels
 
@@ -15,8 +16,7 @@ def srgb_curve() -> NDArray[np.uint8]:
     Looking up the nearest k is at most one code from the exact rounding: the curve moves 0.08 codes a step at most.
     """
     linear = (np.arange(kernels.CURVE_STEPS + 1) / kernels.CURVE_STEPS) ** 2
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(encoded * 255).astype(np.uint8)
+    return np.round(srgb_encoded(linear) * 255).astype(np.uint8)
 
 
 _CURVE = srgb_curve()

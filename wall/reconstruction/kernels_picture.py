@@ -11,11 +11,16 @@ from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import FAR, NEAREST, OUTSIDE, pixel_of, place_of
 from wall.jit import inline_kernel, kernel
 from wall.reconstruction.kernels_fill import TRUSTED
+from wall.reconstruction.kernels_relight import NOT_RELIT, remember_colour, surface_of
 
+INFINITE = np.float32(np.inf)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 BEHIND = np.float32(1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
-COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one
-HIDING = 6  # of nine pixels: so many that are nearer cover what shows between them
+COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
+AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # and so do n whose mean lies closer than AMIDST + ALONE / n pixels
+SLOT = np.float32(6.0)  # of nine pixels: with fewer nearer ones, a pixel that shows the deeper surface itself is a gap
+WAITS = np.float32(0.5)  # seconds: so young a hidden sample is kept, for it may come out again
+RIM = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
 FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 
 
@@ -23,35 +28,46 @@ FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 def front_depths(nearest, front):
     """Each pixel's least depth over 3x3, enlarged by BEHIND: up to it a sample is seen without further tests.
 
-    nearest : (h, w, 4) float32, see keep_nearest; front : (h, w) float32, written
+    nearest : (h, w, 4) float32, see keep_nearest
+    front : (h, w, 2) float32, written: that depth, and RIM where deeper surfaces show within the 3x3 pixels, else 0
     """
-    height, width = front.shape
+    height, width = front.shape[0], front.shape[1]
     for i in range(height):
-        up, down = max(i - 1, 0), min(i + 1, height - 1)
         for j in range(width):
-            left, right = max(j - 1, 0), min(j + 1, width - 1)
-            least = min(min(nearest[up, left, 0], nearest[up, j, 0]), min(nearest[up, right, 0], nearest[i, left, 0]))
-            least = min(least, min(nearest[i, j, 0], nearest[i, right, 0]))
-            least = min(least, min(nearest[down, left, 0], nearest[down, j, 0]))
-            front[i, j] = min(least, nearest[down, right, 0]) * BEHIND
+            least, most = np.float32(np.inf), ZERO
+            for di in range(max(i - 1, 0), min(i + 2, height)):
+                for dj in range(max(j - 1, 0), min(j + 2, width)):
+                    depth = nearest[di, dj, 0]
+                    least = min(least, depth)
+                    most = max(most, depth if depth < INFINITE else ZERO)
+            front[i, j, 0] = least * BEHIND
+            front[i, j, 1] = RIM if most > least * BEHIND else ZERO
 
 
 @inline_kernel
 def hidden(x, y, z, nearest):
-    """Whether nearer samples cover the place of one: some lies within COVERS, or HIDING of 3x3 pixels are nearer.
+    """Whether nearer samples cover the place of one: some lies within COVERS, or it lies amidst those of 3x3 pixels.
+
+    Beside a silhouette all nearer samples lie on one side, so that their mean is far: counting them alone would let
+    silhouettes grow by half a pixel.
 
     nearest : (h, w, 4) float32, see keep_nearest
     """
     i, j = int(y), int(x)
-    nearer = 0
+    count, right, down = ZERO, ZERO, ZERO
     for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
             if nearest[di, dj, 0] * BEHIND < z:
                 dx, dy = nearest[di, dj, 1] - x, nearest[di, dj, 2] - y
                 if dx * dx + dy * dy < COVERS:
                     return True
-                nearer += 1
-    return nearer >= HIDING
+                count += ONE
+                right += dx
+                down += dy
+    if count < SLOT and nearest[i, j, 0] * BEHIND >= z:
+        return False
+    reach = AMIDST * count + ALONE
+    return count > ZERO and right * right + down * down < reach * reach
 
 
 @kernel
@@ -151,7 +167,7 @@ def keep_nearest(name, state, screen, count, nearest):
 
 @kernel
 def splat(colour, state, screen, count, cutoff, nearest, front, now, young, decay, gathered, lighting):
-    """Add what is seen to the picture; what is hidden or too old dies.
+    """Add what is seen to the picture; what is hidden waits or dies, what is too old dies.
 
     A sample spreads over the four nearest pixel centres by a tent, weighed by confidence and age. Samples younger than
     `young` seconds are never hidden: what they hide may not have been seen yet.
@@ -179,11 +195,14 @@ def splat(colour, state, screen, count, cutoff, nearest, front, now, young, deca
         i, j = int(y), int(x)
         time = state[0, k]
         age = now - time
-        if time < cutoff or (z > front[i, j] and age > young and hidden(x, y, z, nearest)):
+        covered = z > front[i, j, 0] and age > young and hidden(x, y, z, nearest)
+        if covered and age < WAITS and time >= cutoff:
+            continue
+        if covered or time < cutoff:
             screen[2, k] = OUTSIDE
             state[1, k] = ZERO
             continue
-        a = max(age, ZERO) * decay[i // TILE, j // TILE]
+        a = max(age, ZERO) * (decay[i // TILE, j // TILE] + front[i, j, 1])
         weight = state[1, k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
         red, green, blue = colour[k, 0], colour[k, 1], colour[k, 2]
         u, v = x + HALF, y + HALF  # border included
@@ -212,8 +231,8 @@ def add(gathered, i, j, red, green, blue, weight):
 
 @kernel
 def sort_store(
-    place, name, colour, state, screen, count, by_tile, columns, starts, place_out, name_out, colour_out, state_out,
-    screen_out,
+    place, name, colour, state, screen, surface, albedo, count, by_tile, columns, starts, place_out, name_out,
+    colour_out, state_out, screen_out, surface_out, albedo_out,
 ):  # fmt: skip
     """Copy what lives to a second store, in the order of tiles or of objects, and return how many that are.
 
@@ -240,6 +259,10 @@ def sort_store(
         for c in range(4):
             colour_out[j, c] = colour[k, c]
         state_out[0, j], state_out[1, j] = state[0, k], state[1, k]
+        if albedo.shape[1] > 0:
+            surface_out[j] = surface[k]
+            for c in range(3):
+                albedo_out[c, j] = albedo[c, k]
     return kept
 
 
@@ -294,8 +317,9 @@ def mix_still(base, still, dirty, shown):
 
 @kernel
 def take_in(
-    samples, offset, frame, corner, object_from_eye, table, place, name, colour, state, screen, count, nearest,
-    lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, stored, judging, dirty
+    samples, offset, frame, corner, object_from_eye, table, place, name, colour, state, screen, surface, albedo, count,
+    nearest, lighting, doubt, doubt_about, residual, probes, still, steady, still_mode, stored, judging, dirty,
+    lamps, suns, up, matt, irradiance,
 ):  # fmt: skip
     """Store a batch, and see how each sample agrees with the picture beneath it.
 
@@ -305,13 +329,14 @@ def take_in(
     offset : float32, seconds from the store's clock zero to the batch's base time
     frame, corner, object_from_eye : of the event they were traced under, see object_tables
     table : panel_from_object of the picture
-    place, name, colour, state, screen : the store, written from `count` on
+    place, name, colour, state, screen, surface, albedo : the store, written from `count` on
     nearest, lighting : of the picture; doubt, doubt_about : (h, w, 2) float32, (h, w) int32, raised by contradictions
     residual : (rows, columns) float32, moving mean of |change of lighting| in each tile, updated if judging
     probes : (rows, columns, 2) float32, samples judged in each tile and their change, added to
     still : (h, w, 8) float32, updated; steady : bool, these samples show what the picture shows
     still_mode : bool, changes are noise; stored : float32, a steady pixel that gathered so many stores no more
     dirty : (rows, columns) bool, set where the picture changes
+    lamps, suns, up, irradiance : see kernels_relight.lighting; matt : (n + 1,) uint8, who can be relit
 
     Returns
     -------
@@ -332,6 +357,11 @@ def take_in(
         red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
         light = sample["light"]
         colour[count, 0], colour[count, 1], colour[count, 2], colour[count, 3] = red, green, blue, light
+        if albedo.shape[1] > 0:
+            surface[count] = surface_of(sample)
+            albedo[0, count] = NOT_RELIT
+            if matt[thing] != 0:
+                remember_colour(sample, a, b, c, lamps[thing], suns, up[thing], irradiance, surface, albedo, count)
         time = offset + sample["time"]
         state[0, count], state[1, count] = time, ONE
         u, v, z = pixel_of(a, b, c, thing, table)

@@ -14,15 +14,18 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Float32, Float64, Rect, Samples
+from wall.data import Camera, Event, Float32, Float64, Rect, Samples, Tiling
 from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_fill
+from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling
 from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.kernels_ages import AGES, oldest_kept
+from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects, relit_objects
 from wall.scene.build import Scene
+from wall.scene.needs import needs
+from wall.scene.sky import sky_irradiance
 
 SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 0.5  # samples a pixel that may arrive between two refreshes, beside
@@ -32,6 +35,8 @@ SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
+SKY_STEPS = 256  # of light from the sky by the normal's height
+SAME_TURN = 1e-9  # of a matrix element; packets bring a rotation back to 1e-15
 EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
 
@@ -45,6 +50,7 @@ class Ingredients:
     change_test: bool = True  # else new samples contradict nothing
     tile_doubt: bool = True  # else only the surroundings of a contradiction are doubted, never a whole tile
     ageing: bool = True  # else old samples weigh as much as new ones
+    relighting: bool = True  # else stored samples keep the light that they were traced in
     accumulation: bool = True  # else pixels that stand still gather no mean of their own
 
 
@@ -64,8 +70,12 @@ class Pose:
         rect: Rect | None = None,
         *,
         objects: bool = True,
+        lamps: bool = False,
     ) -> None:
-        """`rect` is the part of the panel that is pictured, all if None; without `objects` none ever moves."""
+        """`rect` is the part of the panel that is pictured, all if None.
+
+        Without `objects` none ever moves; with `lamps` theirs are taken along.
+        """
         n = len(scene.instances)
         placed = scene.at(scene_time).world_from_object if objects else scene.rest[:n]
         self.frame = ray_frame(panel, eye, camera)
@@ -74,6 +84,7 @@ class Pose:
         self.panel_from_object = np.empty((n + 1, 12), np.float32)
         corner = self.corner if rect is None else self.corner + np.array([rect.x, rect.y])
         object_tables(placed, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object)
+        self.lamps = Lamps.at(scene, scene.at(scene_time)) if lamps else NO_LAMPS
 
 
 class Posed(Protocol):
@@ -117,8 +128,12 @@ class Picture:
         self._eye, self._scene, self._with = eye, scene, ingredients
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         capacity = self._kept + int(SLACK * width * height) + 4096
+        self._relights = ingredients.relighting and needs(scene).relighting
+        self._irradiance = sky_irradiance(scene.sky, SKY_STEPS)
+        self._matt = matt_objects(scene)
         self._most = capacity // 2  # samples taken in at once
-        self._store, self._spare = Store.of(capacity), Store.of(capacity)  # the second is what sorting writes to
+        self._store = Store.of(capacity, lit=self._relights)
+        self._spare = Store.of(capacity, lit=self._relights)  # what sorting writes to
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
@@ -126,7 +141,7 @@ class Picture:
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
-        self.front = np.zeros((height, width), np.float32)
+        self.front = np.zeros((height, width, 2), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)
@@ -140,7 +155,7 @@ class Picture:
         self._levels = _pyramid(height, width)
         self._pose: Pose | None = None  # of the picture
         self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
-        self._number: tuple[int, int] | None = None
+        self._shown: Event | None = None
         self.nothing_moves = False
         self._moved = -math.inf
         self._epoch = 0.0  # the store's clock zero
@@ -156,31 +171,37 @@ class Picture:
         if self.count + len(samples) > len(self._store.name):
             self._make_room(len(samples))
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
-        steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
+        steady = not self.nothing_moves or is_shown(event, self._shown)
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
             self.residual, self.probes, self.still, steady,
-            self.nothing_moves or not self._with.change_test, stored, self.judging, self.dirty,
+            self.nothing_moves or not self._with.change_test, stored, self.judging, self.dirty, *pose.lamps,
+            self._matt, self._irradiance,
         )  # fmt: skip
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
-        self.nothing_moves = event.number == self._number
+        self.nothing_moves = self._shown is not None and event.number == self._shown.number
+        self._shown = event
         if not self.nothing_moves:
             self._move(self._pose_of(event), now)
-            self._number = event.number
             self.dirty[:] = True
         if not self._with.accumulation:
             self.still[:] = 0.0
         if self.dirty.any():
             kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
 
+    def take_tiling(self, tiling: Tiling) -> None:
+        """Learn where change is found, for whoever does not judge: there old samples lose weight sooner."""
+        if not self.judging:
+            spread_tiling(tiling, self.rect, self.residual)
+
     def clear(self) -> None:
         """Forget every sample."""
         self.count = 0
-        self._number = None
+        self._shown = None
         self.still[:] = 0.0
 
     def take_dirty(self) -> NDArray[np.bool_]:
@@ -188,6 +209,15 @@ class Picture:
         dirty = self.dirty.copy()
         self.dirty[:] = False
         return dirty
+
+    def stored(self) -> tuple[Float32, Float32, int, float]:
+        """For whoever looks on: times and confidences, places in the picture, how many, and their clock's zero."""
+        return self._store.state, self._store.screen, self.count, self._epoch
+
+    def still_counts(self) -> Float32:
+        """For whoever looks on: (h, w) float32, of how many samples each pixel shows the mean while it stands still."""
+        counts: Float32 = self.still[..., 3]
+        return counts
 
     def _seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
@@ -201,7 +231,10 @@ class Picture:
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
-            self._traced = (key, Pose(self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects))
+            made = Pose(
+                self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects, lamps=self._relights
+            )
+            self._traced = (key, made)
         return self._traced[1]
 
     def _move(self, pose: Pose, now: float) -> None:
@@ -213,7 +246,7 @@ class Picture:
             moved[:] = 0
         self._pose = pose
         s, now32 = self._store, self._seconds(now)
-        height, width = self.front.shape
+        height, width = self.front.shape[:2]
         if self._doubted:
             since = np.float32(self._moved - self._epoch)
             kernels.lose_confidence(
@@ -222,6 +255,7 @@ class Picture:
         kernels.place_samples(
             s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
         )
+        moved |= self._relight(pose, last)
         alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         kernels.front_depths(self.nearest, self.front)
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
@@ -235,6 +269,17 @@ class Picture:
         self._sort()
         self._moved = now
         self._fill()
+
+    def _relight(self, pose: Pose, last: Pose | None) -> NDArray[np.uint8]:
+        """Bring stored samples into the light of `pose`. Returns (n + 1,) uint8, whose light changed."""
+        now, s = pose.lamps, self._store
+        changed = np.zeros(len(pose.panel_from_object), np.uint8)
+        if self._relights:
+            changed = relit_objects(self._matt, now, last.lamps if last is not None else None)
+            kernels_relight.relight(
+                s.place, s.name, s.colour, s.surface, s.albedo, self.count, changed, *now, self._irradiance
+            )
+        return changed
 
     @property
     def _doubted(self) -> bool:
@@ -299,16 +344,37 @@ class Store(NamedTuple):
     colour: Float32  # (capacity, 4) radiance and square root of lighting
     state: Float32  # (2, capacity) seconds of the store's clock, confidence 0..1
     screen: Float32  # (3, capacity) x, y, depth in the picture
+    surface: NDArray[np.int32]  # (capacity,) normal and lamps out of sight; none if never relit
+    albedo: Float32  # (3, capacity) what it reflects, NOT_RELIT if that is not known; none if never relit
 
     @classmethod
-    def of(cls, capacity: int) -> Store:
+    def of(cls, capacity: int, *, lit: bool) -> Store:
         return cls(
             place=np.zeros((3, capacity), np.float32),
             name=np.zeros(capacity, np.int32),
             colour=np.zeros((capacity, 4), np.float32),
             state=np.zeros((2, capacity), np.float32),
             screen=np.full((3, capacity), OUTSIDE, np.float32),
+            surface=np.zeros(lit * capacity, np.int32),
+            albedo=np.zeros((3, lit * capacity), np.float32),
         )
+
+
+def is_shown(event: Posed, shown: Event | None) -> bool:
+    """Whether samples belong to the very picture that is shown; a foreseen pose has its event's number too."""
+    if shown is None or (event.camera_event, event.scene_event) != shown.number:
+        return False
+    turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
+    same = (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
+    return same and max(abs(a - b) for a, b in turned) < SAME_TURN
+
+
+def spread_tiling(tiling: Tiling, rect: Rect, residual: Float32) -> None:
+    """Bring the changes that a sampler measured in its tiles to `residual` (rows, columns) of a picture of `rect`."""
+    kernels_tiling.spread(
+        tiling.rects, tiling.temporal, rect.x, rect.y, rect.height, rect.width, residual,
+        np.empty((*residual.shape, 2), np.float32),
+    )  # fmt: skip
 
 
 def _pyramid(height: int, width: int) -> list[Float32]:

@@ -7,16 +7,19 @@ every new ray is also a probe: where it contradicts what was shown, its surround
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from wall.data import Event, Float32, Rect, Samples
-from wall.deepbuffer.kernels import TILE
 from wall.sampling import kernels_adaptive as kernels
+from wall.sampling import kernels_tiling
 from wall.sampling.base import Targets
+from wall.sampling.cut import Cut
+from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/quality.md
+PACKETS_A_STEP = 4  # between two changes of the cut: of 64 rays
 ENOUGH = 0.5 / 255.0  # half a step of 8 bits
 
 
@@ -26,6 +29,7 @@ class Beneath(Protocol):
     radiance: Float32  # (h, w, 3)
     gathered: Float32  # (h + 2, w + 2, 4)
     still: Float32  # (h, w, 8)
+    residual: Float32  # (rows, columns) of 16-pixel tiles: mean change of lighting that new samples find there
     nothing_moves: bool
 
     def refresh(self, event: Event, now: float) -> None: ...
@@ -38,7 +42,16 @@ class AdaptiveSampler:
 
     coherent = True
 
-    def __init__(self, rect: Rect, beneath: Beneath, *, batch: int, seed: int, uniform: bool = False) -> None:
+    def __init__(
+        self,
+        rect: Rect,
+        beneath: Beneath,
+        *,
+        batch: int,
+        seed: int,
+        tiling: Literal["grid", "cut"] = "grid",
+        uniform: bool = False,
+    ) -> None:
         """`uniform`: every pixel is worth the same, to measure what choosing is worth."""
         self._uniform = uniform
         self.beneath = beneath
@@ -46,8 +59,7 @@ class AdaptiveSampler:
         shape = (rect.height, rect.width)
         self._value, self._contrast = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
         self._density, self._score = np.zeros(shape, np.float32), np.ones(shape, np.float32)
-        self._sums = np.zeros((-(-rect.height // TILE), -(-rect.width // TILE)), np.float64)
-        self._sums[:] = TILE**2
+        self.division: Division = (Cut if tiling == "cut" else Grid)(rect.width, rect.height)
         self._visits = np.zeros(shape, np.uint16)
         self._floor = np.float32(FLOOR_MOVING)
 
@@ -55,37 +67,53 @@ class AdaptiveSampler:
         """Score every pixel anew from the picture beneath."""
         if self._uniform:
             return
-        b = self.beneath
+        b, (_, sums, tile_of, _) = self.beneath, self.division.tiles
         kernels.brightness(b.radiance, self._value)
         if b.nothing_moves:
             self._floor = np.float32(FLOOR_STILL)
             kernels.score_still(
                 self._value, b.still, self._floor, np.float32(ENOUGH), self._contrast, self._density, self._score,
-                self._sums,
+                tile_of, sums,
             )  # fmt: skip
         else:
             self._floor = np.float32(FLOOR_MOVING)
             kernels.score_moving(
-                self._value, b.gathered, b.still, self._floor, self._contrast, self._density, self._score, self._sums
+                self._value, b.gathered, b.still, self._floor, self._contrast, self._density, self._score, tile_of, sums
             )
+        self.division.balance(self._contrast, 0.0 if b.nothing_moves else float(b.residual.mean()))
+
+    def measure(self) -> Measured:
+        """What is known of each tile since the last replan."""
+        listed, rects = self.division.listed, self.division.tiles.rects
+        spatial, temporal, density = np.empty((3, len(listed)), np.float32)
+        kernels_tiling.measure(
+            rects, listed, self._contrast, self.beneath.residual, self._density, spatial, temporal, density
+        )
+        placed = rects[listed] + np.array([self._rect.x, self._rect.y, 0, 0])
+        return Measured(rects=placed.astype(np.uint16), spatial=spatial, temporal=temporal, density=density)
 
     def forget(self, xy: Float32) -> None:
         """These never arrived: their pixels count as holes."""
-        kernels.miss(xy, self._rect.x, self._rect.y, self._score, self._sums)
+        _, sums, tile_of, _ = self.division.tiles
+        kernels.miss(xy, self._rect.x, self._rect.y, self._score, tile_of, sums)
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
         packets = max(1, (self._batch if rays is None else rays) // kernels.PACKET)
         xy = np.empty((packets * kernels.PACKET, 2), np.float32)
         self._sequence += 1
+        self.division.adjust(self._score, max(1, packets // PACKETS_A_STEP))
+        rects, sums, _, order = self.division.tiles
         filled = kernels.draw(
-            self._score, self._sums, packets, self._seed, self._sequence, self._visits, self._rect.x, self._rect.y, xy
-        )
+            self._score, rects, order, sums, packets, self._seed, self._sequence, self._visits, self._rect.x,
+            self._rect.y, xy,
+        )  # fmt: skip
         return Targets(xy=xy[:filled], event=newest) if filled else None
 
     def observe(self, samples: Samples) -> None:
         if self._uniform:
             return
+        _, sums, tile_of, _ = self.division.tiles
         kernels.learn(
             samples, self._rect.x, self._rect.y, self._floor, self.beneath.still, self.beneath.nothing_moves,
-            np.float32(ENOUGH), self._contrast, self._density, self._score, self._sums,
+            np.float32(ENOUGH), self._contrast, self._density, self._score, tile_of, sums,
         )  # fmt: skip

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from wall.deepbuffer.kernels import TILE
 from wall.jit import inline_kernel, kernel
 from wall.sampling.kernels import hash_uint32
 
@@ -29,14 +28,15 @@ def brightness(radiance, value):
 
 
 @kernel
-def score_moving(value, gathered, still, floor, contrast, density, score, sums):
+def score_moving(value, gathered, still, floor, contrast, density, score, tile_of, sums):
     """Expected gain of one more sample in each pixel while something moves: contrast / (n (n + 1)), holes first.
 
     Parameters
     ----------
     value : (h, w) float32, brightness; gathered : (h + 2, w + 2, 4) float32, weight last
     floor : float32, what every pixel has at least: nothing starves
-    contrast, density, score : (h, w) float32, written; sums : (rows, columns) float64, of score by tile, written
+    contrast, density, score : (h, w) float32, written
+    tile_of : (h, w) int32, tile of each pixel; sums : (tiles,) float64, of score, written
     """
     height, width = value.shape
     sums[:] = 0.0
@@ -61,7 +61,7 @@ def score_moving(value, gathered, still, floor, contrast, density, score, sums):
             density[i, j] = n
             gain = gain_of(total, n) + floor
             score[i, j] = gain
-            sums[i // TILE, j // TILE] += gain
+            sums[tile_of[i, j]] += gain
 
 
 @inline_kernel
@@ -70,7 +70,7 @@ def gain_of(contrast, n):
 
 
 @kernel
-def score_still(value, still, floor, enough, contrast, density, score, sums):
+def score_still(value, still, floor, enough, contrast, density, score, tile_of, sums):
     """The same where nothing moves: a pixel's own variance, and nothing where its standard error is below `enough`.
 
     still : (h, w, 8) float32, see reconstruction.kernels_picture; count at 3, mean and squared deviations at 4, 5
@@ -94,7 +94,7 @@ def score_still(value, still, floor, enough, contrast, density, score, sums):
             density[i, j] = n
             gain = still_gain(still[i, j, 5], total, n, floor, enough)
             score[i, j] = gain
-            sums[i // TILE, j // TILE] += gain
+            sums[tile_of[i, j]] += gain
 
 
 LEAST = np.float32(4.0)  # samples of a still pixel before its variance is believed
@@ -110,12 +110,14 @@ def still_gain(deviations, contrast, n, floor, enough):
 
 
 @kernel
-def draw(score, sums, packets, seed, sequence, visits, x0, y0, xy):
+def draw(score, rects, order, sums, packets, seed, sequence, visits, x0, y0, xy):
     """Place `packets` packets of 16 rays: tiles by a systematic draw over their sums, pixels by one inside.
 
     Parameters
     ----------
-    score : (h, w) float32; sums : (rows, columns) float64, corrected where they have drifted
+    score : (h, w) float32
+    rects : (tiles, 4) int32, x, y, width, height in pixels of `score`; order : (m,) int32, tiles, neighbours in a row
+    sums : (tiles,) float64, of score, corrected where they have drifted
     seed, sequence : random numbers are a hash of them
     visits : (h, w) uint16, R2 index of each pixel, counted up
     x0, y0 : panel pixel of score[0, 0]
@@ -125,47 +127,43 @@ def draw(score, sums, packets, seed, sequence, visits, x0, y0, xy):
     -------
     filled : int, positions written
     """
-    rows, columns = sums.shape
     total = 0.0
-    for r in range(rows):
-        for c in range(columns):
-            total += sums[r, c]
+    for tile in order:
+        total += sums[tile]
     if not total > 0.0:
         return 0
     key = hash_uint32(np.uint32(seed), np.uint32(sequence))
     step = total / packets
     at = (hash_uint32(key, np.uint32(0)) * 2.0**-32) * step
     seen, filled = 0.0, 0
-    for r in range(rows):
-        for q in range(columns):
-            c = q if r % 2 == 0 else columns - 1 - q  # neighbours follow each other
-            seen += sums[r, c]
-            picks = 0
-            while at < seen and filled + PACKET * (picks + 1) <= xy.shape[0]:
-                picks += 1
-                at += step
-            if picks > 0:
-                u = hash_uint32(key, np.uint32(1 + r * columns + c)) * 2.0**-32
-                filled = draw_inside(score, sums, r, c, PACKET * picks, u, seed, visits, x0, y0, xy, filled)
+    for tile in order:
+        seen += sums[tile]
+        picks = 0
+        while at < seen and filled + PACKET * (picks + 1) <= xy.shape[0]:
+            picks += 1
+            at += step
+        if picks > 0:
+            u = hash_uint32(key, np.uint32(1 + tile)) * 2.0**-32
+            filled = draw_inside(score, rects, sums, tile, PACKET * picks, u, seed, visits, x0, y0, xy, filled)
     return filled
 
 
 @inline_kernel
-def draw_inside(score, sums, r, c, count, u, seed, visits, x0, y0, xy, filled):
-    """`count` positions in tile (r, c), by its pixels' scores, row by row and back."""
-    top, bottom = r * TILE, min((r + 1) * TILE, score.shape[0])
-    first, last = c * TILE, min((c + 1) * TILE, score.shape[1])
+def draw_inside(score, rects, sums, tile, count, u, seed, visits, x0, y0, xy, filled):
+    """`count` positions in a tile, by its pixels' scores, row by row and back."""
+    first, top, width, height = rects[tile, 0], rects[tile, 1], rects[tile, 2], rects[tile, 3]
+    last, bottom = first + width, top + height
     total = 0.0
     for i in range(top, bottom):
         for j in range(first, last):
             total += score[i, j]
-    sums[r, c] = total
+    sums[tile] = total
     if not total > 0.0:
         return filled
     step = total / count
     at, seen, end = u * step, 0.0, filled + count
     for i in range(top, bottom):
-        for q in range(last - first):
+        for q in range(width):
             j = first + q if i % 2 == 0 else last - 1 - q
             seen += score[i, j]
             while at < seen and filled < end:
@@ -191,7 +189,7 @@ def place_in_pixel(i, j, seed, visits, x0, y0, xy, k):
 
 
 @kernel
-def learn(samples, x0, y0, floor, still, nothing_moves, enough, contrast, density, score, sums):
+def learn(samples, x0, y0, floor, still, nothing_moves, enough, contrast, density, score, tile_of, sums):
     """Correct scores by samples just traced: one more in their pixel; what was contradicted draws rays at once."""
     height, width = score.shape
     for k in range(samples.shape[0]):
@@ -203,29 +201,29 @@ def learn(samples, x0, y0, floor, still, nothing_moves, enough, contrast, densit
             gain = still_gain(still[i, j, 5], contrast[i, j], density[i, j], floor, enough)
         else:
             gain = gain_of(contrast[i, j], density[i, j]) + floor
-        sums[i // TILE, j // TILE] += gain - score[i, j]
+        sums[tile_of[i, j]] += gain - score[i, j]
         score[i, j] = gain
         change = samples[k]["change"]
         if change > ZERO:
-            raise_around(score, sums, i, j, DOUBTED * change)
+            raise_around(score, tile_of, sums, i, j, DOUBTED * change)
 
 
 @inline_kernel
-def raise_around(score, sums, i, j, amount):
+def raise_around(score, tile_of, sums, i, j, amount):
     for di in range(max(i - 1, 0), min(i + 2, score.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, score.shape[1])):
             square = (di - i) * (di - i) + (dj - j) * (dj - j)
             least = amount / (ONE + np.float32(0.5) * np.float32(square))
             if least > score[di, dj]:
-                sums[di // TILE, dj // TILE] += least - score[di, dj]
+                sums[tile_of[di, dj]] += least - score[di, dj]
                 score[di, dj] = least
 
 
 @kernel
-def miss(xy, x0, y0, score, sums):
+def miss(xy, x0, y0, score, tile_of, sums):
     """Samples at xy (n, 2) float32, panel pixels, were lost: their pixels are worth as much as holes."""
     for k in range(xy.shape[0]):
         i, j = int(xy[k, 1]) - y0, int(xy[k, 0]) - x0
         if 0 <= i < score.shape[0] and 0 <= j < score.shape[1] and score[i, j] < HOLE:
-            sums[i // TILE, j // TILE] += HOLE - score[i, j]
+            sums[tile_of[i, j]] += HOLE - score[i, j]
             score[i, j] = HOLE

@@ -15,7 +15,8 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from wall.data import Float32, Float64
+from wall.colour import srgb_decoded
+from wall.data import Float32
 from wall.scene.animation import Vector
 from wall.scene.model import Material, Texture
 
@@ -124,12 +125,7 @@ class Palette:
         """(n, 3) linear RGB of (n, 3 or 4) colours as the file has them, integers or floats in 0..1."""
         scale = float(np.iinfo(rows.dtype).max) if np.issubdtype(rows.dtype, np.integer) else 1.0
         values = np.clip(np.nan_to_num(rows[:, :3].astype(np.float64)) / scale, 0.0, 1.0)
-        return (values if self.linear_vertex_colors else srgb_to_linear(values)).astype(np.float32)
-
-
-def srgb_to_linear(values: Float64) -> Float64:
-    """Linear light of sRGB values in 0..1 (IEC 61966-2-1)."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+        return (values if self.linear_vertex_colors else srgb_decoded(values)).astype(np.float32)
 
 
 def _factor(color: Any, default: Vector) -> Vector:

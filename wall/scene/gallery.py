@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.colour import srgb_encoded
 from wall.scene.animation import Vector
 from wall.scene.assembly import Assembly
 from wall.scene.model import Material, PointLight, Sky, Source, Texture
@@ -89,8 +90,7 @@ def _fixtures(parts: Assembly) -> None:
 
 
 def _srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
-    coded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)
-    codes: NDArray[np.uint8] = np.round(np.clip(coded, 0, 1) * 255).astype(np.uint8)
+    codes: NDArray[np.uint8] = np.round(srgb_encoded(linear) * 255).astype(np.uint8)
     return codes
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields
 
 from wall.scene.build import Scene
 
+MOST_LAMPS = 16                          # bits of a sample's `unlit`
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Needs:
@@ -20,6 +22,7 @@ class Needs:
     instancing: bool                     # a mesh is placed more than once
     animation: bool
     emission: bool
+    relighting: bool                     # something moves under lamps, and they are few enough to tell apart
 
 
 def needs(scene: Scene) -> Needs:
@@ -37,6 +40,7 @@ def needs(scene: Scene) -> Needs:
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
         emission=any(max(material.emission) > 0.0 for material in materials),
+        relighting=scene.animated and 0 < len(scene.point_lights) + len(scene.directional_lights) <= MOST_LAMPS,
     )
 
 

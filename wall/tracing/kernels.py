@@ -44,6 +44,7 @@ from wall.tracing.packet import (
     BAD,
     COS,
     DEPTH,
+    FACING,
     GX,
     GY,
     GZ,
@@ -74,10 +75,12 @@ from wall.tracing.packet import (
     TB,
     TG,
     TR,
+    UNLIT,
     ZERO,
 )
 
 DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
+TINY = np.float32(1e-30)
 THIRD = np.float32(1.0 / 3.0)
 
 
@@ -235,9 +238,12 @@ def aim_point(light, work):
 
 
 @inline_kernel
-def add_light(light, scene, work):
-    """Trace the shadow rays that were aimed, and add the light to every lane that sees it. Returns rays traced."""
-    p, lit = work.packet, work.lit
+def add_light(light, number, scene, work):
+    """Trace the shadow rays that were aimed, and add the light to every lane that sees it. Returns rays traced.
+
+    number : int, the light's bit in row UNLIT
+    """
+    p, bits, lit = work.packet, work.bits, work.lit
     rays = 0
     for lane in range(16):
         facing = p[COS + lane] * p[HITS + lane] > ZERO
@@ -250,6 +256,7 @@ def add_light(light, scene, work):
     for lane in range(16):
         seen = p[SHADE + T_FAR + lane] >= ZERO  # Embree sets it to -inf where something is in the way
         weight = p[COS + lane] if seen and p[HITS + lane] > ZERO else ZERO
+        bits[UNLIT + lane] |= (np.uint32(0) if seen or lit[lane] == 0 else np.uint32(1)) << np.uint32(number)
         p[LR + lane] += p[AR + lane] * red * weight
         p[LG + lane] += p[AG + lane] * green * weight
         p[LB + lane] += p[AB + lane] * blue * weight
@@ -259,6 +266,7 @@ def add_light(light, scene, work):
 @inline_kernel
 def light_packet(scene, surfaces, normals, colors, uvs, texels, textures, to_linear, points, suns, emission, work):
     """Radiance along each ray of a traced packet, without mirrors, into rows LR, LG, LB. Returns shadow rays."""
+    bits = work.bits
     see_sky(surfaces, work)
     if gather_surfaces(surfaces, normals, work) == 0:
         return 0
@@ -267,16 +275,18 @@ def light_packet(scene, surfaces, normals, colors, uvs, texels, textures, to_lin
         colour_surfaces(surfaces, colors, uvs, texels, textures, to_linear, work)
     add_ambient(surfaces, work)
     rays = 0
+    for lane in range(16):
+        bits[UNLIT + lane] = np.uint32(0)
     if suns is not None or points is not None:
         start_shadow_rays(work)
     if suns is not None:
         for k in range(suns.shape[0]):
             aim_directional(suns[k], work)
-            rays += add_light(suns[k], scene, work)
+            rays += add_light(suns[k], k, scene, work)
     if points is not None:
         for k in range(points.shape[0]):
             aim_point(points[k], work)
-            rays += add_light(points[k], scene, work)
+            rays += add_light(points[k], k if suns is None else k + suns.shape[0], scene, work)
     if emission is not None:
         add_emission(surfaces, work)
     return rays
@@ -336,7 +346,32 @@ def divide_out_colour(work):
 
 
 @inline_kernel
-def write_samples(xy, first, count, samples, kept, work):
+def note_surfaces(relit, surfaces, work):
+    """Normals in the frames of their objects, octahedral (2 x 8 bits), and lamps out of sight, into row FACING.
+
+    Not of mirrors, whose radiance is not their surface's.
+    """
+    p, bits = work.packet, work.bits
+    for lane in range(16):
+        if p[HITS + lane] == ZERO or surfaces.materials[surfaces.mesh_table[bits[INSTANCE + lane], 2], 3] > ZERO:
+            bits[FACING + lane] = np.uint32(0x8080)
+            continue
+        m = relit[bits[INSTANCE + lane]]
+        a, b, c = p[NX + lane], p[NY + lane], p[NZ + lane]
+        x, y, z = m[0] * a + m[4] * b + m[8] * c, m[1] * a + m[5] * b + m[9] * c, m[2] * a + m[6] * b + m[10] * c
+        size = np.float32(127.0) / max(abs(x) + abs(y) + abs(z), TINY)
+        u, v = x * size, y * size
+        if z < ZERO:
+            u, v = (
+                (np.float32(127.0) - abs(v)) * (ONE if u >= ZERO else -ONE),
+                (np.float32(127.0) - abs(u)) * (ONE if v >= ZERO else -ONE),
+            )
+        low, high = np.uint32(round(u) + 128), np.uint32(round(v) + 128)
+        bits[FACING + lane] = low | (high << np.uint32(8)) | (bits[UNLIT + lane] << np.uint32(16))
+
+
+@inline_kernel
+def write_samples(xy, first, count, samples, kept, relit, work):
     """Write the packet's records from `kept` on, leaving out radiance that is not finite. Returns the new `kept`."""
     p = work.packet
     for lane in range(count):
@@ -354,6 +389,11 @@ def write_samples(xy, first, count, samples, kept, work):
         sample["object"] = np.uint32(p[OBJECT + lane])
         sample["light"] = math.sqrt(max(p[LIGHT + lane], ZERO))
         sample["change"] = ZERO
+        if relit is not None:
+            facing = work.bits[FACING + lane]
+            sample["normal"][0] = np.int8(np.int32(facing & np.uint32(255)) - 128)
+            sample["normal"][1] = np.int8(np.int32((facing >> np.uint32(8)) & np.uint32(255)) - 128)
+            sample["unlit"] = np.uint16(facing >> np.uint32(16))
         kept += 1
     return kept
 
@@ -376,6 +416,7 @@ def trace(
     suns,
     emission,
     mirrors,
+    relit,
     work,
 ):
     """Trace one sample for each position and write its record.
@@ -393,6 +434,7 @@ def trace(
     to_linear : (256,) float32, linear light of an sRGB byte
     points, suns : (k, 6) float32 | None, position relative to the eye or direction, then intensity or irradiance
     emission, mirrors : any array | None; None leaves the feature out
+    relit : (n, 12) float32, rows of eye_from_object, | None; None leaves normals and lamps out of the records
     work : Workspace; its counts are added to (rays by kind, and samples whose radiance was not finite)
 
     Returns
@@ -416,6 +458,8 @@ def trace(
             scene, surfaces, normals, colors, uvs, texels, textures, to_linear, points, suns, emission, work
         )
         divide_out_colour(work)
+        if relit is not None:
+            note_surfaces(relit, surfaces, work)
         if mirrors is not None:
             for lane in range(16):
                 p[TR + lane] = p[TG + lane] = p[TB + lane] = ZERO
@@ -436,5 +480,5 @@ def trace(
                 r, g, b = p[TR + lane], p[TG + lane], p[TB + lane]
                 p[LIGHT + lane] = (r + g + b) * THIRD if p[LIGHT + lane] < ZERO else p[LIGHT + lane]
                 p[LR + lane], p[LG + lane], p[LB + lane] = r, g, b
-        kept = write_samples(xy, first, count, samples, kept, work)
+        kept = write_samples(xy, first, count, samples, kept, relit, work)
     return kept

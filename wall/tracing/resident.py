@@ -5,7 +5,6 @@ One copy serves all threads of a rank. Vertices and triangles are shared with Em
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +13,9 @@ from numpy.typing import NDArray
 
 from wall.data import Float32, Float64
 from wall.scene.build import Scene
-from wall.scene.model import Mesh, Sky
+from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
+from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle
 from wall.tracing.packet import IRRADIANCE_STEPS
 
@@ -80,7 +80,7 @@ def make_resident(scene: Scene) -> Resident:
         mesh_table=table[of_instance],
         materials=_materials(scene),
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
-        irradiance=sky_irradiance(scene.sky),
+        irradiance=sky_irradiance(scene.sky, IRRADIANCE_STEPS),
         normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
         colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
         uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
@@ -95,23 +95,6 @@ def make_resident(scene: Scene) -> Resident:
 def srgb_to_linear(values: NDArray[Any]) -> Float64:
     """Linear light of sRGB values in 0..1 (IEC 61966-2-1)."""
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def sky_irradiance(sky: Sky) -> Float32:
-    """Irradiance of the gradient sky over pi, by height c of the normal from -1 to 1; (257, 3).
-
-    The sky is L(d) = horizon + (zenith - horizon) max(d.y, 0) + (ground - horizon) max(-d.y, 0). With theta the
-    normal's angle from up, the integral of max(up.d, 0) max(n.d, 0) over all directions is the arc-cosine kernel
-    2/3 (sin theta + (pi - theta) cos theta) (Cho and Saul 2009, order 1, in three dimensions). Linear lookup in
-    this table is within 1e-4 of it.
-    """
-    height = np.linspace(-1.0, 1.0, IRRADIANCE_STEPS + 1)
-    theta, sine = np.arccos(height), np.sqrt(1.0 - height**2)
-    above = 2 / 3 * (sine + (math.pi - theta) * height)[:, None]
-    below = 2 / 3 * (sine - theta * height)[:, None]
-    zenith, horizon, ground = (np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground))
-    irradiance = math.pi * horizon + above * (zenith - horizon) + below * (ground - horizon)
-    return (irradiance / math.pi).astype(np.float32)
 
 
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:

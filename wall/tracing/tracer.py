@@ -129,6 +129,7 @@ class Tracer:
             self._suns,
             r.emission,
             r.mirrors,
+            self._transforms if r.needs.relighting else None,
             self._work,
         )
 

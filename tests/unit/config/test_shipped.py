@@ -21,6 +21,7 @@ RANKS = {
     "demo": 5,
     "forest": 3,
     "four_by_two_bezels": 9,
+    "measure/jerky": 2,
     "measure/light": 2,
     "measure/mirrors": 2,
     "measure/orbit": 2,

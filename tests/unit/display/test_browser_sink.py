@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from wall.data import Survey
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.png import whole_wall
-from wall.display.stream import HEADER
+from wall.display.stream import HEADER, SURVEY_HEADER
 from wall.errors import RunError
 
 PATIENCE_S = 10.0
@@ -51,15 +52,16 @@ class Viewer:
         self.statuses = []
 
     async def next_picture(self):
-        """Number and panels {index: (version, rgb)} of the next picture."""
+        """Number and panels {index: (version, rgb)} of the next picture; a second picture's index has "compared"."""
         while (message := await self.socket.receive_json())["kind"] != "picture":
             self.statuses.append(message)
         panels = {}
         for _ in range(message["panels"]):
             data = await self.socket.receive_bytes()
-            _, _, index, _, _, version, number = HEADER.unpack(data[: HEADER.size])
+            _, _, compared, index, _, _, version, number = HEADER.unpack(data[: HEADER.size])
             assert number == message["number"]
-            panels[index] = (version, np.array(Image.open(io.BytesIO(data[HEADER.size :]))))
+            shown = ("compared", index) if compared else index
+            panels[shown] = (version, np.array(Image.open(io.BytesIO(data[HEADER.size :]))))
         return message["number"], panels
 
     async def drawn(self, number):
@@ -73,7 +75,7 @@ class Viewer:
                 message = await self.socket.receive(timeout=left)
             except TimeoutError:
                 return True
-            if json.loads(message.data)["kind"] != "status":
+            if isinstance(message.data, bytes) or json.loads(message.data)["kind"] != "status":
                 return False
         return True
 
@@ -149,6 +151,85 @@ def test_viewer_hears_layout_then_status(browser, picture, status):
     assert (layout["kind"], first["kind"]) == ("layout", "status")
     assert [p["id"] for p in layout["panels"]] == ["r0c0", "r0c1"]
     assert first["sampler"] == "hilbert"
+
+
+def test_second_pictures_are_sent_while_there_are_some_and_only_when_they_changed(browser, picture, status):
+    alone, second = picture(1), picture(4, value=20)
+    both = replace(alone, compared=second.panels)
+    one_newer = replace(both, compared=(second.panels[0], replace(second.panels[1], version=5)))
+
+    async def act(viewer):
+        found = []
+        for shown in (alone, both, one_newer, picture(2)):
+            browser.show(shown, status)
+            number, panels = await viewer.next_picture()
+            await viewer.drawn(number)
+            found.append(panels)
+        return found
+
+    found = with_viewer(browser, act)
+    versions = [{k: v for k, (v, _) in panels.items()} for panels in found]
+    assert versions == [
+        {0: 1, 1: 1}, {("compared", 0): 4, ("compared", 1): 4}, {("compared", 1): 5}, {0: 2, 1: 2},
+    ]  # fmt: skip
+    assert abs(found[1]["compared", 1][1].astype(int) - 21).max() <= 2
+
+
+async def surveyed(viewer):
+    """The next binary message."""
+    while (message := await viewer.socket.receive()).type is not aiohttp.WSMsgType.BINARY:
+        pass
+    return message.data
+
+
+def survey(panel=0, value=1):
+    codes = np.full((1, 2), value, np.uint8)
+    return Survey(
+        panel=panel, compared=False, age=codes, density=codes + 1, rects=np.array([[0, 0, 16, 8]], np.uint16),
+        worth=np.array([value + 2], np.uint8),
+    )  # fmt: skip
+
+
+def test_surveys_go_only_to_those_who_look_and_once(browser, picture, status):
+    async def act(viewer):
+        browser.show(replace(picture(1), surveys=(survey(),)), status)
+        number, _ = await viewer.next_picture()
+        await viewer.drawn(number)
+        quiet_before = await viewer.silent_while(0.1)
+        await viewer.socket.send_json({"kind": "overlay", "value": "density"})
+        density = await surveyed(viewer)
+        quiet_between = await viewer.silent_while(0.1)
+        browser.show(replace(picture(1), surveys=(survey(value=7),)), status)
+        newer = await surveyed(viewer)
+        await viewer.socket.send_json({"kind": "overlay", "value": "tiles"})
+        return quiet_before, quiet_between, density, newer, await surveyed(viewer)
+
+    quiet_before, quiet_between, density, newer, tiles = with_viewer(browser, act)
+    assert quiet_before
+    assert quiet_between
+    assert density[SURVEY_HEADER.size :] == bytes([2, 2])
+    assert newer[SURVEY_HEADER.size :] == bytes([8, 8])
+    assert tiles[SURVEY_HEADER.size :] == bytes([0, 0, 0, 0, 16, 0, 8, 0, 9])
+
+
+def test_compositors_survey_from_the_first_overlay_to_the_last_even_if_its_viewer_just_leaves(browser):
+    def said(found):
+        found.extend(browser.commands())
+        return found
+
+    async def act(viewer):
+        found, url = [], browser.address + "stream"
+        async with aiohttp.ClientSession() as session, session.ws_connect(url) as second:
+            for socket_ in (viewer.socket, second):
+                await socket_.send_json({"kind": "overlay", "value": "age"})
+            await until(lambda: said(found))
+            await viewer.socket.send_json({"kind": "overlay", "value": ""})
+            await asyncio.sleep(0.05)
+            assert not browser.commands(), "one still looks"
+        await until(lambda: len(said(found)) > 1)
+        return found
+
+    assert with_viewer(browser, act) == [{"kind": "survey", "value": "on"}, {"kind": "survey", "value": ""}]
 
 
 def test_answer_to_a_command_does_not_wait_for_the_next_status(browser, picture, status, monkeypatch):

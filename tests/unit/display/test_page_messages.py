@@ -11,8 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, origin_is_ours, parse_message
-from wall.display.stream import HEADER, encode_jpeg, layout_message, panel_message, status_message
+from wall.data import Survey
+from wall.display.steering import MAX_MESSAGE_BYTES, OVERLAYS, host_is_ours, origin_is_ours, parse_message
+from wall.display.stream import (
+    HEADER,
+    SURVEY_HEADER,
+    encode_jpeg,
+    layout_message,
+    panel_message,
+    status_message,
+    survey_message,
+)
 from wall.errors import RemoteProtocolError
 
 GOOD = [
@@ -22,6 +31,8 @@ GOOD = [
     {"kind": "pause"},
     {"kind": "reset"},
     {"kind": "sampler", "value": "hilbert"},
+    {"kind": "compare", "value": "framed"},
+    {"kind": "overlay", "value": "age"},
     {"kind": "shown", "number": 7},
 ]
 BAD = [
@@ -42,6 +53,13 @@ BAD = [
     '{"kind": "sampler", "value": ""}',
     '{"kind": "sampler", "value": 3}',
     '{"kind": "sampler", "value": "' + "x" * 65 + '"}',
+    '{"kind": "compare"}',
+    '{"kind": "compare", "value": 1}',
+    '{"kind": "compare", "value": "' + "x" * 65 + '"}',
+    '{"kind": "overlay", "value": "depth"}',
+    '{"kind": "overlay", "value": ["age"]}',
+    '{"kind": "overlay", "value": null}',
+    '{"kind": "survey", "value": "on"}',
     '{"kind": "shown", "number": 1.5}',
     '{"kind": "shown", "number": -1}',
     '{"kind": "pause"' + " " * MAX_MESSAGE_BYTES + "}",
@@ -119,7 +137,9 @@ def test_panel_message_is_a_20_byte_header_and_a_jpeg(picture):
     panel = picture(2**32 + 5).panels[1]
     message = panel_message(1, panel, jpeg=encode_jpeg(panel), number=9)
     assert HEADER.size == 20
-    assert HEADER.unpack(message[:20]) == (b"WP", 1, 1, 16, 8, 5, 9)
+    assert HEADER.unpack(message[:20]) == (b"WP", 2, 0, 1, 16, 8, 5, 9)
+    second = panel_message(1, panel, jpeg=b"", number=9, compared=True)
+    assert HEADER.unpack(second) == (b"WP", 2, 1, 1, 16, 8, 5, 9)
     assert np.array(Image.open(io.BytesIO(message[20:]))).shape == (8, 16, 3)
 
 
@@ -133,6 +153,23 @@ def test_jpeg_stays_close_to_a_smooth_picture(two_panels):
     error = np.abs(np.array(Image.open(io.BytesIO(jpeg))).astype(int) - rgb)
     assert error.max() <= 8
     assert error.mean() <= 1.5
+
+
+@pytest.mark.parametrize(("overlay", "rects", "body"), [("age", 0, 1), ("density", 0, 7), ("tiles", 2, None)])
+def test_survey_message_is_a_16_byte_header_and_what_its_overlay_draws(overlay, rects, body):
+    codes = np.arange(6, dtype=np.uint8).reshape(2, 3) + 1
+    survey = Survey(
+        panel=3, compared=True, age=codes, density=codes + 6, rects=np.arange(8, dtype=np.uint16).reshape(2, 4),
+        worth=np.array([40, 41], np.uint8),
+    )  # fmt: skip
+    message = survey_message(survey, overlay)
+    assert SURVEY_HEADER.size == 16                          # so that the page reads 16-bit numbers behind it
+    assert SURVEY_HEADER.unpack(message[:16]) == (b"WS", 2, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
+    if body is not None:
+        assert message[16:] == bytes(range(body, body + 6))
+    else:
+        assert np.frombuffer(message[16:32], "<u2").tolist() == list(range(8))
+        assert message[32:] == bytes([40, 41])
 
 
 def test_layout_gives_every_panels_true_place(two_panels):

@@ -37,11 +37,12 @@ CAMERAS = st.builds(Camera, position=st.tuples(*[FINITE] * 3), world_from_wall=s
 SAMPLERS = TEXT.filter(lambda name: len(name.encode()) <= 30)
 EVENTS = st.builds(
     Event, view=WORD, camera_event=LONG, scene_event=LONG, scene_time=FINITE, input_time=FINITE, camera=CAMERAS,
-    sampler=SAMPLERS, paused=st.booleans(),
+    sampler=SAMPLERS, paused=st.booleans(), compare=SAMPLERS, survey=st.booleans(),
 )  # fmt: skip
 HEARTBEATS = st.builds(
     Heartbeat, rank=WORD, time=FINITE, samples_traced=COUNT, samples_shown=COUNT, secondary_rays=COUNT,
-    samples_per_s=FINITE, bytes_per_s=FINITE, packets=COUNT, bytes=COUNT, seconds=FINITE, peak_memory=COUNT,
+    samples_per_s=FINITE, compared_per_s=FINITE, bytes_per_s=FINITE, packets=COUNT, bytes=COUNT, seconds=FINITE,
+    peak_memory=COUNT,
     dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**32 - 1),
     scene_event=st.integers(-1, 2**32 - 1), last=st.booleans(),
 )  # fmt: skip
@@ -51,6 +52,7 @@ MESSAGES = st.one_of(
 )  # fmt: skip
 EVENT = Event(
     view=1, camera_event=7, scene_event=2, scene_time=2.5, input_time=100.125, sampler="hilbert", paused=True,
+    compare="framed", survey=True,
     camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
 )  # fmt: skip
 EXAMPLES: list[Message] = [
@@ -80,7 +82,7 @@ def pixels_of(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 def sealed(kind: int, body: bytes) -> bytes:
     """A message with a header that fits its body, whatever that is."""
-    head = struct.pack("<4sBBHI", b"WALL", 1, kind, 0, len(body))
+    head = struct.pack("<4sBBHI", b"WALL", control.VERSION, kind, 0, len(body))
     return head + struct.pack("<I", zlib.crc32(body, zlib.crc32(head))) + body
 
 
@@ -188,7 +190,7 @@ def test_any_value_of_any_event_byte_under_a_valid_checksum_is_refused_or_finite
 def small_framelet_of(size: tuple[int, int]) -> bytes:
     """16 x 16 black pixels that claim another rectangle."""
     data = lz4.block.compress(bytes(16 * 16 * 3), store_size=False)
-    body = struct.pack("<HHHHHIII", 0, 0, 0, *size, 1, 1, len(data)) + data
+    body = struct.pack("<HHHHHIIIB", 0, 0, 0, *size, 1, 1, len(data), 0) + data
     return sealed(control.KIND_FRAMELET, body)
 
 
@@ -207,7 +209,7 @@ def test_a_framelet_whose_data_is_another_rectangle_s_is_refused(size: tuple[int
 
 def test_a_framelet_bomb_never_takes_memory() -> None:
     data = lz4.block.compress(bytes(1 << 28), store_size=False)
-    body = struct.pack("<HHHHHIII", 0, 0, 0, 16, 16, 1, 1, len(data)) + data
+    body = struct.pack("<HHHHHIIIB", 0, 0, 0, 16, 16, 1, 1, len(data), 0) + data
     came = parse_control(sealed(control.KIND_FRAMELET, body))
     assert isinstance(came, Framelet)
     tracemalloc.start()

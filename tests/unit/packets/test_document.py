@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from packet_examples import batch_of
 
-from wall.data import SAMPLE, Camera, Event, Rect, Samples, Tiling
+from wall.data import SAMPLE, Camera, Event, Rect, Samples, Survey, Tiling
 from wall.packets import control
 from wall.packets import tiling as tiling_packets
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
@@ -132,12 +132,13 @@ def test_the_event_table_reads_an_event() -> None:
     camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
     event = Event(
         view=1, camera_event=2, scene_event=3, scene_time=4.5, input_time=5.5, camera=camera, sampler="hilbert",
-        paused=True,
+        paused=True, compare="framed", survey=True,
     )  # fmt: skip
     body = control.serialise(event)[control.HEADER_BYTES :]
     fields = read(table("Event (numbers finite"), body)
-    assert fields.pop("size") == len(body) == 154
-    wanted = asdict(event) | camera_fields(camera) | {"sampler": b"hilbert", "paused": 1}
+    assert fields.pop("size") == len(body) == 186
+    words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "survey": 1}
+    wanted = asdict(event) | camera_fields(camera) | words
     wanted.pop("camera")
     assert fields == wanted
 
@@ -149,17 +150,32 @@ def camera_fields(camera: Camera) -> dict[str, Any]:
 def test_the_framelet_table_reads_a_framelet() -> None:
     rect = Rect(x=5, y=6, width=7, height=8)
     rgb = np.zeros((8, 7, 3), np.uint8)
-    framelet = control.Framelet.of(panel=4, rect=rect, rgb=rgb, camera_event=9, scene_event=10)
+    framelet = control.Framelet.of(panel=4, rect=rect, rgb=rgb, camera_event=9, scene_event=10, compared=True)
     body = control.serialise(framelet)[control.HEADER_BYTES :]
     fields = read(table("Framelet, a rectangle"), body)
-    assert fields.pop("size") == 22
-    assert fields == {"panel": 4, **asdict(rect), "camera_event": 9, "scene_event": 10, "length": len(framelet.data)}
+    assert fields.pop("size") == 23
+    numbers = {"camera_event": 9, "scene_event": 10, "compared": 1}
+    assert fields == {"panel": 4, **asdict(rect), **numbers, "length": len(framelet.data)}
+
+
+def test_the_survey_table_reads_a_survey() -> None:
+    codes = np.arange(6, dtype=np.uint8).reshape(2, 3)
+    survey = Survey(
+        panel=4, compared=True, age=codes, density=codes + 10, rects=np.arange(8, dtype=np.uint16).reshape(2, 4),
+        worth=np.array([7, 8], np.uint8),
+    )  # fmt: skip
+    body = control.serialise(survey)[control.HEADER_BYTES :]
+    fields = read(table("Survey, how old"), body)
+    assert fields == {"panel": 4, "compared": 1, "rows": 2, "columns": 3, "rects": 2, "size": 11}
+    rects = b"".join(struct.pack("<H", k) for k in range(8))
+    assert body[11:] == bytes(range(6)) + bytes(range(10, 16)) + rects + bytes([7, 8])
 
 
 def test_every_kind_of_message_is_listed() -> None:
-    listed = dict(re.findall(r"^\| (\d) \| (\w+) \| (?:JSON|struct)", PAGE, re.MULTILINE))
+    listed = dict(re.findall(r"^\| (\d+) \| (\w+) \| (?:JSON|struct)", PAGE, re.MULTILINE))
     kinds = {str(kind): cls.__name__ for kind, cls in control._JSON_KINDS.items()}
-    assert listed == kinds | {str(control.KIND_EVENT): "Event", str(control.KIND_FRAMELET): "Framelet"}
+    structs = {control.KIND_EVENT: "Event", control.KIND_FRAMELET: "Framelet", control.KIND_SURVEY: "Survey"}
+    assert listed == kinds | {str(kind): name for kind, name in structs.items()}
 
 
 def test_the_script_on_the_page_compiles() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ scene: {source: courtyard}
 wall: {grid: {columns: 1, rows: 1, pixels: [32, 24], size: [0.4, 0.3]}}
 views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, path: {type: orbit, period_s: 4}}]
 """
-PATIENCE = 400               # waits of 10 ms
+PATIENCE = 400  # waits of 10 ms
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +61,38 @@ def test_pause_stops_scene_and_path_until_it_ends(plan: Plan) -> None:
     assert director.event.scene_time == pytest.approx(1.25), "the pause has not been counted"
 
 
+def test_held_view_says_once_that_it_is_paused_and_stays_where_it_is(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([], 1.0)
+    moving = director.event
+
+    assert director.hold()
+
+    assert director.event == replace(moving, paused=True), "not a new picture, so nobody traces anything anew"
+    assert not director.hold()
+    assert not director.update([], 9.0)
+
+
+def test_events_wait_for_the_head_in_their_order_and_the_last_one_is_at_rest(plan: Plan) -> None:
+    manager = Manager(plan, LoopbackHub(credit_bytes=1 << 16), HeadClock(), lambda: [], still=False)
+    manager.start()
+    for _ in range(PATIENCE):
+        if len(manager.recent) > 3:
+            break
+        manager.join(0.01)
+    manager.hold()
+    for _ in range(PATIENCE):
+        if manager.event.paused:
+            break
+        manager.join(0.01)
+    manager.stop()
+
+    numbers = [event.number for event in manager.recent]
+    assert numbers == sorted(numbers)
+    assert manager.recent[-1] is manager.event
+    assert [event.paused for event in manager.recent] == [False] * (len(numbers) - 1) + [True]
+
+
 def test_commands_that_came_together_share_one_event(plan: Plan) -> None:
     director = Director(plan, 0.0)
     director.update([command(kind="pause")], 0.0)
@@ -83,6 +116,37 @@ def test_sampler_asked_for_travels_with_the_event(plan: Plan) -> None:
     director = Director(plan, 0.0)
     director.update([command(kind="sampler", value="hilbert")], 0.0)
     assert director.event.sampler == "hilbert"
+
+
+def test_comparing_gives_the_adaptive_sampler_its_half_and_back_what_was_there(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause"), command(kind="sampler", value="hilbert")], 0.0)
+    alone = director.event
+
+    director.update([command(kind="compare", value="framed")], 0.1)
+    both = director.event
+    director.update([command(kind="compare", value="")], 0.2)
+
+    assert (both.sampler, both.compare) == ("adaptive", "framed")
+    assert (director.event.sampler, director.event.compare) == ("hilbert", "")
+    assert alone.camera_event < both.camera_event < director.event.camera_event, "each starts over"
+
+
+def test_choosing_one_sampler_ends_a_comparison(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="compare", value="framed")], 0.0)
+    director.update([command(kind="sampler", value="frameless")], 0.1)
+    assert (director.event.sampler, director.event.compare) == ("frameless", "")
+
+
+def test_a_survey_is_told_without_starting_anything_over(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause")], 0.0)
+    before = director.event.number
+    assert director.update([command(kind="survey", value="on")], 0.1)
+    assert director.event.survey
+    assert director.event.number == before
+    assert not director.update([], 0.2)
 
 
 def test_latency_counts_superseded_inputs_until_a_newer_one_is_shown(plan: Plan) -> None:

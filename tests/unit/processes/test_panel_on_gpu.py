@@ -96,6 +96,25 @@ def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
     assert panel.buffer.counters.counts["gpu_lost"] == 1
 
 
+def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_picture_to_the_cpu(
+    opengl: Device, anything_is_a_gpu: None, compiled_only: None
+) -> None:
+    plan = plan_of("auto")
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    panel.insert(batch_of(plan, event))
+    panel.refresh(event, 0.0)
+    on_gpu = panel.surveys(0.1)[0]
+
+    lose(opengl)
+    on_cpu = panel.surveys(0.1)[0]
+
+    assert panel.reconstruction is not None
+    assert panel.reconstruction.on == "cpu"
+    assert panel.buffer.counters.counts["gpu_lost"] == 1
+    assert np.abs(on_gpu.age.astype(int) - on_cpu.age).max() <= 1
+    assert (on_gpu.density == on_cpu.density).all(), "one sample a pixel"
+
+
 def test_a_lost_gpu_that_was_insisted_on_ends_the_run_with_what_the_driver_said(
     opengl: Device, compiled_only: None
 ) -> None:

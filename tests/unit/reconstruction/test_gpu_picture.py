@@ -3,77 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from adaptive_pictures import GREEN, SIZE, START, centres, event_at, hits, plate_before_wall, traced
+from adaptive_pictures import GREEN, SIZE, START, centres, event_at, hits, plate_before_wall
+from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose, assert_array_equal
-from small_scenes import View, view
+from small_scenes import view
 
-from wall.data import Event, Float32, Rect, Samples
+from wall.data import Event, Float32, Rect
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.gpu.store import WORDS
-from wall.reconstruction.picture import Picture
-from wall.scene.build import Scene
 
-# Both place a sample to within some float32 roundings, so to 1e-4 pixels at pixel 97, and weights add up to 1 or more
-# almost everywhere: so much of a neighbour's radiance (at most 0.75) comes in. Seen: 1.5e-5.
-ROUNDING = 1e-4
 # At pixel 2,048 positions are rounded to 1.2e-4 pixels, a few times, between neighbours of 0 and 1, and what weighs as
 # little as 0.25 is divided by that. Seen: 7e-3 at most, 1.6e-3 at 99.9 %.
 ROUNDING_FAR_OUT, USUAL_FAR_OUT = 1e-2, 2e-3
-# A rounding may also decide which of two samples is nearer, or whether one hides another: up to four pixels each.
-# Seen: 13 pixels of 6,305.
-DECIDED_BY_ROUNDING = 0.005
 WIDE = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(97, 65))
 MOVING = ((0.0, 0.0, 2.0), (0.5, 0.0, 2.0), (0.6, 0.1, 2.0))
-
-
-class Twins:
-    """The same calls to both."""
-
-    def __init__(self, scene: Scene, seen: View, rect: Rect | None = None, *, kept: float = 4.0) -> None:
-        self.scene, self.seen = scene, seen
-        self.cpu = Picture(seen.panel, seen.eye, scene, judging=False, rect=rect, samples_per_pixel=kept)
-        self.gpu = GpuPicture(seen.panel, seen.eye, scene, rect=rect, samples_per_pixel=kept)
-
-    def insert(self, samples: Samples, time: float, event: Event) -> None:
-        self.cpu.insert(samples.copy(), time, event)
-        self.gpu.insert(samples.copy(), time, event)
-
-    def refresh(self, event: Event, now: float) -> None:
-        self.cpu.refresh(event, now)
-        self.gpu.refresh(event, now)
-
-    def agree(self, *, rounding: float = ROUNDING, decided: float = 0.0) -> None:
-        """Assert the same picture, the same changed tiles, the same number of samples stored."""
-        height, width = self.cpu.radiance.shape[:2]
-        assert self.gpu.radiance.shape == (height, width, 3)
-        assert np.isfinite(self.gpu.radiance).all()
-        error = np.abs(self.gpu.radiance - self.cpu.radiance).max(axis=2)
-        assert (error > rounding).mean() <= decided, f"{(error > rounding).sum()} pixels, up to {error.max()}"
-        assert self.gpu.nothing_moves == self.cpu.nothing_moves
-        assert self.gpu.count == pytest.approx(self.cpu.count, rel=decided)
-        assert_array_equal(self.gpu.take_dirty(), self.cpu.take_dirty())
-
-
-class Noise(NamedTuple):
-    """Samples at random places, each of its own brightness, one in ten a contradiction."""
-
-    random: np.random.Generator
-    count: int
-
-    def of(self, twins: Twins, event: Event) -> Samples:
-        width, height = twins.seen.panel.pixels
-        xy = (self.random.random((self.count, 2)) * (width, height)).astype(np.float32)
-        samples = traced(twins.scene, event, xy, twins.seen)
-        samples["radiance"] *= (0.5 + self.random.random((self.count, 1))).astype(np.float32)
-        contradicts = self.random.random(self.count) < 0.1
-        samples["change"] = np.where(contradicts, np.round(self.random.random(self.count), 2), 0.0)
-        return samples
 
 
 @pytest.fixture

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from adaptive_pictures import (
@@ -19,7 +22,7 @@ from adaptive_pictures import (
 )
 from numpy.testing import assert_allclose, assert_array_equal
 
-from wall.data import Float32, Samples
+from wall.data import Camera, Float32, Samples
 from wall.reconstruction.picture import Picture
 from wall.scene.build import Scene
 
@@ -88,6 +91,26 @@ def test_at_rest_samples_anywhere_in_a_pixel_count_for_that_pixel_alone(scene: S
     picture = at_rest_after(scene, hits(xy, GREEN))
     assert picture.still[11, 20, 3] == 500
     assert picture.still[..., 3].sum() == 500
+
+
+@pytest.mark.parametrize("foreseen", [{"camera": (0.01, 0.0, 4.0)}, {"scene_time": 0.01}, {"turned": 1e-6}])
+def test_at_rest_samples_that_were_traced_ahead_of_their_event_are_no_part_of_the_mean(
+    scene: Scene, foreseen: dict[str, Any]
+) -> None:
+    """They have the number of the event that came true, but not its pose."""
+    picture = at_rest_after(scene, hits(centres(SIZE), GREEN))
+    event = event_at(0)
+    x, *rest = event.camera.world_from_wall
+    position = foreseen.get("camera", event.camera.position)
+    camera = Camera(position=position, world_from_wall=(x + foreseen.get("turned", 0.0), *rest))
+    ahead = replace(event, camera=camera, scene_time=foreseen.get("scene_time", 0.0))
+    assert (picture.still[..., 3] == 1).all()
+
+    picture.insert(hits(centres(SIZE), RED), START + 1.0, ahead)
+    assert (picture.still[..., 3] == 1).all()
+
+    picture.insert(hits(centres(SIZE), RED), START + 1.0, event)
+    assert (picture.still[..., 3] == 2).all()
 
 
 def test_many_samples_of_one_pixel_at_rest_do_not_drive_out_the_others(scene: Scene) -> None:

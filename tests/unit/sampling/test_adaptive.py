@@ -9,9 +9,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from wall.data import Event, Float32, Float64
+from wall.deepbuffer.kernels import TILE
 from wall.sampling import kernels_adaptive as kernels
+from wall.sampling.tiles import Grid, Tiles
 
-TILE, PACKET = kernels.TILE, kernels.PACKET
+PACKET = kernels.PACKET
 Path = Callable[[int], Event]
 SIZES = [(1, 1), (16, 16), (17, 16), (15, 1), (40, 37), (3, 70)]  # width, height
 ORIGIN = (5, 9)  # panel pixel of the region's corner
@@ -24,10 +26,18 @@ def tiles_of(score: Float32 | Float64) -> Float64:
     return np.add.reduceat(np.add.reduceat(score.astype(np.float64), down, axis=0), across, axis=1)
 
 
+def grid_over(score: Float32) -> Tiles:
+    """The grid of 16 pixels, its sums those of the scores."""
+    tiles = Grid(score.shape[1], score.shape[0]).tiles
+    tiles.sums[:] = tiles_of(score).ravel()
+    return tiles
+
+
 def drawn(score: Float32, packets: int, *, seed: int = 1, sequence: int = 1, visits: object = None) -> Float32:
     xy = np.full((packets * PACKET, 2), np.nan, np.float32)
     seen = np.zeros(score.shape, np.uint16) if visits is None else visits
-    filled = kernels.draw(score, tiles_of(score), packets, seed, sequence, seen, *ORIGIN, xy)
+    tiles = grid_over(score)
+    filled = kernels.draw(score, tiles.rects, tiles.order, tiles.sums, packets, seed, sequence, seen, *ORIGIN, xy)
     assert np.isnan(xy[filled:]).all()
     return xy[:filled]
 
@@ -106,13 +116,14 @@ def test_where_no_pixel_has_a_score_nothing_is_drawn(size: tuple[int, int]) -> N
 def test_sums_that_have_drifted_are_set_right_and_draw_nothing_from_an_empty_tile() -> None:
     score = np.zeros((16, 48), np.float32)
     score[:, 20] = 1.0
-    sums = np.array([[3.0, 7.0, 1e-9]])
+    rects, sums, _, order = grid_over(score)
+    sums[:] = 3.0, 7.0, 1e-9
     xy = np.zeros((10 * PACKET, 2), np.float32)
-    filled = kernels.draw(score, sums, 10, 1, 1, np.zeros(score.shape, np.uint16), *ORIGIN, xy)
+    filled = kernels.draw(score, rects, order, sums, 10, 1, 1, np.zeros(score.shape, np.uint16), *ORIGIN, xy)
     assert filled % PACKET == 0
     assert 6 * PACKET <= filled <= 8 * PACKET, "of 10 packets the 3 of an empty tile are not traced"
     assert set((xy[:filled, 0] - ORIGIN[0]).astype(int)) == {20}
-    assert_allclose(sums[0, :2], [0.0, 16.0])
+    assert_allclose(sums[:2], [0.0, 16.0])
 
 
 def test_a_seed_repeats_its_positions_and_another_does_not() -> None:
@@ -136,6 +147,7 @@ def test_far_right_on_a_wide_wall_positions_stay_in_their_pixels(compiled_only: 
     """At pixel 8191 float32 steps by 1/2048: rounding must not carry a position over the edge."""
     score = np.ones((1, 16), np.float32)
     xy = np.zeros((2000 * PACKET, 2), np.float32)
-    kernels.draw(score, np.array([[16.0]]), 2000, 3, 1, np.zeros(score.shape, np.uint16), 8176, 8191, xy)
+    rects, sums, _, order = grid_over(score)
+    kernels.draw(score, rects, order, sums, 2000, 3, 1, np.zeros(score.shape, np.uint16), 8176, 8191, xy)
     assert_array_equal(np.bincount(xy[:, 0].astype(int) - 8176, minlength=16), 2000)
     assert (xy[:, 1] < 8192).all()

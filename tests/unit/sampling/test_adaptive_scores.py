@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from wall.data import SAMPLE, Event, Float32, Float64, Rect, Samples
 from wall.sampling import kernels_adaptive as kernels
 from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler
+from wall.sampling.tiles import Grid
 
-TILE, PACKET = kernels.TILE, kernels.PACKET
+PACKET = kernels.PACKET
 Path = Callable[[int], Event]
 RECT = Rect(x=5, y=9, width=40, height=37)  # 3 x 3 tiles, ragged
 
@@ -28,12 +29,14 @@ class Known:
     radiance: Float32 = field(init=False)
     gathered: Float32 = field(init=False)
     still: Float32 = field(init=False)
+    residual: Float32 = field(init=False)
 
     def __post_init__(self) -> None:
         height, width = self.rect.height, self.rect.width
         self.radiance = np.zeros((height, width, 3), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.still = np.zeros((height, width, 8), np.float32)
+        self.residual = np.zeros((-(-height // 16), -(-width // 16)), np.float32)
 
     def refresh(self, event: Event, now: float) -> None: ...
 
@@ -81,9 +84,9 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     still = np.zeros((37, 40, 8), np.float32)
     still[20, 20, 3] = 50
     contrast, density, score = (np.zeros((37, 40), np.float32) for _ in range(3))
-    sums = np.zeros((3, 3))
+    _, sums, tile_of, _ = Grid(40, 37).tiles
 
-    kernels.score_moving(value, gathered, still, np.float32(FLOOR_MOVING), contrast, density, score, sums)
+    kernels.score_moving(value, gathered, still, np.float32(FLOOR_MOVING), contrast, density, score, tile_of, sums)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]
@@ -92,7 +95,7 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     gain = np.where(n < kernels.EMPTY, kernels.HOLE + expected, expected / (n * (n + 1))) + FLOOR_MOVING
     assert_allclose(score, gain, rtol=1e-5)
     down, across = (0, 16, 32), (0, 16, 32)
-    assert_allclose(sums, np.add.reduceat(np.add.reduceat(gain, down, axis=0), across, axis=1), rtol=1e-5)
+    assert_allclose(sums.reshape(3, 3), np.add.reduceat(np.add.reduceat(gain, down, 0), across, 1), rtol=1e-5)
 
 
 def test_holes_come_first_and_edges_before_plain_surfaces(camera_path: Path) -> None:
@@ -120,7 +123,7 @@ def test_sums_stay_the_sums_of_scores_while_samples_come(random_numbers: np.rand
             samples["change"] = np.maximum(0, random_numbers.uniform(-1, 1, 60))
             sampler.observe(samples)
             sampler.forget(samples["xy"][::4])
-        score, sums = sampler._score, sampler._sums
+        score, sums = sampler._score, sampler.division.tiles.sums.reshape(3, 3)
         assert (score >= 0).all()
         down, across = (0, 16, 32), (0, 16, 32)
         expected = np.add.reduceat(np.add.reduceat(score.astype(float), down, axis=0), across, axis=1)

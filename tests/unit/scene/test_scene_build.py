@@ -157,7 +157,7 @@ def test_forest_has_more_than_two_million_triangles_from_few_stored_ones() -> No
 def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     assert needs(configured(HERE, source="courtyard")) == Needs(
         textures=True, vertex_colors=True, smooth_normals=True, mirrors=True, point_lights=True,
-        directional_lights=True, instancing=True, animation=True, emission=True,
+        directional_lights=True, instancing=True, animation=True, emission=True, relighting=True,
     )
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (

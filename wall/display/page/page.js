@@ -1,16 +1,20 @@
 // The connection, and who gets what came over it. Pictures go to the wall, numbers to the readout, commands back.
 
-import { Readout } from "./readout.js";
+import { Compare } from "./compare.js";
+import { Overlay } from "./overlay.js";
+import { Readout, short } from "./readout.js";
 import { Steering } from "./steering.js";
 import { Wall } from "./wall.js";
 
 const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
+const SURVEY = "S".charCodeAt(0);  // second byte of an overlay's message; a panel has "P"
 const SILENT_MS = 3000;           // status comes four times a second; this long without any is a lost connection
 const RETRY_MS = [250, 500, 1000, 2000];
 const TOO_MANY = 1013;
 const ENDED = 1001;
 
-const wall = new Wall(document.getElementById("wall"), document.getElementById("room"));
+const wall = new Wall(
+  document.getElementById("wall"), document.getElementById("room"), document.getElementById("controls"));
 const readout = new Readout((panel) => wall.point(panel));
 const steering = new Steering(document.getElementById("wall"), (command) => send(command), () => wall.height());
 
@@ -18,6 +22,9 @@ let socket = null;
 let attempts = 0;
 let heard = 0;
 let ended = false;
+
+const compare = new Compare(wall, (command) => send(command), (name) => readout.sampler(name));
+const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
@@ -31,10 +38,15 @@ function connect() {
   const pictures = new Pictures(mine);
   mine.onmessage = ({ data }) => {
     heard = performance.now();
-    if (data instanceof ArrayBuffer) pictures.panel(data);
+    if (data instanceof ArrayBuffer) takeBytes(data, pictures);
     else take(JSON.parse(data), pictures);
   };
   mine.onclose = (event) => { if (socket === mine) lost(event.code); };
+}
+
+function takeBytes(data, pictures) {
+  if (new Uint8Array(data)[1] === SURVEY) overlay.take(data);
+  else pictures.panel(data);
 }
 
 function take(message, pictures) {
@@ -43,11 +55,13 @@ function take(message, pictures) {
     ended = false;
     wall.build(message);
     readout.connected();
+    if (overlay.name) overlay.repeat();
   } else if (message.kind === "picture") {
     pictures.begin(message);
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
     readout.show(message);
+    compare.status(message, short);
   }
 }
 
@@ -83,7 +97,9 @@ class Pictures {
   panel(buffer) {
     const view = new DataView(buffer);
     const jpeg = new Blob([new Uint8Array(buffer, HEADER_BYTES)], { type: "image/jpeg" });
-    this.#panels.push({ index: view.getUint16(4, true), image: createImageBitmap(jpeg) });
+    this.#panels.push({
+      index: view.getUint16(4, true), second: view.getUint8(3) === 1, image: createImageBitmap(jpeg),
+    });
     if (this.#panels.length === this.#head.panels) this.#finish(this.#head, this.#panels);
   }
 
@@ -91,7 +107,7 @@ class Pictures {
     this.#drawn = this.#drawn.then(async () => {
       const images = await Promise.allSettled(panels.map((p) => p.image));
       await new Promise(requestAnimationFrame);
-      images.forEach(({ value }, k) => value && wall.draw(panels[k].index, value));
+      images.forEach(({ value }, k) => value && wall.draw(panels[k].index, value, panels[k].second));
       document.body.dataset.picture = head.number;
       if (this.#socket.readyState === WebSocket.OPEN) {
         this.#socket.send(JSON.stringify({ kind: "shown", number: head.number }));
@@ -105,6 +121,16 @@ function toggleDetails() {
   wall.arrange();
 }
 
+// While two are compared, another sampler than the adaptive one takes the place at the right.
+function choose(name) {
+  if (compare.other && name !== "adaptive") {
+    compare.with(name);
+    return;
+  }
+  compare.ended();
+  steering.sampler(name);
+}
+
 const help = document.getElementById("help");
 steering.actions = {
   help: () => (help.open ? help.close() : help.showModal()),
@@ -112,9 +138,12 @@ steering.actions = {
   fullscreen: () => (document.fullscreenElement ? document.exitFullscreen() : document.body.requestFullscreen()),
   pause: () => readout.pause(),
   sampler: (name) => readout.sampler(name),
+  choose,
+  compare: () => compare.next(),
+  overlay: () => overlay.next(),
 };
 readout.onpause = () => steering.pause();
-readout.onsampler = (name) => steering.sampler(name);
+readout.onsampler = choose;
 document.getElementById("pause").onclick = () => steering.pause();
 document.getElementById("reset").onclick = () => steering.reset();
 document.getElementById("help-open").onclick = steering.actions.help;

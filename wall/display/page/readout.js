@@ -8,7 +8,7 @@ const NONE = "–";
 const $ = (id) => document.getElementById(id);
 const isNumber = (x) => typeof x === "number" && Number.isFinite(x);
 
-function short(value) {
+export function short(value) {
   if (!isNumber(value)) return NONE;
   for (const [unit, letter] of [[1e9, " G"], [1e6, " M"], [1e3, " k"]]) {
     if (Math.abs(value) >= unit * 0.9995) return digits(value / unit) + letter;
@@ -18,8 +18,8 @@ function short(value) {
 
 const digits = (x) => x.toFixed(x === 0 || Math.abs(x) >= 99.95 ? 0 : Math.abs(x) >= 9.995 ? 1 : 2);
 
-// Milliseconds, as exact as anyone can use.
-const millis = (ms) => `${ms < 9.95 ? ms.toFixed(1) : Math.round(ms)} ms`;
+// As exact as anyone can use.
+const millis = (ms) => (ms >= 999.5 ? `${digits(ms / 1000)} s` : `${ms < 9.95 ? ms.toFixed(1) : Math.round(ms)} ms`);
 
 function age(seconds) {
   if (!isNumber(seconds)) return NONE;
@@ -83,7 +83,7 @@ export class Readout {
     this.#banner(now - this.#advanced > STUCK_MS ? "The run does not answer. The last picture stays." : null);
     this.#buildSamplers(status.samplers);
     if (now - this.#asked.pause > TRUST_MS) this.#showPaused(status.paused);
-    if (now - this.#asked.sampler > TRUST_MS) this.#showSampler(status.sampler);
+    if (now - this.#asked.sampler > TRUST_MS) this.#showSampler(status.compare || status.sampler);
     write($("fact-time"), clock(status.seconds));
     write($("fact-refresh"), `${digits(status.refresh_hz)} Hz`);
     write($("fact-samples"), `${short(status.ranks.reduce((sum, r) => sum + (r.samples_per_s || 0), 0))}/s`);

@@ -136,8 +136,10 @@ export class Steering {
 
   #letter(key) {
     const index = "123456789".indexOf(key);
-    if (key && index >= 0 && index < this.samplers.length) this.sampler(this.samplers[index]);
+    if (key && index >= 0 && index < this.samplers.length) this.actions.choose(this.samplers[index]);
     else if (key === "r") this.reset();
+    else if (key === "c") this.actions.compare();
+    else if (key === "o") this.actions.overlay();
     else if (key === "h" || key === "?") this.actions.help();
     else if (key === "d") this.actions.details();
     else if (key === "f") this.actions.fullscreen();

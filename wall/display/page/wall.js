@@ -1,28 +1,105 @@
-// The wall on the page: one canvas a panel at its true place, edges on whole device pixels.
+// The wall on the page: one canvas a panel at its true place, edges on whole device pixels. While two samplers are
+// compared there are two such faces, one over or beside the other.
 
 const DETAILS_WIDTH = 388;        // page.css, --details
 const BELOW_HEIGHT = 232;         // what the measurements need beneath the wall,
 const BELOW_ENOUGH = 344;         // and what they take when there is room
 const NARROW = 900;               // below this width everything is one scrolling column
 const FRAME = [0.012, 0.05];      // least and most width of the outer bezel, of the wall's height
+const APART = 0.04;               // between two faces, of the wall's height
 
 export class Wall {
-  #element; #room; #layout = null; #panels = []; #frame = 0;
+  #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
+  #faces = [];                    // first and second: { element, panels: [{ place, box, context }] }
 
-  constructor(element, room) {
+  // `controls` stand beneath the wall and keep their room.
+  constructor(element, room, controls) {
     this.#element = element;
     this.#room = room;
-    new ResizeObserver(() => this.arrange()).observe(room);
+    this.#controls = controls;
+    const observer = new ResizeObserver(() => this.arrange());
+    observer.observe(room);
+    observer.observe(controls);
   }
 
-  // Height of the wall as shown, CSS pixels.
-  height() { return this.#element.clientHeight || 1; }
+  // Height of the picture as shown, CSS pixels.
+  height() { return this.#faces[0]?.element.clientHeight || 1; }
 
   build(layout) {
     if (JSON.stringify(layout) === JSON.stringify(this.#layout)) return;   // the pictures of before stay
     this.#layout = layout;
     this.#frame = outerBezel(layout);
-    this.#panels = layout.panels.map((place) => {
+    for (const face of this.#faces) face.element.remove();
+    this.#faces = [];
+    this.#addFace();
+    this.show(this.#view);
+  }
+
+  // "single", "wipe" or "beside"
+  show(view) {
+    this.#view = view;
+    if (!this.#layout) return;
+    if (view !== "single" && this.#faces.length === 1) this.#addFace();
+    if (this.#faces[1]) this.#faces[1].element.hidden = view === "single";
+    this.arrange();
+  }
+
+  draw(index, image, second) {
+    const panel = this.#faces[second ? 1 : 0]?.panels[index];
+    panel?.context.drawImage(image, 0, 0, panel.place.width, panel.place.height);
+    if (panel && second) this.#faces[1].element.classList.remove("empty");
+    image.close();
+  }
+
+  // The canvas over one panel, made when first asked for, and the panel's place; undefined if it is not shown.
+  cover(index, second) {
+    const panel = second && this.#view === "single" ? undefined : this.#faces[second ? 1 : 0]?.panels[index];
+    if (panel && !panel.cover) {
+      panel.cover = document.createElement("canvas");
+      panel.cover.className = "cover";
+      panel.box.append(panel.cover);
+    }
+    return panel && { canvas: panel.cover, place: panel.place };
+  }
+
+  uncover() {
+    for (const panel of this.#faces.flatMap((face) => face.panels)) {
+      panel.cover?.remove();
+      panel.cover = undefined;
+    }
+  }
+
+  // Outline one panel, or none.
+  point(id) {
+    for (const { place, box } of this.#faces.flatMap((face) => face.panels)) {
+      box.classList.toggle("pointed", place.id === id);
+    }
+  }
+
+  arrange() {
+    if (!this.#layout) return;
+    const { width, height } = this.#layout, frame = this.#frame;
+    const full = { width: width + 2 * frame, height: height + 2 * frame };
+    const { scale, whole, step } = this.#chooseSize(full);
+    const ratio = window.devicePixelRatio || 1;
+    const snap = (x) => Math.round(x * scale * ratio) / ratio;
+    this.#element.style.width = `${snap(whole.width)}px`;
+    this.#element.style.height = `${snap(whole.height)}px`;
+    this.#room.style.setProperty("--wall-height", `${snap(whole.height) + this.#below()}px`);
+    this.#faces.forEach(({ element, panels }, k) => {
+      put(element, snap(k * step.x), snap(k * step.y), snap(full.width), snap(full.height));
+      for (const { place, box } of panels) {
+        const left = snap(place.x + frame), top = snap(place.y + frame);
+        put(box, left, top, snap(place.x + place.width + frame) - left, snap(place.y + place.height + frame) - top);
+      }
+    });
+    this.#element.style.setProperty("--right-x", `${snap(step.x)}px`);
+    this.#element.style.setProperty("--right-y", `${snap(step.y)}px`);
+    this.#element.dataset.stacked = step.y > 0;
+  }
+
+  #addFace() {
+    const panels = this.#layout.panels.map((place) => {
       const canvas = document.createElement("canvas");
       canvas.width = place.width;
       canvas.height = place.height;
@@ -32,47 +109,39 @@ export class Wall {
       box.append(canvas);
       return { place, box, context: canvas.getContext("2d", { alpha: false }) };
     });
-    this.#element.replaceChildren(...this.#panels.map((p) => p.box));
-    this.arrange();
+    const element = document.createElement("div");
+    element.className = this.#faces.length ? "face second empty" : "face";
+    element.append(...panels.map((p) => p.box));
+    this.#faces.push({ element, panels });
+    this.#element.prepend(...this.#faces.map((face) => face.element));
   }
 
-  draw(index, image) {
-    const panel = this.#panels[index];
-    panel?.context.drawImage(image, 0, 0, panel.place.width, panel.place.height);
-    image.close();
+  // Two faces stand beside each other or one above the other, whichever leaves them larger.
+  #chooseSize(full) {
+    const gap = APART * full.height;
+    const ways = this.#view !== "beside"
+      ? [{ whole: full, step: { x: 0, y: 0 } }]
+      : [
+        { whole: { width: 2 * full.width + gap, height: full.height }, step: { x: full.width + gap, y: 0 } },
+        { whole: { width: full.width, height: 2 * full.height + gap }, step: { x: 0, y: full.height + gap } },
+      ];
+    const scales = ways.map(({ whole }) => this.#choosePlace(whole));
+    const best = scales.indexOf(Math.max(...scales));
+    return { ...ways[best], scale: this.#choosePlace(ways[best].whole) };
   }
 
-  // Outline one panel, or none.
-  point(id) {
-    for (const { place, box } of this.#panels) box.classList.toggle("pointed", place.id === id);
-  }
-
-  arrange() {
-    if (!this.#layout) return;
-    const { width, height } = this.#layout;
-    const frame = this.#frame;
-    const full = { width: width + 2 * frame, height: height + 2 * frame };
-    const scale = this.#choosePlace(full);
-    const ratio = window.devicePixelRatio || 1;
-    const snap = (x) => Math.round(x * scale * ratio) / ratio;
-    this.#element.style.width = `${snap(full.width)}px`;
-    this.#element.style.height = `${snap(full.height)}px`;
-    this.#room.style.setProperty("--wall-height", `${snap(full.height)}px`);
-    for (const { place, box } of this.#panels) {
-      const left = snap(place.x + frame), top = snap(place.y + frame);
-      box.style.left = `${left}px`;
-      box.style.top = `${top}px`;
-      box.style.width = `${snap(place.x + place.width + frame) - left}px`;
-      box.style.height = `${snap(place.y + place.height + frame) - top}px`;
-    }
+  // What the controls and the gap above them take.
+  #below() {
+    const height = this.#controls.offsetHeight;
+    return height ? height + (parseFloat(getComputedStyle(this.#controls.parentElement).rowGap) || 0) : 0;
   }
 
   // Measurements beside the wall or beneath it, whichever leaves the wall larger. Returns CSS pixels a wall pixel.
   #choosePlace(full) {
     const style = getComputedStyle(this.#room);
-    const gap = parseFloat(style.columnGap) || 0;
+    const gap = parseFloat(style.columnGap) || 0, below = this.#below();
     const w = this.#room.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
-    const h = this.#room.clientHeight - parseFloat(style.paddingTop) - parseFloat(style.paddingBottom);
+    const h = this.#room.clientHeight - parseFloat(style.paddingTop) - parseFloat(style.paddingBottom) - below;
     const fit = (x, y) => Math.max(0.02, Math.min(x / full.width, y / full.height));
     const narrow = window.innerWidth < NARROW;
     const bare = document.body.classList.contains("bare");
@@ -84,6 +153,13 @@ export class Wall {
     this.#room.style.setProperty("--below", `${Math.max(BELOW_HEIGHT, Math.min(BELOW_ENOUGH, left))}px`);
     return kind === "alone" ? fit(w, h) : Math.max(beside, beneath);
   }
+}
+
+function put({ style }, left, top, width, height) {
+  style.left = `${left}px`;
+  style.top = `${top}px`;
+  style.width = `${width}px`;
+  style.height = `${height}px`;
 }
 
 // The virtual screen ends at its outermost panels; they get the bezel that stands between panels.

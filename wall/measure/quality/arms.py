@@ -13,6 +13,7 @@ from wall.measure.quality import (
     arms_progressive,
     arms_reduced,
     arms_render_cache,
+    arms_streams,
     arms_taa,
 )
 from wall.measure.quality.arm import Arm, Setup
@@ -25,6 +26,7 @@ FACTORIES: dict[str, Callable[[Setup], Arm]] = {
     **arms_taa.ARMS,
     **arms_render_cache.ARMS,
     **arms_afr.ARMS,
+    **arms_streams.ARMS,
 }
 ARMS: tuple[str, ...] = tuple(FACTORIES)
 

@@ -10,10 +10,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from wall.config.sampling import HilbertSampling
-from wall.data import Batch, Event, Float32
+from wall.data import Batch, Float32
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.measure.quality.arm import Arm, Inputs, Setup, steps
-from wall.packets.samples import MAX_SAMPLES, Codec, decode, encode
+from wall.measure.quality.shooter import Shooter
+from wall.packets.samples import MAX_SAMPLES
 from wall.sampling.base import Sampler, Targets
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
@@ -26,20 +27,18 @@ class SamplerArm:
     """Any of the blind samplers: choose, trace, send, insert."""
 
     def __init__(self, setup: Setup, sampler: Sampler) -> None:
-        self._rate, self._sampler, self._rect = setup.rate, sampler, setup.rect
-        self._inputs = Inputs(setup.plan)
-        self._tracer = setup.tracer(coherent=sampler.coherent)
-        self._placed: Event | None = None
+        self._rate, self._sampler, self._inputs = setup.rate, sampler, Inputs(setup.plan)
+        self._shooter = Shooter(setup, coherent=sampler.coherent, receive=self._insert)
         self._buffer = DeepBuffer(*setup.size)
         self._frame: list[Batch] = []  # of double buffering, so far
-        self._now, self._sequence = 0.0, 0
-        self.rays = self.secondary = self.bytes = 0
+        self._now = 0.0
         self._step = setup.input_step_s
         self._targets: Targets | None = None  # under way
         self._used = self._allowed = 0  # rays' worth of time: of finished batches and waiting; let pass so far
         while (targets := sampler.choose(self._inputs.event_at(0.0))) is not None:
             self._trace(targets)
-        self.rays = self.secondary = self.bytes = 0
+        self._shooter.reset()
+        self.rays, self.secondary, self.bytes = self._shooter.counts
 
     def advance(self, until: float, rays: int | None = None) -> None:
         """See Arm."""
@@ -57,37 +56,17 @@ class SamplerArm:
                 self._trace(self._targets)
                 self._targets = None
         self._allowed = allowed
+        self.rays, self.secondary, self.bytes = self._shooter.counts
 
     def show(self, time: float) -> Float32:
         return self._buffer.radiance
 
     def _trace(self, targets: Targets) -> None:
-        if self._placed is not targets.event:
-            self._tracer.take(targets.event)
-            self._placed = targets.event
-        samples, cost = self._tracer.trace(targets.xy)
-        self._sampler.observe(samples)
-        self._sequence += 1
-        self.rays += cost.primary
-        self.secondary += cost.shadow + cost.secondary
-        batch = Batch(
-            view=0,
-            panel=0,
-            rect=self._rect,
-            rank=0,
-            sequence=self._sequence,
-            camera_event=targets.event.camera_event,
-            scene_event=targets.event.scene_event,
-            base_time=self._now,
-            samples=samples,
-            frame=targets.frame,
-            frame_samples=targets.frame_samples,
-            skipped=cost.bad,
+        samples = self._shooter.trace(
+            targets.xy, targets.event, self._now, frame=targets.frame, frame_samples=targets.frame_samples,
             blend=targets.blend,
-        )
-        packet = encode(batch, Codec.ZSTD)
-        self.bytes += len(packet)
-        self._insert(decode(packet))
+        )  # fmt: skip
+        self._sampler.observe(samples)
 
     def _insert(self, batch: Batch) -> None:
         """Show it, or the frame that it completes. Nothing gets lost or repeated here, so samples are counted."""

@@ -10,26 +10,27 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wall.data import Batch, Event, Float32
+from wall.data import Event, Float32
 from wall.measure.quality.arm import Arm, Inputs, Setup, centres, steps
-from wall.packets.samples import MAX_SAMPLES, Codec, encode
+from wall.measure.quality.shooter import Shooter
+from wall.packets.samples import MAX_SAMPLES
 from wall.sampling.progressive import ProgressiveSampler
 
 
 class ProgressiveArm:
     def __init__(self, setup: Setup) -> None:
         self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._tracer = setup.tracer(coherent=True)
+        self._shooter = Shooter(setup, coherent=True)
         self._event = self._inputs.event_at(0.0)
         self._sampler: ProgressiveSampler | None = None
         self._xy, self._at, self._sweep = centres(setup)[:0], 0, 0
-        self._now, self._spent, self._sequence = 0.0, 0, 0
+        self._now, self._spent = 0.0, 0
         self.rays = self.secondary = self.bytes = 0
         width, height = setup.size
         self._before = np.zeros((height, width, 3), np.float32)
         first = self._fresh()
-        self._tracer.take(self._event)
-        first.add(self._tracer.trace(centres(setup))[0])
+        first.add(self._shooter.trace(centres(setup), self._event, 0.0))
+        self._shooter.reset()
         self._before[:] = first.mean()
 
     def advance(self, until: float, rays: int | None = None) -> None:
@@ -43,6 +44,7 @@ class ProgressiveArm:
                 self._before, self._sampler = self.show(now), None
             self._event, self._spent = event, owed
         self._now = until
+        self.rays, self.secondary, self.bytes = self._shooter.counts
 
     def show(self, time: float) -> Float32:
         if self._sampler is None:
@@ -52,7 +54,6 @@ class ProgressiveArm:
     def _add(self, event: Event, count: int, now: float) -> None:
         if self._sampler is None:
             self._sampler, self._sweep, self._at = self._fresh(), 0, 0
-            self._tracer.take(event)
         while count > 0:
             if self._at == 0:
                 self._xy = self._sampler.positions(self._sweep)
@@ -60,17 +61,7 @@ class ProgressiveArm:
             xy = self._xy[self._at : self._at + count]
             self._at = (self._at + len(xy)) % len(self._xy)
             count -= len(xy)
-            samples, cost = self._tracer.trace(xy)
-            self._sampler.add(samples)
-            self.rays += cost.primary
-            self.secondary += cost.shadow + cost.secondary
-            self._sequence += 1
-            batch = Batch(
-                view=0, panel=0, rect=self._setup.rect, rank=0, sequence=self._sequence,
-                camera_event=event.camera_event, scene_event=event.scene_event, base_time=now, samples=samples,
-                skipped=cost.bad,
-            )  # fmt: skip
-            self.bytes += len(encode(batch, Codec.ZSTD))
+            self._sampler.add(self._shooter.trace(xy, event, now))
 
     def _fresh(self) -> ProgressiveSampler:
         return ProgressiveSampler(self._setup.rect, seed=self._setup.seed)

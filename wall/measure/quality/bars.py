@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from wall.measure.quality.bars_wire import wire_verdicts
 from wall.measure.quality.rows import Row
 from wall.measure.quality.summary import (
     OURS,
@@ -19,6 +20,7 @@ from wall.measure.quality.summary import (
     said,
     spending,
 )
+from wall.measure.quality.verdict import Verdict
 
 EQUAL_ERROR = 40.0  # times faster that framed must be
 AT_REST_S = 2.0  # after everything stopped, a picture is held against the progressive renderer's
@@ -45,16 +47,6 @@ BARS = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """One bar at one spending."""
-
-    what: str
-    wanted: str
-    came: str
-    met: bool
-
-
 def verdicts(rows: Sequence[Row]) -> list[Verdict]:
     """Every bar that the rows can say something about. All rows must have the same clock."""
     if not rows:
@@ -69,7 +61,7 @@ def verdicts(rows: Sequence[Row]) -> list[Verdict]:
         if bar.clock == clock:
             verdicts += [_ratio(bar, c, clock) for (arm, _), c in sorted(known.items()) if arm == bar.arm]
     if clock == "virtual":
-        verdicts += [*_equal_error(rows), *_flip(found), *_at_rest(rows)]
+        verdicts += [*_equal_error(rows), *_flip(found), *_at_rest(rows), *wire_verdicts(rows)]
     return verdicts
 
 

@@ -11,11 +11,11 @@ from typing import Protocol
 
 import numpy as np
 
-from wall.data import SAMPLE, Batch, Event, Float32, Float64, Rect, Samples
+from wall.data import SAMPLE, Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.kernels_reproject import object_tables
 from wall.geometry.frusta import ray_frame
 from wall.measure.quality.arm import Inputs, Setup, centres
-from wall.packets.samples import MAX_SAMPLES, Codec, encode
+from wall.measure.quality.shooter import Shooter
 from wall.reconstruction.picture import Pose
 from wall.sampling.ownership import block_order
 
@@ -47,46 +47,6 @@ def world_pose_of(setup: Setup, event: Event) -> WorldPose:
     there, back = np.empty((2, 2, 12), np.float32)
     object_tables(anchor, event.camera.origin(), frame, corner, there, back)
     return WorldPose(frame=frame, corner=corner, object_from_eye=there, panel_from_object=back)
-
-
-class Shooter:
-    """Traces and sends. What a display needs of the samples it has of the packets."""
-
-    def __init__(self, setup: Setup, *, coherent: bool) -> None:
-        self.rays = self.secondary = self.bytes = 0
-        self._tracer, self._rect, self._sequence = setup.tracer(coherent=coherent), setup.rect, 0
-        self._placed: Event | None = None
-
-    def trace(self, xy: Float32, event: Event, time: float, *, frame: int = 0) -> Samples:
-        """Samples at (n, 2) float32 panel pixels under `event`, counted and sent at `time` seconds."""
-        if self._placed is not event:
-            self._tracer.take(event)
-            self._placed = event
-        samples, cost = self._tracer.trace(xy)
-        self.rays += cost.primary
-        self.secondary += cost.shadow + cost.secondary
-        for first in range(0, len(samples), MAX_SAMPLES):
-            self._send(samples[first : first + MAX_SAMPLES], event, time, frame=frame, frame_samples=len(xy))
-        return samples
-
-    def _send(self, samples: Samples, event: Event, time: float, *, frame: int, frame_samples: int) -> None:
-        self._sequence += 1
-        batch = Batch(
-            view=0,
-            panel=0,
-            rect=self._rect,
-            rank=0,
-            sequence=self._sequence,
-            camera_event=event.camera_event,
-            scene_event=event.scene_event,
-            base_time=time,
-            samples=samples,
-            frame=frame,
-            frame_samples=frame_samples if frame else 0,
-            camera=event.camera,
-            scene_time=event.scene_time,
-        )
-        self.bytes += len(encode(batch, Codec.ZSTD))
 
 
 class Display(Protocol):
@@ -121,7 +81,7 @@ class FramedArm:
         self._step = setup.input_step_s
         self._event: Event | None = self._inputs.event_at(0.0)
         self._finish(self._event)
-        self._shooter.rays = self._shooter.secondary = self._shooter.bytes = 0
+        self._shooter.reset()
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
@@ -141,9 +101,8 @@ class FramedArm:
                 break
             self._now += left / rate
             self._finish(self._event)
-        under_way = int(self._done + ROUNDING_RAYS) if self._event is not None else 0
-        self.rays = self._shooter.rays + under_way
-        self.secondary, self.bytes = self._shooter.secondary, self._shooter.bytes
+        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self.rays += int(self._done + ROUNDING_RAYS) if self._event is not None else 0
 
     def show(self, time: float) -> Float32:
         return self._display.picture(self._inputs.event_at(time))
@@ -151,7 +110,8 @@ class FramedArm:
     def _finish(self, event: Event) -> None:
         """Trace the frame under way. A sample that is dropped leaves the pixel's one of the frame before."""
         self._frame += 1
-        samples = self._shooter.trace(self._positions(), event, self._now, frame=self._frame)
+        xy = self._positions()
+        samples = self._shooter.trace(xy, event, self._now, frame=self._frame, frame_samples=len(xy))
         columns, rows = self._grid
         x, y = (samples["xy"] / self._spacing).astype(np.int64).T
         self._raster[np.minimum(y, rows - 1), np.minimum(x, columns - 1)] = samples
@@ -194,7 +154,7 @@ class FramelessArm:
         self._step = setup.input_step_s
         event = self._inputs.event_at(0.0)
         renderer.take(self._shooter.trace(centres(setup), event, 0.0), event, 0.0)
-        self._shooter.rays = self._shooter.secondary = self._shooter.bytes = 0
+        self._shooter.reset()
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
@@ -211,7 +171,7 @@ class FramelessArm:
             if len(xy):
                 self._owed -= len(xy)
                 self._renderer.take(self._shooter.trace(xy, event, end), event, end)
-        self.rays, self.secondary, self.bytes = self._shooter.rays, self._shooter.secondary, self._shooter.bytes
+        self.rays, self.secondary, self.bytes = self._shooter.counts
 
     def show(self, time: float) -> Float32:
         return self._renderer.picture(self._inputs.event_at(time), time)

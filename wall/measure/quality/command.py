@@ -12,9 +12,11 @@ from wall.config.loading import nearest
 from wall.errors import ConfigError, RunError
 from wall.jit import PACKAGE
 from wall.measure.quality.arms import ARMS
+from wall.measure.quality.arms_streams import absent
 from wall.measure.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
 SCENES = ("orbit", "shadows", "light", "mirrors")
+BESIDE_SCENES = ("jerky",)  # measured only if asked for: no bar is about them
 SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
 FASTEST_RATE = 1e9
 MOST_CORES = 1024.0
@@ -33,8 +35,9 @@ def check_installed() -> None:
 
 def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
     """The configurations given, or the project's own; `scenes` picks some of them by name. Raises ConfigError."""
-    found = tuple(configs) or tuple(SCENES_FOLDER / f"{name}.yaml" for name in SCENES)
-    known = {config.stem: config for config in found}
+    found = tuple(configs) or tuple(_own(name) for name in SCENES)
+    beside = () if configs else tuple(_own(name) for name in BESIDE_SCENES)
+    known = {config.stem: config for config in (*found, *beside)}
     for config in found:
         if not config.is_file():
             raise ConfigError(
@@ -43,11 +46,21 @@ def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
     return tuple(known[name] for name in _picked("--scenes", scenes, tuple(known))) if scenes else found
 
 
+def _own(name: str) -> Path:
+    return SCENES_FOLDER / f"{name}.yaml"
+
+
 def arms_of(text: str, *, clock: str) -> tuple[str, ...]:
-    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them."""
+    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them.
+
+    Patterns leave out what cannot run here. Raises ConfigError for a name that is unknown, or is of such an arm.
+    """
+    here = tuple(arm for arm in ARMS if arm not in absent())
     if text:
-        return _picked("--arms", text, ARMS)
-    return tuple(arm for arm in ARMS if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
+        if named := next((word for word in map(str.strip, text.split(",")) if word in absent()), None):
+            raise ConfigError(f"--arms {named}: {absent()[named]}")
+        return _picked("--arms", text, here)
+    return tuple(arm for arm in here if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
 
 
 def rates_of(text: str) -> tuple[float, ...]:

@@ -55,6 +55,7 @@ def run(cell: Cell, look: Look = lambda *_: None) -> Row:
     scored = {refresh: k for k, refresh in enumerate(refreshes) if refresh >= max(1, SETTLE_S * cell.refresh_hz)}
     score, times = Score(judged=_spread(JUDGED_PICTURES, len(scored))), [0.0]
     still: list[float] = []
+    spent: list[tuple[int, int]] = []  # bytes and rays up to each scored refresh
     for refresh in range(1, max(refreshes) + 1):
         now = refresh / cell.refresh_hz
         shown = clock.refresh(arm, (refresh - 1) / cell.refresh_hz, now)
@@ -64,7 +65,10 @@ def run(cell: Cell, look: Look = lambda *_: None) -> Row:
             look(scored[refresh], now, shown, ideal)
             times.append(now)
             still.append(now - gold.events[scored[refresh]].input_time)
-    return _row(cell, arm, clock, score=score, gold=gold, times=times[1:], still=still)
+            spent.append((arm.bytes, arm.rays))
+    row = _row(cell, arm, clock, score=score, gold=gold, times=times[1:], still=still)
+    sent, rays = ([float(count) for count in counts] for counts in zip(*spent, strict=True))
+    return replace(row, bytes_over_time=sent, rays_over_time=rays)
 
 
 def _start(cell: Cell, setup: Setup) -> tuple[Arm, Clock]:

@@ -13,14 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wall.colour import srgb_encoded
 from wall.data import Float32
 
 
 def display_values(linear: Float32) -> Float32:
     """(..., 3) float32 linear RGB to display values in [0, 1]."""
-    x = np.clip(linear, np.float32(0.0), np.float32(1.0))
-    curve = np.float32(1.055) * x ** np.float32(1 / 2.4) - np.float32(0.055)
-    return np.where(x <= np.float32(0.0031308), np.float32(12.92) * x, curve).astype(np.float32)
+    return srgb_encoded(linear)
 
 
 def mean_square(a: Float32, b: Float32) -> float:

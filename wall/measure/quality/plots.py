@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -30,6 +30,14 @@ COLOURS = {
     "render cache": "#9467bd",
     "AFR 2005": "#8c6d5a",
 }
+STREAMED = {
+    "stream_raw": "#59636e",
+    "stream_zstd_tiles": "#7d8590",
+    "stream_jpeg90": "#b8860b",
+    "stream_jpeg90_tiles": "#d4b106",
+    "stream_h264": "#1a7f6b",
+    "stream_h264_fine": "#6639ba",
+}  # drawn where bytes are: everywhere else they lie on ours
 FAMILIES = {"best TAA": "taa_", "best reduced": "reduced_", "render cache": "render_cache", "AFR 2005": "afr2005"}
 
 
@@ -53,17 +61,17 @@ class Line:
 
     @property
     def colour(self) -> str:
-        return COLOURS.get(self.name, "#7f7f7f")
+        return {**COLOURS, **STREAMED}.get(self.name, "#7f7f7f")
 
     @property
     def width(self) -> float:
         return 2.6 if self.name == OURS else 1.4
 
 
-def lines(rows: Sequence[Row]) -> list[Line]:
+def lines(rows: Sequence[Row], names: Iterable[str] = COLOURS) -> list[Line]:
     """The lines that plots have: families stand for their best arm on each scene, ablations for nothing."""
     errors, found = averaged(rows), []
-    for name in COLOURS:
+    for name in names:
         prefix = FAMILIES.get(name)
         chosen: dict[tuple[str, float], str] = {}
         for spent in spendings(rows):
@@ -94,9 +102,11 @@ def over_time(rows: Sequence[Row], spent: float, theme: Theme) -> bytes:
     return _panels(scenes(rows), draw, theme, x="seconds", y="RMSE of display values")
 
 
-def against(rows: Sequence[Row], x: Callable[[Row], float], label: str, theme: Theme) -> bytes:
+def against(
+    rows: Sequence[Row], x: Callable[[Row], float], label: str, theme: Theme, *, names: Iterable[str] = COLOURS
+) -> bytes:
     """PNG: RMSE against a price, a panel a scene, both axes logarithmic; a point is a spending."""
-    errors, drawn = averaged(rows), lines(rows)
+    errors, drawn = averaged(rows), lines(rows, names)
     prices: dict[tuple[str, str, float], list[float]] = {}
     for row in rows:
         prices.setdefault((row.scene, row.arm, spending(row)), []).append(x(row))
@@ -107,7 +117,8 @@ def against(rows: Sequence[Row], x: Callable[[Row], float], label: str, theme: T
             points = [(float(np.mean(prices[key])), errors[key]) for key in keys if key in errors]
             points = [point for point in points if point[0] > 0.0]
             if points:
-                axes.plot(*zip(*points, strict=True), "o-", ms=4, color=line.colour, lw=line.width, label=line.name)
+                style = "s:" if line.name in STREAMED else "o-"
+                axes.plot(*zip(*points, strict=True), style, ms=4, color=line.colour, lw=line.width, label=line.name)
         _logarithmic(axes)
 
     return _panels(scenes(rows), draw, theme, x=label, y="RMSE of display values")
@@ -122,7 +133,7 @@ def all_plots(rows: Sequence[Row], theme: Theme) -> dict[str, tuple[str, bytes]]
         "error_against_rate": ("Error against rays", against(rows, lambda r: r.rays / r.seconds, price, theme)),
         "error_against_bytes": (
             "Error against bytes sent",
-            against(rows, lambda r: r.bytes_per_s, "bytes a second", theme),
+            against(rows, lambda r: r.bytes_per_s, "bytes a second", theme, names=(*COLOURS, *STREAMED)),
         ),
         "error_against_cpu": (
             "Error against CPU time",

@@ -28,6 +28,7 @@ from wall.measure.quality.summary import (
     scenes,
     spendings,
 )
+from wall.measure.quality.tables_wire import wire_tables
 
 JPEG_QUALITY = 92  # of pictures inside the page; the files beside it are lossless
 STYLE = Path(__file__).with_name("report.css")
@@ -46,7 +47,7 @@ def write_report(out: Path, rows: Sequence[Row]) -> Path:
     plots = [_plot(title, png, dark[name][1]) for name, (title, png) in light.items()]
     body = [
         _head(rows), _bars(rows), _pictures(kept, rows[0].clock), '<h2 id="plots">Plots</h2>', *plots, _errors(rows),
-        _ratios(rows), _equal(rows), _ablations(rows), _about(rows),
+        _ratios(rows), _equal(rows), _wire(rows), _ablations(rows), _about(rows),
     ]  # fmt: skip
     path = out / "report.html"
     path.write_text(_page("".join(body)), encoding="utf-8")
@@ -182,6 +183,14 @@ def _equal(rows: Sequence[Row]) -> str:
     ]
     head = "<h2>How many times faster framed must be for equal error</h2>"
     return head + _table(("adaptive at", "scene", "times", ""), lines, text=(0, 1, 3)) if lines else ""
+
+
+def _wire(rows: Sequence[Row]) -> str:
+    """Samples against pictures, on the wire."""
+    return "".join(
+        f'<h2>{escape(t.title)}</h2><p class="note">{escape(t.note)}</p>{_table(t.columns, t.lines, text=t.text)}'
+        for t in wire_tables(rows)
+    )
 
 
 def _about(rows: Sequence[Row]) -> str:

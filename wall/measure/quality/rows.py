@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,8 @@ class Row:
     commit: str
     machine: str
     command: str
+    bytes_over_time: list[float] = field(default_factory=list)  # sent up to each scored refresh; rows of old lack it
+    rays_over_time: list[float] = field(default_factory=list)  # primary rays spent up to then
 
     @property
     def identity(self) -> Identity:
@@ -99,7 +101,8 @@ def newest(rows: Iterable[Row]) -> list[Row]:
 def _row(line: str, where: str) -> Row:
     try:
         values = json.loads(line)
-        return Row(**{field.name: values[field.name] for field in fields(Row)})
+        wanted = [f.name for f in fields(Row) if f.name in values or f.default_factory is MISSING]
+        return Row(**{name: values[name] for name in wanted})
     except (ValueError, KeyError, TypeError) as error:
         raise ConfigError(
             f"{where}: not a row of a quality run ({error}); move the file, or take another --out"

@@ -15,6 +15,7 @@ from itertools import pairwise
 from wall.measure.quality.rows import Row
 
 OURS = "adaptive"
+STREAMS = "stream_"  # arms that send pictures of OURS
 BESIDE = ("framed_x10", "progressive")  # not the same spending, or not a way to show motion: in no "best of the others"
 TENFOLD = {"framed": "framed_x10"}  # further points of an arm's error against its rate
 STUDENT_95 = (math.nan, 12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262)  # by degrees of freedom
@@ -100,8 +101,8 @@ def best_other(rows: Sequence[Row]) -> list[Compared]:
 
 
 def is_other(arm: str) -> bool:
-    """Whether an arm is another way to spend the same: neither ours, nor a variant of it, nor one beside."""
-    return arm.partition(":")[0] != OURS and arm not in BESIDE
+    """Whether an arm is another way to spend the same: not ours, sent as samples or as pictures, nor one beside."""
+    return arm.partition(":")[0] != OURS and arm not in BESIDE and not arm.startswith(STREAMS)
 
 
 def equal_error(rows: Sequence[Row], arm: str = "framed") -> list[Matched]:

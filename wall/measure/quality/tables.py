@@ -25,11 +25,15 @@ from wall.measure.quality.summary import (
     scenes,
     spendings,
 )
+from wall.measure.quality.tables_wire import Lines, wire_tables
+from wall.measure.quality.traffic import at_rest, crossovers, traffic
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
     """Errors, ratios and bars of rows that share clock and size."""
-    return [errors_table(rows), ratios_table(rows), bars_table(rows)] if rows else []
+    if not rows:
+        return []
+    return [errors_table(rows), ratios_table(rows), *map(_wire, wire_tables(rows)), bars_table(rows)]
 
 
 def errors_table(rows: Sequence[Row]) -> Table:
@@ -73,6 +77,15 @@ def bars_table(rows: Sequence[Row]) -> Table:
     return found
 
 
+def _wire(wanted: Lines) -> Table:
+    found = Table(title=wanted.title, title_justify="left", caption=wanted.note, caption_justify="left")
+    for k, column in enumerate(wanted.columns):
+        found.add_column(column, justify="left" if k in wanted.text else "right", overflow="fold")
+    for line in wanted.lines:
+        found.add_row(*line, style="bold" if OURS in line else "")
+    return found
+
+
 def write_summary(path: Path, rows: Sequence[Row]) -> None:
     """Everything the tables say, as JSON; numbers that do not exist are null."""
     errors = [
@@ -87,6 +100,9 @@ def write_summary(path: Path, rows: Sequence[Row]) -> None:
         "errors": errors,
         "ratios": [asdict(c) for c in [*compare(rows), *best_other(rows)]],
         "equal_error": [asdict(m) for m in equal_error(rows)],
+        "traffic": [asdict(t) for t in traffic(rows)],
+        "crossovers": [asdict(c) for c in crossovers(rows)],
+        "at_rest": [asdict(r) for r in at_rest(rows)],
         "bars": [asdict(v) for v in verdicts(rows)],
     }
     path.write_text(json.dumps(_finite(summary), indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -19,10 +19,10 @@ BUCKET_SHIFT = 16
 COUNT_BITS = 17                  # of tiles and of objects, each at most 65,536
 FLAG_BITS = 3
 MIXED_OBJECTS, MIXED_TIMES, CHANGED = 1, 2, 4  # flags of a tile
-WORDS_A_SAMPLE = 14              # at worst, alone in its tile: eleven escaped numbers, 9 + 14 bits more
+WORDS_A_SAMPLE = 17              # at worst, alone in its tile: fourteen escaped numbers, 9 + 14 bits more
 WORDS_BESIDE = 3
-TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS = range(11)  # planes of numbers
-MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64], np.int64)  # before the first number of each
+TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS, FACING = range(12)  # planes of numbers
+MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64, 1], np.int64)  # before the first number of each
 LOW_32 = np.uint64(0xFFFFFFFF)
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
@@ -125,7 +125,7 @@ def codes(samples, order, subpixels, base, span, tables, columns):
     """Quantise samples (n,) SAMPLE in some order.
 
     base : float32 exponent of depth code 1; span : float32 seconds of time code 63
-    columns : (7, n) int32, written: luma, orange, green, depth, object, time, change
+    columns : (7, n) int32, written: luma, orange, green, depth, object, time, change; (10, n): normal (2) and unlit too
     """
     _, _, colour_of_code, code_of_bucket = tables
     per_second = ZERO if span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / span
@@ -148,6 +148,9 @@ def codes(samples, order, subpixels, base, span, tables, columns):
         columns[4, i] = name
         columns[5, i] = min(max(np.int64(samples[k]["time"] * per_second + HALF), 0), TIME_STEPS)
         columns[6, i] = np.int64(min(max(samples[k]["change"], ZERO), ONE) * np.float32(CHANGE_STEPS) + HALF)
+        if columns.shape[0] > 7:
+            columns[7, i], columns[8, i] = samples[k]["normal"][0], samples[k]["normal"][1]
+            columns[9, i] = samples[k]["unlit"]
 
 
 @kernel
@@ -171,20 +174,20 @@ def palette_of(names, index_of):
 
 @kernel
 def differences(who, columns, known):
-    """columns (4, n) int32: to the last sample of the same object, or of any while there is none; folded, in place.
+    """columns (c, n) int32: to the last sample of the same object, or of any while there is none; folded, in place.
 
     who : (n,) int32, places in the palette; known : (palette's size,) of objects
     """
-    last = np.empty((known, 4), np.int64)
+    last = np.empty((known, columns.shape[0]), np.int64)
     seen = np.zeros(known, np.bool_)
     before = np.int64(0)
     for i in range(who.shape[0]):
         mine = np.int64(who[i])
         if not seen[mine]:
             seen[mine] = True
-            for c in range(4):
+            for c in range(columns.shape[0]):
                 last[mine, c] = last[before, c] if i > 0 else 0
-        for c in range(4):
+        for c in range(columns.shape[0]):
             value = np.int64(columns[c, i])
             columns[c, i] = folded(value - last[mine, c])
             last[mine, c] = value
@@ -244,7 +247,8 @@ def write(keys, order, subpixels, columns, words):
                 changes[changed] = columns[6, i]
                 changed += 1
         begin = end
-    differences(who, columns, palette.shape[0])
+    differences(who, columns[:4], palette.shape[0])
+    differences(who, columns[7:], palette.shape[0])
     put_all(np.array([m, palette.shape[0]]), COUNT_BITS, words, at)
     put_plane(tiles[:m], MEANS[TILES], words, at)
     put_plane(counts[:m], MEANS[COUNTS], words, at)
@@ -260,6 +264,8 @@ def write(keys, order, subpixels, columns, words):
     put_plane(changes[:changed], MEANS[CHANGES], words, at)
     for c in range(4):
         put_plane(columns[c], MEANS[LUMA + c], words, at)
+    for c in range(7, columns.shape[0]):
+        put_plane(columns[c], MEANS[FACING], words, at)
     if at[1] > 0:
         words[at[2]] = np.uint32(at[0])
         at[2] += 1
@@ -267,10 +273,10 @@ def write(keys, order, subpixels, columns, words):
 
 
 @kernel
-def encode(samples, rect, tables, words):
+def encode(samples, rect, lit, tables, words):
     """Write samples (n,) SAMPLE.
 
-    rect : (x, y, width, height), panel pixels; tables : see tables.Tables
+    rect : (x, y, width, height), panel pixels; lit : bool, with normals and lamps; tables : see tables.Tables
     words : (WORDS_A_SAMPLE * n + WORDS_BESIDE,) uint32, written
 
     Returns
@@ -285,6 +291,6 @@ def encode(samples, rect, tables, words):
     outside = places(samples, rect, tables[0], keys, subpixels)
     if bad or outside:
         return np.int64(0), base, latest, bad, outside
-    order, columns = sorted_order(keys), np.empty((7, n), np.int32)
+    order, columns = sorted_order(keys), np.empty((10 if lit else 7, n), np.int32)
     codes(samples, order, subpixels, base, latest, tables, columns)
     return write(keys, order, subpixels, columns, words), base, latest, bad, outside

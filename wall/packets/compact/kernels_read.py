@@ -11,6 +11,7 @@ from wall.packets.compact.kernels import (
     CHANGES,
     COUNT_BITS,
     COUNTS,
+    FACING,
     FLAG_BITS,
     GAPS,
     HALF,
@@ -135,16 +136,16 @@ def read_labels(words, position, starts, flags, times, changes):
 @kernel
 def sums_of_differences(who, columns, known):
     """The inverse of differences()."""
-    last = np.empty((known, 4), np.int64)
+    last = np.empty((known, columns.shape[0]), np.int64)
     seen = np.zeros(known, np.bool_)
     before = np.int64(0)
     for i in range(who.shape[0]):
         mine = np.int64(who[i])
         if not seen[mine]:
             seen[mine] = True
-            for c in range(4):
+            for c in range(columns.shape[0]):
                 last[mine, c] = last[before, c] if i > 0 else 0
-        for c in range(4):
+        for c in range(columns.shape[0]):
             value = last[mine, c] + unfolded(np.int64(columns[c, i]))
             value = min(max(value, -(1 << 24)), 1 << 24)
             columns[c, i] = value
@@ -204,13 +205,27 @@ def restore(subpixels, columns, rect, base, depth_bits, colour_of_code, samples)
 
 
 @kernel
-def decode(words, rect, base, depth_bits, span, tables, samples):
+def restore_facing(facing, samples):
+    """Normals and lamps of samples (n,) SAMPLE from (3, n) int32, zero from (0, n); False if one is out of range."""
+    for i in range(samples.shape[0]):
+        u = v = unlit = np.int64(0)
+        if facing.shape[0] > 0:
+            u, v, unlit = np.int64(facing[0, i]), np.int64(facing[1, i]), np.int64(facing[2, i])
+        if max(abs(u), abs(v)) > 127 or unlit < 0 or unlit > 65535:
+            return False
+        samples[i]["normal"][0], samples[i]["normal"][1], samples[i]["unlit"] = u, v, unlit
+    return True
+
+
+@kernel
+def decode(words, rect, base, depth_bits, span, lit, tables, samples):
     """Read as many samples as `samples` (n,) SAMPLE has; they come in the order of their places.
 
     Parameters
     ----------
     words : (w + 2,) uint32, the last two of zeros
     rect : (x, y, width, height), panel pixels; base, depth_bits : of depth codes; span : float32 s, of time code 63
+    lit : bool, with normals and lamps
 
     Returns
     -------
@@ -243,9 +258,15 @@ def decode(words, rect, base, depth_bits, span, tables, samples):
     for c in range(4):
         position = get_plane(columns[c], MEANS[LUMA + c], words, position)
     sums_of_differences(who, columns, known)
+    facing = np.zeros((3 if lit else 0, n), np.int32)
+    for c in range(facing.shape[0]):
+        position = get_plane(facing[c], MEANS[FACING], words, position)
+    sums_of_differences(who, facing, known)
     if not restore_places(tiles, starts, gaps, inside, rect, tables[1], subpixels):
         return np.int64(-1)
     if not restore(subpixels, columns, rect, base, depth_bits, tables[2], samples):
+        return np.int64(-1)
+    if not restore_facing(facing, samples):
         return np.int64(-1)
     step = np.float32(span) / np.float32(TIME_STEPS)
     for i in range(n):

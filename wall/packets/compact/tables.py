@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.colour import srgb_decoded
 from wall.data import Float32, Float64
 
 TOP_CODE = 1535  # of a colour channel: 65,536
@@ -27,9 +28,8 @@ class Tables(NamedTuple):
 def colour_curve() -> Float64:
     """(TOP_CODE + 2,), linear radiance of every whole code: sRGB up to 1 (IEC 61966-2-1), then octaves."""
     encoded = np.arange(CODES_OF_DISPLAY + 1) / CODES_OF_DISPLAY
-    display = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     above = 2.0 ** (np.arange(1, TOP_CODE + 2 - CODES_OF_DISPLAY) / CODES_AN_OCTAVE)
-    return np.concatenate([display, above])
+    return np.concatenate([srgb_decoded(encoded), above])
 
 
 def hilbert_curve() -> NDArray[np.uint8]:

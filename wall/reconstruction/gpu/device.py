@@ -21,24 +21,30 @@ from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.kernels import CURVE_STEPS
 from wall.reconstruction.kernels_ages import AGE_SHIFT, AGES
 from wall.reconstruction.kernels_fill import TRUSTED
+from wall.reconstruction.kernels_relight import NORMAL_STEPS
 
 GROUP = 256  # invocations of a group
 ROW = 32768  # groups in a row; OpenGL promises 65,535
+OBJECT_WORDS = 14  # twelve of panel_from_object; whether that changed; whether that or its light did
+LAMP_WORDS = 6  # see kernels_relight.lamp_tables
 VERSION = 430  # of OpenGL: compute shaders and storage buffers
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "swiftshader", "microsoft basic render")
 NODES = ("/dev/dri/renderD*", "/dev/nvidia[0-9]*", "/dev/dxg", "/dev/kfd")  # where Linux shows a GPU
 MOST_DEVICES = 16  # of EGL that are looked at
 
 _COMPUTE = (
-    "doubt", "place", "first", "nearest", "front", "ages", "oldest", "see", "halve", "expand", "resolve", "count",
-    "scan", "pack", "shift", "leave", "display",
+    "doubt", "relight", "place", "first", "nearest", "front", "ages", "oldest", "see", "halve", "expand", "resolve",
+    "count", "scan", "pack", "shift", "leave", "display",
 )  # fmt: skip
 _FILLED = ("expand", "resolve")  # that look into the coarser level
 _DRAWN = ("splat", "still")
 _CONSTANTS: dict[str, int | np.float32] = {
-    "GROUP": GROUP, "TILE": TILE, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "HIDING": kernels.HIDING, "FAR": FAR,
+    "GROUP": GROUP, "TILE": TILE, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "FAR": FAR,
     "NEAREST": NEAREST, "OUTSIDE": OUTSIDE, "BEHIND": kernels.BEHIND, "COVERS": kernels.COVERS,
-    "FORGOTTEN": kernels.FORGOTTEN, "TRUSTED": TRUSTED, "CURVE_STEPS": np.float32(CURVE_STEPS),
+    "FORGOTTEN": kernels.FORGOTTEN,
+    "SLOT": kernels.SLOT, "AMIDST": kernels.AMIDST, "ALONE": kernels.ALONE, "WAITS": kernels.WAITS, "RIM": kernels.RIM,
+    "NORMAL_STEPS": NORMAL_STEPS, "OBJECT_WORDS": OBJECT_WORDS, "LAMP_WORDS": LAMP_WORDS,
+    "TRUSTED": TRUSTED, "CURVE_STEPS": np.float32(CURVE_STEPS),
 }  # fmt: skip
 
 

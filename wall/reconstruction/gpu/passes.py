@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 from wall.data import Float32
 from wall.deepbuffer.kernels import TILE
 from wall.reconstruction.display_values import srgb_curve
-from wall.reconstruction.gpu.device import Device, GpuError
+from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
 from wall.reconstruction.kernels_fill import TRUSTED
 
-OBJECT_WORDS = 13  # twelve of panel_from_object, and whether it moved
 CHANNELS = 4
 PIXELS_A_DISPLAY_ITEM = 4  # twelve codes, three words
 
@@ -36,7 +35,7 @@ class Passes:
         self._pixels = reserve(device, 2 * self._area)  # least depth, its sample
         self._doubt = reserve(device, 4 * self._area)  # amount, ordinal, time, object
         self._nearest = reserve(device, 4 * self._area)
-        self._front = reserve(device, self._area)
+        self._front = reserve(device, 2 * self._area)  # depth, rim
         self._base, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
         self._codes = reserve(device, 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
@@ -74,6 +73,7 @@ class Passes:
         store: GpuStore,
         table: Float32,
         moved: NDArray[np.bool_],
+        changed: NDArray[np.bool_],
         stale: Float32,
         decay: Float32,
         *,
@@ -85,9 +85,10 @@ class Passes:
     ) -> None:
         """Make the picture: `table` (n + 1, 12) panel_from_object, `moved` (n + 1,), `stale`, `decay` (rows, columns).
 
+        changed : (n + 1,), who moved or stands in another light
         since, now, young : seconds of the store's clock, see kernels_picture; kept : samples that may stay
         """
-        self._objects.write(np.column_stack([table, moved]).astype(np.float32))
+        self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))
         self._tiles.write(np.stack([stale, decay], axis=-1).astype(np.float32))
         about = {"size": self._size, "tile_columns": self._columns, "doubted": int(doubted)}
         crowded = store.count > kept
@@ -164,6 +165,11 @@ class Passes:
         gathered = np.frombuffer(self._still.read(), np.float32).reshape(height, width, CHANNELS)
         still[..., :CHANNELS] = gathered
         self._base.read_into(base)
+
+    def read_counts(self) -> Float32:
+        """(h, w) float32: how many samples each pixel has gathered."""
+        width, height = self._size
+        return np.frombuffer(self._still.read(), np.float32).reshape(height, width, CHANNELS)[..., 3]
 
     def write_still(self, still: Float32) -> None:
         """(h, w, 8) float32, of which the first four are taken."""

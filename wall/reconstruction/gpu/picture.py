@@ -11,19 +11,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Float32, Float64, Rect, Samples
+from wall.data import Camera, Event, Float32, Float64, Rect, Samples, Tiling
 from wall.deepbuffer.kernels import TILE
 from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import device
 from wall.reconstruction.gpu.passes import Passes
+from wall.reconstruction.gpu.relighting import Relighting
 from wall.reconstruction.gpu.store import GpuStore
+from wall.reconstruction.lamps import matt_objects, relit_objects
 from wall.reconstruction.picture import (
     DECAY_PER_RESIDUAL,
     EPOCH_S,
     PROBES,
     SAMPLES_PER_PIXEL,
+    SKY_STEPS,
     SLACK,
     SLOW_DECAY,
     SORT_EVERY,
@@ -32,8 +35,12 @@ from wall.reconstruction.picture import (
     Pose,
     Posed,
     Store,
+    is_shown,
+    spread_tiling,
 )
 from wall.scene.build import Scene
+from wall.scene.needs import needs
+from wall.scene.sky import sky_irradiance
 
 STAGED = 1 << 17  # samples that wait on the CPU at most, to travel together
 
@@ -57,10 +64,15 @@ class GpuPicture:
         self._panel, self._eye, self._scene = panel, eye, scene
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         self._device = device()
-        self._store = GpuStore(self._device, self._kept + int(SLACK * width * height) + 4096)
-        self._passes = Passes(self._device, width, height, objects=len(scene.instances) + 1)
+        self._relights = needs(scene).relighting
+        self._irradiance, self._matt = sky_irradiance(scene.sky, SKY_STEPS), matt_objects(scene)
+        capacity, objects = self._kept + int(SLACK * width * height) + 4096, len(scene.instances) + 1
+        self._store = GpuStore(self._device, capacity, lit=self._relights)
+        self._passes = Passes(self._device, width, height, objects=objects)
+        lamps = len(scene.directional_lights) + len(scene.point_lights)
+        self._relighting = Relighting(self._device, self._irradiance, objects=objects, lamps=lamps)
         self._most = min(STAGED, self._store.capacity // 2)  # samples taken in at once
-        self._new, self._staged = Store.of(self._most), 0
+        self._new, self._staged = Store.of(self._most, lit=self._relights), 0
         self._change = np.zeros(self._most, np.float32)  # of the staged samples
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._until_packed = 0
@@ -77,7 +89,7 @@ class GpuPicture:
         self.dirty: NDArray[np.bool_] = np.zeros((rows, columns), np.bool_)
         self._pose: Pose | None = None  # of the picture
         self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
-        self._number: tuple[int, int] | None = None
+        self._shown: Event | None = None
         self.nothing_moves = False
         self._moved = -math.inf
         self._epoch = 0.0  # the store's clock zero
@@ -123,11 +135,11 @@ class GpuPicture:
             self._send(moving=not self.nothing_moves)
         offset, first = self._seconds(base_time), self._staged
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
-        steady = not self.nothing_moves or (event.camera_event, event.scene_event) == self._number
+        steady = not self.nothing_moves or is_shown(event, self._shown)
         self._staged = kernels.take_in(
             samples, offset, pose.frame, pose.corner, pose.object_from_eye, under.panel_from_object, *self._new,
             first, self._nearest, self.still, self._doubt, self._doubt_about, self._residual, self._probes, self.still,
-            steady, self.nothing_moves, stored, False, self.dirty,
+            steady, self.nothing_moves, stored, False, self.dirty, *pose.lamps, self._matt, self._irradiance,
         )  # fmt: skip
         if self.nothing_moves:
             self._change[first : self._staged] = 0.0  # changes are noise
@@ -139,7 +151,9 @@ class GpuPicture:
 
         Raises GpuError if the GPU has given up.
         """
-        stood, self.nothing_moves = self.nothing_moves, event.number == self._number
+        stood, shown = self.nothing_moves, self._shown
+        self.nothing_moves = shown is not None and event.number == shown.number
+        self._shown = event
         if self.nothing_moves:
             if not stood:
                 self._rest()
@@ -147,13 +161,16 @@ class GpuPicture:
                 kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
             return
         self._move(self._pose_of(event), now, stood=stood)
-        self._number = event.number
         self.dirty[:] = True
+
+    def take_tiling(self, tiling: Tiling) -> None:
+        """Learn where change is found: there old samples lose weight sooner."""
+        spread_tiling(tiling, self.rect, self._residual)
 
     def clear(self) -> None:
         """Forget every sample."""
         self._store.count = self._staged = 0
-        self._number = None
+        self._shown = None
         self.still[:] = 0.0
         self._passes.clear_still()
 
@@ -162,6 +179,20 @@ class GpuPicture:
         dirty = self.dirty.copy()
         self.dirty[:] = False
         return dirty
+
+    def stored(self) -> tuple[Float32, Float32, int, float]:
+        """As Picture says it; travels from the GPU. Raises GpuError if that has given up."""
+        self._send(moving=not self.nothing_moves)
+        state, screen = self._store.read()
+        self._device.check()
+        return state, screen, self._store.count, self._epoch
+
+    def still_counts(self) -> Float32:
+        """As Picture says it; travels from the GPU while something moves. Raises GpuError if that has given up."""
+        self._send(moving=not self.nothing_moves)
+        counts: Float32 = self.still[..., 3] if self.nothing_moves else self._passes.read_counts()
+        self._device.check()
+        return counts
 
     def _rest(self) -> None:
         """Nothing moves any more: what pixels have gathered, and what lies beneath it, come to the CPU."""
@@ -173,7 +204,8 @@ class GpuPicture:
         table, last = pose.panel_from_object, self._pose
         moved = np.ones(len(table), np.bool_) if last is None else (table != last.panel_from_object).any(axis=1)
         self._send(moving=not stood)
-        if moved.all():
+        changed = moved | self._relight(pose, last)
+        if changed.all():
             self._passes.clear_still()
         elif stood:
             self._passes.write_still(self.still)
@@ -182,7 +214,7 @@ class GpuPicture:
         doubted = bool(self._probes[..., 1].any())
         decay = np.float32(SLOW_DECAY) * (1.0 + DECAY_PER_RESIDUAL * self._residual)
         self._passes.run(
-            self._store, table, moved, self._stale(), decay, doubted=doubted,
+            self._store, table, moved, changed, self._stale(), decay, doubted=doubted,
             since=np.float32(max(self._moved - self._epoch, -EPOCH_S)), now=now32, young=np.float32(YOUNG_S),
             kept=self._kept,
         )  # fmt: skip
@@ -194,6 +226,14 @@ class GpuPicture:
             self._pack()
         self._device.check()
         self._moved = now
+
+    def _relight(self, pose: Pose, last: Pose | None) -> NDArray[np.bool_]:
+        """Bring samples that have travelled into the light of `pose`. Returns (n + 1,) bool, whose light changed."""
+        if not self._relights:
+            return np.zeros(len(pose.panel_from_object), np.bool_)
+        changed = relit_objects(self._matt, pose.lamps, last.lamps if last is not None else None).astype(np.bool_)
+        self._relighting.run(self._store, pose.lamps, changed)
+        return changed
 
     def _send(self, *, moving: bool) -> None:
         """Let the staged samples travel; in a moving picture still pixels gather them, and contradictions count."""
@@ -240,5 +280,5 @@ class GpuPicture:
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
-            self._traced = (key, Pose(self._panel, self._eye, self._scene, *key, self.rect))
+            self._traced = (key, Pose(self._panel, self._eye, self._scene, *key, self.rect, lamps=self._relights))
         return self._traced[1]

@@ -7,27 +7,30 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.data import Float32
 from wall.reconstruction.gpu.device import GROUP, Device, GpuError
 from wall.reconstruction.kernels_ages import AGES
 from wall.reconstruction.picture import Store
 
 WORD_BYTES = 4
 WORDS = {"place": 3, "colour": 3, "screen": 3, "state": 2, "name": 1}  # of a sample in each array
+LIT_WORDS = {"surface": 1, "albedo": 3}  # beside, where samples are lit anew
 
 
 class GpuStore:
     """Arrays of samples, as `Store` has them on the CPU but item after item; `count` of them are in use."""
 
-    def __init__(self, device: Device, capacity: int) -> None:
+    def __init__(self, device: Device, capacity: int, *, lit: bool) -> None:
         """Raises GpuError if so many samples do not fit."""
         self.device, self.capacity, self.count = device, capacity, 0
+        self._words = WORDS | LIT_WORDS if lit else WORDS
         largest = capacity * max(WORDS.values()) * WORD_BYTES
         if largest > device.largest_buffer:
             raise GpuError(
                 f"{capacity} samples take {largest} bytes in one buffer, {device.renderer} has {device.largest_buffer}",
                 wanted="smaller panels, fewer samples_per_pixel",
             )
-        self.arrays = {name: self._reserve(words * capacity) for name, words in WORDS.items()}
+        self.arrays = {name: self._reserve(words * capacity) for name, words in self._words.items()}
         self._spare = {words: self._reserve(words * capacity) for words in set(WORDS.values())}
         self.weight = self._reserve(capacity)  # of each sample in the picture; while packing, its rank in its group
         self._groups = self._reserve(-(-capacity // GROUP) + 1)
@@ -38,9 +41,10 @@ class GpuStore:
         parts: dict[str, NDArray[np.generic]] = {
             "place": staged.place[:, :n].T, "colour": staged.colour[:n, :3], "screen": staged.screen[:, :n].T,
             "state": staged.state[:, :n].T, "name": staged.name[:n],
+            "surface": staged.surface[:n], "albedo": staged.albedo[:, :n].T,
         }  # fmt: skip
-        for name, part in parts.items():
-            self.arrays[name].write(np.ascontiguousarray(part), offset=WORDS[name] * WORD_BYTES * self.count)
+        for name, words in self._words.items():
+            self.arrays[name].write(np.ascontiguousarray(parts[name]), offset=words * WORD_BYTES * self.count)
         self.count += n
 
     def pack(self) -> None:
@@ -51,11 +55,21 @@ class GpuStore:
         run = self.device.compute
         run("count", self.count, (self.arrays["screen"], self.weight, self._groups))
         run("scan", groups, (self._groups,), groups=1)
-        for name, words in WORDS.items():
+        for name, words in self._words.items():
             to = self._spare[words]
             run("pack", self.count, (self.weight, self._groups, self.arrays[name], to), words=words)
             self.arrays[name], self._spare[words] = to, self.arrays[name]
         self.count = int(np.frombuffer(self._groups.read(WORD_BYTES, offset=WORD_BYTES * groups), np.uint32)[0])
+
+    def read(self) -> tuple[Float32, Float32]:
+        """(2, count) and (3, count) float32: times and confidences, places in the picture."""
+        state, screen = (
+            np.frombuffer(self.arrays[name].read(WORDS[name] * WORD_BYTES * self.count), np.float32)
+            if self.count
+            else np.zeros(0, np.float32)
+            for name in ("state", "screen")
+        )
+        return np.ascontiguousarray(state.reshape(-1, 2).T), np.ascontiguousarray(screen.reshape(-1, 3).T)
 
     def drop_oldest(self, share: float) -> None:
         """That share of the samples, and what is as old, leaves."""

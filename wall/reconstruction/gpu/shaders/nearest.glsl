@@ -1,5 +1,5 @@
-// Every pixel: its nearest sample in one vector. What it gathered while it stood still goes where what it shows moves,
-// and shrinks where it was contradicted. Depths and doubts are wiped for the next refresh.
+// Every pixel: its nearest sample in one vector. What it gathered while it stood still goes where what it shows moves
+// or is lit anew, and shrinks where it was contradicted. Depths and doubts are wiped for the next refresh.
 layout(std430, binding = 0) readonly buffer Screen { float screen[]; };
 layout(std430, binding = 1) readonly buffer Name { uint name[]; };
 layout(std430, binding = 2) readonly buffer Objects { float objects[]; };
@@ -19,7 +19,7 @@ void main() {
         nearest[p] = seen ? vec4(screen[3 * k + 2], screen[3 * k], screen[3 * k + 1], float(name[k]))
                           : vec4(uintBitsToFloat(0x7f800000u), 0.0, 0.0, -1.0);
         ivec2 at = ivec2(int(p) % imageSize(still).x, int(p) / imageSize(still).x);
-        if (!seen || objects[13 * name[k] + 12] != 0.0) {
+        if (!seen || objects[OBJECT_WORDS * name[k] + 13] != 0.0) {
             imageStore(still, at, vec4(0.0));
         } else if (doubted != 0) {
             float keep = 1.0 - uintBitsToFloat(doubt[p]);  // one doubt must outweigh many samples that agreed

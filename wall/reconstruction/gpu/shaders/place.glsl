@@ -3,7 +3,7 @@ layout(std430, binding = 0) readonly buffer Place { float place[]; };
 layout(std430, binding = 1) readonly buffer Name { uint name[]; };
 layout(std430, binding = 2) buffer State { float state[]; };
 layout(std430, binding = 3) buffer Screen { float screen[]; };
-layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // 13 each: panel_from_object, whether it moved
+layout(std430, binding = 4) readonly buffer Objects { float objects[]; };  // each: panel_from_object, whether it changed
 layout(std430, binding = 5) readonly buffer Tiles { vec2 tiles[]; };  // share that is stale, decay
 layout(std430, binding = 6) readonly buffer Doubt { uint doubt[]; };
 layout(std430, binding = 7) buffer Pixels { uint pixels[]; };  // planes: bits of the least depth, slot of its sample
@@ -40,7 +40,7 @@ void main() {
         confidence = confidence_after(k, at);
         state[2 * k + 1] = confidence;
     }
-    uint row = 13 * name[k];
+    uint row = OBJECT_WORDS * name[k];
     if (objects[row + 12] != 0.0) at = moved_to(k, row);
     if (confidence == 0.0) at.z = OUTSIDE;
     screen[3 * k] = at.x;

@@ -1,0 +1,40 @@
+"""The last picture of a run that was moving is one moment's, whatever was foreseen when it ended."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from running import panels, wall, write_config
+
+from wall.config.loading import load
+from wall.measure.quality.metrics import display_values
+from wall.processes.plan import make_layout, make_plan
+from wall.processes.reference import render_plan
+
+SECONDS, STARTED_S = 1.5, 0.9  # a run's path has gone on for so long, and for no more than so much longer
+AHEAD_S, STEP_S = 0.1, 0.03
+ALIKE = 12.0  # RMSE in 8-bit steps at the nearest tried moment: half a step of time and a few samples a pixel
+
+
+def test_last_picture_of_a_moving_wall_is_of_one_moment_at_all_compositors(tmp_path: Path) -> None:
+    """Each refresh looks AHEAD_S into a fast orbit; a panel that still did so at the end would fit another moment."""
+    path = f", path: {{type: orbit, period_s: 3}}, display_delay_s: {AHEAD_S}"
+    config = write_config(tmp_path, columns=2, compositors=2, method="adaptive", path=path)
+
+    done = wall("run", config, "--seconds", SECONDS, "--headless", "--out", tmp_path / "out")
+
+    assert done.returncode == 0, done.stderr
+    plan = make_plan(make_layout(load(config)))
+    moments = np.arange(STARTED_S, SECONDS + 1.5, STEP_S)
+    errors = np.zeros((2, len(moments)))
+    for k, moment in enumerate(moments):
+        ideal = render_plan(plan, spp=4, seed=1, at=float(moment))
+        assert ideal is not None
+        for j, (panel, shown) in enumerate(zip(plan.layout.wall.panels, panels(tmp_path / "out"), strict=True)):
+            x, y = panel.screen
+            part = 255.0 * display_values(ideal[y : y + shown.shape[0], x : x + shown.shape[1]])
+            errors[j, k] = np.sqrt(((part - shown) ** 2).mean())
+    assert errors.min(axis=1).max() < ALIKE
+    left, right = moments[errors.argmin(axis=1)]
+    assert abs(left - right) < AHEAD_S / 2

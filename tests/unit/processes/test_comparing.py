@@ -1,0 +1,276 @@
+"""Two samplers on one budget, two pictures: half of the rays each, nothing mixed, everything given back at the end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.config.loading import loads
+from wall.data import SAMPLE, Batch, Event, Rect, Tiling
+from wall.display.base import PanelPicture
+from wall.errors import RemoteProtocolError
+from wall.packets.control import Framelet, parse_control, serialise
+from wall.packets.samples import decode, encode
+from wall.processes.clock import HeadClock
+from wall.processes.compositor import Compositor, FurtherCompositor
+from wall.processes.panel import PanelCompositor
+from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
+from wall.processes.renderer import Control
+from wall.processes.single_process import SingleProcess
+from wall.tracing.resident import Resident, make_resident
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+TEXT = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 1, rows: 1, pixels: [40, 24], size: [0.4, 0.24]}}
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
+sampling: {method: adaptive, samples_per_batch: 128}
+"""
+RECT = Rect(x=0, y=0, width=40, height=24)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+
+
+@pytest.fixture(scope="module")
+def resident(plan: Plan) -> Resident:
+    return make_resident(plan.scene)
+
+
+def flat(value: float, event: Event, *, adaptive: bool, sequence: int = 1) -> Batch:
+    """One sample a pixel of one grey."""
+    samples = np.zeros(RECT.area, SAMPLE)
+    x, y = np.meshgrid(np.arange(RECT.width) + 0.5, np.arange(RECT.height) + 0.5)
+    samples["xy"] = np.stack([x.ravel(), y.ravel()], 1)
+    samples["radiance"], samples["depth"] = value, np.inf
+    return decode(
+        encode(
+            Batch(
+                view=0, panel=0, rect=RECT, rank=1, sequence=sequence, camera_event=event.camera_event,
+                scene_event=event.scene_event, base_time=0.0, samples=samples, camera=event.camera, adaptive=adaptive,
+            )
+        )
+    )  # fmt: skip
+
+
+def grey(picture: PanelPicture | None) -> float:
+    """Mean of the 8-bit values."""
+    assert picture is not None
+    return float(picture.rgb.mean())
+
+
+def second(panel: PanelCompositor) -> PanelPicture:
+    assert panel.compared is not None
+    return panel.compared.picture()
+
+
+def refresh(panel: PanelCompositor, event: Event) -> None:
+    panel.refresh(event, 1.0)
+    if panel.compared is not None:
+        panel.compared.refresh()
+
+
+def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    measures = {name: np.ones(1, np.float32) for name in ("spatial", "temporal", "density")}
+    tiling = Tiling(
+        view=0, panel=0, rect=RECT, rank=1, sequence=1, camera_event=0, scene_event=0, base_time=0.0,
+        rects=np.array([[0, 0, 40, 24]], np.uint16), **measures,
+    )  # fmt: skip
+    panel.tilings[1, RECT] = tiling
+    panel.insert(flat(1.0, event, adaptive=True))
+    refresh(panel, event)
+    assert panel.surveys(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
+
+    chosen = replace(event, sampler="frameless", camera_event=1)
+    panel.insert(flat(1.0, chosen, adaptive=False, sequence=2))
+    refresh(panel, chosen)
+    assert panel.surveys(1.0)[0].rects.tolist() == [
+        [0, 0, 16, 16], [16, 0, 16, 16], [32, 0, 8, 16], [0, 16, 16, 8], [16, 16, 16, 8], [32, 16, 8, 8],
+    ]  # fmt: skip
+
+
+def test_each_sampler_makes_its_own_picture(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), compare="frameless", camera_event=1)
+    panel.follow(event)
+    for k in range(2):
+        panel.insert(flat(1.0, event, adaptive=True, sequence=2 * k))
+        panel.insert(flat(0.0031308, event, adaptive=False, sequence=2 * k + 1))
+        refresh(panel, event)
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert grey(second(panel)) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)  # IEC 61966-2-1, the straight part
+
+
+def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), compare="frameless", camera_event=1)
+    panel.follow(event)
+    panel.insert(flat(1.0, event, adaptive=True))
+    panel.insert(flat(0.1, event, adaptive=False, sequence=2))
+    refresh(panel, event)
+    alone = replace(event, compare="", camera_event=2)
+    panel.follow(alone)
+    before = grey(panel.picture())
+
+    panel.insert(flat(0.1, event, adaptive=False, sequence=3))
+    refresh(panel, alone)
+
+    assert panel.compared is None
+    assert grey(panel.picture()) == before == pytest.approx(255, abs=1)
+    assert panel.buffer.counters.counts["late"] == RECT.area
+    chosen = replace(alone, sampler="frameless", camera_event=3)
+    panel.follow(chosen)
+    panel.insert(flat(0.0, chosen, adaptive=False, sequence=4))
+    refresh(panel, chosen)
+    assert grey(panel.picture()) == 0, "a sampler that is chosen afterwards is shown"
+
+
+def test_versions_of_second_pictures_grow_from_one_comparison_to_the_next(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    seen = []
+    for k in range(3):
+        both = replace(event, compare="frameless", camera_event=2 * k + 1)
+        panel.follow(both)
+        seen.append(second(panel).version)
+        panel.insert(flat(0.5, both, adaptive=False))
+        refresh(panel, both)
+        seen.append(second(panel).version)
+        panel.follow(replace(event, camera_event=2 * k + 2))
+    assert seen == sorted(set(seen))
+
+
+def test_nothing_is_kept_for_a_second_picture_when_nobody_compares(plan: Plan) -> None:
+    panel = PanelCompositor(plan, 0)
+    assert panel.compared is None
+    assert len(panel.surveys(1.0)) == 1
+
+
+@pytest.mark.parametrize("other", ["framed", "frameless", "hilbert"])
+def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
+    plan: Plan, resident: Resident, other: str, compiled_only: None
+) -> None:
+    single = SingleProcess(plan, resident)
+    (worker,) = single.workers
+    single.event = replace(single.event, compare=other, camera_event=1)
+    for k in range(24):
+        single.event = replace(single.event, camera_event=k + 1)  # it moves: nobody is ever done
+        single.step()
+    assert worker.samples_compared == pytest.approx(worker.samples_traced / 2, abs=128)
+    for panel in single.panels:
+        refresh(panel, single.event)
+    (panel,) = single.panels
+    assert second(panel).rgb.std() > 10
+    assert panel.picture().rgb.std() > 10
+
+    before = worker.samples_compared
+    single.event = replace(single.event, compare="", camera_event=100)
+    for _ in range(4):
+        assert single.step() == 128
+    assert worker.samples_compared == before
+    assert panel.compared is None
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int, compiled_only: None) -> None:
+    text = TEXT.replace("samples_per_batch", f"threads: {threads}, samples_per_batch")
+    plan = make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+    resident = make_resident(plan.scene)
+    compared, fresh = SingleProcess(plan, resident), SingleProcess(plan, resident)
+    compared.event = replace(compared.event, compare="framed", camera_event=1)
+    for _ in range(30):
+        compared.step()
+    assert np.isfinite(compared.panels[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
+
+    pictures = []
+    for single in (compared, fresh):
+        single.event = replace(single.event, sampler="frameless", compare="", camera_event=2)
+        pictures.append(single.until_complete()[0].rgb)
+
+    assert pictures[1].std() > 10
+    assert np.array_equal(*pictures)
+
+
+def test_lost_samples_come_back_to_the_sampler_that_chose_them(
+    plan: Plan, resident: Resident, compiled_only: None
+) -> None:
+    """Both are traced to the end of a still view, every third packet is lost: framed shows every pixel all the same."""
+    single = SingleProcess(plan, resident)
+    (worker,), (panel,) = single.workers, single.panels
+    single.event = replace(single.event, compare="framed", camera_event=1)
+    single.step()
+    for k in range(400):
+        packet = worker.step(single.event)
+        if packet is None:
+            break
+        batch = decode(packet)
+        if k % 3 == 0 and k < 60:
+            worker.forget(batch)
+        else:
+            panel.insert(batch)
+    assert panel.compared is not None
+    assert np.isfinite(panel.compared.buffer.records["time"]).all()
+
+
+class Pair:
+    """A further compositor that has the only panel, and the head that hears of it."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.head_hub, control_hub = LoopbackHub(credit_bytes=1 << 20), LoopbackHub(credit_bytes=1 << 20)
+        self.samples = LoopbackHub(credit_bytes=1 << 20)
+        control = Control(LoopbackLink(control_hub.endpoint), plan, 1, same_clock=True)
+        self.further = FurtherCompositor(plan, HEAD, self.samples, control, LoopbackLink(self.head_hub.endpoint))
+        self.renderer = LoopbackLink(self.samples.endpoint)
+        self.head = Compositor(plan, 1, self.head_hub)  # rank 1 has no panel: all are another's
+        self.clock = HeadClock()
+
+    def show(self, event: Event, *batches: Batch) -> None:
+        self.further._compositor.follow(event)
+        self.head.follow(event)
+        for batch in batches:
+            self.renderer.offer(encode(batch))
+        while self.further._compositor.take_in():
+            pass
+        self.further._refresh(event, self.clock.now())
+        while self.head.take_in():
+            pass
+
+
+def test_a_further_compositor_sends_both_pictures_and_surveys_only_while_asked(plan: Plan) -> None:
+    pair, event = Pair(plan), first_event(plan, 0.0)
+    pair.show(event, flat(1.0, event, adaptive=True))
+    assert pair.head.surveys(0.0, comparing=False) == ()
+
+    both = replace(event, compare="frameless", camera_event=1, survey=True)
+    pair.show(both, flat(1.0, both, adaptive=True), flat(0.0031308, both, adaptive=False, sequence=2))
+
+    (first,), (other,) = pair.head.pictures(), pair.head.compared()
+    assert grey(first) == pytest.approx(255, abs=1)
+    assert grey(other) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
+    surveys = pair.head.surveys(0.0, comparing=True)
+    assert [survey.compared for survey in surveys] == [False, True]
+    assert (surveys[1].density == 129).all()  # code of 2^0 samples a pixel: 1 + 8 octaves of 16 steps
+    assert [survey.compared for survey in pair.head.surveys(0.0, comparing=False)] == [False]
+
+
+def test_a_survey_of_other_tiles_is_refused(plan: Plan) -> None:
+    panel = PanelCompositor(plan, 0)
+    good = panel.surveys(1.0)[0]
+    head = Compositor(plan, 1, LoopbackHub(credit_bytes=1 << 16))
+    head._insert(serialise(good))
+    for wrong in (replace(good, age=good.age[:1], density=good.density[:1]), replace(good, rects=good.rects + 9)):
+        with pytest.raises(RemoteProtocolError, match="survey"):
+            head._insert(serialise(wrong))
+
+
+def test_a_framelet_keeps_whether_it_is_of_the_second_picture() -> None:
+    rgb = np.zeros((4, 4, 3), np.uint8)
+    for compared in (False, True):
+        sent = Framelet.of(
+            panel=0, rect=Rect(x=0, y=0, width=4, height=4), rgb=rgb, camera_event=1, scene_event=1, compared=compared
+        )
+        assert parse_control(serialise(sent)) == sent

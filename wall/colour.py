@@ -1,0 +1,22 @@
+"""The curve between light and what displays are sent: sRGB, IEC 61966-2-1."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Real = TypeVar("Real", np.float32, np.float64)
+
+
+def srgb_encoded(linear: NDArray[Real]) -> NDArray[Real]:
+    """Display values in [0, 1] of linear light, which is clipped to [0, 1]; the same shape and float type."""
+    x = np.clip(linear, 0.0, 1.0)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(linear.dtype, copy=False)
+
+
+def srgb_decoded(values: NDArray[Real]) -> NDArray[Real]:
+    """Linear light of display values in [0, 1]; the same shape and float type."""
+    light = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    return light.astype(values.dtype, copy=False)

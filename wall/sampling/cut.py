@@ -1,0 +1,80 @@
+"""A K-D cut of the region into tiles of about equal importance, changed in small steps.
+
+After Dayal, Woolley, Watson and Luebke 2005 (as told in Woolley et al., "The Ultimate Display: Where Will All the
+Pixels Come From?", IEEE Computer 2005): the leaves of a K-D tree are the tiles; unimportant siblings are merged and
+important tiles split, a few at a time, so that small tiles gather where much is to be gained.
+
+How many tiles: "when temporal colour gradients dominate, the number of tiles drops; when spatial gradients dominate, it
+increases" (there, in short). The rule behind it, as recalled, holds the change over a tile and over a sample's life
+in balance,
+
+    (dC/ds) S = K (dC/dt) T,    S = sqrt(A / N): mean edge of N tiles over A pixels;  T: mean age of samples.
+
+dC/ds is the mean contrast of the reconstruction to its neighbours, display units a pixel. (dC/dt) T needs no gradients
+of its own: it is what new samples find changed against the samples beneath, whose age is T. So the balance is at
+
+    N* = A (dC/ds / (K (dC/dt) T))^2,
+
+and N moves GAIN of the way to it (of log N) at every refresh. K is ours: samples that follow camera and objects leave
+so little change in time (a tenth of one pixel's contrast) that with K = 1 space would always dominate.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.data import Float32
+from wall.sampling import kernels_cut as kernels
+from wall.sampling.tiles import Integers, Tiles
+
+LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile; in smaller ones rays crowd (docs/quality.md)
+FINE, COARSE = 16, 40  # pixels, mean edge of the most and the fewest tiles
+BALANCE = 200.0  # K: puts the four scenes of `measure quality` between FINE and COARSE
+GAIN = 0.125  # of the way to balance, at every refresh
+
+
+class Cut:
+    """A Division: leaves of a K-D tree over (h, w) pixels."""
+
+    def __init__(self, width: int, height: int) -> None:
+        area = width * height
+        self._range = (max(1.0, area / COARSE**2), max(1.0, area / FINE**2))
+        capacity = 2 * max(1, width // LEAST_EDGE) * max(1, height // LEAST_EDGE)  # no cut can have more leaves
+        self._child, self._parent = np.zeros((capacity, 2), np.int32), np.zeros(capacity, np.int32)
+        self._vacant, self._order = np.zeros(capacity, np.int32), np.zeros(capacity, np.int32)
+        self._state = np.zeros(4, np.int64)
+        self.wanted = math.sqrt(self._range[0] * self._range[1])
+        self.tiles = Tiles(
+            rects=np.zeros((capacity, 4), np.int32),
+            sums=np.zeros(capacity, np.float64),
+            tile_of=np.zeros((height, width), np.int32),
+            order=self._order[:1],
+        )
+        kernels.plant(width, height, self.tiles.rects, self._child, self._parent, self.tiles.tile_of, self._state)
+        self.tiles.sums[0] = area
+        while self.adjust(np.ones((height, width), np.float32), capacity):
+            pass
+
+    @property
+    def listed(self) -> Integers:
+        return self.tiles.order
+
+    def adjust(self, score: Float32, steps: int) -> int:
+        """At most `steps` splits and merges; returns how many."""
+        t = self.tiles
+        taken = kernels.adjust(
+            score, self.wanted, steps, LEAST_EDGE, MOST_EDGE, t.rects, self._child, self._parent, t.sums, t.tile_of,
+            self._vacant, self._order, self._state,
+        )  # fmt: skip
+        if taken:
+            self.tiles = t._replace(order=self._order[: self._state[kernels.LEAVES]])
+        return int(taken)
+
+    def balance(self, contrast: Float32, change: float) -> None:
+        """One step of the rule; contrast : (h, w) float32, squared display units a pixel; change : display units."""
+        slope = float(np.sqrt(contrast).mean())
+        edge = min(max(BALANCE * change / max(slope, 1e-6), FINE), COARSE)  # S at the balance
+        goal = max(1.0, contrast.size / edge**2)
+        self.wanted *= (goal / self.wanted) ** GAIN

@@ -1,0 +1,70 @@
+"""How a region is divided into tiles: a fixed grid. The same arrays describe the K-D cut, which changes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Float32, Float64
+from wall.deepbuffer.kernels import TILE
+
+Integers = NDArray[np.int32]
+
+
+class Tiles(NamedTuple):
+    """A division of (h, w) pixels: every pixel lies in exactly one of the tiles in `order`."""
+
+    rects: Integers  # (capacity, 4) x, y, width, height
+    sums: Float64  # (capacity,) of pixel scores
+    tile_of: Integers  # (h, w)
+    order: Integers  # (n,) the tiles there are, neighbours in a row
+
+
+class Measured(NamedTuple):
+    """What is known of each tile: the numbers of a data.Tiling."""
+
+    rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
+    spatial: Float32  # (n,)
+    temporal: Float32  # (n,)
+    density: Float32  # (n,)
+
+
+class Division(Protocol):
+    """A way to divide a region: the grid, or the cut."""
+
+    tiles: Tiles
+
+    @property
+    def listed(self) -> Integers:
+        """(n,) the tiles in the order in which they are sent."""
+        ...
+
+    def adjust(self, score: Float32, steps: int) -> int:
+        """Take at most so many steps towards the division that suits the scores (h, w); returns how many."""
+        ...
+
+    def balance(self, contrast: Float32, change: float) -> None:
+        """Learn how much the picture varies: in space, (h, w) squared, and over the age of its samples."""
+        ...
+
+
+class Grid:
+    """Squares of 16 pixels, cut off at the right and lower borders; nothing about it changes."""
+
+    def __init__(self, width: int, height: int) -> None:
+        rows, columns = -(-height // TILE), -(-width // TILE)
+        y, x = np.mgrid[0:height:TILE, 0:width:TILE].reshape(2, -1)
+        rects = np.stack([x, y, np.minimum(TILE, width - x), np.minimum(TILE, height - y)], axis=1).astype(np.int32)
+        order = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+        order[1::2] = order[1::2, ::-1].copy()
+        tile_of = np.arange(height)[:, None] // TILE * columns + np.arange(width) // TILE
+        sums = rects[:, 2].astype(np.float64) * rects[:, 3]
+        self.tiles = Tiles(rects=rects, sums=sums, tile_of=tile_of.astype(np.int32), order=order.ravel())
+        self.listed: Integers = np.arange(rows * columns, dtype=np.int32)
+
+    def adjust(self, score: Float32, steps: int) -> int:
+        return 0
+
+    def balance(self, contrast: Float32, change: float) -> None: ...
