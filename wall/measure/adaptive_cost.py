@@ -51,7 +51,8 @@ class Session:
         self._kept = AdaptiveSampling().samples_per_pixel
         self.picture = self.new_picture(judging=True)
         self._sampler = AdaptiveSampler(self.rect, self.picture, batch=AdaptiveSampling().samples_per_batch, seed=SEED)
-        self._tracer = Tracer(make_resident(plan.scene), panel, eye, coherent=True)
+        self._resident = make_resident(plan.scene)
+        self._tracer = Tracer(self._resident, panel, eye, coherent=True)
         self._first = first_event(plan, 0.0)
         self.seconds: defaultdict[str, float] = defaultdict(float)  # of each stage
         self.samples = 0
@@ -120,7 +121,7 @@ class Session:
         return Batch(
             view=0, panel=0, rect=self.rect, rank=1, sequence=1, camera_event=event.camera_event,
             scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
-            scene_time=event.scene_time, adaptive=True,
+            scene_time=event.scene_time, adaptive=True, relightable=self._resident.needs.relighting,
         )  # fmt: skip
 
 

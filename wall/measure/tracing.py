@@ -59,9 +59,9 @@ class Bench:
 
     def arguments(self, xy: Float32, *, suns: Any = "all", points: Any = "all") -> tuple[Any, ...]:
         arguments = list(self.tracer.arguments(xy, self.samples[: len(xy)]))
-        arguments[-2] = None  # mirrors
-        arguments[-5] = arguments[-5] if isinstance(points, str) else points
-        arguments[-4] = arguments[-4] if isinstance(suns, str) else suns
+        arguments[-3] = None  # mirrors
+        arguments[-6] = arguments[-6] if isinstance(points, str) else points
+        arguments[-5] = arguments[-5] if isinstance(suns, str) else suns
         return tuple(arguments)
 
     def _record(self) -> None:

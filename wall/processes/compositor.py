@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import TypeAlias
 
 import numpy as np
@@ -33,6 +36,7 @@ class Compositor:
         self.packets = self.bytes = 0
         self.panels = {k: PanelCompositor(plan, k) for k in plan.layout.panels_of(rank)}
         self.remote = {k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels}
+        self._pool: ThreadPoolExecutor | None = None
         self._remote_compared: dict[int, RemotePanel] = {}  # their second pictures, once there was one
         self._remote_surveys: dict[tuple[int, bool], Survey] = {}  # the newest of each picture
 
@@ -82,9 +86,23 @@ class Compositor:
 
     def refresh(self, event: Event, now: float) -> Dirty:
         """Bring every panel's display values up to date; the tiles that changed."""
-        dirty = {(k, False): panel.refresh(event, now) for k, panel in self.panels.items()}
+        refreshed = self._in_threads(lambda panel: panel.refresh(event, now))
+        dirty = {(k, False): tiles for k, tiles in zip(self.panels, refreshed, strict=True)}
         seconds = {(k, True): p.compared.refresh() for k, p in self.panels.items() if p.compared is not None}
         return dirty | seconds
+
+    def _in_threads(self, work: Callable[[PanelCompositor], NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
+        """Of every panel, a core each: kernels release the GIL, and panels share nothing that is written.
+
+        One after the other where one is on a GPU: that picture belongs to the thread that inserts.
+        """
+        panels = list(self.panels.values())
+        workers = min(len(panels), len(os.sched_getaffinity(0)))
+        if workers < 2 or any(panel.on_gpu for panel in panels):
+            return [work(panel) for panel in panels]
+        if self._pool is None:  # not sooner: ranks are forked before anything is refreshed
+            self._pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")
+        return list(self._pool.map(work, panels))
 
     def surveys(self, now: float, *, comparing: bool) -> tuple[Survey, ...]:
         """Of every picture of every panel: made now for own ones, the newest of the others."""

@@ -19,6 +19,7 @@ from wall.processes.watching import survey_of
 from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_picture
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError
+from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.picture import SAMPLES_PER_PIXEL
 
 
@@ -165,6 +166,11 @@ class PanelCompositor:
         except GpuError as error:
             self._give_up(error, self._shown)
             return self._survey(now)
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether its picture is on a GPU: then it belongs to the thread that inserts."""
+        return isinstance(self._reprojected, GpuPicture)
 
     @property
     def tiles(self) -> tuple[int, int]:

@@ -5,8 +5,6 @@ Same stages, same packets, same pictures; an in-process loop instead of sockets,
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from wall.data import Event
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode
@@ -55,7 +53,7 @@ class SingleProcess:
     def until_complete(self) -> list[PanelPicture]:
         """Step under the present event until every renderer has nothing left to do."""
         due = self.clock.now()
-        for _ in self._steps():  # refreshed as in a run: only samples of an event that is shown count as at rest
+        while self.step():  # refreshed as in a run: only samples of an event that is shown count as at rest
             if self.clock.now() >= due:
                 due = self.clock.now() + 1.0 / self.plan.view.refresh_hz
                 self._refresh()
@@ -72,9 +70,7 @@ class SingleProcess:
         self._methods = wanted
         layout, per_rank = self.plan.layout, {id(worker.samplers): worker for worker in self.workers}
         for rank, worker in zip(layout.renderers(), per_rank.values(), strict=True):
-            worker.samplers[:] = make_samplers(
-                self.plan, wanted[0], layout.region(rank), self.clock, compare=wanted[1]
-            )
+            worker.samplers[:] = make_samplers(self.plan, wanted[0], layout.region(rank), self.clock, compare=wanted[1])
 
     def _refresh(self) -> None:
         now = self.clock.now()
@@ -82,7 +78,3 @@ class SingleProcess:
         event = self._predictor.at(now)  # the event itself as long as nothing moves
         for panel in self.panels:
             panel.refresh(event, now)
-
-    def _steps(self) -> Iterator[int]:
-        while traced := self.step():
-            yield traced

@@ -90,7 +90,7 @@ class Worker:
 
     def tiling(self) -> bytes | None:
         """The packet of the sampler's tiles, if one is due. Between steps, by whoever calls them."""
-        sampler = self.sampler
+        sampler = _of_kind(self.sampler, adaptive=True)
         if not isinstance(sampler, LiveAdaptive) or (due := sampler.take_tiling()) is None:
             return None
         event, now, measured = due

@@ -167,6 +167,7 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
     assert second(panel).rgb.std() > 10
     assert panel.picture().rgb.std() > 10
 
+    assert panel.tilings, "the adaptive sampler's tiles come all the same"
     before = worker.samples_compared
     single.event = replace(single.event, compare="", camera_event=100)
     for _ in range(4):

@@ -10,18 +10,20 @@ import pytest
 
 from wall.config.loading import loads
 from wall.data import Batch, Event, Rect
+from wall.processes.compositor import Compositor
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan, first_event, make_layout, make_plan
+from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.processes.single_process import SingleProcess
 from wall.reconstruction.gpu import device
 from wall.reconstruction.gpu.device import Device, GpuError
 from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.transport.loopback import LoopbackHub
 
 TEXT = """\
 version: 1
 scene: {{source: courtyard}}
-wall: {{grid: {{columns: 1, rows: 1, pixels: [20, 12], size: [0.4, 0.3]}}}}
+wall: {{grid: {{columns: {columns}, rows: 1, pixels: [20, 12], size: [0.4, 0.3]}}}}
 views: [{{camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}}}]
 sampling: {{method: adaptive}}
 reconstruction: {wish}
@@ -29,8 +31,8 @@ reconstruction: {wish}
 INVALID = 1  # no capability of OpenGL: asking for it is a GL_INVALID_ENUM
 
 
-def plan_of(wish: str) -> Plan:
-    return make_plan(make_layout(loads(TEXT.format(wish=wish), path=Path("wall.yaml"))))
+def plan_of(wish: str, *, columns: int = 1) -> Plan:
+    return make_plan(make_layout(loads(TEXT.format(wish=wish, columns=columns), path=Path("wall.yaml"))))
 
 
 @pytest.fixture
@@ -41,16 +43,16 @@ def anything_is_a_gpu(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(device, "SOFTWARE", ())
 
 
-def batch_of(plan: Plan, event: Event) -> Batch:
+def batch_of(plan: Plan, event: Event, index: int = 0) -> Batch:
     """Every pixel's centre once, by the tracer."""
-    panel = plan.layout.wall.panels[0]
+    panel = plan.layout.wall.panels[index]
     tracer = Tracer(make_resident(plan.scene), panel, plan.view.eye, coherent=False)
     tracer.take(event)
     x, y = np.meshgrid(np.arange(panel.pixels[0]) + 0.5, np.arange(panel.pixels[1]) + 0.5)
     samples = tracer.trace(np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32))[0].copy()
     samples["change"] = 0.0
     return Batch(
-        view=0, rect=Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1]), rank=1, panel=0, sequence=1,
+        view=0, rect=Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1]), rank=1, panel=index, sequence=1,
         camera_event=event.camera_event, scene_event=event.scene_event, base_time=0.0,
         camera=event.camera, scene_time=event.scene_time, adaptive=True, samples=samples,
     )  # fmt: skip
@@ -69,6 +71,24 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
         chain = SingleProcess(plan, make_resident(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
         assert str(chain.panels[0].reconstruction).startswith(wish)
+    assert len(np.unique(shown["cpu"])) > 50
+    assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
+
+
+def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, compiled_only: None) -> None:
+    """On the CPU each panel is refreshed by a thread of its own; OpenGL's pictures stay with theirs."""
+    shown = {}
+    for wish in ("cpu", "gpu"):
+        plan = plan_of(wish, columns=2)
+        compositor = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16))
+        event = first_event(plan, 0.0)
+        for number in range(3):
+            for index, panel in compositor.panels.items():
+                panel.insert(batch_of(plan, moved(event, number), index))
+            compositor.refresh(moved(event, number), 0.02 * number)
+        assert len(compositor.surveys(0.1, comparing=False)) == 2
+        assert {panel.on_gpu for panel in compositor.panels.values()} == {wish == "gpu"}
+        shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.pictures()])
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 

@@ -1,7 +1,7 @@
 // The wall on the page: one canvas a panel at its true place, edges on whole device pixels. While two samplers are
 // compared there are two such faces, one over or beside the other.
 
-const DETAILS_WIDTH = 388;        // page.css, --details
+const DETAILS_WIDTH = 400;        // page.css, --details
 const BELOW_HEIGHT = 232;         // what the measurements need beneath the wall,
 const BELOW_ENOUGH = 344;         // and what they take when there is room
 const NARROW = 900;               // below this width everything is one scrolling column

@@ -69,7 +69,7 @@ class GpuStore:
             else np.zeros(0, np.float32)
             for name in ("state", "screen")
         )
-        return np.ascontiguousarray(state.reshape(-1, 2).T), np.ascontiguousarray(screen.reshape(-1, 3).T)
+        return np.array(state.reshape(-1, 2).T, order="C"), np.array(screen.reshape(-1, 3).T, order="C")
 
     def drop_oldest(self, share: float) -> None:
         """That share of the samples, and what is as old, leaves."""
