@@ -21,6 +21,7 @@ RANKS = {
     "demo": 5,
     "forest": 3,
     "four_by_two_bezels": 9,
+    "measure/cuts": 2,
     "measure/jerky": 2,
     "measure/light": 2,
     "measure/mirrors": 2,

@@ -16,7 +16,7 @@ from wall.measure.quality.arms_streams import absent
 from wall.measure.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
 SCENES = ("orbit", "shadows", "light", "mirrors")
-BESIDE_SCENES = ("jerky",)  # measured only if asked for: no bar is about them
+BESIDE_SCENES = ("jerky", "cuts")  # measured only if asked for: no bar is about them
 SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
 FASTEST_RATE = 1e9
 MOST_CORES = 1024.0
