@@ -77,6 +77,18 @@ def plain_samples(n: int, *, width: int = 480, height: int = 270, seed: int = 20
     return samples
 
 
+def facing_samples(n: int, *, seed: int = 4) -> Samples:
+    """(n,) samples of a few objects: plane ones, round ones, each with some shadow."""
+    rng = np.random.default_rng(seed)
+    samples = plain_samples(n, seed=seed)
+    samples["object"] %= 6
+    round_ones = samples["object"] > 2
+    samples["normal"] = samples["object"][:, None] * (20, -17)
+    samples["normal"][round_ones] = rng.integers(-127, 128, (int(round_ones.sum()), 2))
+    samples["unlit"] = rng.choice([0, 1, 5], n, p=[0.7, 0.2, 0.1])
+    return samples
+
+
 def resealed(packet: bytes | bytearray) -> bytes:
     """The same packet with a body length and a checksum that fit: what an attacker would send."""
     data = bytearray(packet)
@@ -140,6 +152,7 @@ def check_sane(batch: Batch) -> None:
     assert np.isfinite(samples["radiance"]).all()
     assert (samples["radiance"] >= 0).all()
     assert (samples["depth"] >= 0).all()
+    assert (samples["normal"] >= -127).all()
     assert (np.isfinite(samples["time"]) & (samples["time"] >= 0)).all()
     assert np.isfinite(batch.base_time)
     assert 0.0 < batch.blend <= 1.0

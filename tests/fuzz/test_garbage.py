@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from packet_examples import CHECKSUM_AT, batch_of, check_sane, plain_samples, resealed
+from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, plain_samples, resealed
 
 from wall.data import Batch, Camera, Event, Rect, Survey, Tiling
 from wall.errors import RemoteProtocolError
@@ -44,6 +44,7 @@ CONTROL = [
 ]  # fmt: skip
 SAMPLES = [encode(batch_of(plain_samples(n)), codec) for n in (0, 1, 5) for codec in Codec]
 COMPACT = [encode(batch_of(plain_samples(n), adaptive=True)) for n in (0, 1, 5, 40)]
+LIT = [encode(batch_of(facing_samples(n), adaptive=True, relightable=True)) for n in (0, 1, 5, 40)]
 TILINGS = [
     encode_tiling(
         Tiling(
@@ -114,7 +115,7 @@ def test_random_bytes_are_refused(parse: Callable[[bytes], Parsed]) -> None:
         assert not survives(parse, b"WALL\x01" + data)
 
 
-@pytest.mark.parametrize("packets", [SAMPLES, COMPACT], ids=["plain", "compact"])
+@pytest.mark.parametrize("packets", [SAMPLES, COMPACT, LIT], ids=["plain", "compact", "lit"])
 def test_mutated_sample_packets_are_refused_or_harmless(packets: list[bytes]) -> None:
     rng, accepted = np.random.default_rng(2), 0
     for k in range(ROUNDS):
@@ -150,6 +151,6 @@ def test_mutated_control_messages_are_refused_or_harmless() -> None:
 
 
 def test_messages_of_one_kind_are_refused_by_the_other_parser() -> None:
-    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + TILINGS)
+    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + LIT + TILINGS)
     assert not any(survives(decode, data) for data in CONTROL + TILINGS)
-    assert not any(survives(decode_tiling, data) for data in CONTROL + SAMPLES + COMPACT)
+    assert not any(survives(decode_tiling, data) for data in CONTROL + SAMPLES + COMPACT + LIT)

@@ -26,27 +26,33 @@ FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 
 @kernel
 def front_depths(nearest, front):
-    """Each pixel's least depth over 3x3, enlarged by BEHIND: up to it a sample is seen without further tests.
+    """Each pixel's least and greatest depth over 3x3, enlarged by BEHIND.
+
+    Up to the one a sample is seen, beyond the other it is hidden, without further tests.
 
     nearest : (h, w, 4) float32, see keep_nearest
-    front : (h, w, 2) float32, written: that depth, and RIM where deeper surfaces show within the 3x3 pixels, else 0
+    front : (h, w, 3) float32, written: both, and RIM where deeper surfaces show within the 3x3 pixels, else 0
     """
     height, width = front.shape[0], front.shape[1]
     for i in range(height):
         for j in range(width):
-            least, most = np.float32(np.inf), ZERO
+            least, most, all_of_them = INFINITE, ZERO, ZERO
             for di in range(max(i - 1, 0), min(i + 2, height)):
                 for dj in range(max(j - 1, 0), min(j + 2, width)):
                     depth = nearest[di, dj, 0]
                     least = min(least, depth)
                     most = max(most, depth if depth < INFINITE else ZERO)
+                    all_of_them = max(all_of_them, depth)
             front[i, j, 0] = least * BEHIND
-            front[i, j, 1] = RIM if most > least * BEHIND else ZERO
+            front[i, j, 1] = all_of_them * BEHIND
+            front[i, j, 2] = RIM if most > least * BEHIND else ZERO
 
 
 @inline_kernel
 def hidden(x, y, z, nearest):
     """Whether nearer samples cover the place of one: some lies within COVERS, or it lies amidst those of 3x3 pixels.
+
+    Where all nine are nearer it need not be called: front_depths knows.
 
     Beside a silhouette all nearer samples lie on one side, so that their mean is far: counting them alone would let
     silhouettes grow by half a pixel.
@@ -195,14 +201,14 @@ def splat(colour, state, screen, count, cutoff, nearest, front, now, young, deca
         i, j = int(y), int(x)
         time = state[0, k]
         age = now - time
-        covered = z > front[i, j, 0] and age > young and hidden(x, y, z, nearest)
+        covered = z > front[i, j, 0] and age > young and (z > front[i, j, 1] or hidden(x, y, z, nearest))
         if covered and age < WAITS and time >= cutoff:
             continue
         if covered or time < cutoff:
             screen[2, k] = OUTSIDE
             state[1, k] = ZERO
             continue
-        a = max(age, ZERO) * (decay[i // TILE, j // TILE] + front[i, j, 1])
+        a = max(age, ZERO) * (decay[i // TILE, j // TILE] + front[i, j, 2])
         weight = state[1, k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
         red, green, blue = colour[k, 0], colour[k, 1], colour[k, 2]
         u, v = x + HALF, y + HALF  # border included

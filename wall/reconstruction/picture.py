@@ -141,7 +141,7 @@ class Picture:
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
-        self.front = np.zeros((height, width, 2), np.float32)
+        self.front = np.zeros((height, width, 3), np.float32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)

@@ -16,6 +16,8 @@ from packet_examples import batch_of
 from wall.data import SAMPLE, Camera, Event, Rect, Samples, Survey, Tiling
 from wall.packets import control
 from wall.packets import tiling as tiling_packets
+from wall.packets.compact.kernels import CHANGED, FLAG_BITS, LIT_FLAG_BITS, MIXED_OBJECTS, MIXED_TIMES
+from wall.packets.facing.kernels import RELIT, TURNED
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
 from wall.packets.tiling import MEASURES, encode_tiling, grid
 
@@ -88,6 +90,23 @@ def test_the_compact_example_decodes_to_the_values_beside_it_and_is_what_they_en
     came, wanted = decode(packet).samples, samples_of(json.loads(block("json compact")))
     np.testing.assert_allclose(came["radiance"], wanted["radiance"], rtol=1e-6)  # machines round products differently
     assert all((came[name] == wanted[name]).all() for name in ("xy", "depth", "time", "object", "change"))
+
+
+def test_the_example_with_normals_decodes_to_the_values_beside_it_and_is_what_they_encode_to() -> None:
+    facing = json.loads(block("json lit"))
+    sent = [row | more for row, more in zip(EXAMPLE["sent"], facing["sent"], strict=True)]
+    batch = batch_of(samples_of(sent), rect=Rect(**EXAMPLE["rect"]), adaptive=True, relightable=True)
+    packet = encode(batch)
+    assert packet[HEADER_BYTES:] == dumped("lit")
+    came, wanted = decode(packet).samples, samples_of(facing["decoded"])
+    assert all((came[name] == wanted[name]).all() for name in ("object", "normal", "unlit"))
+
+
+def test_the_flags_of_tiles_are_the_document_s() -> None:
+    row = next(line for line in PAGE.splitlines() if line.startswith("| flags |"))
+    bits = [int(k) for k in re.findall(r"(\d+): (?:its|not all|some)", row)]
+    assert bits == [MIXED_OBJECTS, MIXED_TIMES, CHANGED, TURNED, RELIT]
+    assert [int(k) for k in re.findall(r"(\d) bits", row)] == [FLAG_BITS, LIT_FLAG_BITS]
 
 
 def test_the_header_s_byte_table_reads_the_example() -> None:

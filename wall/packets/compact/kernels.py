@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.jit import inline_kernel, kernel
+from wall.packets.facing.kernels import exchange, flag_facing, normal_code, put_facing
 from wall.packets.kernels import LARGEST_COLOUR, LARGEST_OBJECT, SHORTEST_SPAN_S, depth_range
 from wall.packets.planes.kernels import bits_of, folded, put_all, put_plane
 
@@ -17,12 +18,12 @@ TOP_CODE = 1535                  # of colours, see tables.py
 DARK_BITS = 115 << 23            # of float32 2^-12
 BUCKET_SHIFT = 16
 COUNT_BITS = 17                  # of tiles and of objects, each at most 65,536
-FLAG_BITS = 3
+FLAG_BITS, LIT_FLAG_BITS = 3, 5  # with normals and lamps: see facing
 MIXED_OBJECTS, MIXED_TIMES, CHANGED = 1, 2, 4  # flags of a tile
-WORDS_A_SAMPLE = 17              # at worst, alone in its tile: fourteen escaped numbers, 9 + 14 bits more
+WORDS_A_SAMPLE = 17              # at worst, alone in its tile: fourteen escaped numbers, 12 + 14 bits more
 WORDS_BESIDE = 3
-TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS, FACING = range(12)  # planes of numbers
-MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64, 1], np.int64)  # before the first number of each
+TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS = range(11)  # planes of numbers
+MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64], np.int64)  # before the first number of each
 LOW_32 = np.uint64(0xFFFFFFFF)
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
@@ -149,7 +150,8 @@ def codes(samples, order, subpixels, base, span, tables, columns):
         columns[5, i] = min(max(np.int64(samples[k]["time"] * per_second + HALF), 0), TIME_STEPS)
         columns[6, i] = np.int64(min(max(samples[k]["change"], ZERO), ONE) * np.float32(CHANGE_STEPS) + HALF)
         if columns.shape[0] > 7:
-            columns[7, i], columns[8, i] = samples[k]["normal"][0], samples[k]["normal"][1]
+            columns[7, i] = normal_code(samples[k]["normal"][0])
+            columns[8, i] = normal_code(samples[k]["normal"][1])
             columns[9, i] = samples[k]["unlit"]
 
 
@@ -200,6 +202,7 @@ def write(keys, order, subpixels, columns, words):
     n = order.shape[0]
     at = np.zeros(3, np.int64)
     tiles, counts, flags = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
+    begins = np.zeros(n + 1, np.int64)
     gaps, inside = np.empty(n, np.int32), np.empty(n, np.int32)
     symbols, indices = np.empty(n, np.int32), np.empty(n, np.int32)
     times, changes = np.empty(n, np.int32), np.empty(n, np.int32)
@@ -229,6 +232,7 @@ def write(keys, order, subpixels, columns, words):
         tiles[m], counts[m], flags[m] = tile - tile_before - 1, folded(np.int64(end - begin) - count_before), flag
         tile_before, count_before = tile, np.int64(end - begin)
         m += 1
+        begins[m] = end
         for i in range(begin, end if differ_who else begin + 1):
             mine = np.int64(who[i])
             symbols[told] = 0 if mine == this else (1 if mine == other else 2)
@@ -248,11 +252,15 @@ def write(keys, order, subpixels, columns, words):
                 changed += 1
         begin = end
     differences(who, columns[:4], palette.shape[0])
-    differences(who, columns[7:], palette.shape[0])
+    facing = columns[7:]
+    if facing.shape[0] > 0:
+        differences(who, facing[:2], palette.shape[0])
+        exchange(who, facing[2], palette.shape[0], False)
+        flag_facing(facing, begins, flags[:m])
     put_all(np.array([m, palette.shape[0]]), COUNT_BITS, words, at)
     put_plane(tiles[:m], MEANS[TILES], words, at)
     put_plane(counts[:m], MEANS[COUNTS], words, at)
-    put_all(flags[:m], FLAG_BITS, words, at)
+    put_all(flags[:m], LIT_FLAG_BITS if facing.shape[0] > 0 else FLAG_BITS, words, at)
     for place in range(palette.shape[0] - 1, 0, -1):
         palette[place] -= palette[place - 1] + np.uint32(1)
     put_plane(palette, MEANS[NAMES], words, at)
@@ -264,8 +272,8 @@ def write(keys, order, subpixels, columns, words):
     put_plane(changes[:changed], MEANS[CHANGES], words, at)
     for c in range(4):
         put_plane(columns[c], MEANS[LUMA + c], words, at)
-    for c in range(7, columns.shape[0]):
-        put_plane(columns[c], MEANS[FACING], words, at)
+    if facing.shape[0] > 0:
+        put_facing(facing, begins, flags[:m], words, at)
     if at[1] > 0:
         words[at[2]] = np.uint32(at[0])
         at[2] += 1

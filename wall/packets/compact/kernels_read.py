@@ -11,10 +11,10 @@ from wall.packets.compact.kernels import (
     CHANGES,
     COUNT_BITS,
     COUNTS,
-    FACING,
     FLAG_BITS,
     GAPS,
     HALF,
+    LIT_FLAG_BITS,
     LUMA,
     MEANS,
     MIXED_OBJECTS,
@@ -33,9 +33,8 @@ from wall.packets.compact.kernels import (
     noise,
     noise_of,
 )
-from wall.packets.kernels import (
-    LARGEST_OBJECT,
-)
+from wall.packets.facing.kernels import exchange, read_facing, restore_facing
+from wall.packets.kernels import LARGEST_OBJECT
 from wall.packets.planes.kernels import (
     bits_of,
     get_all,
@@ -58,13 +57,13 @@ def summed(numbers, first, step):
 def read_tiles(words, position, head, tiles, starts, flags):
     """Read numbers (m,), first samples (m + 1,) and flags (m,) of tiles; returns the position, -1 if out of range.
 
-    head : (tiles of the rectangle, samples of the packet)
+    head : (tiles of the rectangle, samples of the packet, bits of flags)
     """
     m = tiles.shape[0]
     counts = np.empty(m, np.int32)
     position = get_plane(tiles, MEANS[TILES], words, position)
     position = get_plane(counts, MEANS[COUNTS], words, position)
-    position = get_all(flags, FLAG_BITS, words, position)
+    position = get_all(flags, head[2], words, position)
     tile, count, total = np.int64(-1), np.int64(TILE), np.int64(0)
     for t in range(m):
         tile, count = tile + 1 + tiles[t], count + unfolded(np.int64(counts[t]))
@@ -205,19 +204,6 @@ def restore(subpixels, columns, rect, base, depth_bits, colour_of_code, samples)
 
 
 @kernel
-def restore_facing(facing, samples):
-    """Normals and lamps of samples (n,) SAMPLE from (3, n) int32, zero from (0, n); False if one is out of range."""
-    for i in range(samples.shape[0]):
-        u = v = unlit = np.int64(0)
-        if facing.shape[0] > 0:
-            u, v, unlit = np.int64(facing[0, i]), np.int64(facing[1, i]), np.int64(facing[2, i])
-        if max(abs(u), abs(v)) > 127 or unlit < 0 or unlit > 65535:
-            return False
-        samples[i]["normal"][0], samples[i]["normal"][1], samples[i]["unlit"] = u, v, unlit
-    return True
-
-
-@kernel
 def decode(words, rect, base, depth_bits, span, lit, tables, samples):
     """Read as many samples as `samples` (n,) SAMPLE has; they come in the order of their places.
 
@@ -239,7 +225,7 @@ def decode(words, rect, base, depth_bits, span, lit, tables, samples):
         return np.int64(-1)
     tiles, starts, flags = np.empty(m, np.int32), np.empty(m + 1, np.int64), np.empty(m, np.int32)
     all_tiles = ((rect[2] + TILE - 1) >> TILE_BITS) * ((rect[3] + TILE - 1) >> TILE_BITS)
-    position = read_tiles(words, position, (all_tiles, n), tiles, starts, flags)
+    position = read_tiles(words, position, (all_tiles, n, LIT_FLAG_BITS if lit else FLAG_BITS), tiles, starts, flags)
     if position < 0:
         return position
     names, gaps, inside = np.empty(known, np.int32), np.empty(n, np.int32), np.empty(n, np.int32)
@@ -259,9 +245,12 @@ def decode(words, rect, base, depth_bits, span, lit, tables, samples):
         position = get_plane(columns[c], MEANS[LUMA + c], words, position)
     sums_of_differences(who, columns, known)
     facing = np.zeros((3 if lit else 0, n), np.int32)
-    for c in range(facing.shape[0]):
-        position = get_plane(facing[c], MEANS[FACING], words, position)
-    sums_of_differences(who, facing, known)
+    if lit:
+        position = read_facing(words, position, starts, flags, facing)
+        if position < 0:
+            return position
+        sums_of_differences(who, facing[:2], known)
+        exchange(who, facing[2], known, True)
     if not restore_places(tiles, starts, gaps, inside, rect, tables[1], subpixels):
         return np.int64(-1)
     if not restore(subpixels, columns, rect, base, depth_bits, tables[2], samples):

@@ -1,0 +1,298 @@
+"""Relit samples against the tracer: same surface points, traced at one time and lit for another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from adaptive_pictures import START, event_at, picture_of, traced
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+from small_scenes import instance, material, quad, sphere_mesh, view
+
+from wall.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.jit import kernel
+from wall.packets.facing.kernels import normal_code, normal_of
+from wall.reconstruction import kernels_relight
+from wall.reconstruction.lamps import Lamps, matt_objects
+from wall.reconstruction.picture import Ingredients, Picture
+from wall.scene.animation import Keyframes, Orbit, Spin
+from wall.scene.build import Scene, assemble
+from wall.scene.model import DirectionalLight, Instance, Light, Material, Mesh, PointLight, Sky, Source, Track
+from wall.scene.sky import sky_irradiance
+
+SEEN = view((0.0, 3.0, 5.0), (0.2, 0.8, 0.0), pixels=(48, 36))
+LATER = 1.0  # seconds of the animation
+OCTAHEDRAL = np.sqrt(18.0)  # radians a normal turns at most, per unit that both its components are off
+TRACED = OCTAHEDRAL * 0.5 / 127
+SENT = OCTAHEDRAL * 2.5 / 127  # two steps more on the wire
+ROUNDING = 2e-4  # relative: float32, and the same point found by another ray
+SKY = Sky(zenith=(0.3, 0.5, 0.9), horizon=(0.6, 0.6, 0.6), ground=(0.2, 0.1, 0.1))
+SUN = DirectionalLight(direction=(0.48, 0.64, 0.6), irradiance=(2.0, 1.9, 1.7))
+LAMP = PointLight(position=(-2.0, 2.5, 2.0), intensity=(6.0, 6.0, 8.0))
+FLOOR, BALL = 1, 2  # object ids
+ALBEDOS = np.array([[0.0, 0.0, 0.0], [0.8, 0.7, 0.5], [0.3, 0.5, 0.9]])
+
+
+def yard(
+    *,
+    ball: Material | None = None,
+    scale: float | tuple[float, float, float] = 1.2,
+    lights: tuple[Light, ...] = (SUN, LAMP),
+    moving: bool = True,
+) -> Scene:
+    """A floor and a turning ball of flat triangles, under a sun and a lamp that travel."""
+    floor = replace(instance(0, turn=("x", -90.0)), name="floor")
+    thing = Instance(
+        name="ball", mesh=1, world_from_object=instance(1, at=(0.4, 1.3, 0.0), scale=scale).world_from_object
+    )
+    still = (1.0, 0.0, 0.0, 0.0)
+    tracks = (
+        Track(motion=Spin(axis=(0.2, 1.0, 0.1), period_s=9.0), objects="ball"),
+        Track(motion=Orbit(center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), period_s=14.0), light=0),
+        Track(
+            motion=Keyframes(
+                times=(0.0, 1.0), positions=(LAMP.position, (1.5, 2.0, 3.0)), rotations=(still, still), loop=False
+            ),
+            light=1,
+        ),
+    )
+    meshes: tuple[Mesh, ...] = (quad(12.0, 12.0, material=0), sphere_mesh(1, segments=10, smooth=False))
+    return assemble(
+        Source(
+            meshes=meshes, materials=(material(*ALBEDOS[1]), ball or material(*ALBEDOS[2])), instances=(floor, thing),
+            lights=lights, sky=SKY, animation=tracks[: 1 + len(lights)] if moving else (),
+        )
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stored:
+    xy: Float32  # (n, 2) in the picture
+    depth: Float32
+    name: NDArray[np.int32]
+    radiance: Float32  # (n, 3)
+    unlit: NDArray[np.int32]
+    albedo: Float32  # (n, 3); (0, 3) if nothing is ever relit
+
+
+def stored(shown: Picture) -> Stored:
+    """What a picture holds and shows."""
+    s, n = shown._store, shown.count
+    kept = s.screen[2, :n] > 0
+    return Stored(
+        xy=s.screen[:2, :n].T[kept], depth=s.screen[2, :n][kept], name=s.name[:n][kept],
+        radiance=s.colour[:n, :3][kept],
+        unlit=s.surface[:n][kept[: len(s.surface)]] >> 16 & 0xFFFF, albedo=s.albedo[:, :n].T[kept[: s.albedo.shape[1]]],
+    )  # fmt: skip
+
+
+def later(scene: Scene, samples: Samples, event: Event) -> tuple[Picture, Stored]:
+    """The picture at another time, made of samples that were traced at time 0."""
+    shown = picture_of(scene, SEEN)
+    return shown, through_time(shown, samples, event)
+
+
+def through_time(shown: Picture, samples: Samples, event: Event) -> Stored:
+    begin = event_at(0, SEEN)
+    shown.insert(samples, START, begin)
+    shown.refresh(begin, START)
+    shown.refresh(event, START + 0.001)
+    return stored(shown)
+
+
+def twins(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[np.bool_]]:
+    """Samples traced where stored ones are now, and which of them hit the same surface points."""
+    fresh = traced(scene, event, relit.xy.astype(np.float32), SEEN)
+    z = fresh["depth"] * cosines(fresh["xy"])
+    return fresh, (fresh["object"] == relit.name) & (np.abs(z / relit.depth - 1.0) < 1e-4)
+
+
+def cosines(xy: Float32) -> Float64:
+    """Depth along the view, in eye distances, of a ray of length 1: the eye stands before the panel's middle."""
+    w, h = SEEN.panel.pixels
+    off = (np.float64(xy) - (w / 2, h / 2)) / h
+    d = float(np.linalg.norm(SEEN.eye))
+    return np.asarray(1.0 / np.sqrt(d * d + (off**2).sum(axis=1)), np.float64)
+
+
+def steepness(scene: Scene, places: Float64, time: float) -> Float64:
+    """(n, 3) float64: how much light changes at most per radian that the normal turns, surface colour 1."""
+    table = np.float64(sky_irradiance(scene.sky, 256))
+    most = np.broadcast_to(np.abs(np.diff(table, axis=0)).max(axis=0) * 128, places.shape).copy()
+    most += sum(np.array(s.irradiance) / np.pi for s in scene.directional_lights)
+    for p, lamp in zip(scene.at(time).point_positions, scene.point_lights, strict=True):
+        most += np.array(lamp.intensity) / np.pi / ((p - places) ** 2).sum(axis=1, keepdims=True)
+    return np.asarray(most, np.float64)
+
+
+def places_of(scene: Scene, samples: Samples, event: Event) -> Float64:
+    """(n, 3) float64 hits in the world."""
+    (w, h), d = SEEN.panel.pixels, float(np.linalg.norm(SEEN.eye))
+    x, y = (np.float64(samples["xy"]) - (w / 2, h / 2)).T / h
+    rays = np.stack([x, -y, np.full(len(x), -d)], axis=1) @ event.camera.rotation().T
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return np.asarray(event.camera.origin() + rays * np.float64(samples["depth"])[:, None], np.float64)
+
+
+def as_sent(samples: Samples) -> Samples:
+    """With normals as packets bring them."""
+    sent = samples.copy()
+    sent["normal"] = [[normal_of(normal_code(c)) for c in pair] for pair in samples["normal"].tolist()]
+    return sent
+
+
+def comparable(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[np.bool_]]:
+    """Samples traced where stored ones are now, and which of them hit the same points of things, in full light."""
+    fresh, same = twins(scene, relit, event)
+    return fresh, same & (relit.unlit == 0) & (fresh["unlit"] == 0) & (relit.name > 0)
+
+
+@pytest.mark.parametrize(("wire", "turn"), [(False, TRACED), (True, SENT)])
+def test_surface_colours_are_known_as_well_as_normals_are(wire: bool, turn: float, compiled_only: None) -> None:
+    """A normal off by `turn` changes light E by at most S turn: L / E' is off by at most albedo S turn / E'."""
+    scene, event = yard(), event_at(0, SEEN)
+    samples = traced(scene, event, seen=SEEN)
+    _, held = later(scene, as_sent(samples) if wire else samples, event)
+
+    fresh, same = twins(scene, held, event)
+    known = same & (held.name > 0) & (held.albedo[:, 0] >= 0)
+    albedo, found = ALBEDOS[held.name[known]], np.float64(held.albedo[known])
+    light = np.float64(fresh["radiance"][known]) / found
+    bound = albedo * turn * steepness(scene, places_of(scene, fresh[known], event), 0.0) / light
+    assert known.sum() > 1000
+    assert (held.unlit[known] > 0).sum() > 50
+    assert (np.abs(found - albedo) <= bound + ROUNDING * albedo).all()
+    assert (np.abs(found - albedo) > 0.1 * bound).any()
+
+
+@pytest.mark.parametrize(("wire", "turn"), [(False, TRACED), (True, SENT)])
+def test_samples_lit_for_another_time_are_those_traced_then(wire: bool, turn: float, compiled_only: None) -> None:
+    """Beside what the colour is off, c: at most c E' + albedo S turn, with E' the light for the normal that is off."""
+    scene, event = yard(), event_at(1, SEEN, scene_time=LATER)
+    samples = traced(scene, event_at(0, SEEN), seen=SEEN)
+    _, relit = later(scene, as_sent(samples) if wire else samples, event)
+
+    fresh, good = comparable(scene, relit, event)
+    albedo, found = ALBEDOS[relit.name[good]], np.float64(relit.albedo[good])
+    radiance, truth = np.float64(relit.radiance[good]), np.float64(fresh["radiance"][good])
+    bound = np.abs(found - albedo) * radiance / found
+    bound += albedo * turn * steepness(scene, places_of(scene, fresh[good], event), LATER)
+    assert (np.bincount(relit.name[good], minlength=3)[1:] > (500, 100)).all()
+    assert (np.abs(radiance - truth) <= bound + ROUNDING * truth).all()
+
+
+def test_relighting_is_much_nearer_the_truth_than_what_was_traced(compiled_only: None) -> None:
+    scene, event = yard(), event_at(1, SEEN, scene_time=LATER)
+    samples = traced(scene, event_at(0, SEEN), seen=SEEN)
+    errors = []
+    for relighting in (True, False):
+        shown = Picture(SEEN.panel, SEEN.eye, scene, judging=False, ingredients=Ingredients(relighting=relighting))
+        held = through_time(shown, samples, event)
+        if relighting:
+            fresh, good = comparable(scene, held, event)
+            order = np.lexsort(held.xy.T)
+            good, truth = good[order], np.float64(fresh["radiance"][order])
+        radiance = np.float64(held.radiance[np.lexsort(held.xy.T)])
+        errors.append(np.sqrt(((radiance - truth)[good] ** 2).mean()))
+    assert errors[0] < 0.02 * errors[1]
+
+
+def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
+    """Only the lamp moves, towards the floor's shadowed points; they get what the sun and the sky give, as before."""
+    scene, event = yard(), event_at(1, SEEN, scene_time=LATER)
+    samples = traced(scene, event_at(0, SEEN), seen=SEEN)
+    _, relit = later(scene, samples, event)
+    dark = (relit.unlit == 3) & (relit.name == FLOOR)
+    ambient = ALBEDOS[FLOOR] * np.float64(sky_irradiance(SKY, 256))[-1]
+    assert dark.sum() > 1
+    assert_allclose(relit.radiance[dark], np.broadcast_to(ambient, (int(dark.sum()), 3)), rtol=2 * TRACED)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [
+        {"ball": material(0.3, 0.5, 0.9, mirror=0.5)},
+        {"ball": replace(material(0.3, 0.5, 0.9), emission=(0.2, 0.1, 0.0))},
+        {"scale": (1.2, 1.0, 1.2)},
+    ],
+    ids=["mirror", "glowing", "stretched"],
+)
+def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(thing: dict[str, Any], compiled_only: None) -> None:
+    scene, event = yard(**thing), event_at(1, SEEN, scene_time=LATER)
+    samples = traced(scene, event_at(0, SEEN), seen=SEEN)
+    _, relit = later(scene, samples, event)
+    for name, changes in ((0, False), (FLOOR, True), (BALL, False)):
+        held, were = relit.radiance[relit.name == name], samples["radiance"][samples["object"] == name]
+        nearest = np.abs(held[:, None] - were[None]).max(axis=2).min(axis=1)
+        assert len(held) > 100
+        left = (nearest < 1e-6).mean()  # to float32: radiance is about 1
+        assert left < 0.5 if changes else left == 1.0  # the floor in the lamp's shadow keeps its light
+
+
+@pytest.mark.parametrize("count", [16, 17])
+def test_more_than_sixteen_lamps_turn_it_off(count: int, compiled_only: None) -> None:
+    lights = (SUN, LAMP, *(replace(LAMP, position=(k - 8.0, 6.0, 0.0)) for k in range(count - 2)))
+    scene, event = yard(lights=lights), event_at(1, SEEN, scene_time=LATER)
+    shown, relit = later(scene, traced(scene, event_at(0, SEEN), seen=SEEN), event)
+    assert len(relit.albedo) == (len(relit.name) if count == 16 else 0)
+    assert shown._relights == (count == 16)
+
+
+def test_a_scene_in_which_nothing_moves_stores_no_surfaces() -> None:
+    shown = picture_of(yard(moving=False), SEEN)
+    assert shown._store.albedo.shape == (3, 0)
+    assert shown._store.surface.shape == (0,)
+
+
+@pytest.mark.parametrize(("radiance_of", "known"), [(0.9, False), (1.1, True)])
+def test_light_below_the_darkest_says_nothing_about_a_colour(radiance_of: float, known: bool) -> None:
+    """A lamp straight above a point: its light is intensity / (pi distance^2)."""
+    scene = assemble(
+        Source(
+            meshes=(quad(1.0, 1.0),), materials=(material(0.5, 0.5, 0.5),), instances=(instance(0),),
+            lights=(PointLight(position=(0.0, 0.0, 2.0), intensity=(np.pi * 4 * 1e-4 * radiance_of,) * 3),),
+            sky=Sky(zenith=(0, 0, 0), horizon=(0, 0, 0), ground=(0, 0, 0)),
+        )
+    )  # fmt: skip
+    lamps = Lamps.at(scene, scene.at(0.0))
+    surface, albedo = np.zeros(1, np.int32), np.full((3, 1), kernels_relight.NOT_RELIT, np.float32)
+    sample = np.zeros(1, SAMPLE)
+    sample["radiance"] = 1e-5
+    zero = np.float32(0.0)
+    remember(sample, zero, lamps, surface, albedo, sky_irradiance(scene.sky, 256))
+    assert (albedo[0, 0] >= 0) == known
+    if known:
+        assert_allclose(albedo[:, 0], 1e-5 / (1e-4 * radiance_of), rtol=1e-5)
+
+
+@kernel
+def remember(sample, zero, lamps, surface, albedo, irradiance):  # type: ignore[no-untyped-def]
+    """remember_colour of a point at the origin of object 1, facing +z."""
+    kernels_relight.remember_colour(
+        sample[0], zero, zero, zero, lamps.lamps[1], lamps.suns, lamps.up[1], irradiance, surface, albedo, 0
+    )
+
+
+def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: None) -> None:
+    """All int8 normals under a sun in the plane: light is at least the sky's and at most sky and sun."""
+    scene = yard()
+    lamps, sky = Lamps.at(scene, scene.at(0.0)), sky_irradiance(SKY, 256)
+    u, v = (k.ravel() for k in np.meshgrid(np.arange(-127, 128), np.arange(-127, 128)))
+    n = len(u)
+    surface = ((u & 255) | ((v & 255) << 8)).astype(np.int32)
+    colour, albedo = np.zeros((n, 4), np.float32), np.ones((3, n), np.float32)
+    place, name = np.zeros((3, n), np.float32), np.full(n, FLOOR, np.int32)
+    changed = np.ones(3, np.uint8)
+    kernels_relight.relight(place, name, colour, surface, albedo, n, changed, *lamps, sky)
+    lamp = np.array(LAMP.intensity) / np.pi / float((np.array(LAMP.position) ** 2).sum())
+    top = sky.max(axis=0) + np.array(SUN.irradiance) / np.pi + lamp
+    assert (colour[:, :3] >= sky.min(axis=0) * (1 - 1e-5)).all()
+    assert (colour[:, :3] <= top * (1 + 1e-5)).all()
+
+
+def test_the_sky_and_mirrors_are_not_matt() -> None:
+    scene = yard(ball=material(0.3, 0.5, 0.9, mirror=0.5))
+    assert_array_equal(matt_objects(scene), [0, 1, 0])
