@@ -37,5 +37,7 @@ void main() {
         if ((surface[k] >> (16 + n) & 1) != 0) continue;
         light += from_lamp(LAMP_WORDS * (int(name[k]) * lights + n), n < suns, point, normal);
     }
-    for (uint c = 0u; c < 3u; c++) colour[3 * k + c] = albedo[3 * k + c] * light[c];
+    vec3 own = vec3(albedo[3 * k], albedo[3 * k + 1], albedo[3 * k + 2]);
+    if (!(own.r + own.g + own.b > 0.0)) return;
+    for (uint c = 0u; c < 3u; c++) colour[3 * k + c] = own[c] * light[c];
 }

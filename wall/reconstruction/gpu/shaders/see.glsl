@@ -14,18 +14,23 @@ uniform float young;
 
 bool hidden(vec3 at) {
     ivec2 pixel = ivec2(at.xy);
+    bool everywhere = true;
     float nearer = 0.0;
     vec2 sum = vec2(0.0);
     for (int y = max(pixel.y - 1, 0); y < min(pixel.y + 2, size.y); y++) {
         for (int x = max(pixel.x - 1, 0); x < min(pixel.x + 2, size.x); x++) {
             vec4 other = nearest[y * size.x + x];
-            if (!(other.x * BEHIND < at.z)) continue;
+            if (!(other.x * BEHIND < at.z)) {
+                everywhere = false;
+                continue;
+            }
             vec2 d = other.yz - at.xy;
             if (dot(d, d) < COVERS) return true;
             nearer += 1.0;
             sum += d;
         }
     }
+    if (everywhere) return true;
     if (nearer < SLOT && nearest[pixel.y * size.x + pixel.x].x * BEHIND >= at.z) return false;
     float reach = AMIDST * nearer + ALONE;
     return nearer > 0.0 && dot(sum, sum) < reach * reach;
