@@ -12,6 +12,7 @@ from small_scenes import View, instance, material, quad, scene_of, sphere_mesh, 
 
 from wall.data import Event
 from wall.processes.clock import ManualClock
+from wall.reconstruction.gpu.device import Device, GpuError, device
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, PointLight
 
@@ -29,6 +30,15 @@ def compiled_only() -> None:
     """For tests of many rays or pixels, which plain Python would take minutes for."""
     if JIT_DISABLED:
         pytest.skip("too many rays or pixels for NUMBA_DISABLE_JIT=1")
+
+
+@pytest.fixture
+def opengl() -> Device:
+    """OpenGL of this thread, from a GPU or from Mesa's llvmpipe; without EGL the test is skipped with the reason."""
+    try:
+        return device()
+    except GpuError as error:
+        pytest.skip(f"needs OpenGL 4.3 by EGL (Debian: libegl1 libgl1 libgl1-mesa-dri): {error.problem}")
 
 
 @pytest.fixture

@@ -91,6 +91,7 @@ def test_check_tells_ranks_features_and_rates(tmp_path: Path) -> None:
         "renderer",
         "compiled in:",
         "left out:",
+        "reconstruction: ",
         "samples/s",
         "MB/s",
     ):

@@ -155,6 +155,9 @@ class Config(Model):
     )
     sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
     graph: GraphConfig = Field(default=PresetGraph(), description="how samples become pictures: sort-first, or nodes")
+    reconstruction: Literal["auto", "cpu", "gpu"] = Field(
+        default="auto", description="where adaptive samples become pictures; auto: on the GPU if there is a real one"
+    )
     transport: TransportConfig = Field(default=TransportConfig(), description="how ranks talk")
     output: OutputConfig = Field(default=OutputConfig(), description="where results go")
 

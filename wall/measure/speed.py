@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.table import Table
 
 from wall.errors import ConfigError, WallError
-from wall.measure import adaptive_cost, mitsuba_peer, runs, tracing, wire, wire_adaptive
+from wall.measure import adaptive_cost, mitsuba_peer, reconstruction, runs, tracing, wire, wire_adaptive
 from wall.measure.record import Row, commit, failed
 
 ROUNDS, QUICK_ROUNDS = 9, 3
@@ -35,11 +35,12 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("input_latency",), lambda rounds, seconds: runs.input_latency(seconds)),
     (("static_bytes",), lambda rounds, seconds: runs.static_bytes(seconds / 2)),
     (("memory_per_rank",), lambda rounds, seconds: runs.memory_per_rank(seconds / 2)),
+    (("gpu_refresh",), lambda rounds, seconds: reconstruction.measure(rounds)),  # last: OpenGL and forks do not mix
 )
 METRICS = (
     "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
     "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end", "compositor_cpu",
-    "input_latency", "static_bytes", "memory_per_rank",
+    "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
 )  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan, first_event, make_layout, make_plan
 from wall.processes.warm import warm_up
 from wall.processes.worker import Worker, make_samplers
+from wall.reconstruction.choice import choose
 from wall.scene.needs import describe, needs
 from wall.tracing.resident import make_resident
 
@@ -41,6 +42,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         target = f"rank {layout.compositor_of(layout.region(rank).panel)}" if layout.role(rank) == "renderer" else ""
         table.add_row(str(rank), layout.role(rank), layout.describe(rank), target)
     yield table
+    yield f"reconstruction: {choose(layout.config.reconstruction)}"
     rate = probe(plan)
     packet = BYTES_A_SAMPLE + HEADER_BYTES / sampling.samples_per_batch
     yield (

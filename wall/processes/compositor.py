@@ -92,10 +92,13 @@ class Compositor:
         return dirty | seconds
 
     def _in_threads(self, work: Callable[[PanelCompositor], NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
-        """Of every panel, a core each: kernels release the GIL, and panels share nothing that is written."""
+        """Of every panel, a core each: kernels release the GIL, and panels share nothing that is written.
+
+        One after the other where one is on a GPU: that picture belongs to the thread that inserts.
+        """
         panels = list(self.panels.values())
         workers = min(len(panels), len(os.sched_getaffinity(0)))
-        if workers < 2:
+        if workers < 2 or any(panel.on_gpu for panel in panels):
             return [work(panel) for panel in panels]
         if self._pool is None:  # not sooner: ranks are forked before anything is refreshed
             self._pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")

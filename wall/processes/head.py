@@ -234,6 +234,9 @@ class Head:
             "bytes": sum(b.bytes for r, b in beats.items() if layout.role(r) == "renderer"),
             "refreshes": self._refreshes,
             "head_cores": round((cpu_seconds() - self._cpu) / max(seconds, 1e-3), 3),
+            "reconstruction": {
+                p.panel.id: str(p.reconstruction) for p in compositor.panels.values() if p.reconstruction
+            },
             "dropped": dict(sorted(dropped.counts.items())),
             "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(manager.latency.seconds)), strict=True)),
             "silences": {str(rank): round(s, 2) for rank, s in sorted(self.silences.items())},

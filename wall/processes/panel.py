@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.data import Batch, Event, Rect, Survey, Tiling
+from wall.data import SAMPLE, Batch, Event, Rect, Samples, Survey, Tiling
 from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
@@ -16,18 +16,25 @@ from wall.errors import RemoteProtocolError
 from wall.processes.compared import Compared
 from wall.processes.plan import Plan
 from wall.processes.watching import survey_of
+from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_picture
 from wall.reconstruction.display_values import update_display
-from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
+from wall.reconstruction.gpu.device import GpuError
+from wall.reconstruction.gpu.picture import GpuPicture
+from wall.reconstruction.picture import SAMPLES_PER_PIXEL
 
 
 class PanelCompositor:
     """`insert` batches as they come, `refresh` at every display refresh."""
 
-    def __init__(self, plan: Plan, index: int) -> None:
+    def __init__(self, plan: Plan, index: int, *, reconstruction: Wish | None = None) -> None:
+        """`reconstruction` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
+        self._wish: Wish = reconstruction or plan.layout.config.reconstruction
+        self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
         self.panel = panel = plan.layout.wall.panels[index]
         self._plan = plan
-        self._reprojected: Picture | None = None  # made when the first adaptive batch comes
-        self._adaptive = False
+        self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
+        self._adaptive = self._given_up = False
+        self._shown: Event | None = None  # of the newest picture
         self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
@@ -58,11 +65,14 @@ class PanelCompositor:
             self.buffer.counters.add("late", len(batch.samples))  # of the sampler that is no longer compared
             return
         self.buffer.insert(batch)
-        self._adaptive = batch.adaptive
-        if batch.adaptive:
+        self._adaptive = batch.adaptive and not self._given_up
+        if self._adaptive:
             if self._reprojected is None:
                 self._reprojected = self._new_picture()
-            self._reprojected.insert(batch.samples, batch.base_time, batch)
+            try:
+                self._reprojected.insert(batch.samples, batch.base_time, batch)
+            except GpuError as error:
+                self._give_up(error, batch)
 
     def take_tiling(self, tiling: Tiling) -> None:
         """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
@@ -83,33 +93,84 @@ class PanelCompositor:
         if self._reprojected is not None:
             self._reprojected.take_tiling(tiling)
 
-    def _new_picture(self) -> Picture:
-        sampling = self._plan.layout.sampling
+    def _new_picture(self) -> Reprojected:
+        sampling, view = self._plan.layout.sampling, self._plan.view
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
-        return Picture(self.panel, self._plan.view.eye, self._plan.scene, judging=False, samples_per_pixel=kept)
+        made, self.reconstruction = make_picture(
+            self._wish, self.panel, view.eye, self._plan.scene, samples_per_pixel=kept
+        )
+        for tiling in self.tilings.values():
+            made.take_tiling(tiling)
+        return made
+
+    def _give_up(self, error: GpuError, event: Batch | Event) -> Reprojected:
+        """The GPU is lost: the CPU goes on from the newest sample of every pixel.
+
+        Where a GPU was insisted on, those samples are shown where they were traced, and the error is raised.
+        """
+        self.buffer.counters.add("gpu_lost")
+        if self._wish == "gpu":
+            self._reprojected, self._given_up = None, True
+            update_display(self.buffer.radiance, np.ones(self.tiles, np.bool_), TILE, self._rgb)
+            self._picture = self._hand_over(version=self._picture.version + 1)
+            raise error
+        self._wish = "cpu"
+        self._reprojected = shown = self._new_picture()
+        self.reconstruction = Choice(on="cpu", why=error.problem)
+        samples, newest = _newest(self.buffer)
+        shown.insert(samples, newest, event)
+        return shown
 
     def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
         """Bring display values up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool.
 
         Samples of the adaptive sampler are placed anew under `event`; others are shown where they were traced.
+        Raises GpuError if a GPU was asked for and is lost.
         """
-        dirty, radiance = self.buffer.take_dirty(), self.buffer.radiance
+        dirty = self.buffer.take_dirty()
         if self._adaptive and self._reprojected is not None:
-            self._reprojected.refresh(event, now)
-            dirty, radiance = self._reprojected.take_dirty(), self._reprojected.radiance
+            self._shown = event
+            dirty = self._reproject(self._reprojected, event, now)
+        elif dirty.any():
+            update_display(self.buffer.radiance, dirty, TILE, self._rgb)
         if dirty.any():
-            update_display(radiance, dirty, TILE, self._rgb)
             self._picture = self._hand_over(version=self._picture.version + 1)
         return dirty
 
+    def _reproject(self, shown: Reprojected, event: Event, now: float) -> NDArray[np.bool_]:
+        try:
+            shown.refresh(event, now)
+            dirty = shown.take_dirty()
+            if dirty.any():
+                display(shown, dirty, self._rgb)
+            return dirty
+        except GpuError as error:
+            return self._reproject(self._give_up(error, event), event, now)
+
     def surveys(self, now: float) -> list[Survey]:
-        """How old and how dense the samples of its pictures are, one Survey a picture."""
-        main = self._reprojected if self._adaptive and self._reprojected is not None else self.buffer
-        tilings = list(self.tilings.values()) if main is self._reprojected else []  # others sample without tiles
-        found = [survey_of(main, tilings, self.panel.index, compared=False, now=now)]
+        """How old and how dense the samples of its pictures are, one Survey a picture.
+
+        Raises GpuError if a GPU was asked for and is lost.
+        """
+        found = [self._survey(now)]
         if self.compared is not None:
             found.append(survey_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
         return found
+
+    def _survey(self, now: float) -> Survey:
+        if not self._adaptive or self._reprojected is None or self._shown is None:
+            return survey_of(self.buffer, [], self.panel.index, compared=False, now=now)  # samples without tiles
+        try:
+            tilings = list(self.tilings.values())
+            return survey_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
+        except GpuError as error:
+            self._give_up(error, self._shown)
+            return self._survey(now)
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether its picture is on a GPU: then it belongs to the thread that inserts."""
+        return isinstance(self._reprojected, GpuPicture)
 
     @property
     def tiles(self) -> tuple[int, int]:
@@ -129,3 +190,16 @@ class PanelCompositor:
     def _hand_over(self, *, version: int) -> PanelPicture:
         rgb = self._rgb.copy()  # sinks keep what they get: never written again
         return PanelPicture(id=self.panel.id, rgb=rgb, screen=self.panel.screen, version=version)
+
+
+def _newest(buffer: DeepBuffer) -> tuple[Samples, float]:
+    """What every pixel shows, as samples of the pixels' centres, and the time of the newest."""
+    shown = np.isfinite(buffer.records["time"])
+    records = buffer.records[shown]
+    newest = float(records["time"].max(initial=-np.inf))
+    samples = np.zeros(len(records), SAMPLE)
+    samples["xy"] = np.argwhere(shown)[:, ::-1] + 0.5
+    samples["radiance"], samples["depth"], samples["object"] = records["shown"], records["depth"], records["object"]
+    samples["time"] = records["time"] - newest
+    samples["unlit"] = np.iinfo(np.uint16).max  # their normals are not known: lamps that move change nothing
+    return samples, newest

@@ -43,7 +43,7 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     clock = ManualClock()
     samplers = make_samplers(small, method, tiny, clock)
     worker = Worker(small, resident, rank, clock, samplers, 0)
-    panel = PanelCompositor(plan, tiny.panel)
+    panel = PanelCompositor(plan, tiny.panel, reconstruction="cpu")  # OpenGL must not be opened before ranks fork
     event = first_event(plan, 0.0)
     packet = worker.step(event)
     if packet is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wall.data import Survey, Tiling
 from wall.deepbuffer.buffer import DeepBuffer
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.choice import Reprojected
 from wall.reconstruction.survey import (
     DENSITY,
     WORTH,
@@ -19,13 +19,13 @@ SURVEY_PERIOD_S = 0.2  # eyes follow colours of tiles no faster
 
 
 def survey_of(
-    store: Picture | DeepBuffer, tilings: list[Tiling], panel: int, *, compared: bool, now: float
+    store: Reprojected | DeepBuffer, tilings: list[Tiling], panel: int, *, compared: bool, now: float
 ) -> Survey:
     """A panel's survey at `now` (seconds of the samples' clock), its tiles from the samplers or else a fixed grid."""
-    if isinstance(store, Picture):
-        age, density = survey_picture(store, now)
-    else:
+    if isinstance(store, DeepBuffer):
         age, density = survey_newest(store.records, now)
+    else:
+        age, density = survey_picture(store, now)
     rects, worth = tiling_worth(tilings) if tilings else grid_worth(store.radiance, density)
     return Survey(
         panel=panel,

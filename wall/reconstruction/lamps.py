@@ -38,3 +38,11 @@ def matt_objects(scene: Scene) -> NDArray[np.uint8]:
     """(n + 1,) uint8: objects whose colour is surface colour times light: no sky, no mirrors, nothing that glows."""
     materials = [scene.materials[scene.meshes[i.mesh].material] for i in scene.instances]
     return np.array([0, *(m.mirror == 0.0 and max(m.emission) == 0.0 for m in materials)], np.uint8)
+
+
+def relit_objects(matt: NDArray[np.uint8], now: Lamps, was: Lamps | None) -> NDArray[np.uint8]:
+    """(n + 1,) uint8: which of the `matt` objects stand in another light than before; all if nothing was before."""
+    if was is None:
+        return matt.copy()
+    relit: NDArray[np.uint8] = matt & ((now.lamps != was.lamps).any(axis=(1, 2)) | (now.up != was.up).any(axis=1))
+    return relit

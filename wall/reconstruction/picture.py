@@ -21,7 +21,8 @@ from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling
 from wall.reconstruction import kernels_picture as kernels
-from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects
+from wall.reconstruction.kernels_ages import AGES, oldest_kept
+from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects, relit_objects
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 from wall.scene.sky import sky_irradiance
@@ -135,6 +136,8 @@ class Picture:
         self._spare = Store.of(capacity, lit=self._relights)  # what sorting writes to
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
+        self._ages = np.zeros(AGES, np.int32)
+        self._oldest_kept(0, np.float32(0.0))  # compiled now, not when first there are too many
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
@@ -168,7 +171,7 @@ class Picture:
         if self.count + len(samples) > len(self._store.name):
             self._make_room(len(samples))
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
-        steady = not self.nothing_moves or self._is_shown(event)
+        steady = not self.nothing_moves or is_shown(event, self._shown)
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
         self.count = kernels.take_in(
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
@@ -193,20 +196,7 @@ class Picture:
     def take_tiling(self, tiling: Tiling) -> None:
         """Learn where change is found, for whoever does not judge: there old samples lose weight sooner."""
         if not self.judging:
-            kernels_tiling.spread(
-                tiling.rects, tiling.temporal, self.rect.x, self.rect.y, self.rect.height, self.rect.width,
-                self.residual, np.empty((*self.residual.shape, 2), np.float32),
-            )  # fmt: skip
-
-    def _is_shown(self, event: Posed) -> bool:
-        """Whether samples belong to the very picture that is shown; a foreseen pose has its event's number too."""
-        shown = self._shown
-        if shown is None or (event.camera_event, event.scene_event) != shown.number:
-            return False
-        if (event.scene_time, event.camera.position) != (shown.scene_time, shown.camera.position):
-            return False
-        turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
-        return max(abs(a - b) for a, b in turned) < SAME_TURN
+            spread_tiling(tiling, self.rect, self.residual)
 
     def clear(self) -> None:
         """Forget every sample."""
@@ -223,6 +213,11 @@ class Picture:
     def stored(self) -> tuple[Float32, Float32, int, float]:
         """For whoever looks on: times and confidences, places in the picture, how many, and their clock's zero."""
         return self._store.state, self._store.screen, self.count, self._epoch
+
+    def still_counts(self) -> Float32:
+        """For whoever looks on: (h, w) float32, of how many samples each pixel shows the mean while it stands still."""
+        counts: Float32 = self.still[..., 3]
+        return counts
 
     def _seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
@@ -266,7 +261,7 @@ class Picture:
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels.splat(
-            s.colour, s.state, s.screen, self.count, self._cutoff(alive), self.nearest, self.front, now32,
+            s.colour, s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32,
             young, decay, self.gathered, self.lighting,
         )  # fmt: skip
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
@@ -280,10 +275,7 @@ class Picture:
         now, s = pose.lamps, self._store
         changed = np.zeros(len(pose.panel_from_object), np.uint8)
         if self._relights:
-            changed[:] = self._matt
-            if last is not None:
-                was = last.lamps
-                changed &= (now.lamps != was.lamps).any(axis=(1, 2)) | (now.up != was.up).any(axis=1)
+            changed = relit_objects(self._matt, now, last.lamps if last is not None else None)
             kernels_relight.relight(
                 s.place, s.name, s.colour, s.surface, s.albedo, self.count, changed, *now, self._irradiance
             )
@@ -324,13 +316,15 @@ class Picture:
                 )
                 self._store, self._spare = self._spare, self._store
 
-    def _cutoff(self, alive: int) -> np.float32:
-        """Time before which samples must go for no more than the wanted number to stay; from every 16th sample."""
+    def _cutoff(self, alive: int, now: np.float32) -> np.float32:
+        """Time before which samples must go for no more than the wanted number to stay."""
         if alive <= self._kept:
             return np.float32(-np.inf)
+        return self._oldest_kept(self.count, now)
+
+    def _oldest_kept(self, count: int, now: np.float32) -> np.float32:
         s = self._store
-        times = s.state[0, : self.count : 16][s.screen[2, : self.count : 16] > 0.0]
-        return np.float32(np.quantile(times, 1.0 - self._kept / alive)) if len(times) else np.float32(-np.inf)
+        return np.float32(oldest_kept(s.state, s.screen, count, now, self._kept, self._ages))
 
     def _make_room(self, n: int) -> None:
         """More came between two refreshes than there is slack for: the dead leave, then the oldest."""
@@ -364,6 +358,23 @@ class Store(NamedTuple):
             surface=np.zeros(lit * capacity, np.int32),
             albedo=np.zeros((3, lit * capacity), np.float32),
         )
+
+
+def is_shown(event: Posed, shown: Event | None) -> bool:
+    """Whether samples belong to the very picture that is shown; a foreseen pose has its event's number too."""
+    if shown is None or (event.camera_event, event.scene_event) != shown.number:
+        return False
+    turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
+    same = (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
+    return same and max(abs(a - b) for a, b in turned) < SAME_TURN
+
+
+def spread_tiling(tiling: Tiling, rect: Rect, residual: Float32) -> None:
+    """Bring the changes that a sampler measured in its tiles to `residual` (rows, columns) of a picture of `rect`."""
+    kernels_tiling.spread(
+        tiling.rects, tiling.temporal, rect.x, rect.y, rect.height, rect.width, residual,
+        np.empty((*residual.shape, 2), np.float32),
+    )  # fmt: skip
 
 
 def _pyramid(height: int, width: int) -> list[Float32]:

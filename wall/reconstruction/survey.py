@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from wall.data import Float32, Float64, Tiling
 from wall.deepbuffer.kernels import TILE
 from wall.reconstruction import kernels_survey as kernels
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.choice import Reprojected
 
 Codes = NDArray[np.uint8]
 
@@ -45,17 +45,18 @@ def values_of(codes: Codes, scale: Scale) -> Float64:
     return values
 
 
-def survey_picture(picture: Picture, now: float) -> tuple[Codes, Float64]:
+def survey_picture(picture: Reprojected, now: float) -> tuple[Codes, Float64]:
     """Median age of the samples kept, (rows, columns) codes, and samples a pixel, (rows, columns).
 
     `now`: seconds of the samples' clock. A pixel that stands still counts the samples whose mean it shows, if those are
-    more than are kept of it.
+    more than are kept of it. Raises GpuError if the picture's GPU has given up.
     """
     state, screen, count, epoch = picture.stored()
-    height, width = picture.still.shape[:2]
+    still = picture.still_counts()
+    height, width = still.shape
     histogram = _histogram(height, width)
     kernels.count_stored(state, screen, count, np.float32(now - epoch), histogram)
-    gathered = tile_sums(picture.still[..., 3])
+    gathered = tile_sums(still)
     return _medians(histogram), np.maximum(histogram.sum(2), gathered) / tile_areas(height, width)
 
 

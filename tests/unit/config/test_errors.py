@@ -123,8 +123,8 @@ def test_wrong_value_is_refused_with_its_place(old: str, new: str, expected: str
         ),
         (
             "outptu: {}",
-            "outptu: unknown key; accepted: version, scene, wall, views, sampling, graph, transport, output; "
-            "did you mean output?",
+            "outptu: unknown key; accepted: version, scene, wall, views, sampling, graph, reconstruction, "
+            "transport, output; did you mean output?",
         ),
     ],
 )

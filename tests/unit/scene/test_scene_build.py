@@ -162,7 +162,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, vertex colors, smooth normals, mirrors, point lights, "
-        "instancing, animation, emission"
+        "instancing, animation, emission, relighting"
     )
 
 

@@ -1,0 +1,100 @@
+"""Lamps and objects that move light stored samples anew on a GPU as on the CPU."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from adaptive_pictures import START, event_at, glowing
+from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
+from numpy.testing import assert_allclose
+from small_scenes import instance, material, quad, sphere_mesh, view
+
+from wall.data import Event
+from wall.reconstruction.gpu.device import Device
+from wall.reconstruction.gpu.store import LIT_WORDS, WORDS
+from wall.scene.animation import Keyframes, Spin
+from wall.scene.build import Scene, assemble
+from wall.scene.model import DirectionalLight, PointLight, Sky, Source, Track
+
+SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(97, 65))
+SKY = Sky(zenith=(0.1, 0.2, 0.3), horizon=(0.3, 0.3, 0.2), ground=(0.2, 0.1, 0.05))
+GLOW = (0.4, 0.2, 0.1)
+STILL_TURN = (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """A wall, a sphere that spins, a plate that glows; a lamp that wanders, one that stands, a sun that turns."""
+    wander = Keyframes(
+        times=(0.0, 1.0), positions=((-1.0, 1.0, 2.0), (1.5, 0.5, 1.5)), rotations=(STILL_TURN,) * 2, loop=False
+    )
+    spin = Spin(axis=(0.6, 0.8, 0.0), period_s=3.0)
+    return assemble(
+        Source(
+            meshes=(quad(40.0, 40.0), sphere_mesh(1), quad(0.5, 0.5, material=2)),
+            materials=(material(0.8, 0.6, 0.4), material(0.3, 0.7, 0.9), glowing(GLOW)),
+            instances=(
+                replace(instance(0, at=(0.0, 0.0, -0.5)), name="wall"),
+                replace(instance(1, at=(-0.5, 0.0, 0.7), scale=0.5), name="sphere"),
+                replace(instance(2, at=(0.9, 0.4, 0.5)), name="plate"),
+            ),
+            lights=(
+                PointLight(position=(-1.0, 1.0, 2.0), intensity=(2.0, 1.5, 1.0)),
+                PointLight(position=(1.0, -1.0, 2.0), intensity=(0.2, 0.3, 0.6)),
+                DirectionalLight(direction=(0.0, 0.6, 0.8), irradiance=(0.3, 0.3, 0.2)),
+            ),
+            animation=(
+                Track(motion=wander, light=0),
+                Track(motion=spin, objects="sphere"),
+                Track(motion=Spin(axis=(0.0, 1.0, 0.0), period_s=8.0), light=2),
+            ),
+            sky=SKY,
+        )
+    )
+
+
+def at_refresh(k: int) -> Event:
+    """The lamp goes on while the eye stands, everything rests for three refreshes, then both move."""
+    number = k if k < 8 else max(8, k - 3)
+    return event_at(number, SEEN, scene_time=0.05 * number, position=(0.01 * max(number - 8, 0), 0.0, 4.0))
+
+
+def test_under_lamps_that_move_the_picture_is_the_same_at_every_refresh(
+    opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
+) -> None:
+    twins, source = Twins(scene, SEEN), Noise(random_numbers, 900)
+    for k in range(16):
+        event = at_refresh(k)
+        for batch in range(2):
+            twins.insert(source.of(twins, event), START + k / 60 + 0.005 * batch, event)
+        twins.refresh(event, START + (k + 1) / 60)
+        twins.agree(decided=DECIDED_BY_ROUNDING)
+
+
+def test_without_new_samples_stored_ones_follow_the_lamps_but_for_those_that_glow(
+    opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
+) -> None:
+    """Every second pixel's worth of samples once; then only the scene's time goes on, by 0.05 s a refresh."""
+    twins, source = Twins(scene, SEEN), Noise(random_numbers, 6000)
+    samples = source.of(twins, event_at(0, SEEN))
+    samples["change"] = 0.0
+    samples["radiance"][samples["object"] == 3] = GLOW
+    assert set(np.unique(samples["object"])) == {1, 2, 3}
+    twins.insert(samples, START, event_at(0, SEEN))
+    twins.refresh(event_at(0, SEEN), START)
+    before = twins.gpu.radiance.copy()
+    for k in range(1, 11):
+        event = event_at(k, SEEN, scene_time=0.05 * k)
+        twins.refresh(event, START + 0.02 * k)
+        twins.agree(decided=DECIDED_BY_ROUNDING)
+    relit = np.abs(twins.gpu.radiance - before).max(axis=2)
+    assert np.median(relit) > 50 * ROUNDING, "the lamps' way would not be noticed"
+    assert_allclose(twins.gpu.radiance[21:26, 66:71], np.broadcast_to(GLOW, (5, 5, 3)), rtol=0, atol=ROUNDING)
+
+
+def test_memory_for_surfaces_is_taken_only_where_lamps_or_objects_move(opengl: Device, scene: Scene) -> None:
+    lit = Twins(scene, view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))).gpu._store
+    sizes = {name: array.size for name, array in lit.arrays.items()}
+    assert sizes == {name: 4 * words * lit.capacity for name, words in (WORDS | LIT_WORDS).items()}

@@ -1,0 +1,19 @@
+// Every pixel: the least depth over 3x3, enlarged; up to it a sample is seen without further tests. And RIM where deeper
+// surfaces show within the 3x3.
+layout(std430, binding = 0) readonly buffer Nearest { vec4 nearest[]; };
+layout(std430, binding = 1) writeonly buffer Front { vec2 front[]; };
+uniform ivec2 size;
+
+void main() {
+    uint p = item();
+    if (p >= count) return;
+    ivec2 at = ivec2(int(p) % size.x, int(p) / size.x);
+    float nothing = uintBitsToFloat(0x7f800000u), least = nothing, most = 0.0;
+    for (int y = max(at.y - 1, 0); y < min(at.y + 2, size.y); y++)
+        for (int x = max(at.x - 1, 0); x < min(at.x + 2, size.x); x++) {
+            float depth = nearest[y * size.x + x].x;
+            least = min(least, depth);
+            most = max(most, depth < nothing ? depth : 0.0);
+        }
+    front[p] = vec2(least * BEHIND, most > least * BEHIND ? RIM : 0.0);
+}

@@ -1,0 +1,57 @@
+// Every sample: what is hidden waits or dies, what is too old dies; what is seen gets its weight by confidence and age.
+layout(std430, binding = 0) buffer State { float state[]; };
+layout(std430, binding = 1) buffer Screen { float screen[]; };
+layout(std430, binding = 2) writeonly buffer Weight { float weight[]; };
+layout(std430, binding = 3) readonly buffer Tiles { vec2 tiles[]; };
+layout(std430, binding = 4) readonly buffer Nearest { vec4 nearest[]; };
+layout(std430, binding = 5) readonly buffer Front { vec2 front[]; };
+layout(std430, binding = 6) readonly buffer Ages { uint ages[]; };
+uniform ivec2 size;
+uniform int tile_columns;
+uniform int crowded;  // 1: ages[AGES] is the last age that stays
+uniform float now;
+uniform float young;
+
+bool hidden(vec3 at) {
+    ivec2 pixel = ivec2(at.xy);
+    bool everywhere = true;
+    float nearer = 0.0;
+    vec2 sum = vec2(0.0);
+    for (int y = max(pixel.y - 1, 0); y < min(pixel.y + 2, size.y); y++) {
+        for (int x = max(pixel.x - 1, 0); x < min(pixel.x + 2, size.x); x++) {
+            vec4 other = nearest[y * size.x + x];
+            if (!(other.x * BEHIND < at.z)) {
+                everywhere = false;
+                continue;
+            }
+            vec2 d = other.yz - at.xy;
+            if (dot(d, d) < COVERS) return true;
+            nearer += 1.0;
+            sum += d;
+        }
+    }
+    if (everywhere) return true;
+    if (nearer < SLOT && nearest[pixel.y * size.x + pixel.x].x * BEHIND >= at.z) return false;
+    float reach = AMIDST * nearer + ALONE;
+    return nearer > 0.0 && dot(sum, sum) < reach * reach;
+}
+
+void main() {
+    uint k = item();
+    if (k >= count) return;
+    vec3 at = vec3(screen[3 * k], screen[3 * k + 1], screen[3 * k + 2]);
+    weight[k] = 0.0;
+    if (!(at.z > 0.0)) return;
+    float age = now - state[2 * k];
+    bool old = crowded != 0 && floatBitsToUint(max(age, 0.0)) >> AGE_SHIFT > ages[AGES];
+    vec2 before = front[int(at.y) * size.x + int(at.x)];
+    bool covered = at.z > before.x && age > young && hidden(at);
+    if (covered && age < WAITS && !old) return;
+    if (covered || old) {
+        screen[3 * k + 2] = OUTSIDE;
+        state[2 * k + 1] = 0.0;
+        return;
+    }
+    float a = max(age, 0.0) * (tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + before.y);
+    weight[k] = state[2 * k + 1] / (1.0 + a * (1.0 + a * (0.5 + a / 6.0)));
+}

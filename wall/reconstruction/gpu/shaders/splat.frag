@@ -1,0 +1,10 @@
+// The tent: each of the four pixels gets its share.
+flat in vec4 value;
+flat in vec2 corner;
+flat in vec2 part;
+out vec4 gathered;
+
+void main() {
+    vec2 share = mix(1.0 - part, part, greaterThan(gl_FragCoord.xy, corner + 1.0));
+    gathered = share.x * share.y * value;
+}

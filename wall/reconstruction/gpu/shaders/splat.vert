@@ -1,0 +1,19 @@
+// A sample as a point of 2x2 pixels about the corner between its four nearest pixel centres; the picture has a border.
+layout(std430, binding = 0) readonly buffer Screen { float screen[]; };
+layout(std430, binding = 1) readonly buffer Colour { float colour[]; };
+layout(std430, binding = 2) readonly buffer Weight { float weight[]; };
+uniform ivec2 size;
+flat out vec4 value;  // weighted radiance and weight
+flat out vec2 corner;
+flat out vec2 part;  // of the pixel to the right, below
+
+void main() {
+    uint k = uint(gl_VertexID);
+    float w = weight[k];
+    vec2 at = vec2(screen[3 * k], screen[3 * k + 1]) + 0.5;
+    corner = floor(at);
+    part = at - corner;
+    value = w * vec4(colour[3 * k], colour[3 * k + 1], colour[3 * k + 2], 1.0);
+    gl_PointSize = 2.0;
+    gl_Position = w > 0.0 ? vec4((corner + 1.0) / (vec2(size) + 2.0) * 2.0 - 1.0, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
+}
