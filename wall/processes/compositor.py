@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +26,7 @@ from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
 
 Dirty: TypeAlias = dict[tuple[int, bool], NDArray[np.bool_]]  # by panel, and whether it is the second picture of two
+MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 
 
@@ -36,6 +38,8 @@ class Compositor:
         self.packets = self.bytes = 0
         self.panels = {k: PanelCompositor(plan, k) for k in plan.layout.panels_of(rank)}
         self.remote = {k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels}
+        self._plan = plan
+        self._refreshed: float | None = None  # when, seconds of the head's clock
         self._pool: ThreadPoolExecutor | None = None
         self._remote_compared: dict[int, RemotePanel] = {}  # their second pictures, once there was one
         self._remote_surveys: dict[tuple[int, bool], Survey] = {}  # the newest of each picture
@@ -64,12 +68,14 @@ class Compositor:
             batch = decode(packet)
             if batch.panel not in self.panels:
                 raise RemoteProtocolError(f"samples of panel {batch.panel}, which is another compositor's")
+            self._check(batch.rank, batch.panel, batch.rect, batch.base_time)
             self.panels[batch.panel].insert(batch)
             return
         if is_tiling(packet):
             tiling = decode_tiling(packet)
             if tiling.panel not in self.panels:
                 raise RemoteProtocolError(f"tiles of panel {tiling.panel}, which is another compositor's")
+            self._check(tiling.rank, tiling.panel, tiling.rect, tiling.base_time)
             self.panels[tiling.panel].take_tiling(tiling)
             return
         message = parse_control(packet)
@@ -84,8 +90,18 @@ class Compositor:
         else:
             panel.insert(message)
 
+    def _check(self, rank: int, panel: int, rect: Rect, time: float) -> None:
+        """Refuse what no rank of this run can have sent: of pixels that are not its own, or of another time."""
+        layout = self._plan.layout
+        region = layout.region(rank) if rank in layout.renderers() else None
+        if region is None or region.panel != panel or not region.rect.holds(rect):
+            raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
+        if self._refreshed is not None and abs(time - self._refreshed) > MOST_APART_S:
+            raise RemoteProtocolError(f"rank {rank}: from {time:.6g} s; wanted: about {self._refreshed:.6g} s")
+
     def refresh(self, event: Event, now: float) -> Dirty:
         """Bring every panel's display values up to date; the tiles that changed."""
+        self._refreshed = now
         refreshed = self._in_threads(lambda panel: panel.refresh(event, now))
         dirty = {(k, False): tiles for k, tiles in zip(self.panels, refreshed, strict=True)}
         seconds = {(k, True): p.compared.refresh() for k, p in self.panels.items() if p.compared is not None}
@@ -187,7 +203,7 @@ class FurtherCompositor:
 
     def run(self) -> None:
         control, clock = self._control, self._control.clock
-        due = clock.now()
+        due = -math.inf  # the head's time is not known yet
         predictor = make_predictor(self._plan)
         while not control.stopped:
             event = control.newest()

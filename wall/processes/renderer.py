@@ -39,6 +39,7 @@ class Control:
         self.recent: deque[Event] = deque(maxlen=RECENT_EVENTS)  # all that came, for who wants them in their order
         self.stopped = False
         self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
+        self._knows_time = same_clock
         self._heard = time.monotonic()
         self._head_host = ""
         link.send(
@@ -54,7 +55,10 @@ class Control:
         )
 
     def newest(self) -> Event | None:
-        """Take in what came. Raises RunError when the head has been silent for too long."""
+        """Take in what came; None before the head's first event and its time are known.
+
+        Raises RunError when the head has been silent for too long.
+        """
         for data in self._link.receive():
             self._heard = time.monotonic()
             try:
@@ -70,10 +74,11 @@ class Control:
                 self.stopped = True
             elif isinstance(message, Pong):
                 self.clock.learn(message.sent, message.head_time)
+                self._knows_time = True
         silence = time.monotonic() - self._heard
         if silence > HEAD_LOST_BEATS * self._transport.lost_after_s:
             raise RunError(f"rank {self._rank}: nothing from the head for {silence:.1f} s; giving up")
-        return self.event
+        return self.event if self._knows_time else None
 
     def beat_due(self) -> bool:
         return time.monotonic() >= self._beat_due
@@ -120,10 +125,11 @@ class Renderer:
             for packet in self._step(event):
                 found = True
                 self._offer(packet)
-            if found == self._complete:
-                self._complete = not found
+            idle = not found and not self._running
+            if idle != self._complete:
+                self._complete = idle
                 self._report(now=True)
-            if not found:
+            if idle:
                 control.wait(IDLE_WAIT_S)
         self._drain()
         control.beat(self._heartbeat(last=True))
@@ -139,8 +145,6 @@ class Renderer:
         done, _ = wait(self._running, return_when=FIRST_COMPLETED)
         for future in done:
             yield from self._ready(self._running.pop(future), future.result())
-        if self._running:  # others still work: not idle even if these had nothing
-            yield from ()
 
     def _ready(self, worker: Worker, packet: bytes | None) -> Iterator[bytes]:
         """A worker's samples, and before them its tiles, where those are due and need not wait."""

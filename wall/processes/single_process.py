@@ -38,10 +38,10 @@ class SingleProcess:
         traced = 0
         self._follow_event()
         for worker in self.workers:
-            packet, tiles = worker.step(self.event), worker.tiling()
+            packet = worker.step(self.event)
             if packet is None:
                 continue
-            if tiles is not None:
+            if (tiles := worker.tiling()) is not None:
                 tiling = decode_tiling(tiles)
                 self.panels[tiling.panel].take_tiling(tiling)
             batch = decode(packet)

@@ -16,6 +16,7 @@ from wall.jit import inline_kernel, kernel
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 NORMAL_STEPS = np.float32(127.0)
 DARKEST = np.float32(1e-4)  # lighting below it says nothing about the surface's colour
+TINY = np.float32(1e-20)  # a lamp in the very place of a sample lights nothing
 CHUNK = 256  # samples at a time
 NOT_RELIT = np.float32(-1.0)  # in place of the surface colour
 
@@ -96,7 +97,7 @@ def lighting(px, py, pz, surface, lamps, suns, up, irradiance):
         weight = ONE
         if n >= suns:
             lx, ly, lz = lx - px, ly - py, lz - pz
-            square = lx * lx + ly * ly + lz * lz
+            square = max(lx * lx + ly * ly + lz * lz, TINY)
             weight = ONE / (square * math.sqrt(square))
         weight *= max(x * lx + y * ly + z * lz, ZERO)
         red += weight * lamps[n, 3]
@@ -178,7 +179,7 @@ def add_lamp(place, surface, first, last, lamp, number, sun, rows):
         dx = lx - here * place[0, first + k]
         dy = ly - here * place[1, first + k]
         dz = lz - here * place[2, first + k]
-        square = dx * dx + dy * dy + dz * dz
+        square = max(dx * dx + dy * dy + dz * dz, TINY)
         fall = ONE if sun else ONE / (square * math.sqrt(square))
         facing = max(rows[k] * dx + rows[CHUNK + k] * dy + rows[2 * CHUNK + k] * dz, ZERO)
         seen = np.float32(1 - ((surface[first + k] >> (16 + number)) & 1))

@@ -131,6 +131,8 @@ class Picture:
         self._relights = ingredients.relighting and needs(scene).relighting
         self._irradiance = sky_irradiance(scene.sky, SKY_STEPS)
         self._matt = matt_objects(scene)
+        self._late = np.zeros_like(self._matt)  # objects that have samples of another light than the picture's
+        self._lit: Pose | None = None  # the newest of them that was looked at
         self._most = capacity // 2  # samples taken in at once
         self._store = Store.of(capacity, lit=self._relights)
         self._spare = Store.of(capacity, lit=self._relights)  # what sorting writes to
@@ -173,6 +175,7 @@ class Picture:
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
         steady = not self.nothing_moves or is_shown(event, self._shown)
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
+        self._light_late(pose, under)
         self.count = kernels.take_in(
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
@@ -270,12 +273,19 @@ class Picture:
         self._moved = now
         self._fill()
 
+    def _light_late(self, pose: Pose, under: Pose) -> None:
+        """Samples of another light than the picture's are lit at the next refresh, even if no lamp moves until then."""
+        if self._relights and pose is not self._lit:
+            self._lit = pose
+            self._late |= relit_objects(self._matt, pose.lamps, under.lamps)
+
     def _relight(self, pose: Pose, last: Pose | None) -> NDArray[np.uint8]:
         """Bring stored samples into the light of `pose`. Returns (n + 1,) uint8, whose light changed."""
         now, s = pose.lamps, self._store
         changed = np.zeros(len(pose.panel_from_object), np.uint8)
         if self._relights:
-            changed = relit_objects(self._matt, now, last.lamps if last is not None else None)
+            changed = relit_objects(self._matt, now, last.lamps if last is not None else None) | self._late
+            self._late[:], self._lit = 0, None
             kernels_relight.relight(
                 s.place, s.name, s.colour, s.surface, s.albedo, self.count, changed, *now, self._irradiance
             )

@@ -14,7 +14,6 @@ from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, parse_control, serialise
 from wall.packets.samples import decode, encode
-from wall.processes.clock import HeadClock
 from wall.processes.compositor import Compositor, FurtherCompositor
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
@@ -227,7 +226,6 @@ class Pair:
         self.further = FurtherCompositor(plan, HEAD, self.samples, control, LoopbackLink(self.head_hub.endpoint))
         self.renderer = LoopbackLink(self.samples.endpoint)
         self.head = Compositor(plan, 1, self.head_hub)  # rank 1 has no panel: all are another's
-        self.clock = HeadClock()
 
     def show(self, event: Event, *batches: Batch) -> None:
         self.further._compositor.follow(event)
@@ -236,7 +234,7 @@ class Pair:
             self.renderer.offer(encode(batch))
         while self.further._compositor.take_in():
             pass
-        self.further._refresh(event, self.clock.now())
+        self.further._refresh(event, 1.0)
         while self.head.take_in():
             pass
 
