@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 WALL = (sys.executable, "-m", "wall")
-RUN_LIMIT_S = 90.0           # a run of a second, on a machine with more ranks than cores and a cold kernel cache
+RUN_LIMIT_S = 90.0  # a run of a second, on a machine with more ranks than cores and a cold kernel cache
 
 WALL_YAML = """\
 version: 1

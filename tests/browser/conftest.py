@@ -18,7 +18,7 @@ from wall.display.browser import Browser
 from wall.geometry.panels import Wall, expand
 
 REFRESH_S = 1 / 30
-SECOND = (20, 40, 220)               # colour of every second picture
+SECOND = (20, 40, 220)  # colour of every second picture
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
 
@@ -27,7 +27,7 @@ def find_chromium() -> str | None:
     return next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
-@pytest.fixture(scope="module")        # while Playwright runs, asyncio.run cannot be used in this thread
+@pytest.fixture(scope="module")  # while Playwright runs, asyncio.run cannot be used in this thread
 def chromium() -> Iterator[Any]:
     path = find_chromium()
     if path is None:
@@ -120,15 +120,29 @@ class Source(threading.Thread):
     def status(self) -> Status:
         ranks = tuple(
             RankStatus(
-                rank=k + 1, role="renderer", panel=p.id, region=p.id, samples_per_s=1.25e6, bytes_per_s=9.5e6,
-                oldest_sample_s=0.2, dropped=3 * k, alive=not (self.lost_rank and k == 1), memory_mb=150.0,
+                rank=k + 1,
+                role="renderer",
+                panel=p.id,
+                region=p.id,
+                samples_per_s=1.25e6,
+                bytes_per_s=9.5e6,
+                oldest_sample_s=0.2,
+                dropped=3 * k,
+                alive=not (self.lost_rank and k == 1),
+                memory_mb=150.0,
             )
             for k, p in enumerate(self.wall.panels)
         )
         return Status(
-            seconds=self.refreshes * REFRESH_S, paused=self.paused,
-            sampler="adaptive" if self.compare else self.sampler, samplers=METHODS, ranks=ranks,
-            latency_ms=(21.0, 34.0, 55.0), latencies_ms=(20.0, 22.0, 34.0), refresh_hz=30.0, compare=self.compare,
+            seconds=self.refreshes * REFRESH_S,
+            paused=self.paused,
+            sampler="adaptive" if self.compare else self.sampler,
+            samplers=METHODS,
+            ranks=ranks,
+            latency_ms=(21.0, 34.0, 55.0),
+            latencies_ms=(20.0, 22.0, 34.0),
+            refresh_hz=30.0,
+            compare=self.compare,
             compared_per_s=2e6 if self.compare else 0.0,
         )
 

@@ -119,7 +119,7 @@ def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(chromium: 
     page = chromium.new_page(viewport={"width": 1280, "height": 720})
     page.goto(address)
     page.wait_for_selector(".panel canvas")
-    page.keyboard.press("Space")                               # it moves: both have something to do
+    page.keyboard.press("Space")  # it moves: both have something to do
     page.keyboard.press("c")
     page.keyboard.press("o")
     page.keyboard.press("o")
@@ -134,7 +134,7 @@ def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(chromium: 
     found = status(address)
     shares = sum(rank["samples_per_s"] for rank in found["ranks"])
     assert (found["sampler"], found["compare"]) == ("adaptive", "frameless")
-    assert 0.2 < found["compared_per_s"] / shares < 0.8        # lately; in all it is a half to a batch
+    assert 0.2 < found["compared_per_s"] / shares < 0.8  # lately; in all it is a half to a batch
     page.keyboard.press("c")
     page.keyboard.press("c")
     deadline = time.monotonic() + PATIENCE_S

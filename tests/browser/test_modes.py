@@ -13,9 +13,9 @@ from wall.reconstruction.survey import AGE, DENSITY, WORTH
 
 pytestmark = pytest.mark.browser
 
-STEPS = 6                           # of 255: JPEG's, and the screenshot's own colour rounding
-FIRST = (40, 100, 30)               # panel r0c0 of the source,
-SECOND = (20, 40, 220)              # and all of its second pictures
+STEPS = 6  # of 255: JPEG's, and the screenshot's own colour rounding
+FIRST = (40, 100, 30)  # panel r0c0 of the source,
+SECOND = (20, 40, 220)  # and all of its second pictures
 
 
 def seen(page, x, y, *, panel="r0c0", face=".face:not(.second)", size=2):
@@ -42,11 +42,11 @@ def start_comparing(page, source, view="Wipe"):
 
 def test_wipe_shows_the_adaptive_sampler_at_the_left_and_the_other_at_the_right(page, source):
     start_comparing(page, source)
-    assert source.received == [{"kind": "compare", "value": "hilbert"}]      # what was shown before
+    assert source.received == [{"kind": "compare", "value": "hilbert"}]  # what was shown before
     eventually(page, lambda: similar(looks(page, 0.5, 0.5, panel="r0c1"), SECOND), "second picture at the right")
     assert similar(looks(page, 0.5, 0.5), FIRST)
     page.wait_for_function("document.getElementById('right-rate').textContent === '2.00 M/s'")
-    assert page.inner_text("#left-tag").split() == ["adaptive", "3.00", "M/s"]     # of 5 M/s of four ranks
+    assert page.inner_text("#left-tag").split() == ["adaptive", "3.00", "M/s"]  # of 5 M/s of four ranks
     assert page.inner_text("#right-tag").split() == ["hilbert", "2.00", "M/s"]
 
 
@@ -60,7 +60,7 @@ def test_divider_is_dragged_and_moved_by_keys_without_turning_the_wall(page, sou
     page.mouse.up()
     assert page.get_attribute("#divider", "aria-valuenow") == "10"
     eventually(page, lambda: similar(looks(page, 0.5, 0.5), SECOND), "the second picture reaches to the divider")
-    assert not page.is_visible("#left-tag")                    # it would stand on the other's picture
+    assert not page.is_visible("#left-tag")  # it would stand on the other's picture
 
     for _ in range(5):
         page.keyboard.press("ArrowRight")
@@ -112,7 +112,7 @@ def test_while_comparing_other_samplers_change_the_right_side_and_adaptive_ends_
     page.keyboard.press("1")
     eventually(page, lambda: (source.compare, source.sampler) == ("", "adaptive"), "adaptive alone")
     assert page.evaluate("document.body.dataset.view") == "single"
-    page.wait_for_timeout(900)                                 # longer than what was asked for is trusted
+    page.wait_for_timeout(900)  # longer than what was asked for is trusted
     assert page.evaluate("document.body.dataset.view") == "single"
 
 
@@ -150,7 +150,7 @@ def test_tiles_are_outlined_in_the_colour_of_their_worth(page, source):
     page.get_by_label("Tiles", exact=True).click()
     find(page, "canvas.cover")
     left, right = looks(page, 0.25, 0.5), looks(page, 0.75, 0.5)
-    assert right.sum() > left.sum() + 60                       # code 200 is worth more than code 60
+    assert right.sum() > left.sum() + 60  # code 200 is worth more than code 60
     between = seen(page, 0.5, 0.5, size=10).sum(1)
     assert between.max() > right.sum() + 60, "an outline stronger than what it encloses"
 
@@ -204,8 +204,9 @@ def test_everything_fits_in_every_mode(page, source, width, height, view):
     assert controls["y"] >= wall["y"] + wall["height"]
     if width >= 900:
         assert controls["y"] + controls["height"] <= height
-    right = page.evaluate("Math.max(...[...document.querySelectorAll('button, .choice')]"
-                          ".map((e) => e.getBoundingClientRect().right))")
+    right = page.evaluate(
+        "Math.max(...[...document.querySelectorAll('button, .choice')].map((e) => e.getBoundingClientRect().right))"
+    )
     assert right <= width
 
 
@@ -218,10 +219,9 @@ def test_the_page_reads_codes_as_they_are_written(page):
 def test_the_colour_scale_grows_evenly_in_lightness(page):
     """Lightness by CIE L* of the colours that the page uses; a step is never more than 1.5 times the mean one."""
     scale = np.array(page.evaluate("import('/colors.js').then((m) => m.SCALE)")) / 255
-    linear = np.where(scale <= 0.04045, scale / 12.92, ((scale + 0.055) / 1.055) ** 2.4)   # IEC 61966-2-1
+    linear = np.where(scale <= 0.04045, scale / 12.92, ((scale + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
     y = linear @ [0.2126, 0.7152, 0.0722]
     lightness = 116 * np.cbrt(y) - 16
     steps = np.diff(lightness[::5])
     assert steps.min() > 0
     assert steps.max() < 1.5 * steps.mean()
-

@@ -17,7 +17,7 @@ COLOURS = """() => {
     pixel.drawImage(c, -c.width / 2, -c.height / 2);
     return [c.dataset.panel, [...pixel.getImageData(0, 0, 1, 1).data].slice(0, 3)];
   })); }"""
-JPEG_STEPS = 3                      # a flat colour through JPEG's YCbCr at quality 88
+JPEG_STEPS = 3  # a flat colour through JPEG's YCbCr at quality 88
 
 
 def near(colour, expected):
@@ -46,7 +46,7 @@ def test_panels_stand_at_their_true_places_with_bezels_between(page, grid):
     for box, panel in zip(boxes, grid.panels, strict=True):
         assert box["x"] - boxes[0]["x"] == pytest.approx((panel.screen[0] - first[0]) * scale, abs=1.5)
         assert box["y"] - boxes[0]["y"] == pytest.approx((panel.screen[1] - first[1]) * scale, abs=1.5)
-        assert box["x"] == round(box["x"])                  # crisp: edges on whole pixels
+        assert box["x"] == round(box["x"])  # crisp: edges on whole pixels
         assert box["width"] == round(box["width"])
     assert boxes[1]["x"] > boxes[0]["x"] + boxes[0]["width"] + 2
 
@@ -106,14 +106,14 @@ def test_two_fingers_pinch_and_pan(page, source):
     }""")
     eventually(page, lambda: "zoom" in kinds(source) and "pan" in kinds(source), "pinch came")
     zoom = next(c for c in source.received if c["kind"] == "zoom")
-    assert zoom["x"] == pytest.approx(2.0)                     # 100 pixels apart, then 200
+    assert zoom["x"] == pytest.approx(2.0)  # 100 pixels apart, then 200
     assert "orbit" not in kinds(source)
 
 
 def test_keys_do_what_the_help_says(page, source):
     for key in ("ArrowRight", "Shift+ArrowUp", "+", "-", "2", "r"):
         page.keyboard.press(key)
-        page.wait_for_timeout(60)                              # one animation frame each
+        page.wait_for_timeout(60)  # one animation frame each
     eventually(page, lambda: kinds(source)[-1:] == ["reset"], "all keys came")
     seen = [k for n, k in enumerate(kinds(source)) if n == 0 or kinds(source)[n - 1] != k]
     assert seen == ["orbit", "pan", "zoom", "sampler", "reset"]
@@ -149,7 +149,7 @@ def test_sampler_buttons_show_and_choose_the_sampler(page, source):
     eventually(page, lambda: source.sampler == "frameless", "sampler chosen")
     assert source.received == [{"kind": "sampler", "value": "frameless"}]
     assert page.locator("input[value=frameless]").is_checked()
-    source.sampler = "framed"                                  # by another viewer
+    source.sampler = "framed"  # by another viewer
     find(page, "input[value=framed]:checked")
 
 
@@ -162,8 +162,10 @@ def test_table_and_latency_say_what_the_status_says(page, source):
     assert page.inner_text("#ranks-note") == "1 of 4 lost"
     assert [page.inner_text(f"#{p}") for p in ("p50", "p95", "p99")] == ["21 ms", "34 ms", "55 ms"]
     assert "median 21 ms" in page.get_attribute("#plot", "aria-label")
-    painted = "() => { const c = document.getElementById('plot'); return c.getContext('2d')" \
-              ".getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); }"
+    painted = (
+        "() => { const c = document.getElementById('plot'); return c.getContext('2d')"
+        ".getImageData(0, 0, c.width, c.height).data.some((v) => v > 0); }"
+    )
     assert page.evaluate(painted)
 
 
@@ -182,11 +184,11 @@ def test_page_reconnects_to_the_next_run_by_itself(page, source, grid):
     finally:
         following.stop()
     refused = [text for text in page.complaints if "WebSocket connection" in text]
-    page.complaints = [text for text in page.complaints if text not in refused]    # Chromium's own line
+    page.complaints = [text for text in page.complaints if text not in refused]  # Chromium's own line
 
 
 def test_run_that_stands_still_is_told(page, source):
-    source.stopping.set()                                      # the server lives, the run's clock does not move
+    source.stopping.set()  # the server lives, the run's clock does not move
     find(page, "#banner:not([hidden])")
     assert "does not answer" in page.inner_text("#banner")
 
@@ -223,7 +225,7 @@ def test_everything_fits_whatever_the_window(page, width, height):
     page.set_viewport_size({"width": width, "height": height})
     page.wait_for_timeout(150)
     sizes = page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
-    assert sizes[0] <= sizes[1]                                # nothing to scroll sideways
+    assert sizes[0] <= sizes[1]  # nothing to scroll sideways
     box = page.locator("#wall").bounding_box()
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= width

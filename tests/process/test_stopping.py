@@ -83,7 +83,7 @@ def test_ctrl_c_ends_a_run_in_order(tmp_path: Path, running: Callable[..., subpr
     renderers(run)
     before = set(os.listdir("/dev/shm"))
 
-    os.killpg(run.pid, signal.SIGINT)       # what a terminal does
+    os.killpg(run.pid, signal.SIGINT)  # what a terminal does
     until(lambda: not session_of(run.pid), STOP_LIMIT_S)
 
     assert run.wait(1) == 0
@@ -152,7 +152,7 @@ def test_frozen_renderer_is_noticed_and_welcomed_back(
 
     os.kill(first, signal.SIGSTOP)
     began = time.monotonic()
-    until(lambda: time.monotonic() - began > 2.5, 5.0)      # longer than lost_after_s
+    until(lambda: time.monotonic() - began > 2.5, 5.0)  # longer than lost_after_s
     os.kill(first, signal.SIGCONT)
     output, _ = run.communicate(timeout=START_LIMIT_S)
 

@@ -20,19 +20,19 @@ class PanelPicture:
     """What one panel shows."""
 
     id: str
-    rgb: NDArray[np.uint8]           # (h, w, 3) sRGB, never written again after it is handed over
-    screen: tuple[int, int]          # x, y of its top left pixel in the virtual screen
-    version: int                     # grows whenever rgb changes
+    rgb: NDArray[np.uint8]  # (h, w, 3) sRGB, never written again after it is handed over
+    screen: tuple[int, int]  # x, y of its top left pixel in the virtual screen
+    version: int  # grows whenever rgb changes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WallPicture:
     """What the whole wall shows at one display refresh."""
 
-    width: int                       # virtual screen pixels
+    width: int  # virtual screen pixels
     height: int
     panels: tuple[PanelPicture, ...]
-    time: float                      # seconds of the head's clock
+    time: float  # seconds of the head's clock
     camera_event: int
     scene_event: int
     compared: tuple[PanelPicture, ...] = ()  # second pictures of the panels, while two samplers are compared
@@ -44,12 +44,12 @@ class RankStatus:
     """One process of the run, as its row in the table shows it."""
 
     rank: int
-    role: str                        # "head", "compositor", "renderer", ...
-    panel: str                       # panel id; "" when it serves no single panel
-    region: str                      # what it renders, in words; "" when it renders nothing
+    role: str  # "head", "compositor", "renderer", ...
+    panel: str  # panel id; "" when it serves no single panel
+    region: str  # what it renders, in words; "" when it renders nothing
     samples_per_s: float
     bytes_per_s: float
-    oldest_sample_s: float | None    # age of the oldest displayed sample; None when it shows none
+    oldest_sample_s: float | None  # age of the oldest displayed sample; None when it shows none
     dropped: int
     alive: bool
     memory_mb: float
@@ -59,16 +59,16 @@ class RankStatus:
 class Status:
     """How the run is doing; rates are over the last second or so."""
 
-    seconds: float                                     # since the run began
+    seconds: float  # since the run began
     paused: bool
     sampler: str
-    samplers: tuple[str, ...]                          # what may be asked for
+    samplers: tuple[str, ...]  # what may be asked for
     ranks: tuple[RankStatus, ...]
-    latency_ms: tuple[float, float, float]             # p50, p95, p99, input to changed picture; 0: no input
-    latencies_ms: tuple[float, ...]                    # the recent ones, newest last, for the plot
-    refresh_hz: float                                  # pictures shown a second
-    compare: str = ""                                  # the sampler that has the other half of the rays; "" none
-    compared_per_s: float = 0.0                        # its samples, of those of all ranks
+    latency_ms: tuple[float, float, float]  # p50, p95, p99, input to changed picture; 0: no input
+    latencies_ms: tuple[float, ...]  # the recent ones, newest last, for the plot
+    refresh_hz: float  # pictures shown a second
+    compare: str = ""  # the sampler that has the other half of the rays; "" none
+    compared_per_s: float = 0.0  # its samples, of those of all ranks
 
 
 class Sink(Protocol):

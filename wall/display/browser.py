@@ -36,13 +36,13 @@ from wall.display.stream import (
 from wall.errors import RemoteProtocolError, RunError
 from wall.geometry.panels import Wall
 
-IN_FLIGHT = 2                # one on its way while one is drawn; more would only be older
-STATUS_PERIOD_S = 0.25       # as often as numbers can be read
+IN_FLIGHT = 2  # one on its way while one is drawn; more would only be older
+STATUS_PERIOD_S = 0.25  # as often as numbers can be read
 MAX_VIEWERS = 8
-MAX_COMMANDS = 256           # 4 s of one viewer's dragging
-HEARTBEAT_S = 5.0            # a viewer whose machine vanished is forgotten after about this time
-CLOSE_S = 0.9                # how long `close` waits; of which the server waits for viewers' goodbyes,
-LEAVE_S = 0.2                # open requests and unfinished tasks, each at most this long
+MAX_COMMANDS = 256  # 4 s of one viewer's dragging
+HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
+CLOSE_S = 0.9  # how long `close` waits; of which the server waits for viewers' goodbyes,
+LEAVE_S = 0.2  # open requests and unfinished tasks, each at most this long
 
 PAGE = Path(__file__).resolve().parent / "page"
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
@@ -55,7 +55,7 @@ HEADERS = {
 }
 
 
-_Shown = tuple[bool, int]    # second picture of two that are compared, panel
+_Shown = tuple[bool, int]  # second picture of two that are compared, panel
 
 
 @dataclass(slots=True, eq=False)
@@ -63,12 +63,12 @@ class _Viewer:
     socket: web.WebSocketResponse
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     versions: dict[_Shown, int] = field(default_factory=dict)  # of every panel's pictures, as last sent
-    in_flight: deque[int] = field(default_factory=deque)       # numbers of pictures sent, not yet drawn
+    in_flight: deque[int] = field(default_factory=deque)  # numbers of pictures sent, not yet drawn
     number: int = 0
-    told: tuple[bool, str, str] | None = None                  # paused, sampler, compared one, as last sent
+    told: tuple[bool, str, str] | None = None  # paused, sampler, compared one, as last sent
     status_due: float = 0.0
-    overlay: str = ""                                          # one of OVERLAYS
-    surveys: tuple[Survey, ...] = ()                           # as last sent
+    overlay: str = ""  # one of OVERLAYS
+    surveys: tuple[Survey, ...] = ()  # as last sent
 
 
 class Browser:
@@ -87,8 +87,8 @@ class Browser:
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
         self._counters = Counters()
-        self._jpegs: dict[_Shown, tuple[int, bytes]] = {}      # version, JPEG; the encoder's own
-        self._surveying = False                                # as last told by `commands`
+        self._jpegs: dict[_Shown, tuple[int, bytes]] = {}  # version, JPEG; the encoder's own
+        self._surveying = False  # as last told by `commands`
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
@@ -121,7 +121,7 @@ class Browser:
         self._thread.join(CLOSE_S)
 
     def _call(self, what: Any) -> None:
-        with contextlib.suppress(RuntimeError):     # the loop is closed: nobody is there to be told
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody is there to be told
             self._loop.call_soon_threadsafe(what)
 
     def _wake_viewers(self) -> None:
@@ -140,7 +140,7 @@ class Browser:
             bound.set_exception(RunError(f"the page cannot be served at {self._host}: {error!r}"))
         finally:
             self._encoder.shutdown(wait=False, cancel_futures=True)
-            if left := asyncio.all_tasks(self._loop):          # of viewers that leave at this very moment
+            if left := asyncio.all_tasks(self._loop):  # of viewers that leave at this very moment
                 for task in left:
                     task.cancel()
                 self._loop.run_until_complete(asyncio.wait(left, timeout=LEAVE_S))
@@ -164,9 +164,7 @@ class Browser:
             return
         bound.set_result(self._address(*runner.addresses[0][:2]))
         await self._stopping.wait()
-        goodbyes = [
-            v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers
-        ]
+        goodbyes = [v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers]
         await asyncio.gather(*goodbyes, return_exceptions=True)
         await runner.cleanup()
 
@@ -262,13 +260,13 @@ class Browser:
                     await asyncio.wait_for(viewer.wake.wait(), STATUS_PERIOD_S)
                 viewer.wake.clear()
         except ConnectionError:
-            return                                             # the viewer left
+            return  # the viewer left
         except Exception as error:
             self._counters.add("browser_feed_failed")
             await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
 
     async def _send(self, viewer: _Viewer, picture: WallPicture, status: Status) -> None:
-        answer = (status.paused, status.sampler, status.compare)   # to a command; the viewer waits for it
+        answer = (status.paused, status.sampler, status.compare)  # to a command; the viewer waits for it
         if self._loop.time() >= viewer.status_due or answer != viewer.told:
             viewer.status_due, viewer.told = self._loop.time() + STATUS_PERIOD_S, answer
             await viewer.socket.send_str(status_message(status))
@@ -289,9 +287,7 @@ class Browser:
         await viewer.socket.send_str(picture_message(picture, panels=len(changed), number=viewer.number))
         for (shown, panel), jpeg in zip(changed.items(), encoded, strict=True):
             compared, k = shown
-            await viewer.socket.send_bytes(
-                panel_message(k, panel, jpeg=jpeg, number=viewer.number, compared=compared)
-            )
+            await viewer.socket.send_bytes(panel_message(k, panel, jpeg=jpeg, number=viewer.number, compared=compared))
             viewer.versions[shown] = panel.version
 
     def _encode(self, changed: dict[_Shown, PanelPicture]) -> list[bytes]:
@@ -304,7 +300,7 @@ class Browser:
 
 def _own_names(host: str) -> frozenset[str]:
     if is_loopback(host):
-        return frozenset()                          # needs none; asking for the full name can take seconds
+        return frozenset()  # needs none; asking for the full name can take seconds
     return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})
 
 

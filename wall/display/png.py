@@ -13,8 +13,8 @@ from PIL import Image
 from wall.display.base import Status, WallPicture
 from wall.errors import LocalProtocolError, RunError
 
-BEZEL_RGB = (13, 14, 17)             # sRGB; a little lighter than black: a dark panel keeps its edge
-QUICK = 1                            # zlib level: half the time of the default for 15 % more bytes
+BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keeps its edge
+QUICK = 1  # zlib level: half the time of the default for 15 % more bytes
 
 
 def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB) -> NDArray[np.uint8]:
@@ -41,7 +41,7 @@ def file_names(ids: list[str]) -> list[str]:
     names: list[str] = []
     for panel_id in ids:
         stem = "panel-" + (re.sub(r"[^A-Za-z0-9._-]", "_", panel_id)[:64] or "_")
-        taken = {name.lower() for name in names}     # some file systems do not tell upper from lower case
+        taken = {name.lower() for name in names}  # some file systems do not tell upper from lower case
         tries = (stem if n == 1 else f"{stem}~{n}" for n in range(1, len(ids) + 1))
         names.append(next(f"{t}.png" for t in tries if f"{t}.png".lower() not in taken))
     return names

@@ -18,10 +18,10 @@ from wall.display.base import Status, WallPicture
 from wall.display.png import make_folder, whole_wall
 from wall.errors import RunError, WallError
 
-QUALITY = 90                 # JPEG: no blocks to be seen on rendered edges, a seventh of the PNG's bytes
-QUEUE_PICTURES = 4           # a slow disk may lag this far; each holds a whole wall in memory
-CLOSE_S = 5.0                # what waits in the queue is still written, a disk that hangs is left behind
-ROUNDING_S = 1e-4            # a display at exactly the recorder's rate must not lose pictures to rounding
+QUALITY = 90  # JPEG: no blocks to be seen on rendered edges, a seventh of the PNG's bytes
+QUEUE_PICTURES = 4  # a slow disk may lag this far; each holds a whole wall in memory
+CLOSE_S = 5.0  # what waits in the queue is still written, a disk that hangs is left behind
+ROUNDING_S = 1e-4  # a display at exactly the recorder's rate must not lose pictures to rounding
 
 _Taken = tuple[WallPicture, tuple[float, float, float]]
 
@@ -88,7 +88,7 @@ class Recorder:
                 try:
                     self._write(number, *taken)
                     number += 1
-                except (OSError, ValueError, WallError) as error:     # ValueError: too wide for a JPEG
+                except (OSError, ValueError, WallError) as error:  # ValueError: too wide for a JPEG
                     self._unwritten += 1
                     self._failure = self._failure or error
 

@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 
 from wall.errors import RemoteProtocolError
 
-MAX_MESSAGE_BYTES = 1024          # the longest honest message has about 80
-MAX_MOVE = 10.0                   # wall heights in one message: more than any hand can do in a frame
+MAX_MESSAGE_BYTES = 1024  # the longest honest message has about 80
+MAX_MOVE = 10.0  # wall heights in one message: more than any hand can do in a frame
 MAX_ZOOM = 64.0
-MAX_NAME = 64                     # characters of a sampler's name
+MAX_NAME = 64  # characters of a sampler's name
 OVERLAYS = ("", "tiles", "age", "density")
-MAX_NUMBER = 2**53                # the largest whole number that a page can count to
+MAX_NUMBER = 2**53  # the largest whole number that a page can count to
 
 FIELDS = {
     "orbit": {"kind", "x", "y"},

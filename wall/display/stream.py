@@ -21,10 +21,10 @@ from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.steering import OVERLAYS
 from wall.geometry.panels import Wall
 
-HEADER = struct.Struct("<2sBBHHHxxII")   # "WP", format, compared, panel, width, height, version, picture number
-SURVEY_HEADER = struct.Struct("<2sBBHBxHHI")   # "WS", format, compared, panel, overlay, rows, columns, rectangles
+HEADER = struct.Struct("<2sBBHHHxxII")  # "WP", format, compared, panel, width, height, version, picture number
+SURVEY_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
 FORMAT = 2
-QUALITY = 88                             # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
+QUALITY = 88  # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 
 
 def encode_jpeg(panel: PanelPicture) -> bytes:
@@ -36,9 +36,7 @@ def encode_jpeg(panel: PanelPicture) -> bytes:
 def panel_message(index: int, panel: PanelPicture, *, jpeg: bytes, number: int, compared: bool = False) -> bytes:
     """One panel of picture `number`, or its second one. Counts wrap at 2^32, which takes two years at 60 Hz."""
     height, width = panel.rgb.shape[:2]
-    header = HEADER.pack(
-        b"WP", FORMAT, compared, index, width, height, panel.version & 0xFFFFFFFF, number & 0xFFFFFFFF
-    )
+    header = HEADER.pack(b"WP", FORMAT, compared, index, width, height, panel.version & 0xFFFFFFFF, number & 0xFFFFFFFF)
     return header + jpeg
 
 

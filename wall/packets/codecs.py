@@ -9,7 +9,7 @@ import zstandard
 
 from wall.errors import RemoteProtocolError
 
-ZSTD_LEVEL = 1                   # higher levels gain 3 % and cost three times as much
+ZSTD_LEVEL = 1  # higher levels gain 3 % and cost three times as much
 
 
 class Codec(IntEnum):

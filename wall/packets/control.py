@@ -25,11 +25,11 @@ from wall.packets.survey import parse_survey, survey_body
 
 MAGIC, VERSION = b"WALL", 2
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_SURVEY = 10                 # 9 is a tiling
-MAX_TEXT_BYTES = 16384           # of a JSON body
-MAX_AREA = 1 << 25               # pixels of a framelet: 8K UHD
-LZ4_LARGEST_RATIO = 255          # lz4 cannot expand more: a few bytes cannot ask for a large buffer
-MAX_NUMBER = 1e300               # of a float in JSON: no infinity, no integer that float() cannot hold
+KIND_SURVEY = 10  # 9 is a tiling
+MAX_TEXT_BYTES = 16384  # of a JSON body
+MAX_AREA = 1 << 25  # pixels of a framelet: 8K UHD
+LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
+MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
@@ -55,32 +55,32 @@ class Heartbeat:
     """A rank lives, and what it has done so far."""
 
     rank: int
-    time: float                  # seconds of the head's clock
+    time: float  # seconds of the head's clock
     samples_traced: int = 0
     samples_shown: int = 0
     secondary_rays: int = 0
-    samples_per_s: float = 0.0   # lately
+    samples_per_s: float = 0.0  # lately
     compared_per_s: float = 0.0  # of them by the sampler that is compared
     bytes_per_s: float = 0.0
     packets: int = 0
     bytes: int = 0
-    seconds: float = 0.0         # since it began
-    peak_memory: int = 0         # bytes
+    seconds: float = 0.0  # since it began
+    peak_memory: int = 0  # bytes
     dropped: dict[str, int] = field(default_factory=dict)
-    complete: bool = False       # nothing left to do under the event below
+    complete: bool = False  # nothing left to do under the event below
     camera_event: int = -1
     scene_event: int = -1
-    last: bool = False           # its last word
+    last: bool = False  # its last word
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
-    sent: float                  # the sender's own monotonic clock
+    sent: float  # the sender's own monotonic clock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pong:
-    sent: float                  # as it came
+    sent: float  # as it came
     head_time: float
 
 
@@ -97,8 +97,8 @@ class Framelet:
     rect: Rect
     camera_event: int
     scene_event: int
-    data: bytes                  # lz4 of width * height * 3 bytes
-    compared: bool = False       # of the second picture, while two samplers are compared
+    data: bytes  # lz4 of width * height * 3 bytes
+    compared: bool = False  # of the second picture, while two samplers are compared
 
     @classmethod
     def of(
@@ -166,9 +166,7 @@ def _body(message: Message) -> tuple[int, bytes]:
         return KIND_SURVEY, survey_body(message)
     if isinstance(message, Framelet):
         r, numbers = message.rect, (message.camera_event, message.scene_event)
-        head = _FRAMELET.pack(
-            message.panel, r.x, r.y, r.width, r.height, *numbers, len(message.data), message.compared
-        )
+        head = _FRAMELET.pack(message.panel, r.x, r.y, r.width, r.height, *numbers, len(message.data), message.compared)
         return KIND_FRAMELET, head + message.data
     kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
     return kind, json.dumps(asdict(message), allow_nan=False).encode()
@@ -200,8 +198,8 @@ def _event_body(event: Event) -> bytes:
 def _parse_event(body: bytes) -> Event:
     if len(body) != _EVENT.size:
         raise RemoteProtocolError(f"an event of {len(body)} bytes; it has {_EVENT.size}")
-    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler, compare, survey = (
-        _EVENT.unpack(body)
+    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler, compare, survey = _EVENT.unpack(
+        body
     )
     if not all(map(math.isfinite, (scene_time, input_time, *pose))) or max(paused, survey) > 1:
         raise RemoteProtocolError(

@@ -9,12 +9,12 @@ from wall.jit import inline_kernel, kernel
 POSITION_BITS = 14
 POSITION_MASK = 0x3FFF
 INFINITE_DEPTH = 0xFFFF
-LARGEST_OBJECT = 16383           # 14 bits; larger ids wrap to 1..16383, never to the background's 0
-TIME_STEPS = 3                   # 2 bits
-CHANGE_STEPS = 15                # 4 bits
-MAX_SPAN_S = 1e6                 # a packet's times span less
-SHORTEST_SPAN_S = 1e-30          # shorter ones count as 0: 63 / span would overflow
-LARGEST_COLOUR = 65408.0         # 511/512 * 2^16, the largest value of the shared-exponent format
+LARGEST_OBJECT = 16383  # 14 bits; larger ids wrap to 1..16383, never to the background's 0
+TIME_STEPS = 3  # 2 bits
+CHANGE_STEPS = 15  # 4 bits
+MAX_SPAN_S = 1e6  # a packet's times span less
+SHORTEST_SPAN_S = 1e-30  # shorter ones count as 0: 63 / span would overflow
+LARGEST_COLOUR = 65408.0  # 511/512 * 2^16, the largest value of the shared-exponent format
 
 
 @inline_kernel
@@ -24,7 +24,7 @@ def shared_exponent(r, g, b):
     r, g, b = min(max(r, np.float32(0.0)), top), min(max(g, np.float32(0.0)), top), min(max(b, np.float32(0.0)), top)
     largest = max(r, max(g, b))
     exponent = max(np.int32(np.float32(largest).view(np.int32) >> 23) - 111, np.int32(0))  # floor(log2) + 16
-    scale = np.int32((151 - exponent) << 23).view(np.float32)                      # 2^(24 - exponent)
+    scale = np.int32((151 - exponent) << 23).view(np.float32)  # 2^(24 - exponent)
     half = np.float32(0.5)
     if np.int32(largest * scale + half) == 512:
         exponent += np.int32(1)
@@ -82,7 +82,7 @@ def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colou
     for k in range(samples.shape[0]):
         colour[k] = shared_exponent(samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2])
         dx, dy = samples[k]["xy"][0] - np.float32(x0), samples[k]["xy"][1] - np.float32(y0)
-        if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):       # NaN too
+        if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):  # NaN too
             outside += 1
             dx, dy = np.float32(0.0), np.float32(0.0)
         x, y = np.int32(dx * x_scale), np.int32(dy * y_scale)
@@ -115,14 +115,14 @@ def unpack(colour, xs, ys, depths, objects, rect, x_bits, y_bits, depth_base, de
     for k in range(samples.shape[0]):
         word = colour[k]
         exponent = np.int32(word >> np.uint32(27))
-        scale = np.int32((103 + exponent) << 23).view(np.float32)                  # 2^(exponent - 24)
+        scale = np.int32((103 + exponent) << 23).view(np.float32)  # 2^(exponent - 24)
         samples[k]["radiance"][0] = np.float32(word & np.uint32(511)) * scale
         samples[k]["radiance"][1] = np.float32((word >> np.uint32(9)) & np.uint32(511)) * scale
         samples[k]["radiance"][2] = np.float32((word >> np.uint32(18)) & np.uint32(511)) * scale
         x, y, name = np.int32(xs[k]), np.int32(ys[k]), np.int32(objects[k])
         dx, dy = np.float32(x & POSITION_MASK) * x_step, np.float32(y & POSITION_MASK) * y_step
         px, py = np.float32(x0) + dx, np.float32(y0) + dy
-        if px >= x0 + width or py >= y0 + height:    # after rounding to float32: that may reach the far edge
+        if px >= x0 + width or py >= y0 + height:  # after rounding to float32: that may reach the far edge
             outside += 1
         samples[k]["xy"][0] = px
         samples[k]["xy"][1] = py

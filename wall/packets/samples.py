@@ -23,10 +23,10 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 __all__ = ["BYTES_A_SAMPLE", "HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
 MAGIC, VERSION, KIND_SAMPLES = b"WALL", 2, 1
-PLAIN, COMPACT, LIT = 0, 1, 2    # layouts of the body; LIT: compact with normals and lamps
-BYTES_A_SAMPLE = 12              # of a plain body, before compression
-MAX_SAMPLES = 65536              # of one packet
-MAX_EDGE = 4096                  # pixels of a rectangle: leaves 2 sub-pixel bits
+PLAIN, COMPACT, LIT = 0, 1, 2  # layouts of the body; LIT: compact with normals and lamps
+BYTES_A_SAMPLE = 12  # of a plain body, before compression
+MAX_SAMPLES = 65536  # of one packet
+MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits
 
 _HEADER = struct.Struct("<4sBBBBBxHHHBBHHHHQIIdffIIIIId3d4d")
 _CHECKSUM = struct.Struct("<I")
@@ -72,10 +72,35 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
         raise LocalProtocolError(f"{where}: scene time {batch.scene_time}, {batch.camera}; wanted finite numbers")
     try:
         header = _HEADER.pack(
-            MAGIC, VERSION, KIND_SAMPLES, codec, batch.adaptive, layout, batch.view, batch.panel, batch.rank, base,
-            bits, rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
-            batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, len(data),
-            batch.scene_time, *batch.camera.position, *quaternion_of(batch.camera.world_from_wall),
+            MAGIC,
+            VERSION,
+            KIND_SAMPLES,
+            codec,
+            batch.adaptive,
+            layout,
+            batch.view,
+            batch.panel,
+            batch.rank,
+            base,
+            bits,
+            rect.x,
+            rect.y,
+            rect.width,
+            rect.height,
+            batch.sequence,
+            batch.camera_event,
+            batch.scene_event,
+            batch.base_time,
+            span,
+            batch.blend,
+            batch.frame,
+            batch.frame_samples,
+            batch.skipped,
+            n,
+            len(data),
+            batch.scene_time,
+            *batch.camera.position,
+            *quaternion_of(batch.camera.world_from_wall),
         )
     except struct.error as error:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
@@ -114,18 +139,29 @@ def decode(data: bytes | memoryview) -> Batch:
     if layout == PLAIN:
         samples = _unpack_plain(expand(body, codec, BYTES_A_SAMPLE * n, where), rect, base, bits, span)
     elif layout in (COMPACT, LIT) and codec == Codec.NONE:
-        samples = compact.unpack(
-            body, n, rect=rect, depth_base=base, depth_bits=bits, span=span, lit=layout == LIT
-        )
+        samples = compact.unpack(body, n, rect=rect, depth_base=base, depth_bits=bits, span=span, lit=layout == LIT)
     else:
         raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; known: 0 with any, 1 and 2 with 0")
     if samples is None:
         raise RemoteProtocolError(f"{where}: body is not {n} samples inside its rectangle")
     return Batch(
-        view=view, panel=panel, rect=rect, rank=rank, sequence=sequence, camera_event=camera_event,
-        scene_event=scene_event, base_time=base_time, samples=samples, frame=frame, frame_samples=frame_samples,
-        skipped=skipped, blend=blend, camera=Camera(position=position, world_from_wall=rotation_of(quaternion)),
-        scene_time=scene_time, adaptive=bool(adaptive), relightable=layout == LIT,
+        view=view,
+        panel=panel,
+        rect=rect,
+        rank=rank,
+        sequence=sequence,
+        camera_event=camera_event,
+        scene_event=scene_event,
+        base_time=base_time,
+        samples=samples,
+        frame=frame,
+        frame_samples=frame_samples,
+        skipped=skipped,
+        blend=blend,
+        camera=Camera(position=position, world_from_wall=rotation_of(quaternion)),
+        scene_time=scene_time,
+        adaptive=bool(adaptive),
+        relightable=layout == LIT,
     )
 
 
@@ -138,8 +174,14 @@ def _pack_plain(samples: Samples, rect: Rect, codec: Codec) -> tuple[bytes, int,
     base, bits = _depth_code(int(low), int(high))
     body = np.empty(BYTES_A_SAMPLE * n, np.uint8)
     outside = kernels.pack(
-        samples, (rect.x, rect.y, rect.width, rect.height), subpixel_bits(rect.width), subpixel_bits(rect.height),
-        base, bits, np.float32(latest), *_planes(body, n),
+        samples,
+        (rect.x, rect.y, rect.width, rect.height),
+        subpixel_bits(rect.width),
+        subpixel_bits(rect.height),
+        base,
+        bits,
+        np.float32(latest),
+        *_planes(body, n),
     )
     return compress(body.data, codec), base, bits, float(latest), 0, int(outside)
 
@@ -149,8 +191,14 @@ def _unpack_plain(data: bytes | memoryview, rect: Rect, base: int, bits: int, sp
     n = len(data) // BYTES_A_SAMPLE
     samples = np.zeros(n, SAMPLE)
     outside = kernels.unpack(
-        *_planes(np.frombuffer(data, np.uint8), n), (rect.x, rect.y, rect.width, rect.height),
-        subpixel_bits(rect.width), subpixel_bits(rect.height), base, bits, np.float32(span), samples,
+        *_planes(np.frombuffer(data, np.uint8), n),
+        (rect.x, rect.y, rect.width, rect.height),
+        subpixel_bits(rect.width),
+        subpixel_bits(rect.height),
+        base,
+        bits,
+        np.float32(span),
+        samples,
     )
     return None if outside else samples
 

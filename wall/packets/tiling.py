@@ -20,11 +20,11 @@ from wall.packets.planes import kernels
 
 MAGIC, VERSION, KIND_TILING = b"WALL", 2, 9
 MAX_TILES = 65536
-MAX_EDGE = 4096                  # pixels, as of sample packets
+MAX_EDGE = 4096  # pixels, as of sample packets
 STEPS_AN_OCTAVE = 8
-LEAST_LOG2 = -20                 # of code 1; 0 is 0
+LEAST_LOG2 = -20  # of code 1; 0 is 0
 MEASURES = ("spatial", "temporal", "density")
-CODE_MEAN, EDGE_MEAN = 4, 16     # of Rice codes, before the first
+CODE_MEAN, EDGE_MEAN = 4, 16  # of Rice codes, before the first
 _HEADER = struct.Struct("<4sBBHHHHHHHHQIIdII")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size

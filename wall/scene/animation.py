@@ -23,7 +23,7 @@ from wall.data import Float64
 
 Vector: TypeAlias = tuple[float, float, float]
 
-NEARLY_PARALLEL = 1e-9     # rad between two quaternions; less is drawn as this much
+NEARLY_PARALLEL = 1e-9  # rad between two quaternions; less is drawn as this much
 
 
 def _rotation_of_products() -> Float64:
@@ -32,7 +32,7 @@ def _rotation_of_products() -> Float64:
     w, x, y, z = range(4)
     for entry, signs in ((0, (1, 1, -1, -1)), (4, (1, -1, 1, -1)), (8, (1, -1, -1, 1))):
         table[range(4), range(4), entry] = signs
-    for entry, a, b, c in ((1, x, y, z), (5, y, z, x), (6, z, x, y)):    # 2 (ab - wc), mirrored 2 (ab + wc)
+    for entry, a, b, c in ((1, x, y, z), (5, y, z, x), (6, z, x, y)):  # 2 (ab - wc), mirrored 2 (ab + wc)
         mirrored = 3 * (entry % 3) + entry // 3
         table[a, b, [entry, mirrored]] = 2.0
         table[w, c, [entry, mirrored]] = -2.0, 2.0
@@ -48,7 +48,7 @@ class Spin:
 
     axis: Vector
     period_s: float
-    center: Vector | None = None         # world; None = the body's own centre
+    center: Vector | None = None  # world; None = the body's own centre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,10 +64,10 @@ class Orbit:
 class Keyframes:
     """Poses at times: the body's own centre goes to each position, turned there by each rotation."""
 
-    times: tuple[float, ...]             # seconds, strictly increasing
-    positions: tuple[Vector, ...]        # world
-    rotations: tuple[tuple[float, float, float, float], ...]     # unit quaternions (w, x, y, z) against rest
-    loop: bool = True                    # last to first without a pause; else the ends hold
+    times: tuple[float, ...]  # seconds, strictly increasing
+    positions: tuple[Vector, ...]  # world
+    rotations: tuple[tuple[float, float, float, float], ...]  # unit quaternions (w, x, y, z) against rest
+    loop: bool = True  # last to first without a pause; else the ends hold
 
 
 Motion: TypeAlias = Spin | Orbit | Keyframes
@@ -77,19 +77,19 @@ Motion: TypeAlias = Spin | Orbit | Keyframes
 class Moving:
     """One motion of one body."""
 
-    body: int                            # row of the poses
+    body: int  # row of the poses
     motion: Motion
-    center: Vector                       # the body's own centre at rest, world
+    center: Vector  # the body's own centre at rest, world
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turns:
     """Spins and orbits of one layer: M(t) = I + sin(a) sine + (1 - cos(a)) versine, a = 2 pi t / period."""
 
-    rows: NDArray[np.intp]               # (n,) bodies
-    periods: Float64                     # (n,) seconds
-    sine: Float64                        # (n, 4, 4)
-    versine: Float64                     # (n, 4, 4)
+    rows: NDArray[np.intp]  # (n,) bodies
+    periods: Float64  # (n,) seconds
+    sine: Float64  # (n, 4, 4)
+    versine: Float64  # (n, 4, 4)
 
     def at(self, time: float) -> Float64:
         """(n, 4, 4) rigid matrices at a time in seconds. Whole turns are taken off first, so any time is exact."""
@@ -104,14 +104,14 @@ class Turns:
 class Paths:
     """Keyframed bodies of one layer; rows with fewer keys than the longest repeat their last one."""
 
-    rows: NDArray[np.intp]               # (n,) bodies
-    times: Float64                       # (n, k) seconds; padded with inf
-    positions: Float64                   # (n, k, 3) world
-    rotations: Float64                   # (n, k, 4) unit quaternions, neighbours in one half space
-    first: Float64                       # (n,) seconds
-    length: Float64                      # (n,) seconds from the first to the last key
-    loop: NDArray[np.bool_]              # (n,)
-    center: Float64                      # (n, 3) own centre at rest, world
+    rows: NDArray[np.intp]  # (n,) bodies
+    times: Float64  # (n, k) seconds; padded with inf
+    positions: Float64  # (n, k, 3) world
+    rotations: Float64  # (n, k, 4) unit quaternions, neighbours in one half space
+    first: Float64  # (n,) seconds
+    length: Float64  # (n,) seconds from the first to the last key
+    loop: NDArray[np.bool_]  # (n,)
+    center: Float64  # (n, 3) own centre at rest, world
 
     def at(self, time: float) -> Float64:
         """(n, 4, 4) rigid matrices at a time in seconds."""
@@ -123,7 +123,7 @@ class Paths:
         right = np.minimum(np.maximum(passed, 1), self.times.shape[1] - 1)
         left = right - 1
         start, end = self.times[each, left], self.times[each, right]
-        held = ~np.isfinite(end)                         # past a short row's last key
+        held = ~np.isfinite(end)  # past a short row's last key
         share = np.where(held, 0.0, (local - start) / np.where(held, 1.0, end - start))[:, None]
         rotation = slerp(self.rotations[each, left], self.rotations[each, right], share)
         position = (1.0 - share) * self.positions[each, left] + share * self.positions[each, right]
@@ -167,7 +167,7 @@ def compile_tracks(motions: Sequence[Moving]) -> Tracks:
 def slerp(start: Float64, end: Float64, share: Float64) -> Float64:
     """Unit quaternions (n, 4) between two in one half space; share (n, 1) in 0..1. After Shoemake 1985."""
     angle = np.arccos(np.minimum((start * end).sum(axis=1, keepdims=True), 1.0))
-    angle = np.maximum(angle, NEARLY_PARALLEL)           # sin(x) / x is 1 there to the last digit: a straight blend
+    angle = np.maximum(angle, NEARLY_PARALLEL)  # sin(x) / x is 1 there to the last digit: a straight blend
     return np.asarray((np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle), np.float64)
 
 
@@ -221,7 +221,7 @@ def _paths(motions: list[tuple[Moving, Keyframes]]) -> Paths:
         times[row, :count] = motion.times
         positions[row, :count], positions[row, count:] = motion.positions, motion.positions[-1]
         rotations[row, :count], rotations[row, count:] = motion.rotations, motion.rotations[-1]
-        for key in range(1, keys):                       # q and -q are one rotation: take the nearer
+        for key in range(1, keys):  # q and -q are one rotation: take the nearer
             if rotations[row, key] @ rotations[row, key - 1] < 0.0:
                 rotations[row, key] *= -1.0
     first = times[:, 0].copy()
@@ -233,7 +233,7 @@ def _paths(motions: list[tuple[Moving, Keyframes]]) -> Paths:
         positions=positions,
         rotations=rotations,
         first=first,
-        length=np.where(length > 0.0, length, 1.0),      # a single key: never divided by
+        length=np.where(length > 0.0, length, 1.0),  # a single key: never divided by
         loop=loop,
         center=np.array([moving.center for moving, _ in motions], np.float64),
     )

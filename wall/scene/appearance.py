@@ -20,7 +20,7 @@ from wall.data import Float32
 from wall.scene.animation import Vector
 from wall.scene.model import Material, Texture
 
-LARGEST_TEXTURE_PX = 4096      # 48 MiB of texels; larger images are halved until they fit
+LARGEST_TEXTURE_PX = 4096  # 48 MiB of texels; larger images are halved until they fit
 
 
 @dataclass(slots=True)
@@ -28,13 +28,13 @@ class Palette:
     """Materials and textures met so far; equal objects in the file become one entry."""
 
     linear_vertex_colors: bool
-    beside: Path | None = None         # an image for surfaces with texture coordinates and no material
+    beside: Path | None = None  # an image for surfaces with texture coordinates and no material
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     _materials: dict[int, int] = field(default_factory=dict)
     _textures: dict[int, int | None] = field(default_factory=dict)
-    _kept: list[Any] = field(default_factory=list)       # what the ids above stand for, so that none is given twice
+    _kept: list[Any] = field(default_factory=list)  # what the ids above stand for, so that none is given twice
 
     def material(self, visual: Any) -> int:
         """Number of the material of a trimesh visual; one without any is light grey."""
@@ -59,17 +59,20 @@ class Palette:
         name = str(getattr(found, "name", None) or "unnamed")
         base = Material(name=name)
         if isinstance(found, trimesh.visual.material.PBRMaterial):
-            base = replace(base, base_color=_factor(found.baseColorFactor, base.base_color),
-                           emission=_factor(found.emissiveFactor, (0.0, 0.0, 0.0)))
+            base = replace(
+                base,
+                base_color=_factor(found.baseColorFactor, base.base_color),
+                emission=_factor(found.emissiveFactor, (0.0, 0.0, 0.0)),
+            )
             image = found.baseColorTexture
             if found.baseColorFactor is None:
-                base = replace(base, base_color=(1.0, 1.0, 1.0))     # glTF's default
+                base = replace(base, base_color=(1.0, 1.0, 1.0))  # glTF's default
             if found.emissiveTexture is not None and max(base.emission) > 0.0:
                 self.notes.append(f"material {name!r}: its emissive texture is not used, so it does not glow")
                 base = replace(base, emission=(0.0, 0.0, 0.0))
         else:
             image = getattr(found, "image", None)
-            if image is not None and image.format is None:           # trimesh's own stand-in, not from a file
+            if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
                 image = self._image_beside()
             written = getattr(found, "kwargs", {}).get("kd")
             base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
@@ -104,7 +107,7 @@ class Palette:
             if "A" in image.getbands() or "transparency" in image.info:
                 self.notes.append(f"material {name!r}: the alpha of its texture is not used; it is opaque")
             texels = np.ascontiguousarray(image.convert("RGBA").convert("RGB"), np.uint8)
-        except Exception as error:                       # Pillow's decoders raise anything on broken data
+        except Exception as error:  # Pillow's decoders raise anything on broken data
             self.notes.append(f"material {name!r}: its texture cannot be decoded ({error}); its plain colour is used")
             return None
         self.textures.append(Texture(name=name, texels=texels))

@@ -9,7 +9,7 @@ import numpy as np
 from wall.data import Float64
 from wall.scene.model import Instance, Mesh
 
-EXACT_VERTICES = 4_000_000     # placed vertices that are bounded one by one (0.1 s); beyond it boxes are placed
+EXACT_VERTICES = 4_000_000  # placed vertices that are bounded one by one (0.1 s); beyond it boxes are placed
 
 
 def world_boxes(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Float64:

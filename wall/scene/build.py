@@ -51,10 +51,10 @@ class Scene:
     directional_lights: tuple[DirectionalLight, ...]
     sky: Sky
     tracks: Tracks
-    notes: tuple[str, ...]               # each repair or assumption, for a reader
-    center: Float64                      # (3,) world, middle of the bounding box at rest
-    radius: float                        # world units, of the smallest sphere about `center`
-    rest: Float64                        # (bodies, 4, 4): instances, point lights, directional lights
+    notes: tuple[str, ...]  # each repair or assumption, for a reader
+    center: Float64  # (3,) world, middle of the bounding box at rest
+    radius: float  # world units, of the smallest sphere about `center`
+    rest: Float64  # (bodies, 4, 4): instances, point lights, directional lights
 
     @property
     def triangles(self) -> int:

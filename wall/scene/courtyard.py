@@ -32,7 +32,7 @@ PLUM: Vector = (0.28, 0.06, 0.22)
 GOLD: Vector = (0.88, 0.44, 0.06)
 
 SUN_DIRECTION: Vector = (0.62, 0.52, 0.59)
-SUN_SHARE: Vector = (1.10, 0.84, 0.52)         # irradiance / pi, low evening sun
+SUN_SHARE: Vector = (1.10, 0.84, 0.52)  # irradiance / pi, low evening sun
 EVENING = Sky(zenith=(0.04, 0.13, 0.42), horizon=(0.24, 0.40, 0.60), ground=(0.05, 0.06, 0.14))
 
 COLUMNS, GONDOLAS, FLAGS = 9, 8, 10
@@ -99,10 +99,21 @@ def _mosaic(size: int) -> NDArray[np.uint8]:
     stones = np.array([12, 24, 48, 36, 72, 48, 60, 96, 72, 72])[ring]
     along = angle * stones + 0.5 * (ring % 2)
     stone = np.floor(along).astype(int) % stones
-    palette = np.array([
-        [203, 174, 134], [178, 96, 62], [226, 208, 174], [203, 176, 138], [34, 108, 110],
-        [216, 192, 154], [196, 166, 126], [182, 102, 66], [222, 200, 164], [210, 188, 150],
-    ], float)
+    palette = np.array(
+        [
+            [203, 174, 134],
+            [178, 96, 62],
+            [226, 208, 174],
+            [203, 176, 138],
+            [34, 108, 110],
+            [216, 192, 154],
+            [196, 166, 126],
+            [182, 102, 66],
+            [222, 200, 164],
+            [210, 188, 150],
+        ],
+        float,
+    )
     shade = chance.uniform(0.86, 1.08, (len(edges), 96))
     color = palette[ring] * shade[ring, stone][..., None]
     checker = ((stone % 2 == 0) & np.isin(ring, (0, 1, 4, 6, 7)))[..., None]
@@ -232,7 +243,7 @@ def _leaves(profile: list[tuple[float, float]], seed: int) -> Shape:
 
 
 LANTERN_RADIUS = 0.11
-BELOW_LANTERN = 0.14      # clear of the ball
+BELOW_LANTERN = 0.14  # clear of the ball
 
 
 def _lanterns(parts: Assembly) -> tuple[PointLight, ...]:

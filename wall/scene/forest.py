@@ -18,15 +18,15 @@ from wall.scene.configured import unit
 from wall.scene.model import DirectionalLight, Material, Sky, Source
 from wall.scene.shapes import Shape, join, lathe, placed, sheet, sphere
 
-REACH = 30.0                 # radius of the round
+REACH = 30.0  # radius of the round
 LAKE_LEVEL = -0.9
-LAKE: tuple[float, float, float] = (5.0, 6.0, 7.5)       # x, z, radius of its hollow
-SPACING = 0.97               # of the jittered grid that trees are drawn from
+LAKE: tuple[float, float, float] = (5.0, 6.0, 7.5)  # x, z, radius of its hollow
+SPACING = 0.97  # of the jittered grid that trees are drawn from
 SEED = 20
 
 MORNING = Sky(zenith=(0.10, 0.22, 0.50), horizon=(0.36, 0.47, 0.60), ground=(0.07, 0.09, 0.14))
 SUN_DIRECTION: Vector = (-0.62, 0.50, 0.45)
-SUN_SHARE: Vector = (1.10, 0.88, 0.60)         # irradiance / pi
+SUN_SHARE: Vector = (1.10, 0.88, 0.60)  # irradiance / pi
 
 WHITE: Vector = (1.0, 1.0, 1.0)
 BARK = np.array([0.16, 0.10, 0.06])
@@ -54,7 +54,7 @@ def height(x: Float64, z: Float64) -> Float64:
     ridge = 4.2 * np.exp(-((x + 11.0) ** 2 + (z + 13.0) ** 2) / 90.0)
     ridge += 2.6 * np.exp(-((x - 14.0) ** 2 + (z + 12.0) ** 2) / 60.0)
     lake_x, lake_z, radius = LAKE
-    hollow = 2.6 * np.exp(-(((x - lake_x) ** 2 + (z - lake_z) ** 2) / radius**2) ** 2)
+    hollow = 2.6 * np.exp(-((((x - lake_x) ** 2 + (z - lake_z) ** 2) / radius**2) ** 2))
     return np.asarray(hills + ridge - hollow + 0.05 * np.sin(2.3 * x) * np.sin(1.9 * z), np.float64)
 
 

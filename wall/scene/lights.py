@@ -11,8 +11,8 @@ import math
 
 from wall.scene.model import DirectionalLight, Sky
 
-KEY_DIRECTION = (0.45, 0.75, 0.48)       # right, above, towards a viewer who looks along -z
-KEY_SHARE = (0.66, 0.63, 0.58)           # irradiance / pi: slightly warm against the cool sky
+KEY_DIRECTION = (0.45, 0.75, 0.48)  # right, above, towards a viewer who looks along -z
+KEY_SHARE = (0.66, 0.63, 0.58)  # irradiance / pi: slightly warm against the cool sky
 
 STUDIO_SKY = Sky(zenith=(0.20, 0.215, 0.245), horizon=(0.25, 0.265, 0.29), ground=(0.07, 0.067, 0.065))
 

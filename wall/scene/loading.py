@@ -31,8 +31,8 @@ from wall.scene.repair import RawMesh, Repaired, repair
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 IMAGES = (".png", ".jpg", ".jpeg", ".webp")
-FLATTEST = 1e-7                        # smallest over largest stretch of a placement that can still be inverted
-SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7      # of a whole model, world units; others are scaled to radius 1
+FLATTEST = 1e-7  # smallest over largest stretch of a placement that can still be inverted
+SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; others are scaled to radius 1
 NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
 
 
@@ -53,8 +53,10 @@ def load(path: Path) -> Source:
     instances = list(_instances(loaded, numbers, notes))
     notes += palette.notes
     if not instances:
-        raise SceneError(f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
-                         + "".join(f"\n  {note}" for note in notes))
+        raise SceneError(
+            f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
+            + "".join(f"\n  {note}" for note in notes)
+        )
     source = Source(
         meshes=tuple(meshes),
         materials=tuple(palette.materials),
@@ -74,9 +76,9 @@ def _read(path: Path) -> tuple[Any, list[str]]:
     with _overheard(path.name) as notes:
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings():
-                warnings.simplefilter("ignore")          # numpy's, about numbers that trimesh's parsers stumble on
+                warnings.simplefilter("ignore")  # numpy's, about numbers that trimesh's parsers stumble on
                 return _parsed(path), notes
-        except Exception as error:                       # parsers of broken files raise anything
+        except Exception as error:  # parsers of broken files raise anything
             reason = f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
 

@@ -19,47 +19,47 @@ from wall.scene.animation import Motion
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Texture:
     name: str
-    texels: NDArray[np.uint8]            # (h, w, 3) sRGB, row 0 at the top (v = 1)
+    texels: NDArray[np.uint8]  # (h, w, 3) sRGB, row 0 at the top (v = 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
     name: str
-    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)   # linear RGB reflectance, 0..1
-    texture: int | None = None           # index in Scene.textures; multiplies base_color
-    mirror: float = 0.0                  # share of the ray that is mirrored, 0..1
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)     # W sr^-1 m^-2, seen by the eye, lights nothing
+    base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)  # linear RGB reflectance, 0..1
+    texture: int | None = None  # index in Scene.textures; multiplies base_color
+    mirror: float = 0.0  # share of the ray that is mirrored, 0..1
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W sr^-1 m^-2, seen by the eye, lights nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
     name: str
-    vertices: Float32                    # (v, 3) object space, relative to `origin`
-    triangles: NDArray[np.uint32]        # (t, 3)
-    material: int                        # index in Scene.materials
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)       # add to vertices, object space; zero in a Scene
-    normals: Float32 | None = None       # (v, 3) unit shading normals; None = flat
-    uvs: Float32 | None = None           # (v, 2), v up
-    colors: Float32 | None = None        # (v, 3) linear RGB, multiplies base_color
+    vertices: Float32  # (v, 3) object space, relative to `origin`
+    triangles: NDArray[np.uint32]  # (t, 3)
+    material: int  # index in Scene.materials
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # add to vertices, object space; zero in a Scene
+    normals: Float32 | None = None  # (v, 3) unit shading normals; None = flat
+    uvs: Float32 | None = None  # (v, 2), v up
+    colors: Float32 | None = None  # (v, 3) linear RGB, multiplies base_color
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instance:
     name: str
-    mesh: int                            # index in Scene.meshes
-    world_from_object: Float64           # (4, 4), affine, at scene time 0 before animation
+    mesh: int  # index in Scene.meshes
+    world_from_object: Float64  # (4, 4), affine, at scene time 0 before animation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointLight:
-    position: tuple[float, float, float]            # world
-    intensity: tuple[float, float, float]           # linear RGB, W sr^-1
+    position: tuple[float, float, float]  # world
+    intensity: tuple[float, float, float]  # linear RGB, W sr^-1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionalLight:
-    direction: tuple[float, float, float]           # world, unit, from the surface towards the light
-    irradiance: tuple[float, float, float]          # linear RGB, W m^-2 on a facing surface
+    direction: tuple[float, float, float]  # world, unit, from the surface towards the light
+    irradiance: tuple[float, float, float]  # linear RGB, W m^-2 on a facing surface
 
 
 Light: TypeAlias = PointLight | DirectionalLight
@@ -79,8 +79,8 @@ class Track:
     """One motion of every instance whose name matches a pattern, or of one light."""
 
     motion: Motion
-    objects: str = ""                    # fnmatch pattern over instance names; "" = a light
-    light: int = -1                      # index in the source's lights
+    objects: str = ""  # fnmatch pattern over instance names; "" = a light
+    light: int = -1  # index in the source's lights
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,13 +94,13 @@ class Source:
     lights: tuple[Light, ...] | None = None
     sky: Sky | None = None
     animation: tuple[Track, ...] = ()
-    notes: tuple[str, ...] = ()          # each repair or assumption, for a reader
+    notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
     """Everything that moves, at one scene time."""
 
-    world_from_object: Float64           # (instances, 4, 4)
-    point_positions: Float64             # (point lights, 3)
-    directions: Float64                  # (directional lights, 3) unit
+    world_from_object: Float64  # (instances, 4, 4)
+    point_positions: Float64  # (point lights, 3)
+    directions: Float64  # (directional lights, 3) unit

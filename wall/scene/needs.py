@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 from wall.scene.build import Scene
 
-MOST_LAMPS = 16                          # bits of a sample's `unlit`
+MOST_LAMPS = 16  # bits of a sample's `unlit`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -19,10 +19,10 @@ class Needs:
     mirrors: bool
     point_lights: bool
     directional_lights: bool
-    instancing: bool                     # a mesh is placed more than once
+    instancing: bool  # a mesh is placed more than once
     animation: bool
     emission: bool
-    relighting: bool                     # something moves under lamps, and they are few enough to tell apart
+    relighting: bool  # something moves under lamps, and they are few enough to tell apart
 
 
 def needs(scene: Scene) -> Needs:

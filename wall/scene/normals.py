@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from wall.data import Float64
 
-CREASE_DEGREES = 40.0     # an icosahedron's 41.8 stays crisp, a 10-sided prism (36) looks round
+CREASE_DEGREES = 40.0  # an icosahedron's 41.8 stays crisp, a 10-sided prism (36) looks round
 ALREADY_FLAT = 1.0 - 1e-9  # cosine; only coplanar triangles hang together, as on a box
 
 
@@ -24,9 +24,9 @@ ALREADY_FLAT = 1.0 - 1e-9  # cosine; only coplanar triangles hang together, as o
 class Smoothed:
     """A mesh whose vertices were split at creases."""
 
-    source: NDArray[np.intp]             # (v,) which old vertex each new one copies
-    triangles: NDArray[np.uint32]        # (t, 3)
-    normals: Float64                     # (v, 3) unit
+    source: NDArray[np.intp]  # (v,) which old vertex each new one copies
+    triangles: NDArray[np.uint32]  # (t, 3)
+    normals: Float64  # (v, 3) unit
 
 
 def face_normals(vertices: Float64, triangles: NDArray[np.integer]) -> Float64:
@@ -88,7 +88,7 @@ def _smooth_corners(place: NDArray[np.int64], normals: Float64) -> NDArray[np.in
     order = np.argsort(key, kind="stable")
     key = key[order]
     same = np.concatenate([[False], key[1:] == key[:-1], [False]])
-    pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])       # runs of exactly two
+    pair = np.flatnonzero(same[1:-1] & ~same[:-2] & ~same[2:])  # runs of exactly two
     a, b = order[pair], order[pair + 1]
     bend = np.einsum("ij,ij->i", normals[a // 3], normals[b // 3])
     smooth = (bend > math.cos(math.radians(CREASE_DEGREES))) & (start[a] == end[b])

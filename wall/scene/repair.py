@@ -16,10 +16,10 @@ from wall.data import Float32, Float64
 from wall.scene.model import Mesh
 from wall.scene.normals import crease_normals, same_position
 
-FARTHEST = 1e100           # products of three coordinates still fit float64
-THINNEST = 1e-7            # height over length of a triangle; less is below what float32 vertices can tell apart
-SMALLEST_EXTENT, LARGEST_EXTENT = 1e-4, 1e6      # squares and cubes of lengths stay normal float32 numbers
-REMOTE = 1e4               # distance from the origin over size, from which on it is worth a word
+FARTHEST = 1e100  # products of three coordinates still fit float64
+THINNEST = 1e-7  # height over length of a triangle; less is below what float32 vertices can tell apart
+SMALLEST_EXTENT, LARGEST_EXTENT = 1e-4, 1e6  # squares and cubes of lengths stay normal float32 numbers
+REMOTE = 1e4  # distance from the origin over size, from which on it is worth a word
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,11 +27,11 @@ class RawMesh:
     """One mesh as the file has it."""
 
     name: str
-    vertices: Float64                    # (v, 3) object space
-    triangles: NDArray[np.int64]         # (t, 3)
-    normals: Float64 | None = None       # (v, 3)
-    uvs: Float64 | None = None           # (v, 2), v up
-    colors: Float32 | None = None        # (v, 3) linear RGB
+    vertices: Float64  # (v, 3) object space
+    triangles: NDArray[np.int64]  # (t, 3)
+    normals: Float64 | None = None  # (v, 3)
+    uvs: Float64 | None = None  # (v, 2), v up
+    colors: Float32 | None = None  # (v, 3) linear RGB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class Repaired:
     """A mesh fit to trace, the unit that its vertices are in, and what was done."""
 
     mesh: Mesh
-    unit: float                          # object units; placements are multiplied by it
+    unit: float  # object units; placements are multiplied by it
     notes: tuple[str, ...]
 
 

@@ -22,10 +22,10 @@ Profile = Sequence[tuple[float, float]]
 class Shape:
     """Triangles without a name or a material yet."""
 
-    vertices: Float64                    # (v, 3)
-    triangles: NDArray[np.uint32]        # (t, 3)
-    uvs: Float64                         # (v, 2)
-    colors: Float32 | None = None        # (v, 3) linear RGB
+    vertices: Float64  # (v, 3)
+    triangles: NDArray[np.uint32]  # (t, 3)
+    uvs: Float64  # (v, 2)
+    colors: Float32 | None = None  # (v, 3) linear RGB
 
     def painted(self, colors: Float64) -> Shape:
         """The same shape with a colour for each vertex, (v, 3) or (3,) linear RGB."""
@@ -71,7 +71,7 @@ def lathe(profile: Profile, segments: int, *, flutes: int = 0, depth: float = 0.
     """
     radius, height = np.array(profile, np.float64).T
     angle = np.linspace(0.0, 2.0 * np.pi, segments + 1)
-    angle[-1] = 0.0                                      # the seam closes bitwise
+    angle[-1] = 0.0  # the seam closes bitwise
     groove = 1.0 - depth * (0.5 + 0.5 * np.cos(flutes * angle)) if flutes else np.ones_like(angle)
     ring = np.stack([np.sin(angle) * groove, np.zeros_like(angle), np.cos(angle) * groove], 1)
     points = radius[:, None, None] * ring[None] + height[:, None, None] * np.array([0.0, 1.0, 0.0])
@@ -103,12 +103,12 @@ def tube(path: Float64, radius: float, *, sides: int = 20) -> Shape:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     side = np.empty_like(path)
     side[0] = np.cross(tangent[0], [0.3, 1.0, 0.2])
-    for k in range(count):                               # parallel transport
+    for k in range(count):  # parallel transport
         previous = side[max(k - 1, 0)]
         side[k] = previous - tangent[k] * (previous @ tangent[k])
         side[k] /= np.linalg.norm(side[k])
     closing = np.arctan2(side[0] @ np.cross(tangent[0], side[-1]), side[0] @ side[-1])
-    twist = -closing * np.arange(count) / count          # spread what is left at the seam
+    twist = -closing * np.arange(count) / count  # spread what is left at the seam
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     angle[-1] = 0.0
     turned = angle[None, :] + twist[:, None]

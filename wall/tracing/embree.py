@@ -9,6 +9,8 @@ Source of names, numbers and layouts: Embree 4 API manual.
 from __future__ import annotations
 
 import ctypes
+import weakref
+from functools import cache
 from typing import Any, TypeAlias
 
 import embreex.rtcore_scene
@@ -42,7 +44,6 @@ _library = ctypes.CDLL(embreex.rtcore_scene.__file__)
 _P, _U, _Z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcNewDevice": (_P, [ctypes.c_char_p]),
-    "rtcReleaseDevice": (None, [_P]),
     "rtcGetDeviceError": (ctypes.c_int, [_P]),
     "rtcNewScene": (_P, [_P]),
     "rtcReleaseScene": (None, [_P]),
@@ -100,16 +101,24 @@ def query_arguments(*, coherent: bool) -> NDArray[np.uint32]:
     return arguments
 
 
-class Device:
-    """One Embree device. `threads` bounds what Embree uses to build; tracing runs in the caller's threads."""
+@cache
+def _the_device() -> Handle:
+    """The process's only one, never released: beside a second one an idle thread of Embree's pool spins for ever."""
+    handle: Handle = _library.rtcNewDevice(b"threads=1")  # to build with; tracing runs in the caller's threads
+    if not handle:
+        raise RunError(f"Embree refused to start: error {_library.rtcGetDeviceError(None)}")
+    return handle
 
-    def __init__(self, *, threads: int = 1) -> None:
-        self.handle: Handle = _library.rtcNewDevice(f"threads={threads}".encode())
-        if not self.handle:
-            raise RunError(f"Embree refused to start: error {_library.rtcGetDeviceError(None)}")
+
+class Device:
+    """Scenes and geometries of the process's Embree device, released together."""
+
+    def __init__(self) -> None:
+        self.handle = _the_device()
         self._scenes: list[Handle] = []
         self._geometries: list[Handle] = []
         self._kept: list[NDArray[Any]] = []
+        weakref.finalize(self, _release, self._scenes, self._geometries, self._kept)
 
     def check(self, doing: str) -> None:
         error = _library.rtcGetDeviceError(self.handle)
@@ -167,12 +176,10 @@ class Device:
         self._scenes.append(scene)
         return scene
 
-    def close(self) -> None:
-        for geometry in self._geometries:
-            _library.rtcReleaseGeometry(geometry)
-        for scene in reversed(self._scenes):
-            _library.rtcReleaseScene(scene)
-        self._geometries, self._scenes = [], []
-        if self.handle:
-            _library.rtcReleaseDevice(self.handle)
-            self.handle = 0
+
+def _release(scenes: list[Handle], geometries: list[Handle], kept: list[NDArray[Any]]) -> None:
+    for geometry in geometries:
+        _library.rtcReleaseGeometry(geometry)
+    for scene in reversed(scenes):
+        _library.rtcReleaseScene(scene)
+    kept.clear()  # only now may vertices go

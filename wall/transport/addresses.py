@@ -30,5 +30,5 @@ def _address_of(interface: str) -> str | None:
         try:
             packed = fcntl.ioctl(probe.fileno(), _SIOCGIFADDR, struct.pack("256s", interface[:15].encode()))
         except OSError:
-            return None          # an interface that has no IPv4 address
+            return None  # an interface that has no IPv4 address
     return socket.inet_ntoa(packed[20:24])

@@ -14,9 +14,9 @@ from abc import ABC, abstractmethod
 from wall.data import Counters
 from wall.errors import LocalProtocolError
 
-QUEUED_PACKETS = 2               # that wait at a link for credit; the oldest gives way to a newer one
-MAX_CONTROL = 1024               # control messages that wait unread at one end
-MAX_MESSAGE_BYTES = 1 << 26      # a larger message is not one of ours
+QUEUED_PACKETS = 2  # that wait at a link for credit; the oldest gives way to a newer one
+MAX_CONTROL = 1024  # control messages that wait unread at one end
+MAX_MESSAGE_BYTES = 1 << 26  # a larger message is not one of ours
 
 
 def checked(message: bytes) -> bytes:
@@ -64,7 +64,7 @@ class Hub(ABC):
     """The end that many links talk to. A peer is an opaque name of one link."""
 
     counters: Counters
-    endpoint: str                # where links connect to
+    endpoint: str  # where links connect to
 
     @abstractmethod
     def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:

@@ -22,15 +22,15 @@ from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, check
 from wall.transport.credit import HubCredit, LinkCredit
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
-LINGER_MS = 200                  # for the last words of a socket that is closed
-HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000   # of ZMTP; machines with more ranks than cores are late by seconds
-ASK_AGAIN_S = 1.0                # a link without credit for so long asks again
+LINGER_MS = 200  # for the last words of a socket that is closed
+HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
+ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
 MAX_PEERS = 4096
-MAX_TAKEN = 4096                 # messages taken in at once: a flood of tiny ones cannot hold the caller
-MAX_SENT = 1 << 62               # bytes a link can claim to have sent
+MAX_TAKEN = 4096  # messages taken in at once: a flood of tiny ones cannot hold the caller
+MAX_SENT = 1 << 62  # bytes a link can claim to have sent
 T = TypeVar("T")
-_ASK = struct.Struct("<Q")       # bytes sent so far
-_GRANT = struct.Struct("<QQ")    # limit, window
+_ASK = struct.Struct("<Q")  # bytes sent so far
+_GRANT = struct.Struct("<QQ")  # limit, window
 
 
 def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:
@@ -225,7 +225,7 @@ class ZmqHub(Hub):
         except zmq.ZMQError as error:
             if error.errno != zmq.EHOSTUNREACH:
                 raise
-            self._peers.pop(peer, None)          # it says hello again if it comes back
+            self._peers.pop(peer, None)  # it says hello again if it comes back
             self.counters.add("peer_gone")
 
 

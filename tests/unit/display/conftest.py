@@ -36,8 +36,12 @@ def picture(two_panels: Wall) -> PictureMaker:
             for p in two_panels.panels
         )
         return WallPicture(
-            width=two_panels.width, height=two_panels.height, panels=panels, time=time,
-            camera_event=events[0], scene_event=events[1],
+            width=two_panels.width,
+            height=two_panels.height,
+            panels=panels,
+            time=time,
+            camera_event=events[0],
+            scene_event=events[1],
         )
 
     return make
@@ -47,12 +51,26 @@ def picture(two_panels: Wall) -> PictureMaker:
 def status() -> Status:
     ranks = tuple(
         RankStatus(
-            rank=k, role="renderer", panel=f"r0c{k}", region="", samples_per_s=1e6, bytes_per_s=8e6,
-            oldest_sample_s=float("inf") if k else 0.25, dropped=k, alive=True, memory_mb=150.0,
+            rank=k,
+            role="renderer",
+            panel=f"r0c{k}",
+            region="",
+            samples_per_s=1e6,
+            bytes_per_s=8e6,
+            oldest_sample_s=float("inf") if k else 0.25,
+            dropped=k,
+            alive=True,
+            memory_mb=150.0,
         )
         for k in range(2)
     )
     return Status(
-        seconds=1.5, paused=False, sampler="hilbert", samplers=("framed", "hilbert"), ranks=ranks,
-        latency_ms=(20.0, 30.0, 40.0), latencies_ms=(20.0, 30.0), refresh_hz=30.0,
+        seconds=1.5,
+        paused=False,
+        sampler="hilbert",
+        samplers=("framed", "hilbert"),
+        ranks=ranks,
+        latency_ms=(20.0, 30.0, 40.0),
+        latencies_ms=(20.0, 30.0),
+        refresh_hz=30.0,
     )

@@ -110,7 +110,7 @@ def test_only_changed_panels_are_sent(browser, picture, status):
     first_panels, second_panels = with_viewer(browser, act)
     assert {k: v for k, (v, _) in first_panels.items()} == {0: 1, 1: 1}
     assert {k: v for k, (v, _) in second_panels.items()} == {1: 2}
-    assert abs(first_panels[1][1].astype(int) - first.panels[1].rgb).max() <= 2     # flat colour
+    assert abs(first_panels[1][1].astype(int) - first.panels[1].rgb).max() <= 2  # flat colour
 
 
 def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, picture, status):
@@ -250,7 +250,7 @@ def test_commands_arrive_in_order_and_garbage_is_only_counted(browser):
         await viewer.socket.send_str('{"kind":"orbit","x":0.5,"y":0}')
         await viewer.socket.send_str("garbage")
         await viewer.socket.send_bytes(b"\x00\xff")
-        await viewer.socket.send_json({"kind": "shown", "number": 99})     # was never sent
+        await viewer.socket.send_json({"kind": "shown", "number": 99})  # was never sent
         await viewer.socket.send_str('{"kind":"pause"}')
         got = []
         while len(got) < 2:
@@ -328,7 +328,7 @@ def test_page_and_its_parts_are_served_and_load_nothing_from_elsewhere(browser):
 
 
 def test_scripts_get_picture_and_status(browser, picture, status):
-    assert run(get(browser, "wall.png"))[0] == run(get(browser, "status.json"))[0] == 503      # nothing yet
+    assert run(get(browser, "wall.png"))[0] == run(get(browser, "status.json"))[0] == 503  # nothing yet
     shown = picture(3)
     browser.show(shown, status)
     code, _, png = run(get(browser, "wall.png"))

@@ -36,7 +36,16 @@ GOOD = [
     {"kind": "shown", "number": 7},
 ]
 BAD = [
-    "", "7", "[]", "null", '"orbit"', "{", "{}", '{"kind": "explode"}', '{"kind": ["orbit"]}', '{"kind": null}',
+    "",
+    "7",
+    "[]",
+    "null",
+    '"orbit"',
+    "{",
+    "{}",
+    '{"kind": "explode"}',
+    '{"kind": ["orbit"]}',
+    '{"kind": null}',
     '{"kind": "orbit", "x": 1}',
     '{"kind": "orbit", "x": 1, "y": 2, "z": 3}',
     '{"kind": "orbit", "x": "1", "y": 2}',
@@ -78,11 +87,16 @@ def test_garbage_is_refused(text):
         parse_message(text)
 
 
-@given(st.text(max_size=80) | st.recursive(
-    st.none() | st.booleans() | st.floats() | st.integers() | st.sampled_from(["kind", "x", "y", "orbit", "zoom"]),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["kind", "x", "y", "value"]), inner),
-    max_leaves=6,
-).map(json.dumps))
+@given(
+    st.text(max_size=80)
+    | st.recursive(
+        st.none() | st.booleans() | st.floats() | st.integers() | st.sampled_from(["kind", "x", "y", "orbit", "zoom"]),
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["kind", "x", "y", "value"]), inner)
+        ),
+        max_leaves=6,
+    ).map(json.dumps)
+)
 def test_any_text_gives_a_checked_command_or_remote_protocol_error(text):
     try:
         message = parse_message(text)
@@ -96,13 +110,13 @@ def test_any_text_gives_a_checked_command_or_remote_protocol_error(text):
     ("header", "bound", "ours"),
     [
         ("127.0.0.1:8080", "127.0.0.1", True),
-        ("localhost:9999", "127.0.0.1", True),       # a forwarded port
+        ("localhost:9999", "127.0.0.1", True),  # a forwarded port
         ("[::1]:8080", "127.0.0.1", True),
         ("LOCALHOST", "localhost", True),
-        ("evil.example:8080", "127.0.0.1", False),   # a name that was rebound to loopback
+        ("evil.example:8080", "127.0.0.1", False),  # a name that was rebound to loopback
         ("localhost.evil.example", "127.0.0.1", False),
         ("127.0.0.1.evil.example", "127.0.0.1", False),
-        ("evil@127.0.0.1:x", "127.0.0.1", True),     # no browser sends this; the name is still ours
+        ("evil@127.0.0.1:x", "127.0.0.1", True),  # no browser sends this; the name is still ours
         ("10.0.0.7:8080", "127.0.0.1", False),
         ("10.0.0.7:8080", "0.0.0.0", True),
         ("node7:8080", "0.0.0.0", True),
@@ -163,7 +177,7 @@ def test_survey_message_is_a_16_byte_header_and_what_its_overlay_draws(overlay, 
         worth=np.array([40, 41], np.uint8),
     )  # fmt: skip
     message = survey_message(survey, overlay)
-    assert SURVEY_HEADER.size == 16                          # so that the page reads 16-bit numbers behind it
+    assert SURVEY_HEADER.size == 16  # so that the page reads 16-bit numbers behind it
     assert SURVEY_HEADER.unpack(message[:16]) == (b"WS", 2, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
     if body is not None:
         assert message[16:] == bytes(range(body, body + 6))
@@ -177,7 +191,7 @@ def test_layout_gives_every_panels_true_place(two_panels):
     assert (layout["width"], layout["height"]) == (two_panels.width, two_panels.height)
     first, second = layout["panels"]
     assert (first["id"], first["width"], first["height"]) == ("r0c0", 16, 8)
-    assert second["x"] - first["x"] == 18                    # 16 pixels and a bezel of 1 + 1 cm at 1 cm a pixel
+    assert second["x"] - first["x"] == 18  # 16 pixels and a bezel of 1 + 1 cm at 1 cm a pixel
 
 
 def test_status_is_strict_json_whatever_the_numbers(status):

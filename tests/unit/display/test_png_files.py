@@ -16,9 +16,7 @@ BEZEL = (1, 2, 3)
 
 
 def wall_of(*panels: PanelPicture, size: tuple[int, int]) -> WallPicture:
-    return WallPicture(
-        width=size[0], height=size[1], panels=panels, time=0.0, camera_event=0, scene_event=0
-    )
+    return WallPicture(width=size[0], height=size[1], panels=panels, time=0.0, camera_event=0, scene_event=0)
 
 
 def panel(rgb: np.ndarray, x: int, y: int, name: str = "p") -> PanelPicture:
@@ -71,7 +69,7 @@ def test_nothing_shown_writes_nothing(tmp_path):
 def test_file_is_replaced_whole_or_not_at_all(tmp_path):
     path = tmp_path / "wall.png"
     write_png(path, np.zeros((4, 4, 3), np.uint8))
-    held = path.open("rb")                  # a reader of the old picture keeps all of it
+    held = path.open("rb")  # a reader of the old picture keeps all of it
     write_png(path, np.full((4, 4, 3), 255, np.uint8))
     with held:
         assert (np.array(Image.open(held)) == 0).all()

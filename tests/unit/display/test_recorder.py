@@ -21,7 +21,7 @@ def index(folder):
 @pytest.mark.parametrize("hz", [10, 30, 60])
 def test_at_most_hz_pictures_a_second_are_kept(hz, tmp_path, picture, status):
     recorder = Recorder(tmp_path, hz=float(hz))
-    for k in range(61):                                      # one second at 60 Hz
+    for k in range(61):  # one second at 60 Hz
         recorder.show(picture(k + 1, time=5.0 + k / 60), status)
     recorder.close()
     times = [line["time"] for line in index(tmp_path)]
@@ -67,7 +67,7 @@ def test_index_and_pictures_belong_together(tmp_path, picture, status):
 
 def test_slow_disk_drops_pictures_and_counts_them(tmp_path, picture, status):
     recorder = Recorder(tmp_path, hz=1000.0)
-    pipe = tmp_path / "000000.jpg"                           # a disk that hangs: nobody reads this pipe yet
+    pipe = tmp_path / "000000.jpg"  # a disk that hangs: nobody reads this pipe yet
     os.mkfifo(pipe)
     shown = QUEUE_PICTURES + 12
     for k in range(shown):
@@ -77,14 +77,14 @@ def test_slow_disk_drops_pictures_and_counts_them(tmp_path, picture, status):
         reader.read()
     recorder.close()
     kept = [line["time"] for line in index(tmp_path)]
-    assert behind in (shown - QUEUE_PICTURES, shown - QUEUE_PICTURES - 1)   # one may be in the writer's hands
+    assert behind in (shown - QUEUE_PICTURES, shown - QUEUE_PICTURES - 1)  # one may be in the writer's hands
     assert len(kept) + behind == shown
-    assert kept == [float(k) for k in range(len(kept))]      # what was queued first is kept, in order
+    assert kept == [float(k) for k in range(len(kept))]  # what was queued first is kept, in order
 
 
 def test_unwritable_pictures_are_counted_and_told_at_the_end(tmp_path, picture, status):
     recorder = Recorder(tmp_path, hz=1000.0)
-    (tmp_path / "000000.jpg").mkdir()                        # in the way of the first picture
+    (tmp_path / "000000.jpg").mkdir()  # in the way of the first picture
     recorder.show(picture(1), status)
     with pytest.raises(RunError, match="1 pictures could not be recorded: Is a directory"):
         recorder.close()

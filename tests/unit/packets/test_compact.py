@@ -280,5 +280,3 @@ def test_a_short_body_cannot_ask_for_much_memory() -> None:
         assert tracemalloc.get_traced_memory()[1] < 1 << 16
     finally:
         tracemalloc.stop()
-
-

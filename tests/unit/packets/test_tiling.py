@@ -69,9 +69,7 @@ def tilings(draw: st.DrawFn) -> Tiling:
         sides = draw(st.integers(1, rect.width - x)), draw(st.integers(1, rect.height - y))
         rects.append((rect.x + x, rect.y + y, *sides))
     values = st.one_of(st.floats(0.0, 4000.0, width=32), st.sampled_from([0.0, 2.0**-20, 2.0**-21, 1e-30, 3e38]))
-    measures = {
-        name: np.float32(draw(st.lists(values, min_size=len(rects), max_size=len(rects)))) for name in MEASURES
-    }
+    measures = {name: np.float32(draw(st.lists(values, min_size=len(rects), max_size=len(rects)))) for name in MEASURES}
     return tiling_of(np.array(rects, np.uint16).reshape(-1, 4), rect=rect, **measures)
 
 

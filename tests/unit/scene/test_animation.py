@@ -9,7 +9,7 @@ import pytest
 
 from wall.scene.animation import Keyframes, Motion, Moving, Orbit, Spin, compile_tracks, quaternion, quaternion_matrices
 
-EXACT = 1e-12     # a few float64 roundings at coordinates near 1
+EXACT = 1e-12  # a few float64 roundings at coordinates near 1
 
 
 def moved(point: list[float], time: float, *motions: Motion) -> np.ndarray:
@@ -17,7 +17,7 @@ def moved(point: list[float], time: float, *motions: Motion) -> np.ndarray:
     tracks = compile_tracks([Moving(body=1, motion=m, center=(1.0, 2.0, 3.0)) for m in motions])
     poses = np.tile(np.eye(4), (3, 1, 1))
     tracks.apply(poses, time)
-    np.testing.assert_array_equal(poses[[0, 2]], np.tile(np.eye(4), (2, 1, 1)))     # nobody else moves
+    np.testing.assert_array_equal(poses[[0, 2]], np.tile(np.eye(4), (2, 1, 1)))  # nobody else moves
     return poses[1] @ [*point, 1.0]
 
 
@@ -86,7 +86,7 @@ def test_keyframes_blend_and_hold_at_both_ends(time: float, center: tuple[float,
 def test_looped_keyframes_begin_again_after_the_last() -> None:
     for time in (1.25, 2.5, 3.75):
         once, later = (moved([2.0, 2.0, 3.0], time + 3.0 * round_, path(loop=True)) for round_ in (0, 1000))
-        np.testing.assert_allclose(once, later, atol=1e-9)      # time 3000 s has 5e-13 of rounding
+        np.testing.assert_allclose(once, later, atol=1e-9)  # time 3000 s has 5e-13 of rounding
 
 
 def test_slerp_takes_the_shorter_way_round() -> None:

@@ -73,7 +73,7 @@ def test_glb_base_colour_factor_is_linear_and_texture_is_kept(tmp_path: Path) ->
     mesh.export(tmp_path / "painted.glb")
     source = load(tmp_path / "painted.glb")
     (found,) = source.materials
-    np.testing.assert_allclose(found.base_color, np.array([128, 64, 255]) / 255, atol=1 / 510)   # bytes in trimesh
+    np.testing.assert_allclose(found.base_color, np.array([128, 64, 255]) / 255, atol=1 / 510)  # bytes in trimesh
     assert found.texture == 0
     np.testing.assert_array_equal(source.textures[0].texels, np.asarray(image))
     np.testing.assert_allclose(source.meshes[0].uvs, uv, atol=1e-6)
@@ -153,7 +153,7 @@ def test_ply_vertex_colours_become_linear(tmp_path: Path) -> None:
     body = "0 0 0 255 0 188\n1 0 0 255 0 188\n0 1 0 255 0 188\n3 0 1 2\n"
     source = load(written(tmp_path / "c.ply", header + body))
     assert source.meshes[0].colors is not None
-    expected = ((188 / 255 + 0.055) / 1.055) ** 2.4      # IEC 61966-2-1
+    expected = ((188 / 255 + 0.055) / 1.055) ** 2.4  # IEC 61966-2-1
     np.testing.assert_allclose(source.meshes[0].colors, [[1.0, 0.0, expected]] * 3, atol=1e-6)
 
 
@@ -226,7 +226,7 @@ def broken_glb(ball: Path, edit: object) -> bytes:
     raw = ball.read_bytes()
     length = int.from_bytes(raw[12:16], "little")
     tree = json.loads(raw[20 : 20 + length])
-    edit(tree)                                             # type: ignore[operator]
+    edit(tree)  # type: ignore[operator]
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
     chunk = len(text).to_bytes(4, "little") + b"JSON" + text

@@ -53,14 +53,14 @@ def test_equals_the_rule_walked_by_hand_on_a_crumpled_ball() -> None:
     vertices = ball.vertices * np.random.default_rng(2).uniform(0.85, 1.1, (len(ball.vertices), 1))
     smoothed = crease_normals(vertices, ball.faces)
     assert smoothed is not None
-    assert len(vertices) < len(smoothed.source) < 3 * len(ball.faces)      # some vertices split, not all
+    assert len(vertices) < len(smoothed.source) < 3 * len(ball.faces)  # some vertices split, not all
     np.testing.assert_allclose(smoothed.normals[smoothed.triangles], brute_force(vertices, ball.faces), atol=1e-9)
     np.testing.assert_array_equal(vertices[smoothed.source][smoothed.triangles], vertices[ball.faces])
 
 
 @pytest.mark.parametrize("shape", [box(1.0, 2.0, 3.0), lathe([(1.0, 0.0), (1.0, 2.0)], 8)], ids=["box", "prism of 8"])
 def test_creases_alone_stay_flat(shape: object) -> None:
-    assert crease_normals(shape.vertices, shape.triangles) is None     # type: ignore[attr-defined]
+    assert crease_normals(shape.vertices, shape.triangles) is None  # type: ignore[attr-defined]
 
 
 def test_icosahedron_stays_crisp() -> None:

@@ -74,7 +74,7 @@ def test_far_from_the_origin_keeps_float32_precision_of_its_size() -> None:
     away = np.array([1e6, -1e6, 5e5])
     result = mended(BALL.vertices + away, BALL.faces)
     error = np.abs(restored(result) - (BALL.vertices + away)[BALL.faces]).max()
-    assert error < 2e-7            # half a float32 step at 1 is 6e-8, float64's at 1e6 is 1e-10; plain float32: 0.06
+    assert error < 2e-7  # half a float32 step at 1 is 6e-8, float64's at 1e6 is 1e-10; plain float32: 0.06
     assert any("from the origin" in note for note in result.notes)
 
 

@@ -50,7 +50,7 @@ def test_configuration_replaces_lights_sky_and_animation() -> None:
     sky = {key: tuple(float(v) for v in value) for key, value in sky.items()}
     scene = configured(HERE, source="courtyard", lights=(SUN, LAMP), sky=sky, animation=())
     assert scene.sky.horizon == (4.0, 5.0, 6.0)
-    assert scene.directional_lights[0].direction == (0.0, 1.0, 0.0)     # given as (0, 2, 0)
+    assert scene.directional_lights[0].direction == (0.0, 1.0, 0.0)  # given as (0, 2, 0)
     assert scene.point_lights[0].position == (1.0, 0.0, 0.0)
     assert not scene.animated
 
@@ -64,7 +64,7 @@ def test_no_lights_at_all_is_a_choice() -> None:
 def test_parts_in_one_frame_turn_about_their_common_centre(house: Path) -> None:
     spin = {"object": "door*", "type": "spin", "axis": (0.0, 0.0, 1.0), "period_s": 4.0}
     scene = configured(house, source="house.obj", animation=(spin,))
-    moment = scene.at(2.0)                               # half a turn about (5, 0, 0): the parts change places
+    moment = scene.at(2.0)  # half a turn about (5, 0, 0): the parts change places
     middles = {i.name: m[:3, 3] for i, m in zip(scene.instances, moment.world_from_object, strict=True)}
     np.testing.assert_allclose(middles["door_wood"], [5.0, -0.5, 0.0], atol=1e-9)
     np.testing.assert_allclose(middles["door_glass"], [5.0, 0.5, 0.0], atol=1e-9)
@@ -156,8 +156,16 @@ def test_forest_has_more_than_two_million_triangles_from_few_stored_ones() -> No
 
 def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     assert needs(configured(HERE, source="courtyard")) == Needs(
-        textures=True, vertex_colors=True, smooth_normals=True, mirrors=True, point_lights=True,
-        directional_lights=True, instancing=True, animation=True, emission=True, relighting=True,
+        textures=True,
+        vertex_colors=True,
+        smooth_normals=True,
+        mirrors=True,
+        point_lights=True,
+        directional_lights=True,
+        instancing=True,
+        animation=True,
+        emission=True,
+        relighting=True,
     )
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
@@ -179,7 +187,7 @@ def sky_share(up: float) -> float:
     y = directions[:, 1]
     radiance = horizon + (zenith - horizon) * np.maximum(y, 0) + (ground - horizon) * np.maximum(-y, 0)
     cosine = np.maximum(directions @ [math.sqrt(1 - up**2), up, 0.0], 0.0)
-    return float((radiance * cosine).mean() * 4.0)       # 4 pi / pi
+    return float((radiance * cosine).mean() * 4.0)  # 4 pi / pi
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,8 @@ def test_volume_is_that_of_the_solid(shape: Shape, expected: float, tolerance: f
 
 
 @pytest.mark.parametrize(
-    "shape", [box(1.0, 2.0, 3.0), sphere(), torus(1.0, 0.3), torus_knot(2, 3, radius=1.0, thickness=0.2)],
+    "shape",
+    [box(1.0, 2.0, 3.0), sphere(), torus(1.0, 0.3), torus_knot(2, 3, radius=1.0, thickness=0.2)],
     ids=["box", "sphere", "torus", "knot"],
 )
 def test_every_edge_is_shared_by_two_triangles_that_wind_alike(shape: Shape) -> None:

@@ -152,9 +152,7 @@ def test_asking_over_and_over_does_not_widen_the_window(closing: ExitStack, monk
     assert len(taken) == WINDOW // 1000
 
 
-def test_links_recover_when_their_hub_goes_and_comes_back(
-    closing: ExitStack, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_links_recover_when_their_hub_goes_and_comes_back(closing: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(zeromq, "ASK_AGAIN_S", 0.02)
     first = hub_of(closing)
     link = link_to(closing, first.endpoint)

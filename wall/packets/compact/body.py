@@ -10,16 +10,16 @@ from wall.data import SAMPLE, Rect, Samples
 from wall.packets.compact import kernels, kernels_read
 from wall.packets.compact.tables import make_tables
 
-LEAST_BITS_A_SAMPLE = 11         # a place, luma, orange, green, depth of a bit each, and six bits of sub-pixels
+LEAST_BITS_A_SAMPLE = 11  # a place, luma, orange, green, depth of a bit each, and six bits of sub-pixels
 TABLES = make_tables()
 
 
 class Packed(NamedTuple):
     body: bytes
     depth_base: int
-    span: float                  # seconds of the last time code
-    bad: int                     # samples without a finite colour, a depth or a time
-    outside: int                 # samples outside the rectangle
+    span: float  # seconds of the last time code
+    bad: int  # samples without a finite colour, a depth or a time
+    outside: int  # samples outside the rectangle
 
 
 def pack(samples: Samples, rect: Rect, *, lit: bool = False) -> Packed:

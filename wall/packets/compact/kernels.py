@@ -10,17 +10,17 @@ from wall.packets.kernels import LARGEST_COLOUR, LARGEST_OBJECT, SHORTEST_SPAN_S
 from wall.packets.planes.kernels import bits_of, folded, put_all, put_plane
 
 SUBPIXEL_BITS = 3
-DEPTH_BITS = 11                  # mantissa bits of a depth code
+DEPTH_BITS = 11  # mantissa bits of a depth code
 OBJECT_BITS = 14
 TIME_STEPS, CHANGE_STEPS = 63, 15
-TILE_BITS, TILE = 4, 16          # pixels
-TOP_CODE = 1535                  # of colours, see tables.py
-DARK_BITS = 115 << 23            # of float32 2^-12
+TILE_BITS, TILE = 4, 16  # pixels
+TOP_CODE = 1535  # of colours, see tables.py
+DARK_BITS = 115 << 23  # of float32 2^-12
 BUCKET_SHIFT = 16
-COUNT_BITS = 17                  # of tiles and of objects, each at most 65,536
+COUNT_BITS = 17  # of tiles and of objects, each at most 65,536
 FLAG_BITS, LIT_FLAG_BITS = 3, 5  # with normals and lamps: see facing
 MIXED_OBJECTS, MIXED_TIMES, CHANGED = 1, 2, 4  # flags of a tile
-WORDS_A_SAMPLE = 17              # at worst, alone in its tile: fourteen escaped numbers, 12 + 14 bits more
+WORDS_A_SAMPLE = 17  # at worst, alone in its tile: fourteen escaped numbers, 12 + 14 bits more
 WORDS_BESIDE = 3
 TILES, COUNTS, NAMES, GAPS, WHO, TIMES, CHANGES, LUMA, ORANGE, GREEN, DEPTHS = range(11)  # planes of numbers
 MEANS = np.array([4, 4, 8, 16, 1, 4, 2, 16, 8, 4, 64], np.int64)  # before the first number of each
@@ -107,7 +107,7 @@ def places(samples, rect, place_on_curve, keys, subpixels):
     outside = 0
     for k in range(samples.shape[0]):
         dx, dy = samples[k]["xy"][0] - np.float32(x0), samples[k]["xy"][1] - np.float32(y0)
-        if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):       # NaN too
+        if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):  # NaN too
             outside += 1
             dx, dy = ZERO, ZERO
         x, y = np.int64(dx * scale), np.int64(dy * scale)
@@ -137,7 +137,7 @@ def codes(samples, order, subpixels, base, span, tables, columns):
         red = colour_code(samples[k]["radiance"][0], noise(lift), colour_of_code, code_of_bucket)
         green = colour_code(samples[k]["radiance"][1], noise(lift >> 10), colour_of_code, code_of_bucket)
         blue = colour_code(samples[k]["radiance"][2], noise(lift >> 20), colour_of_code, code_of_bucket)
-        orange = red - blue                       # YCoCg-R (Malvar, Sullivan 2003): whole numbers, reversible
+        orange = red - blue  # YCoCg-R (Malvar, Sullivan 2003): whole numbers, reversible
         middle = blue + (orange >> 1)
         columns[0, i], columns[1, i], columns[2, i] = middle + ((green - middle) >> 1), orange, green - middle
         bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))

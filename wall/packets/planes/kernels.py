@@ -10,10 +10,10 @@ import numpy as np
 
 from wall.jit import inline_kernel, kernel
 
-LONGEST_RUN = 12                 # of zeros in a Rice code; a number that would need more is written in 24 bits
+LONGEST_RUN = 12  # of zeros in a Rice code; a number that would need more is written in 24 bits
 ESCAPE_BITS = 24
 LONGEST_CODE = LONGEST_RUN + 1 + ESCAPE_BITS  # bits
-MEAN_SHIFT = 4                   # a mean forgets in 16 numbers
+MEAN_SHIFT = 4  # a mean forgets in 16 numbers
 
 
 @inline_kernel
