@@ -13,67 +13,9 @@ from wall.jit import inline_kernel, kernel
 from wall.reconstruction.kernels_fill import TRUSTED
 from wall.reconstruction.kernels_relight import NOT_RELIT, remember_colour, surface_of
 
-INFINITE = np.float32(np.inf)
+uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-BEHIND = np.float32(1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
-COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
-AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # and so do n whose mean lies closer than AMIDST + ALONE / n pixels
-SLOT = np.float32(6.0)  # of nine pixels: with fewer nearer ones, a pixel that shows the deeper surface itself is a gap
-WAITS = np.float32(0.5)  # seconds: so young a hidden sample is kept, for it may come out again
-RIM = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
 FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
-
-
-@kernel
-def front_depths(nearest, front):
-    """Each pixel's least and greatest depth over 3x3, enlarged by BEHIND.
-
-    Up to the one a sample is seen, beyond the other it is hidden, without further tests.
-
-    nearest : (h, w, 4) float32, see keep_nearest
-    front : (h, w, 3) float32, written: both, and RIM where deeper surfaces show within the 3x3 pixels, else 0
-    """
-    height, width = front.shape[0], front.shape[1]
-    for i in range(height):
-        for j in range(width):
-            least, most, all_of_them = INFINITE, ZERO, ZERO
-            for di in range(max(i - 1, 0), min(i + 2, height)):
-                for dj in range(max(j - 1, 0), min(j + 2, width)):
-                    depth = nearest[di, dj, 0]
-                    least = min(least, depth)
-                    most = max(most, depth if depth < INFINITE else ZERO)
-                    all_of_them = max(all_of_them, depth)
-            front[i, j, 0] = least * BEHIND
-            front[i, j, 1] = all_of_them * BEHIND
-            front[i, j, 2] = RIM if most > least * BEHIND else ZERO
-
-
-@inline_kernel
-def hidden(x, y, z, nearest):
-    """Whether nearer samples cover the place of one: some lies within COVERS, or it lies amidst those of 3x3 pixels.
-
-    Where all nine are nearer it need not be called: front_depths knows.
-
-    Beside a silhouette all nearer samples lie on one side, so that their mean is far: counting them alone would let
-    silhouettes grow by half a pixel.
-
-    nearest : (h, w, 4) float32, see keep_nearest
-    """
-    i, j = int(y), int(x)
-    count, right, down = ZERO, ZERO, ZERO
-    for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
-        for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
-            if nearest[di, dj, 0] * BEHIND < z:
-                dx, dy = nearest[di, dj, 1] - x, nearest[di, dj, 2] - y
-                if dx * dx + dy * dy < COVERS:
-                    return True
-                count += ONE
-                right += dx
-                down += dy
-    if count < SLOT and nearest[i, j, 0] * BEHIND >= z:
-        return False
-    reach = AMIDST * count + ALONE
-    return count > ZERO and right * right + down * down < reach * reach
 
 
 @kernel
@@ -90,149 +32,99 @@ def lose_confidence(name, state, screen, count, doubt, doubt_about, stale, since
     for k in range(count):
         if not screen[2, k] > ZERO:
             continue
-        i, j = int(screen[1, k]), int(screen[0, k])
-        time = state[0, k]
+        i, j = uint32(screen[1, k]), uint32(screen[0, k])
+        time, confidence = state[0, k], state[1, k]
         if doubt[i, j, 0] > ZERO and doubt_about[i, j] == name[k] and time < doubt[i, j, 1]:
-            state[1, k] *= ONE - doubt[i, j, 0]
+            confidence *= ONE - doubt[i, j, 0]
         if time < since:
-            state[1, k] *= ONE - stale[i // TILE, j // TILE]
-        if state[1, k] < FORGOTTEN:
-            state[1, k] = ZERO
+            confidence *= ONE - stale[i // TILE, j // TILE]
+        state[1, k] = confidence if confidence >= FORGOTTEN else ZERO
 
 
 @kernel
 def place_samples(place, name, count, table, moved, right, bottom, screen):
-    """Place every sample whose object moved on the screen, a run of one object at a time.
+    """Place every sample whose object moved on the screen, as many in a row as there are.
 
     place : (3, capacity) float32, object-local; name : (capacity,) int32; table : (n + 1, 12) float32
     moved : (n + 1,) uint8, whose row of the table differs from last time's; right, bottom : float32, picture pixels
     screen : (3, capacity) float32, written: x, y, depth (OUTSIDE where it is not in the picture)
     """
+    rows = table.reshape(-1)
     first = 0
     while first < count:
-        k = name[first]
-        last = first + 1
-        while last < count and name[last] == k:
+        last = first
+        while last < count and moved[name[last]] != 0:
             last += 1
-        if moved[k] != 0:
-            place_run(place, first, last, table[k], k == 0, right, bottom, screen)
-        first = last
+        place_run(place, name, first, last, rows, right, bottom, screen)
+        first = last + 1
 
 
 @inline_kernel
-def place_run(place, first, last, m, sky, right, bottom, screen):
-    """The samples of one object: nothing but arithmetic, so that it becomes vector code."""
-    m0, m1, m2, m3 = m[0], m[1], m[2], m[3]
-    m4, m5, m6, m7 = m[4], m[5], m[6], m[7]
-    m8, m9, m10, m11 = m[8], m[9], m[10], m[11]
+def place_run(place, name, first, last, rows, right, bottom, screen):
+    """Samples first..last-1: nothing but arithmetic, so that it becomes vector code."""
     for k in range(first, last):
         a, b, c = place[0, k], place[1, k], place[2, k]
-        w = m0 * a + m1 * b + m2 * c + m3
+        m = uint32(name[k]) * uint32(12)
+        w = rows[m] * a + rows[m + uint32(1)] * b + rows[m + uint32(2)] * c + rows[m + uint32(3)]
+        x = rows[m + uint32(4)] * a + rows[m + uint32(5)] * b + rows[m + uint32(6)] * c + rows[m + uint32(7)]
+        y = rows[m + uint32(8)] * a + rows[m + uint32(9)] * b + rows[m + uint32(10)] * c + rows[m + uint32(11)]
         inverse = ONE / w
-        x = (m4 * a + m5 * b + m6 * c + m7) * inverse
-        y = (m8 * a + m9 * b + m10 * c + m11) * inverse
+        x *= inverse
+        y *= inverse
         inside = (w > NEAREST) & (x >= ZERO) & (y >= ZERO) & (x < right) & (y < bottom)
-        z = FAR if sky else w
+        z = FAR if name[k] == 0 else w
         screen[0, k] = x
         screen[1, k] = y
         screen[2, k] = z if inside else OUTSIDE
 
 
 @kernel
-def keep_nearest(name, state, screen, count, nearest):
-    """Each pixel's nearest sample. Forgotten samples leave the picture.
-
-    nearest : (h, w, 4) float32, written: depth (inf where nothing is), x, y in the picture, object id (-1)
-
-    Returns
-    -------
-    alive : int, samples in the picture
-    """
-    for i in range(nearest.shape[0]):
-        for j in range(nearest.shape[1]):
-            nearest[i, j, 0], nearest[i, j, 3] = np.inf, -ONE
-    alive = 0
-    for k in range(count):
-        z = screen[2, k]
-        if not z > ZERO:
-            continue
-        if state[1, k] == ZERO:
-            screen[2, k] = OUTSIDE
-            continue
-        alive += 1
-        x, y = screen[0, k], screen[1, k]
-        i, j = int(y), int(x)
-        a, b, c, d = nearest[i, j, 0], nearest[i, j, 1], nearest[i, j, 2], nearest[i, j, 3]
-        closer = z < a  # as likely as not: selecting costs less than guessing
-        nearest[i, j, 0] = z if closer else a
-        nearest[i, j, 1] = x if closer else b
-        nearest[i, j, 2] = y if closer else c
-        nearest[i, j, 3] = np.float32(name[k]) if closer else d
-    return alive
-
-
-@kernel
-def splat(colour, state, screen, count, cutoff, nearest, front, now, young, decay, gathered, lighting):
-    """Add what is seen to the picture; what is hidden waits or dies, what is too old dies.
-
-    A sample spreads over the four nearest pixel centres by a tent, weighed by confidence and age. Samples younger than
-    `young` seconds are never hidden: what they hide may not have been seen yet.
+def splat(colour, screen, weight, count, gathered, lighting):
+    """Add samples to the picture: a sample spreads over the four nearest pixel centres by a tent.
 
     Parameters
     ----------
-    colour : (capacity, 4) float32, radiance and square root of lighting; state : (2, capacity) float32
-    screen : (3, capacity) float32; what dies gets depth OUTSIDE and no confidence
-    cutoff : float32 seconds of the store's clock; samples from before it die
-    nearest, front : see keep_nearest and front_depths
-    now, young : float32 seconds of the store's clock
-    decay : (rows, columns) float32, 1 / seconds, how fast old samples lose weight in each tile
+    colour : (capacity, 4) float32, radiance and square root of lighting
+    screen : (3, capacity) float32; weight : (capacity,) float32, see weigh
     gathered : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
     lighting : (h, w, 2) float32, weighted square root of lighting and weight, each sample in its own pixel, written;
         | None
     """
-    gathered[:] = ZERO
+    flat, row = gathered.reshape(-1), uint32(4 * gathered.shape[1])
+    flat[:] = ZERO
     if lighting is not None:
         lighting[:] = ZERO
     for k in range(count):
-        z = screen[2, k]
-        if not z > ZERO:
+        w = weight[k]
+        if not w > ZERO:
             continue
         x, y = screen[0, k], screen[1, k]
-        i, j = int(y), int(x)
-        time = state[0, k]
-        age = now - time
-        covered = z > front[i, j, 0] and age > young and (z > front[i, j, 1] or hidden(x, y, z, nearest))
-        if covered and age < WAITS and time >= cutoff:
-            continue
-        if covered or time < cutoff:
-            screen[2, k] = OUTSIDE
-            state[1, k] = ZERO
-            continue
-        a = max(age, ZERO) * (decay[i // TILE, j // TILE] + front[i, j, 2])
-        weight = state[1, k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
-        red, green, blue = colour[k, 0], colour[k, 1], colour[k, 2]
-        u, v = x + HALF, y + HALF  # border included
-        m, n = int(v), int(u)
-        fu, fv = u - np.float32(n), v - np.float32(m)
-        w11 = fu * fv * weight
-        w10 = fv * weight - w11
-        w01 = fu * weight - w11
-        w00 = weight - w01 - w10 - w11
-        add(gathered, m, n, red, green, blue, w00)
-        add(gathered, m, n + 1, red, green, blue, w01)
-        add(gathered, m + 1, n, red, green, blue, w10)
-        add(gathered, m + 1, n + 1, red, green, blue, w11)
         if lighting is not None:
-            lighting[i, j, 0] += weight * colour[k, 3]
-            lighting[i, j, 1] += weight
+            i, j = uint32(y), uint32(x)
+            lighting[i, j, 0] += w * colour[k, 3]
+            lighting[i, j, 1] += w
+        x += HALF  # border included
+        y += HALF
+        i, j = uint32(y), uint32(x)
+        fx, fy = x - np.float32(j), y - np.float32(i)
+        red, green, blue = colour[k, 0], colour[k, 1], colour[k, 2]
+        w11 = fx * fy * w
+        w10 = fy * w - w11
+        w01 = fx * w - w11
+        i = i * row + j * uint32(4)
+        add(flat, i, red, green, blue, w - w01 - w10 - w11)
+        add(flat, i + uint32(4), red, green, blue, w01)
+        add(flat, i + row, red, green, blue, w10)
+        add(flat, i + row + uint32(4), red, green, blue, w11)
 
 
 @inline_kernel
-def add(gathered, i, j, red, green, blue, weight):
-    gathered[i, j, 0] += weight * red
-    gathered[i, j, 1] += weight * green
-    gathered[i, j, 2] += weight * blue
-    gathered[i, j, 3] += weight
+def add(flat, i, red, green, blue, weight):
+    """Four numbers in a row and nothing between: one vector instruction each."""
+    flat[i] += weight * red
+    flat[i + uint32(1)] += weight * green
+    flat[i + uint32(2)] += weight * blue
+    flat[i + uint32(3)] += weight
 
 
 @kernel

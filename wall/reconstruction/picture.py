@@ -19,7 +19,7 @@ from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling
+from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling, kernels_visible
 from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.kernels_ages import AGES, oldest_kept
 from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects, relit_objects
@@ -143,7 +143,9 @@ class Picture:
         self._until_sorted = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
-        self.front = np.zeros((height, width, 3), np.float32)
+        self.front = np.zeros((height, width, 2), np.float32)
+        self._weight = np.zeros(capacity, np.float32)
+        self._doubtful = np.zeros(capacity + 1, np.uint32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)
@@ -259,14 +261,15 @@ class Picture:
             s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
         )
         moved |= self._relight(pose, last)
-        alive = kernels.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
-        kernels.front_depths(self.nearest, self.front)
+        alive = kernels_visible.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
+        kernels_visible.front_bounds(self.nearest, decay, self.front)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
-        kernels.splat(
-            s.colour, s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32,
-            young, decay, self.gathered, self.lighting,
+        kernels_visible.weigh(
+            s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32, young,
+            self._weight, self._doubtful,
         )  # fmt: skip
+        kernels.splat(s.colour, s.screen, self._weight, self.count, self.gathered, self.lighting)
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
         self.probes[:] = 0.0
         self._sort()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wall.data import Float32, Float64
 from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE
-from wall.reconstruction.kernels_picture import front_depths, keep_nearest, splat
+from wall.reconstruction.kernels_visible import front_bounds, keep_nearest, weigh
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0
@@ -20,17 +20,16 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     places = np.concatenate([nearer, deeper])
     screen = np.concatenate([places.T, np.where(np.arange(len(places)) < len(nearer), NEAR, FAR)[None]])
     screen = screen.astype(np.float32)
-    n, blank = len(places), np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
+    n = len(places)
     name, state = np.where(screen[2] == NEAR, 1, 2).astype(np.int32), np.ones((2, n), np.float32)
     nearest: Float32 = np.zeros((SIZE, SIZE, 4), np.float32)
-    front = np.zeros((SIZE, SIZE, 3), np.float32)
+    front, decay = np.zeros((SIZE, SIZE, 2), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     keep_nearest(name, state, screen, n, nearest)
-    front_depths(nearest, front)
-    decay = np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
-    splat(
-        np.zeros((n, 4), np.float32), state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0),
-        decay, blank, None,
+    front_bounds(nearest, decay, front)
+    weigh(
+        state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0), np.zeros(n, np.float32),
+        np.zeros(n + 1, np.uint32),
     )  # fmt: skip
     return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)
 

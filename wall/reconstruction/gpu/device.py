@@ -17,10 +17,11 @@ import numpy as np
 from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import FAR, NEAREST, OUTSIDE
 from wall.errors import RunError
-from wall.reconstruction import kernels_picture as kernels
+from wall.reconstruction import kernels_visible as seen
 from wall.reconstruction.kernels import CURVE_STEPS
 from wall.reconstruction.kernels_ages import AGE_SHIFT, AGES
 from wall.reconstruction.kernels_fill import TRUSTED
+from wall.reconstruction.kernels_picture import FORGOTTEN
 from wall.reconstruction.kernels_relight import NORMAL_STEPS
 
 GROUP = 256  # invocations of a group
@@ -40,9 +41,9 @@ _FILLED = ("expand", "resolve")  # that look into the coarser level
 _DRAWN = ("splat", "still")
 _CONSTANTS: dict[str, int | np.float32] = {
     "GROUP": GROUP, "TILE": TILE, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "FAR": FAR,
-    "NEAREST": NEAREST, "OUTSIDE": OUTSIDE, "BEHIND": kernels.BEHIND, "COVERS": kernels.COVERS,
-    "FORGOTTEN": kernels.FORGOTTEN,
-    "SLOT": kernels.SLOT, "AMIDST": kernels.AMIDST, "ALONE": kernels.ALONE, "WAITS": kernels.WAITS, "RIM": kernels.RIM,
+    "NEAREST": NEAREST, "OUTSIDE": OUTSIDE, "BEHIND": seen.BEHIND, "COVERS": seen.COVERS,
+    "FORGOTTEN": FORGOTTEN,
+    "SLOT": seen.SLOT, "AMIDST": seen.AMIDST, "ALONE": seen.ALONE, "WAITS": seen.WAITS, "RIM": seen.RIM,
     "NORMAL_STEPS": NORMAL_STEPS, "OBJECT_WORDS": OBJECT_WORDS, "LAMP_WORDS": LAMP_WORDS,
     "TRUSTED": TRUSTED, "CURVE_STEPS": np.float32(CURVE_STEPS),
 }  # fmt: skip
