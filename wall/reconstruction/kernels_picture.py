@@ -19,13 +19,14 @@ FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
 
 
 @kernel
-def lose_confidence(name, state, screen, count, doubt, doubt_about, stale, since):
+def lose_confidence(name, state, screen, count, doubted, doubt, doubt_about, stale, since):
     """Let samples lose confidence: those beneath a contradiction, and those of tiles that have changed as a whole.
 
     Parameters
     ----------
     name : (capacity,) int32, object ids; state : (2, capacity) float32, time and confidence, the latter updated
     screen : (3, capacity) float32, x, y, depth in the picture that was doubted
+    doubted : (rows, columns) bool, tiles in which there is anything to lose
     doubt : (h, w, 2) float32, how much was contradicted and when; doubt_about : (h, w) int32, whose surface
     stale : (rows, columns) float32, share of confidence that each tile's samples from before `since` lose
     """
@@ -33,6 +34,8 @@ def lose_confidence(name, state, screen, count, doubt, doubt_about, stale, since
         if not screen[2, k] > ZERO:
             continue
         i, j = uint32(screen[1, k]), uint32(screen[0, k])
+        if not doubted[i // TILE, j // TILE]:
+            continue
         time, confidence = state[0, k], state[1, k]
         if doubt[i, j, 0] > ZERO and doubt_about[i, j] == name[k] and time < doubt[i, j, 1]:
             confidence *= ONE - doubt[i, j, 0]
@@ -181,15 +184,16 @@ def doubt_still(still, nearest, moved, doubt):
     """
     for i in range(nearest.shape[0]):
         for j in range(nearest.shape[1]):
-            name = int(nearest[i, j, 3])
-            if name < 0 or moved[name] != 0:
-                still[i, j, :] = ZERO
-            elif doubt[i, j, 0] > ZERO:
-                keep = (ONE - doubt[i, j, 0]) ** 3  # one doubt must outweigh many samples that agreed
-                for c in range(4):
-                    still[i, j, c] *= keep
-                still[i, j, 5] *= keep
-                still[i, j, 7] *= keep
+            if still[i, j, 3] > ZERO:
+                name = int(nearest[i, j, 3])
+                if name < 0 or moved[name] != 0:
+                    still[i, j, :] = ZERO
+                elif doubt[i, j, 0] > ZERO:
+                    keep = (ONE - doubt[i, j, 0]) ** 3  # one doubt must outweigh many samples that agreed
+                    for c in range(4):
+                        still[i, j, c] *= keep
+                    still[i, j, 5] *= keep
+                    still[i, j, 7] *= keep
             doubt[i, j, 0] = ZERO
 
 
@@ -206,9 +210,10 @@ def mix_still(base, still, dirty, shown):
                 continue
             for i in range(row * TILE, min((row + 1) * TILE, base.shape[0])):
                 for j in range(column * TILE, min((column + 1) * TILE, base.shape[1])):
-                    n = still[i, j, 3]
-                    part = ONE / ((ONE + n) * (ONE + n))
-                    own = (ONE - part) / max(n, np.float32(1e-6))
+                    n, part, own = still[i, j, 3], ONE, ZERO
+                    if n > ZERO:
+                        part = ONE / ((ONE + n) * (ONE + n))
+                        own = (ONE - part) / n
                     for c in range(3):
                         shown[i, j, c] = part * base[i, j, c] + own * still[i, j, c]
 

@@ -252,10 +252,11 @@ class Picture:
         self._pose = pose
         s, now32 = self._store, self._seconds(now)
         height, width = self.front.shape[:2]
-        if self._doubted:
+        stale, doubted = self._stale(), self._doubted()
+        if doubted.any():
             since = np.float32(self._moved - self._epoch)
             kernels.lose_confidence(
-                s.name, s.state, s.screen, self.count, self.doubt, self.doubt_about, self._stale(), since
+                s.name, s.state, s.screen, self.count, doubted, self.doubt, self.doubt_about, stale, since
             )
         kernels.place_samples(
             s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
@@ -294,10 +295,14 @@ class Picture:
             )
         return changed
 
-    @property
-    def _doubted(self) -> bool:
-        """Whether anything was contradicted since the last refresh."""
-        return bool(self.probes[..., 1].any())
+    def _doubted(self) -> NDArray[np.bool_]:
+        """(rows, columns) bool: tiles where anything was contradicted since the last refresh, and their neighbours."""
+        found = np.pad(self.probes[..., 1] > 0.0, 1)
+        found[1:] |= found[:-1].copy()
+        found[:-1] |= found[1:].copy()
+        found[:, 1:] |= found[:, :-1].copy()
+        found[:, :-1] |= found[:, 1:].copy()
+        return found[1:-1, 1:-1].copy()
 
     def _stale(self) -> Float32:
         """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
