@@ -131,7 +131,9 @@ class Compositor:
         return tuple(shown[k].picture() for k in sorted(shown))
 
     def compared(self) -> tuple[PanelPicture, ...]:
-        """The second pictures of all panels, in order, while two samplers are compared; black until something came."""
+        """The second pictures of all panels, in order; black until something came. None unless two are compared."""
+        if any(panel.compared is None for panel in self.panels.values()):
+            return ()
         for k, panel in self.remote.items():
             self._remote_compared.setdefault(k, RemotePanel(panel.panel))
         own = {k: panel.compared for k, panel in self.panels.items() if panel.compared is not None}

@@ -44,7 +44,7 @@ class Head:
         self._plan, self._bootstrap, self._clock, self._sinks = plan, bootstrap, clock, sinks
         self._compositor = Compositor(plan, HEAD, hub)
         self.manager = Manager(plan, control_hub, clock, commands, still=still)
-        self._predictor = make_predictor(plan)
+        self._predictor, self._event = make_predictor(plan), self.manager.event
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -62,16 +62,16 @@ class Head:
         clock, period = self._clock, 1.0 / self._plan.view.refresh_hz
         due = clock.now()
         while not self.stopping:
-            self._compositor.follow(self.manager.event)
+            event = self._newest()
             taken = self._compositor.take_in()
             now = clock.now()
             if now >= due:
                 due = max(due + period, now)
-                self._refresh(now, self._expected(now))
+                self._refresh(now, event, self._predictor.at(now))
                 self._watch(now)
                 if seconds is not None and now - self._began >= seconds:
                     self.stopping = "time is up"
-                elif until_complete and self._complete(now):
+                elif until_complete and self._complete(now, event):
                     self.stopping = "complete"
             if not taken:
                 self._compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
@@ -81,9 +81,10 @@ class Head:
         if self.manager.is_alive() and self.stopping != "no renderer is left":
             self._hold()
         self.manager.stop()
+        event = self._newest()
         while self._compositor.take_in():
             pass
-        self._refresh(self._clock.now(), self.manager.event)
+        self._refresh(self._clock.now(), event, event)
         failures = []
         for sink in self._sinks:
             try:
@@ -97,15 +98,24 @@ class Head:
         """Freeze the view, so that wall.png shows one moment with every sample."""
         self.manager.hold()
         limit, due = self._clock.now() + HOLD_S, 0.0
-        while (now := self._clock.now()) < limit and not self._idle():
+        while (now := self._clock.now()) < limit and not self._idle(event := self._newest()):
             if now >= due:  # samples of the frozen view are kept only where they are in the picture
                 due = now + 1.0 / self._plan.view.refresh_hz
-                self._refresh(now, self._expected(now))
+                self._refresh(now, event, self._predictor.at(now))
             if not self._compositor.take_in():
                 self._compositor.hub.wait(0.005)
 
-    def picture(self) -> WallPicture:
-        wall, event = self._plan.layout.wall, self.manager.event
+    def _newest(self) -> Event:
+        """The newest event. Read once a refresh and handed on: the manager's thread goes on to the next meanwhile."""
+        recent = self.manager.recent
+        while recent:
+            self._event = recent.popleft()
+            self._predictor.take(self._event)
+        self._compositor.follow(self._event)
+        return self._event
+
+    def _picture(self, event: Event) -> WallPicture:
+        wall = self._plan.layout.wall
         return WallPicture(
             width=wall.width,
             height=wall.height,
@@ -117,32 +127,25 @@ class Head:
             surveys=self._surveys,
         )
 
-    def _expected(self, now: float) -> Event:
-        """What the viewer is expected to ask for when a refresh at `now` is seen."""
-        recent = self.manager.recent
-        while recent:
-            self._predictor.take(recent.popleft())
-        return self._predictor.at(now)
-
-    def _survey(self, now: float) -> None:
+    def _survey(self, now: float, event: Event) -> None:
         """Look at the samples for whoever watches them."""
-        event = self.manager.event
         if not event.survey:
             self._surveys = ()
         elif self._survey_due.now(now):
             self._surveys = self._compositor.surveys(now, comparing=bool(event.compare))
 
-    def _refresh(self, now: float, event: Event) -> None:
+    def _refresh(self, now: float, event: Event, expected: Event) -> None:
+        """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
         before = [p.version for p in self._compositor.pictures()]
-        self._compositor.refresh(event, now)
-        self._survey(now)
-        picture = self.picture()
+        self._compositor.refresh(expected, now)
+        self._survey(now, event)
+        picture = self._picture(event)
         if [p.version for p in picture.panels] != before or self._refreshes == 0:
             self._changed = now
             self._refreshes += 1
         if now >= self._status_due or self._status is None:
             self._status_due = now + STATUS_PERIOD_S
-            self._status = self.status(now)
+            self._status = self._status_at(now, event)
         for sink in self._sinks:
             sink.show(picture, self._status)
         self.manager.latency.shown(self._compositor.newest_event(), self._clock.now())
@@ -163,29 +166,28 @@ class Head:
         if all(rank in self.lost for rank in self._plan.layout.renderers()):
             self.stopping = "no renderer is left"
 
-    def _complete(self, now: float) -> bool:
-        """Whether all is traced under the newest event, and all of it has been shown for a while."""
-        shown = self._compositor.newest_event() == self.manager.event.number
-        return shown and now - self._changed >= SETTLED_S and self._idle()
+    def _complete(self, now: float, event: Event) -> bool:
+        """Whether all is traced under `event`, and all of it has been shown for a while."""
+        shown = self._compositor.newest_event() == event.number
+        return shown and now - self._changed >= SETTLED_S and self._idle(event)
 
-    def _idle(self) -> bool:
-        """Whether every other living rank says that it has nothing left to do under the newest event."""
-        number = self.manager.event.number
+    def _idle(self, event: Event) -> bool:
+        """Whether every other living rank says that it has nothing left to do under `event`."""
         for rank in range(1, self._plan.layout.size):
             beat = self.manager.heartbeats.get(rank)
-            idle = beat is not None and beat[1].complete and (beat[1].camera_event, beat[1].scene_event) == number
+            idle = beat is not None and beat[1].complete and (beat[1].camera_event, beat[1].scene_event) == event.number
             if not idle and rank not in self.lost:
                 return False
         return True
 
-    def status(self, now: float) -> Status:
+    def _status_at(self, now: float, event: Event) -> Status:
         latencies = list(self.manager.latency.seconds)[-RECENT_LATENCIES:]
         return Status(
             seconds=now - self._began,
-            paused=self.manager.event.paused,
-            sampler=self.manager.event.sampler,
+            paused=event.paused,
+            sampler=event.sampler,
             samplers=METHODS,
-            compare=self.manager.event.compare,
+            compare=event.compare,
             compared_per_s=sum(beat.compared_per_s for _, beat in list(self.manager.heartbeats.values())),
             ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),
             latency_ms=percentiles_ms(latencies),
