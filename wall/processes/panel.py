@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,15 @@ from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.picture import SAMPLES_PER_PIXEL
 
+EARLY_BATCHES = 64  # kept until their event is heard: a few milliseconds of a rank, whose event takes another way
+
 
 class PanelCompositor:
-    """`insert` batches as they come, `refresh` at every display refresh."""
+    """`follow` events, `insert` batches as they come, `refresh` at every display refresh.
+
+    What is shown is what the viewer asked for, whichever packets come: those of a sampler that is no longer asked for
+    are left out and counted, those of one that this panel has not heard of yet wait until it has.
+    """
 
     def __init__(self, plan: Plan, index: int, *, reconstruction: Wish | None = None) -> None:
         """`reconstruction` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
@@ -33,7 +40,7 @@ class PanelCompositor:
         self.panel = panel = plan.layout.wall.panels[index]
         self._plan = plan
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
-        self._adaptive = self._given_up = False
+        self._given_up = False
         self._shown: Event | None = None  # of the newest picture
         self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
@@ -42,37 +49,63 @@ class PanelCompositor:
         self._picture = self._hand_over(version=0)
         self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
         self._compared_version = 0  # of its next picture
-        self._alone_since = 0  # camera event with which the last comparison ended
+        self._method: str = plan.layout.sampling.method  # asked for
+        self._compare = ""  # with it
+        self._since = self._followed = 0  # camera events: of the first that asked for these two, of the newest
+        self._anew = False  # the next refresh shows all of the reprojected picture, not only what changed
+        self._early: deque[Batch] = deque()
+
+    @property
+    def _adaptive(self) -> bool:
+        """Whether the first picture is the adaptive sampler's, made by reprojection."""
+        return self._method == "adaptive" or bool(self._compare)
 
     def follow(self, event: Event) -> None:
-        """Begin or end comparing, if `event` says so; best before the first batch that was traced under it comes."""
-        method = self.compared.method if self.compared else ""
-        if event.compare == method:
-            return
+        """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
+        was, self._followed = self._adaptive, event.camera_event
+        method = event.sampler or self._plan.layout.sampling.method
+        if (method, event.compare) != (self._method, self._compare):
+            self._since = event.camera_event
+        if event.compare != self._compare:
+            self._compare_with(event.compare)
+        self._method, self._compare = method, event.compare
+        if was != self._adaptive:
+            self._anew = self._reprojected is not None
+            self.buffer.take_dirty()  # what was shown stays until samples of the other sampler come
+        early, self._early = self._early, deque()
+        for batch in early:
+            self.insert(batch)
+
+    def _compare_with(self, method: str) -> None:
         if self.compared is not None:
             self._compared_version = self.compared.picture().version + 1
             self.buffer.counters.merge(self.compared.buffer.counters.counts)
             self.buffer.samples_shown += self.compared.buffer.samples_shown
-        self._alone_since = event.camera_event
-        version = self._compared_version
-        self.compared = Compared(self.panel, event.compare, version=version) if event.compare else None
+        self.compared = Compared(self.panel, method, version=self._compared_version) if method else None
 
     def insert(self, batch: Batch) -> None:
-        if not batch.adaptive and self.compared is not None:
+        """Keep a batch for its picture; count it as late or early where there is none."""
+        if batch.adaptive == self._adaptive:
+            self._take(batch)
+        elif self.compared is not None and batch.camera_event >= self._since:
             self.compared.buffer.insert(batch)
-            return
-        if not batch.adaptive and self._reprojected is not None and batch.camera_event < self._alone_since:
-            self.buffer.counters.add("late", len(batch.samples))  # of the sampler that is no longer compared
-            return
+        elif batch.camera_event <= self._followed:
+            self.buffer.counters.add("late", len(batch.samples))
+        elif len(self._early) < EARLY_BATCHES:
+            self._early.append(batch)
+        else:
+            self.buffer.counters.add("early", len(batch.samples))
+
+    def _take(self, batch: Batch) -> None:
         self.buffer.insert(batch)
-        self._adaptive = batch.adaptive and not self._given_up
-        if self._adaptive:
-            if self._reprojected is None:
-                self._reprojected = self._new_picture()
-            try:
-                self._reprojected.insert(batch.samples, batch.base_time, batch)
-            except GpuError as error:
-                self._give_up(error, batch)
+        if not batch.adaptive or self._given_up:
+            return
+        if self._reprojected is None:
+            self._reprojected = self._new_picture()
+        try:
+            self._reprojected.insert(batch.samples, batch.base_time, batch)
+        except GpuError as error:
+            self._give_up(error, batch)
 
     def take_tiling(self, tiling: Tiling) -> None:
         """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
@@ -140,7 +173,8 @@ class PanelCompositor:
     def _reproject(self, shown: Reprojected, event: Event, now: float) -> NDArray[np.bool_]:
         try:
             shown.refresh(event, now)
-            dirty = shown.take_dirty()
+            dirty = shown.take_dirty() | self._anew
+            self._anew = False
             if dirty.any():
                 display(shown, dirty, self._rgb)
             return dirty

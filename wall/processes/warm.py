@@ -44,7 +44,8 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     samplers = make_samplers(small, method, tiny, clock)
     worker = Worker(small, resident, rank, clock, samplers, 0)
     panel = PanelCompositor(plan, tiny.panel, reconstruction="cpu")  # OpenGL must not be opened before ranks fork
-    event = first_event(plan, 0.0)
+    event = replace(first_event(plan, 0.0), sampler=method)
+    panel.follow(event)
     packet = worker.step(event)
     if packet is not None:
         batch = decode(packet)

@@ -3,76 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
 
-from wall.config.loading import loads
-from wall.data import SAMPLE, Batch, Event, Rect, Tiling
-from wall.display.base import PanelPicture
+from wall.data import Batch, Event, Rect, Tiling
 from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, parse_control, serialise
 from wall.packets.samples import decode, encode
 from wall.processes.compositor import Compositor, FurtherCompositor
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
+from wall.processes.plan import HEAD, Plan, first_event
 from wall.processes.renderer import Control
 from wall.processes.single_process import SingleProcess
 from wall.tracing.resident import Resident, make_resident
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
-TEXT = """\
-version: 1
-scene: {source: courtyard}
-wall: {grid: {columns: 1, rows: 1, pixels: [40, 24], size: [0.4, 0.24]}}
-views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
-sampling: {method: adaptive, samples_per_batch: 128}
-"""
-RECT = Rect(x=0, y=0, width=40, height=24)
-
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+    return plan_of()
 
 
 @pytest.fixture(scope="module")
 def resident(plan: Plan) -> Resident:
     return make_resident(plan.scene)
-
-
-def flat(value: float, event: Event, *, adaptive: bool, sequence: int = 1) -> Batch:
-    """One sample a pixel of one grey."""
-    samples = np.zeros(RECT.area, SAMPLE)
-    x, y = np.meshgrid(np.arange(RECT.width) + 0.5, np.arange(RECT.height) + 0.5)
-    samples["xy"] = np.stack([x.ravel(), y.ravel()], 1)
-    samples["radiance"], samples["depth"] = value, np.inf
-    return decode(
-        encode(
-            Batch(
-                view=0, panel=0, rect=RECT, rank=1, sequence=sequence, camera_event=event.camera_event,
-                scene_event=event.scene_event, base_time=0.0, samples=samples, camera=event.camera, adaptive=adaptive,
-            )
-        )
-    )  # fmt: skip
-
-
-def grey(picture: PanelPicture | None) -> float:
-    """Mean of the 8-bit values."""
-    assert picture is not None
-    return float(picture.rgb.mean())
-
-
-def second(panel: PanelCompositor) -> PanelPicture:
-    assert panel.compared is not None
-    return panel.compared.picture()
-
-
-def refresh(panel: PanelCompositor, event: Event) -> None:
-    panel.refresh(event, 1.0)
-    if panel.compared is not None:
-        panel.compared.refresh()
 
 
 def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
@@ -88,6 +44,7 @@ def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_gr
     assert panel.surveys(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
 
     chosen = replace(event, sampler="frameless", camera_event=1)
+    panel.follow(chosen)
     panel.insert(flat(1.0, chosen, adaptive=False, sequence=2))
     refresh(panel, chosen)
     assert panel.surveys(1.0)[0].rects.tolist() == [
@@ -178,7 +135,7 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int, compiled_only: None) -> None:
     text = TEXT.replace("samples_per_batch", f"threads: {threads}, samples_per_batch")
-    plan = make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+    plan = plan_of(text)
     resident = make_resident(plan.scene)
     compared, fresh = SingleProcess(plan, resident), SingleProcess(plan, resident)
     compared.event = replace(compared.event, compare="framed", camera_event=1)
