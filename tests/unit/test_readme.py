@@ -11,13 +11,14 @@ import pytest
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 LINES = re.findall(r"^\d\. `(wall/[\w/]+\.py)` `([\w.]+)`", README, re.MULTILINE)
+NAMED = re.findall(r"`(wall/[\w/]+\.py)` `([\w.]+)`", README)
 
 
 def test_one_sample_is_followed_in_nine_lines() -> None:
     assert len(LINES) == 9
 
 
-@pytest.mark.parametrize(("path", "name"), LINES)
+@pytest.mark.parametrize(("path", "name"), NAMED)
 def test_each_line_names_a_file_and_a_function_of_it(path: str, name: str) -> None:
     found = importlib.import_module(path.removesuffix(".py").replace("/", "."))
     for part in name.split("."):

@@ -1,4 +1,4 @@
-"""One thread's share of a renderer: choose, trace, observe, encode. This is the hot path; read it first."""
+"""One thread's share of a renderer, and its hot path: choose, trace, observe, encode."""
 
 from __future__ import annotations
 
