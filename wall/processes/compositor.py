@@ -19,9 +19,10 @@ from wall.packets.control import Framelet, Heartbeat, parse_control, serialise
 from wall.packets.samples import decode, is_samples
 from wall.packets.tiling import decode_tiling, is_tiling
 from wall.processes.compared import Compared
+from wall.processes.control import Control
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, make_predictor
-from wall.processes.renderer import Control, peak_memory
+from wall.processes.usage import peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
 

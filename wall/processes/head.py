@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import socket
 from collections.abc import Callable
 from typing import Any
@@ -18,7 +17,7 @@ from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
 from wall.processes.manager import Manager
 from wall.processes.plan import HEAD, Plan, make_predictor
-from wall.processes.renderer import peak_memory
+from wall.processes.usage import cpu_seconds, peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub
 
@@ -259,12 +258,6 @@ class Head:
             "bytes_per_s": round(beat.bytes / max(beat.seconds, 1e-3)) if beat and beat.seconds else 0,
             "peak_memory": beat.peak_memory if beat else peak_memory() if rank == HEAD else 0,
         }
-
-
-def cpu_seconds() -> float:
-    """CPU time of this process so far, all threads."""
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    return usage.ru_utime + usage.ru_stime
 
 
 def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:

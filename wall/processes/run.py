@@ -26,9 +26,10 @@ from wall.processes.bootstrap_local import LocalBootstrap
 from wall.processes.bootstrap_threads import ThreadBootstrap
 from wall.processes.clock import HeadClock
 from wall.processes.compositor import FurtherCompositor
+from wall.processes.control import Control
 from wall.processes.head import Head
 from wall.processes.plan import HEAD, Layout, Plan, make_layout, make_plan
-from wall.processes.renderer import Control, Renderer
+from wall.processes.renderer import Renderer
 from wall.processes.warm import warm_up
 from wall.tracing.resident import Resident, make_resident
 from wall.transport.base import Hub

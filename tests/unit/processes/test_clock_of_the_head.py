@@ -7,8 +7,8 @@ from pathlib import Path
 
 from wall.config.loading import loads
 from wall.packets.control import Ping, Pong, parse_control, serialise
+from wall.processes.control import Control
 from wall.processes.plan import first_event, make_layout, make_plan
-from wall.processes.renderer import Control
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 TEXT = """\

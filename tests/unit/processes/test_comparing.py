@@ -13,9 +13,9 @@ from wall.errors import RemoteProtocolError
 from wall.packets.control import Framelet, parse_control, serialise
 from wall.packets.samples import decode, encode
 from wall.processes.compositor import Compositor, FurtherCompositor
+from wall.processes.control import Control
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import HEAD, Plan, first_event
-from wall.processes.renderer import Control
 from wall.processes.single_process import SingleProcess
 from wall.tracing.resident import Resident, make_resident
 from wall.transport.loopback import LoopbackHub, LoopbackLink

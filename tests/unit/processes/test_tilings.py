@@ -18,9 +18,10 @@ from wall.packets.samples import is_samples
 from wall.packets.tiling import decode_tiling, encode_tiling, is_tiling
 from wall.processes.clock import ManualClock
 from wall.processes.compositor import Compositor
+from wall.processes.control import Control
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, first_event, make_layout, make_plan
-from wall.processes.renderer import Control, Renderer
+from wall.processes.renderer import Renderer
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident, make_resident
 from wall.transport.loopback import LoopbackHub, LoopbackLink
