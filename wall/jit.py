@@ -18,7 +18,7 @@ PACKAGE = Path(__file__).resolve().parent
 
 def kernel_sources() -> list[Path]:
     """Every file whose text decides what a kernel compiles to."""
-    others = ["tracing/embree.py", "tracing/packet.py", "jit.py", "data.py"]
+    others = ["tracing/embree.py", "tracing/packet.py", "scene/sky.py", "jit.py", "data.py"]
     return sorted([*PACKAGE.rglob("kernels*.py"), *(PACKAGE / name for name in others)])
 
 

@@ -35,7 +35,6 @@ SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
-SKY_STEPS = 256  # of light from the sky by the normal's height
 SAME_TURN = 1e-9  # of a matrix element; packets bring a rotation back to 1e-15
 EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
@@ -129,7 +128,7 @@ class Picture:
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         capacity = self._kept + int(SLACK * width * height) + 4096
         self._relights = ingredients.relighting and needs(scene).relighting
-        self._irradiance = sky_irradiance(scene.sky, SKY_STEPS)
+        self._irradiance = sky_irradiance(scene.sky)
         self._matt = matt_objects(scene)
         self._late = np.zeros_like(self._matt)  # objects that have samples of another light than the picture's
         self._lit: Pose | None = None  # the newest of them that was looked at

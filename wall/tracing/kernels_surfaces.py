@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from wall.jit import inline_kernel
+from wall.scene.sky import SKY_STEPS
 from wall.tracing.embree import (
     DIRECTION_X,
     DIRECTION_Y,
@@ -32,7 +33,6 @@ from wall.tracing.packet import (
     GY,
     GZ,
     HITS,
-    IRRADIANCE_STEPS,
     LB,
     LG,
     LIFT,
@@ -205,8 +205,8 @@ def add_ambient(surfaces, work):
     p, table = work.packet, surfaces.irradiance
     for lane in range(16):
         if p[HITS + lane] != ZERO:
-            x = (p[NY + lane] + ONE) * np.float32(IRRADIANCE_STEPS / 2)
-            i = np.uint32(min(max(int(x), 0), IRRADIANCE_STEPS - 1))
+            x = (p[NY + lane] + ONE) * np.float32(SKY_STEPS / 2)
+            i = np.uint32(min(max(int(x), 0), SKY_STEPS - 1))
             j = i + np.uint32(1)
             f = x - np.float32(i)
             p[LR + lane] = p[AR + lane] * (table[i, 0] + f * (table[j, 0] - table[i, 0]))

@@ -19,7 +19,6 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MISS = np.uint32(NO_HIT)
 INV_PI = np.float32(1.0 / math.pi)
 MAX_BOUNCES = 4  # mirror chains are cut here; what is behind the last mirror is dropped
-IRRADIANCE_STEPS = 256  # of the sky table over the normal's height -1..1
 
 # One flat array holds everything about 16 rays, one row of 16 floats a quantity, so that LLVM sees constant
 # distances between rows and turns the loops over lanes into vector code. Rows start at these offsets:

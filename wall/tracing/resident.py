@@ -6,18 +6,17 @@ One copy serves all threads of a rank. Vertices and triangles are shared with Em
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.colour import srgb_decoded
 from wall.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle
-from wall.tracing.packet import IRRADIANCE_STEPS
 
 HAS_NORMALS, HAS_COLORS, HAS_UVS = 1, 2, 4
 
@@ -80,21 +79,16 @@ def make_resident(scene: Scene) -> Resident:
         mesh_table=table[of_instance],
         materials=_materials(scene),
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
-        irradiance=sky_irradiance(scene.sky, IRRADIANCE_STEPS),
+        irradiance=sky_irradiance(scene.sky),
         normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
         colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
         uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
         texels=texels,
         textures=textures,
-        to_linear=srgb_to_linear(np.arange(256) / 255.0).astype(np.float32),
+        to_linear=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
         emission=np.ones(1, np.float32) if wanted.emission else None,
         mirrors=np.ones(1, np.float32) if wanted.mirrors else None,
     )
-
-
-def srgb_to_linear(values: NDArray[Any]) -> Float64:
-    """Linear light of sRGB values in 0..1 (IEC 61966-2-1)."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:

@@ -120,7 +120,7 @@ def cosines(xy: Float32) -> Float64:
 
 def steepness(scene: Scene, places: Float64, time: float) -> Float64:
     """(n, 3) float64: how much light changes at most per radian that the normal turns, surface colour 1."""
-    table = np.float64(sky_irradiance(scene.sky, 256))
+    table = np.float64(sky_irradiance(scene.sky))
     most = np.broadcast_to(np.abs(np.diff(table, axis=0)).max(axis=0) * 128, places.shape).copy()
     most += sum(np.array(s.irradiance) / np.pi for s in scene.directional_lights)
     for p, lamp in zip(scene.at(time).point_positions, scene.point_lights, strict=True):
@@ -206,7 +206,7 @@ def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
     dark = (relit.unlit == 3) & (relit.name == FLOOR)
-    ambient = ALBEDOS[FLOOR] * np.float64(sky_irradiance(SKY, 256))[-1]
+    ambient = ALBEDOS[FLOOR] * np.float64(sky_irradiance(SKY))[-1]
     assert dark.sum() > 1
     assert_allclose(relit.radiance[dark], np.broadcast_to(ambient, (int(dark.sum()), 3)), rtol=2 * TRACED)
 
@@ -262,7 +262,7 @@ def test_light_below_the_darkest_says_nothing_about_a_colour(radiance_of: float,
     sample = np.zeros(1, SAMPLE)
     sample["radiance"] = 1e-5
     zero = np.float32(0.0)
-    remember(sample, zero, lamps, surface, albedo, sky_irradiance(scene.sky, 256))
+    remember(sample, zero, lamps, surface, albedo, sky_irradiance(scene.sky))
     assert (albedo[0, 0] >= 0) == known
     if known:
         assert_allclose(albedo[:, 0], 1e-5 / (1e-4 * radiance_of), rtol=1e-5)
@@ -279,7 +279,7 @@ def remember(sample, zero, lamps, surface, albedo, irradiance):  # type: ignore[
 def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: None) -> None:
     """All int8 normals under a sun in the plane: light is at least the sky's and at most sky and sun."""
     scene = yard()
-    lamps, sky = Lamps.at(scene, scene.at(0.0)), sky_irradiance(SKY, 256)
+    lamps, sky = Lamps.at(scene, scene.at(0.0)), sky_irradiance(SKY)
     u, v = (k.ravel() for k in np.meshgrid(np.arange(-127, 128), np.arange(-127, 128)))
     n = len(u)
     surface = ((u & 255) | ((v & 255) << 8)).astype(np.int32)

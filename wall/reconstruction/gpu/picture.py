@@ -26,7 +26,6 @@ from wall.reconstruction.picture import (
     EPOCH_S,
     PROBES,
     SAMPLES_PER_PIXEL,
-    SKY_STEPS,
     SLACK,
     SLOW_DECAY,
     SORT_EVERY,
@@ -65,7 +64,7 @@ class GpuPicture:
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         self._device = device()
         self._relights = needs(scene).relighting
-        self._irradiance, self._matt = sky_irradiance(scene.sky, SKY_STEPS), matt_objects(scene)
+        self._irradiance, self._matt = sky_irradiance(scene.sky), matt_objects(scene)
         capacity, objects = self._kept + int(SLACK * width * height) + 4096, len(scene.instances) + 1
         self._store = GpuStore(self._device, capacity, lit=self._relights)
         self._passes = Passes(self._device, width, height, objects=objects)
