@@ -99,6 +99,7 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
 
     Parameters
     ----------
+    loaded : the configuration; view : which of its views; wall : its panels
     center, radius : (3,) float64 and float, world: a sphere around the whole scene, for a camera placed
     automatically
 

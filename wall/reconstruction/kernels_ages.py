@@ -38,7 +38,7 @@ def oldest_kept(state, screen, count, now, wanted, ages):
 
 @kernel
 def first_younger(now, limit):
-    """The least float32 time whose age, as float32, is below `limit`."""
+    """The least float32 time whose age at `now` (float32 seconds, as all here), as float32, is below `limit`."""
     time = np.nextafter(np.nextafter(now - limit, np.float32(-np.inf)), np.float32(-np.inf))
     while now - time >= limit:
         time = np.nextafter(time, np.float32(np.inf))

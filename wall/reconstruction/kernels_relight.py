@@ -127,7 +127,8 @@ def remember_colour(sample, px, py, pz, lamps, suns, up, irradiance, surface, al
 def relight(place, name, colour, surface, albedo, count, changed, lamps, suns, up, irradiance):
     """Light stored samples of those objects anew for which something changed.
 
-    place : (3, capacity) float32; name : (capacity,) int32; colour : (capacity, 4) float32, written
+    count : int, samples stored; place : (3, capacity) float32; name : (capacity,) int32
+    colour : (capacity, 4) float32, written
     surface : (capacity,) int32, see surface_of; albedo : (3, capacity) float32, NOT_RELIT where it is not known
     changed : (n + 1,) uint8; lamps, suns, up, irradiance : see lamp_tables and lighting
     """

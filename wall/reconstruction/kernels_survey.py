@@ -21,7 +21,7 @@ def count_stored(state, screen, count, now, histogram):
     """Count the ages of samples that are in the picture.
 
     state : (2, capacity) float32, time in seconds and confidence; screen : (3, capacity) float32 x, y, depth
-    now : float32 seconds of the same clock
+    count : int, samples stored; now : float32 seconds of the same clock
     histogram : (rows, columns, 256) uint32, added to
     """
     for k in range(count):

@@ -34,6 +34,7 @@ def score_moving(value, gathered, still, floor, contrast, density, score, tile_o
     Parameters
     ----------
     value : (h, w) float32, brightness; gathered : (h + 2, w + 2, 4) float32, weight last
+    still : (h, w, 8) float32, see reconstruction.kernels_picture; samples gathered at rest at 3
     floor : float32, what every pixel has at least: nothing starves
     contrast, density, score : (h, w) float32, written
     tile_of : (h, w) int32, tile of each pixel; sums : (tiles,) float64, of score, written
@@ -73,8 +74,11 @@ def gain_of(contrast, n):
 def score_still(value, still, floor, enough, contrast, density, score, tile_of, sums):
     """The same where nothing moves: a pixel's own variance, and nothing where its standard error is below `enough`.
 
+    Parameters
+    ----------
     still : (h, w, 8) float32, see reconstruction.kernels_picture; count at 3, mean and squared deviations at 4, 5
     enough : float32, standard error in brightness that needs no more samples
+    value, floor, contrast, density, score, tile_of, sums : see score_moving
     """
     height, width = value.shape
     sums[:] = 0.0
@@ -190,7 +194,14 @@ def place_in_pixel(i, j, seed, visits, x0, y0, xy, k):
 
 @kernel
 def learn(samples, x0, y0, floor, still, nothing_moves, enough, contrast, density, score, tile_of, sums):
-    """Correct scores by samples just traced: one more in their pixel; what was contradicted draws rays at once."""
+    """Correct scores by samples just traced: one more in their pixel; what was contradicted draws rays at once.
+
+    Parameters
+    ----------
+    samples : (n,) SAMPLE; x0, y0 : panel pixel of score[0, 0]
+    nothing_moves : bool, scores are those of score_still, else of score_moving
+    floor, still, enough, contrast : see there; density, score, sums : updated; tile_of : (h, w) int32
+    """
     height, width = score.shape
     for k in range(samples.shape[0]):
         i, j = int(samples[k]["xy"][1]) - y0, int(samples[k]["xy"][0]) - x0
@@ -221,7 +232,10 @@ def raise_around(score, tile_of, sums, i, j, amount):
 
 @kernel
 def miss(xy, x0, y0, score, tile_of, sums):
-    """Samples at xy (n, 2) float32, panel pixels, were lost: their pixels are worth as much as holes."""
+    """Samples at xy (n, 2) float32, panel pixels, were lost: their pixels are worth as much as holes.
+
+    x0, y0 : panel pixel of score[0, 0]; score, tile_of, sums : see score_moving; score and sums updated
+    """
     for k in range(xy.shape[0]):
         i, j = int(xy[k, 1]) - y0, int(xy[k, 0]) - x0
         if 0 <= i < score.shape[0] and 0 <= j < score.shape[1] and score[i, j] < HOLE:

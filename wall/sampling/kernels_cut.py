@@ -13,7 +13,10 @@ LEAVES, NODES, VACANT, CURSOR = 0, 1, 2, 3  # in `state`
 
 @kernel
 def plant(width, height, rects, child, parent, tile_of, state):
-    """One leaf over (h, w) pixels."""
+    """One leaf over (h, w) pixels.
+
+    width, height : int, pixels; rects, child, parent, tile_of, state : see adjust, written
+    """
     rects[0, 0], rects[0, 1], rects[0, 2], rects[0, 3] = 0, 0, width, height
     child[0, 0], parent[0] = LEAF, LEAF
     tile_of[:] = 0

@@ -100,6 +100,8 @@ def adjust(cut, count, spot, rect, child, parent, sums, fading, trend, least, mo
     Parameters
     ----------
     cut : (n,) int32 nodes of the cut, `count` of them; spot : (n,) int32 each node's place in it, -1 = not in it
+    rect, child, parent : the tree, see build_tree; sums : (n, SUMS) float64 of its nodes
+    fading : float, exp(-AGEING (now - epoch)), turns weights of `sums` into present ones
     trend : int, +1 only splits, -1 only merges, 0 does both
     least, most : int, bounds of `count`
 
@@ -144,6 +146,7 @@ def aim(cut, count, rect, seed, first, last_place, last_value, table, xy, tile, 
 
     Parameters
     ----------
+    cut, count, rect : see adjust
     seed, first : int, random numbers are hashes of (seed, number of the crosshair)
     last_place : (n, 4) float32, each node's last centre and its row of `table`, -1 = none
     last_value : (n, 2) float32, its value and time
@@ -233,7 +236,9 @@ def store(
     Parameters
     ----------
     samples : (n,) SAMPLE; slopes : (n, 4) float32, see gradients; weight : float, exp(AGEING (now - epoch))
+    now : float, seconds of the samples' clock
     frame, corner, object_from_eye, table : of their event
+    cell_of, parent, sums : the tree, see build_tree and adjust; sums updated
     place : (capacity, 4) float32 point and row of the tables; colour : (capacity, 3) float32
     state : (capacity, 7) float64 time, weight, value, slopes
     cell : (capacity,) int32, finest node that counts the sample, -1 = none

@@ -211,7 +211,7 @@ def decode(words, rect, base, depth_bits, span, lit, tables, samples):
     ----------
     words : (w + 2,) uint32, the last two of zeros
     rect : (x, y, width, height), panel pixels; base, depth_bits : of depth codes; span : float32 s, of time code 63
-    lit : bool, with normals and lamps
+    lit : bool, with normals and lamps; tables : see tables.Tables
 
     Returns
     -------
