@@ -28,6 +28,7 @@ def lose_confidence(name, state, screen, count, doubted, doubt, doubt_about, sta
     screen : (3, capacity) float32, x, y, depth in the picture that was doubted
     doubted : (rows, columns) bool, tiles in which there is anything to lose
     doubt : (h, w, 2) float32, how much was contradicted and when; doubt_about : (h, w) int32, whose surface
+    count : int, samples stored; since : float32 seconds of the store's clock
     stale : (rows, columns) float32, share of confidence that each tile's samples from before `since` lose
     """
     for k in range(count):
