@@ -146,7 +146,7 @@ def test_run_without_any_renderer_left_ends_at_once(
 def test_frozen_renderer_is_noticed_and_welcomed_back(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    config = write_config(tmp_path, columns=2, path=ORBIT)
+    config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     run = running("run", config, "--headless", "--seconds", 6, "--out", tmp_path / "out")
     first, _ = renderers(run)
 
@@ -163,7 +163,7 @@ def test_frozen_renderer_is_noticed_and_welcomed_back(
 
 
 def test_killed_head_takes_its_renderers_along(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:
-    config = write_config(tmp_path, columns=2, path=ORBIT)
+    config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     run = running("run", config, "--headless", "--out", tmp_path / "out")
     renderers(run)
 
@@ -174,7 +174,7 @@ def test_killed_head_takes_its_renderers_along(tmp_path: Path, running: Callable
 
 @pytest.mark.mpi
 def test_survivors_of_a_killed_mpi_rank_run_on(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:
-    config = write_config(tmp_path, columns=2, path=ORBIT)
+    config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     run = running(
         "run", config, "--headless", "--seconds", 4, "--out", tmp_path / "out",
         launcher=mpirun(3, "--with-ft", "ulfm"),
