@@ -21,8 +21,7 @@ from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling
 from wall.reconstruction import kernels_picture as kernels
-from wall.reconstruction.kernels_ages import AGES, oldest_kept
-from wall.reconstruction.kernels_room import close_ranks
+from wall.reconstruction.kernels_ages import AGES, close_ranks, oldest_kept
 from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects, relit_objects
 from wall.scene.build import Scene
 from wall.scene.needs import needs
@@ -88,7 +87,7 @@ class Pose:
         object_tables(placed, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object)
         self._moment = moment
         same = last is not None and last._moment is moment
-        self.lamps = last.lamps if last is not None and same else Lamps.at(scene, moment) if lamps else NO_LAMPS
+        self.lamps: Lamps = last.lamps if last is not None and same else Lamps.at(scene, moment) if lamps else NO_LAMPS
 
 
 class Posed(Protocol):
