@@ -52,7 +52,7 @@ class Session:
         self.picture = self.new_picture(judging=True)
         self._sampler = AdaptiveSampler(self.rect, self.picture, batch=AdaptiveSampling().samples_per_batch, seed=SEED)
         self._resident = make_resident(plan.scene)
-        self._tracer = Tracer(self._resident, panel, eye, coherent=True)
+        self._tracer = Tracer(self._resident, panel, eye, coherent=self._sampler.coherent)
         self._first = first_event(plan, 0.0)
         self.seconds: defaultdict[str, float] = defaultdict(float)  # of each stage
         self.samples = 0

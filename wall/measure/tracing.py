@@ -49,7 +49,8 @@ class Bench:
         self.plan = plan_of(source)
         layout = self.plan.layout
         self.rect = layout.regions[0].rect
-        self.tracer = Tracer(make_resident(self.plan.scene), layout.wall.panels[0], self.plan.view.eye, coherent=True)
+        resident, panel = make_resident(self.plan.scene), layout.wall.panels[0]
+        self.tracer = Tracer(resident, panel, self.plan.view.eye, coherent=chosen is None)
         raster = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32)
         raster, event = chosen or (raster, first_event(self.plan, 0.0))
         self.tracer.take(event)

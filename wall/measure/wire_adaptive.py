@@ -33,7 +33,7 @@ def measure(rounds: int) -> list[Row]:
     packets = _moving(plan, worker, clock)
     batches = [decode(packet) for packet in packets]
     samples = sum(len(batch.samples) for batch in batches)
-    tracer = Tracer(resident, plan.layout.panel(rank), plan.view.eye, coherent=True)
+    tracer = Tracer(resident, plan.layout.panel(rank), plan.view.eye, coherent=worker.sampler.coherent)
     encoded, decoded, traced = [], [], []
     for _ in range(rounds):
         encoded.append(samples / _seconds(lambda: [encode(batch) for batch in batches]) / 1e6)

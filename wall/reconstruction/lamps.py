@@ -44,5 +44,7 @@ def relit_objects(matt: NDArray[np.uint8], now: Lamps, was: Lamps | None) -> NDA
     """(n + 1,) uint8: which of the `matt` objects stand in another light than before; all if nothing was before."""
     if was is None:
         return matt.copy()
+    if was is now:
+        return np.zeros_like(matt)
     relit: NDArray[np.uint8] = matt & ((now.lamps != was.lamps).any(axis=(1, 2)) | (now.up != was.up).any(axis=1))
     return relit

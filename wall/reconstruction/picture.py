@@ -21,14 +21,14 @@ from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling, kernels_visible
 from wall.reconstruction import kernels_picture as kernels
-from wall.reconstruction.kernels_ages import AGES, oldest_kept
+from wall.reconstruction.kernels_ages import AGES, close_ranks, oldest_kept
 from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects, relit_objects
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 from wall.scene.sky import sky_irradiance
 
 SAMPLES_PER_PIXEL = 4  # kept on average
-SLACK = 0.5  # samples a pixel that may arrive between two refreshes, beside
+SLACK = 1.0  # samples a pixel that may arrive, or be dead, between two refreshes, beside
 SORT_EVERY = 8  # refreshes
 YOUNG_S = 0.017  # a refresh at 60 Hz
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
@@ -70,20 +70,23 @@ class Pose:
         *,
         objects: bool = True,
         lamps: bool = False,
+        last: Pose | None = None,
     ) -> None:
         """`rect` is the part of the panel that is pictured, all if None.
 
-        Without `objects` none ever moves; with `lamps` theirs are taken along.
+        Without `objects` none ever moves; with `lamps` theirs are taken along, from `last` if nothing moved since.
         """
-        n = len(scene.instances)
-        placed = scene.at(scene_time).world_from_object if objects else scene.rest[:n]
+        n, moment = len(scene.instances), scene.at(scene_time)
+        placed = moment.world_from_object if objects else scene.rest[:n]
         self.frame = ray_frame(panel, eye, camera)
         self.corner = np.array(panel.screen, np.float64)
         self.object_from_eye = np.empty((n + 1, 12), np.float32)
         self.panel_from_object = np.empty((n + 1, 12), np.float32)
         corner = self.corner if rect is None else self.corner + np.array([rect.x, rect.y])
         object_tables(placed, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object)
-        self.lamps = Lamps.at(scene, scene.at(scene_time)) if lamps else NO_LAMPS
+        self._moment = moment
+        same = last is not None and last._moment is moment
+        self.lamps: Lamps = last.lamps if last is not None and same else Lamps.at(scene, moment) if lamps else NO_LAMPS
 
 
 class Posed(Protocol):
@@ -236,8 +239,9 @@ class Picture:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
             made = Pose(
-                self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects, lamps=self._relights
-            )
+                self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects, lamps=self._relights,
+                last=self._traced[1] if self._traced else None,
+            )  # fmt: skip
             self._traced = (key, made)
         return self._traced[1]
 
@@ -344,13 +348,13 @@ class Picture:
         return np.float32(oldest_kept(s.state, s.screen, count, now, self._kept, self._ages))
 
     def _make_room(self, n: int) -> None:
-        """More came between two refreshes than there is slack for: the dead leave, then the oldest."""
-        self._sort(now=True)
-        if self.count + n > len(self._store.name):
-            times = self._store.state[0, : self.count]
-            share = min(1.0, 0.125 + n / self.count)
-            self._store.screen[2, : self.count][times <= np.quantile(times, share)] = OUTSIDE
-            self._sort(now=True)
+        """More came between two refreshes than there is slack for: the dead leave, then if need be the oldest."""
+        room = len(self._store.name) - n
+        self.count = close_ranks(*self._store, self.count, np.float32(-np.inf))
+        if self.count > room:
+            share = 1.0 - min(self._kept, room) / self.count
+            latest = np.float32(np.quantile(self._store.state[0, : self.count], share))
+            self.count = close_ranks(*self._store, self.count, latest)
 
 
 class Store(NamedTuple):

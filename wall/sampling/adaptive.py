@@ -40,7 +40,7 @@ class Beneath(Protocol):
 class AdaptiveSampler:
     """Chooses for one region. `replan` after every refresh of the picture beneath; complete when no pixel gains."""
 
-    coherent = True
+    coherent = False  # its packets span 16 pixels: at edges every ray goes its own way
 
     def __init__(
         self,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -37,6 +37,7 @@ from wall.scene.model import (
 
 BUILT_IN = {"courtyard": courtyard, "forest": forest, "gallery": gallery, "gallery_mirrors": gallery_mirrors}
 NAMES_SHOWN = 20
+MOMENTS = 4  # kept: a tracer and the picture beneath it ask for two in turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +56,7 @@ class Scene:
     center: Float64  # (3,) world, middle of the bounding box at rest
     radius: float  # world units, of the smallest sphere about `center`
     rest: Float64  # (bodies, 4, 4): instances, point lights, directional lights
+    _moments: dict[float, Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
     def triangles(self) -> int:
@@ -66,11 +68,20 @@ class Scene:
         return bool(self.tracks)
 
     def at(self, time: float) -> Moment:
-        """Everything that moves, at a scene time in seconds; only moving rows are computed."""
+        """Everything that moves, at a scene time in seconds: read-only, the same object for one of the newest times."""
+        key = time if self.tracks else 0.0
+        if (known := self._moments.get(key)) is not None:
+            return known
+        if len(self._moments) >= MOMENTS:
+            self._moments.clear()
+        return self._moments.setdefault(key, self._moment(key))
+
+    def _moment(self, time: float) -> Moment:
         poses = self.rest
         if self.tracks:
             poses = self.rest.copy()
             self.tracks.apply(poses, time)
+            poses.setflags(write=False)
         objects, lights = len(self.instances), len(self.instances) + len(self.point_lights)
         directions = poses[lights:, :3, 3]
         return Moment(

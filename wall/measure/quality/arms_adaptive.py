@@ -50,8 +50,9 @@ class AdaptiveArm:
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
         self._shooter = Shooter(
-            setup, coherent=True, adaptive=True, sends=sends, receive=self._receive if remote else None
-        )
+            setup, coherent=AdaptiveSampler.coherent, adaptive=True, sends=sends,
+            receive=self._receive if remote else None,
+        )  # fmt: skip
         self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
         self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
         self._sampler = AdaptiveSampler(

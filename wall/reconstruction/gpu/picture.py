@@ -253,12 +253,12 @@ class GpuPicture:
         self._store.pack()
 
     def _make_room(self, n: int) -> None:
-        """More came between two refreshes than there is slack for: the dead leave, then the oldest."""
+        """More came between two refreshes than there is slack for: the dead leave, then if need be the oldest."""
         self._send(moving=not self.nothing_moves)
-        self._pack()
-        count = self._store.count
-        if count + n > self._store.capacity:
-            self._store.drop_oldest(min(1.0, 0.125 + n / count))
+        self._store.pack()
+        room = self._store.capacity - n
+        if self._store.count > room:
+            self._store.drop_oldest(1.0 - min(self._kept, room) / self._store.count)
 
     def _stale(self) -> Float32:
         """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
@@ -279,5 +279,7 @@ class GpuPicture:
     def _pose_of(self, event: Posed) -> Pose:
         key = (event.camera, event.scene_time)
         if self._traced is None or self._traced[0] != key:
-            self._traced = (key, Pose(self._panel, self._eye, self._scene, *key, self.rect, lamps=self._relights))
+            last = self._traced[1] if self._traced else None
+            made = Pose(self._panel, self._eye, self._scene, *key, self.rect, lamps=self._relights, last=last)
+            self._traced = (key, made)
         return self._traced[1]
