@@ -12,7 +12,7 @@ from wall.measure.quality.metrics import display_values
 from wall.processes.plan import make_layout, make_plan
 from wall.processes.reference import render_plan
 
-SECONDS, STARTED_S = 1.5, 0.9  # a run's path has gone on for so long, and for no more than so much longer
+SECONDS, STARTED_S = 3.0, 0.9  # a run's path has gone on for so long, and for no more than so much longer
 AHEAD_S, STEP_S = 0.1, 0.03
 ALIKE = 12.0  # RMSE in 8-bit steps at the nearest tried moment: half a step of time and a few samples a pixel
 
