@@ -246,64 +246,111 @@ def take_in(
     -------
     count : int, stored now
     """
-    height, width = nearest.shape[0], nearest.shape[1]
-    for k in range(samples.shape[0]):
-        if count >= name.shape[0]:
-            break
-        sample = samples[k]
+    rows = np.empty((8, CHUNK), np.float32)
+    for first in range(0, samples.shape[0], CHUNK):
+        last = min(first + CHUNK, samples.shape[0])
+        find_places(samples, first, last, frame, corner, object_from_eye, table, nearest.shape, rows)
+        if judging and not still_mode:
+            look_beneath(samples, first, last, nearest, lighting, still, rows)
+        for k in range(first, last):
+            if count >= name.shape[0]:
+                return count
+            sample, r = samples[k], k - first
+            thing, u, v, z = int(sample["object"]), rows[3, r], rows[4, r], rows[5, r]
+            if z == NOWHERE:
+                continue
+            shown = z > ZERO
+            i, j = (int(v), int(u)) if shown else (0, 0)
+            time = offset + sample["time"]
+            if not (shown and steady and still[i, j, 3] >= stored):  # such a pixel's mean gains; stored, it would drive
+                a, b, c = rows[0, r], rows[1, r], rows[2, r]  # plain surfaces' few samples out
+                place[0, count], place[1, count], place[2, count] = a, b, c
+                name[count] = thing
+                for n in range(3):
+                    colour[count, n] = sample["radiance"][n]
+                colour[count, 3] = sample["light"]
+                if albedo.shape[1] > 0:
+                    surface[count] = surface_of(sample)
+                    albedo[0, count] = NOT_RELIT
+                    if matt[thing] != 0:
+                        remember_colour(
+                            sample, a, b, c, lamps[thing], suns, up[thing], irradiance, surface, albedo, count
+                        )
+                state[0, count], state[1, count] = time, ONE
+                screen[0, count], screen[1, count], screen[2, count] = u, v, z
+                count += 1
+            if not shown:
+                continue
+            dirty[i // TILE, j // TILE] = True
+            if not still_mode:
+                change = sample["change"]
+                if judging:
+                    change = judged(
+                        sample["light"], rows[6, r], rows[7, r], i, j, thing, nearest, lighting, still, residual
+                    )
+                    sample["change"] = change
+                probes[i // TILE, j // TILE, 0] += ONE
+                probes[i // TILE, j // TILE, 1] += change
+                if change > ZERO:
+                    spread_doubt(doubt, doubt_about, i, j, change, time, thing)
+            if steady:
+                gather_still(still, i, j, sample)
+    return count
+
+
+CHUNK = 64  # samples: first everything beneath them is fetched, which memory does for many at a time
+NOWHERE = np.float32(-2.0)  # depth of a sample whose object does not exist
+
+
+@inline_kernel
+def find_places(samples, first, last, frame, corner, object_from_eye, table, shape, rows):
+    """Rows 0 to 5 of (8, CHUNK): place in the object; x, y, depth in the picture, OUTSIDE or NOWHERE."""
+    bottom, right = np.float32(shape[0]), np.float32(shape[1])
+    for k in range(first, last):
+        sample, r = samples[k], k - first
         thing = int(sample["object"])
         if thing >= object_from_eye.shape[0]:
+            rows[5, r] = NOWHERE
             continue
         x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
         a, b, c = place_of(x, y, sample["depth"], thing, frame, object_from_eye)
-        place[0, count], place[1, count], place[2, count] = a, b, c
-        name[count] = thing
-        red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
-        light = sample["light"]
-        colour[count, 0], colour[count, 1], colour[count, 2], colour[count, 3] = red, green, blue, light
-        if albedo.shape[1] > 0:
-            surface[count] = surface_of(sample)
-            albedo[0, count] = NOT_RELIT
-            if matt[thing] != 0:
-                remember_colour(sample, a, b, c, lamps[thing], suns, up[thing], irradiance, surface, albedo, count)
-        time = offset + sample["time"]
-        state[0, count], state[1, count] = time, ONE
+        rows[0, r], rows[1, r], rows[2, r] = a, b, c
         u, v, z = pixel_of(a, b, c, thing, table)
-        if not (u >= ZERO and v >= ZERO and u < width and v < height):
-            z = OUTSIDE
-        screen[0, count], screen[1, count], screen[2, count] = u, v, z
-        count += 1
-        if not z > ZERO:
-            continue
-        i, j = int(v), int(u)
-        dirty[i // TILE, j // TILE] = True
-        if steady and still[i, j, 3] >= stored:
-            count -= 1  # only its pixel's mean gains; stored, it would drive plain surfaces' few samples out
-        if not still_mode:
-            change = sample["change"]
-            if judging:
-                change = ZERO
-                if nearest[i, j, 3] == thing and lighting[i, j, 1] > TRUSTED:
-                    known = still[i, j, 3] >= KNOWN
-                    was = still[i, j, 6] if known else lighting[i, j, 0] / lighting[i, j, 1]
-                    difference = abs(light - was)
-                    if difference > SMALL_CHANGE:
-                        if known:
-                            noise = SIGMAS * np.sqrt(still[i, j, 7] / still[i, j, 3])
-                        else:
-                            noise = NOISE * spread_of(lighting, nearest, i, j, thing)
-                        difference = max(difference - noise, ZERO)
-                    change = min(max((difference - SMALL_CHANGE) * PER_CHANGE, ZERO), ONE)
-                    tile = residual[i // TILE, j // TILE]
-                    residual[i // TILE, j // TILE] = tile + RESIDUAL_SHARE * (difference - tile)
-                sample["change"] = change
-            probes[i // TILE, j // TILE, 0] += ONE
-            probes[i // TILE, j // TILE, 1] += change
-            if change > ZERO:
-                spread_doubt(doubt, doubt_about, i, j, change, time, thing)
-        if steady:
-            gather_still(still, i, j, red, green, blue, light)
-    return count
+        rows[3, r], rows[4, r] = u, v
+        rows[5, r] = z if u >= ZERO and v >= ZERO and u < right and v < bottom else OUTSIDE
+
+
+@inline_kernel
+def look_beneath(samples, first, last, nearest, lighting, still, rows):
+    """Rows 6 and 7: the lighting shown where a sample falls (-1: of another object), its still pixel's count."""
+    for k in range(first, last):
+        r = k - first
+        rows[6, r] = -ONE
+        if rows[5, r] > ZERO:
+            i, j = int(rows[4, r]), int(rows[3, r])
+            sum, weight = lighting[i, j, 0], lighting[i, j, 1]
+            known = (nearest[i, j, 3] == samples[k]["object"]) & (weight > TRUSTED)
+            rows[6, r] = sum / weight if known else -ONE
+            rows[7, r] = still[i, j, 3]
+
+
+@inline_kernel
+def judged(light, was, count, i, j, thing, nearest, lighting, still, residual):
+    """How much a sample contradicts what is shown, 0..1: beyond what sampling alone brings about."""
+    if was < ZERO:
+        return ZERO
+    known = count >= KNOWN
+    was = still[i, j, 6] if known else was
+    difference = abs(light - was)
+    if difference > SMALL_CHANGE:
+        if known:
+            noise = SIGMAS * np.sqrt(still[i, j, 7] / still[i, j, 3])
+        else:
+            noise = NOISE * spread_of(lighting, nearest, i, j, thing)
+        difference = max(difference - noise, ZERO)
+    tile = residual[i // TILE, j // TILE]
+    residual[i // TILE, j // TILE] = tile + RESIDUAL_SHARE * (difference - tile)
+    return min(max((difference - SMALL_CHANGE) * PER_CHANGE, ZERO), ONE)
 
 
 SMALL_CHANGE = np.float32(0.018)  # of the square root of lighting: below it, sampling noise
@@ -328,9 +375,10 @@ def spread_of(lighting, nearest, i, j, thing):
 
 
 @inline_kernel
-def gather_still(still, i, j, red, green, blue, light):
+def gather_still(still, i, j, sample):
     """Welford's update of what a still pixel gathered."""
     pixel = still[i, j]
+    red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
     pixel[0] += red
     pixel[1] += green
     pixel[2] += blue
@@ -339,9 +387,9 @@ def gather_still(still, i, j, red, green, blue, light):
     delta = value - pixel[4]
     pixel[4] += delta / pixel[3]
     pixel[5] += delta * (value - pixel[4])
-    delta = light - pixel[6]
+    delta = sample["light"] - pixel[6]
     pixel[6] += delta / pixel[3]
-    pixel[7] += delta * (light - pixel[6])
+    pixel[7] += delta * (sample["light"] - pixel[6])
 
 
 @inline_kernel
