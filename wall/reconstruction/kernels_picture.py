@@ -83,13 +83,17 @@ def place_run(place, name, first, last, rows, right, bottom, screen):
 
 
 @kernel
-def splat(colour, screen, weight, count, gathered, lighting):
-    """Add samples to the picture: a sample spreads over the four nearest pixel centres by a tent.
+def splat(colour, screen, weight, count, sharpness, gathered, lighting):
+    """Add samples to the picture: a sample spreads over the four nearest pixel centres by a tent, or a steeper one.
+
+    Between two centres its share goes from one to the other within 1 / sharpness pixels, about the edge between them:
+    shares still sum to 1. At sharpness 1 that is a tent, far above it the box of which the ideal picture is the mean.
 
     Parameters
     ----------
     colour : (capacity, 4) float32, radiance and square root of lighting
     screen : (3, capacity) float32; weight : (capacity,) float32, see weigh
+    sharpness : (h, w) float32, 1 or more, see front_bounds
     gathered : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
     lighting : (h, w, 2) float32, weighted square root of lighting and weight, each sample in its own pixel, written;
         | None
@@ -103,14 +107,16 @@ def splat(colour, screen, weight, count, gathered, lighting):
         if not w > ZERO:
             continue
         x, y = screen[0, k], screen[1, k]
+        i, j = uint32(y), uint32(x)
+        sharp = sharpness[i, j]
         if lighting is not None:
-            i, j = uint32(y), uint32(x)
             lighting[i, j, 0] += w * colour[k, 3]
             lighting[i, j, 1] += w
         x += HALF  # border included
         y += HALF
         i, j = uint32(y), uint32(x)
-        fx, fy = x - np.float32(j), y - np.float32(i)
+        fx = min(max((x - np.float32(j) - HALF) * sharp + HALF, ZERO), ONE)
+        fy = min(max((y - np.float32(i) - HALF) * sharp + HALF, ZERO), ONE)
         red, green, blue = colour[k, 0], colour[k, 1], colour[k, 2]
         w11 = fx * fy * w
         w10 = fy * w - w11

@@ -146,6 +146,7 @@ class Picture:
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
         self.front = np.zeros((height, width, 2), np.float32)
+        self._sharpness = np.ones((height, width), np.float32)
         self._weight = np.zeros(capacity, np.float32)
         self._doubtful = np.zeros(capacity + 1, np.uint32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
@@ -267,13 +268,13 @@ class Picture:
         moved |= self._relight(pose, last)
         alive = kernels_visible.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
-        kernels_visible.front_bounds(self.nearest, decay, self.front)
+        kernels_visible.front_bounds(self.nearest, decay, self.gathered, self.front, self._sharpness)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visible.weigh(
             s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32, young,
             self._weight, self._doubtful,
         )  # fmt: skip
-        kernels.splat(s.colour, s.screen, self._weight, self.count, self.gathered, self.lighting)
+        kernels.splat(s.colour, s.screen, self._weight, self.count, self._sharpness, self.gathered, self.lighting)
         kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
         self.probes[:] = 0.0
         self._sort()

@@ -13,7 +13,7 @@ PACKET = 16  # rays
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 EMPTY = np.float32(0.1)  # weight below which a pixel counts as a hole
 HOLE = np.float32(0.005)  # least squared error expected of a hole, display units
-DOUBTED = np.float32(0.05)  # the same of a pixel that was contradicted altogether
+DOUBTED = np.float32(0.02)  # the same of a pixel that was contradicted altogether
 STEPS_X, STEPS_Y = 0.7548776662466927, 0.5698402909980532  # R2 sequence (Roberts 2018)
 
 

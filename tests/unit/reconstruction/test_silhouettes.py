@@ -26,7 +26,8 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     front, decay = np.zeros((SIZE, SIZE, 2), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     keep_nearest(name, state, screen, n, nearest)
-    front_bounds(nearest, decay, front)
+    no_picture: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
+    front_bounds(nearest, decay, no_picture, front, np.ones((SIZE, SIZE), np.float32))
     weigh(
         state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0), np.zeros(n, np.float32),
         np.zeros(n + 1, np.uint32),

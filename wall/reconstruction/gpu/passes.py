@@ -35,7 +35,7 @@ class Passes:
         self._pixels = reserve(device, 2 * self._area)  # least depth, its sample
         self._doubt = reserve(device, 4 * self._area)  # amount, ordinal, time, object
         self._nearest = reserve(device, 4 * self._area)
-        self._front = reserve(device, 2 * self._area)  # depth, rim
+        self._front = reserve(device, 3 * self._area)  # depth, rim, crowd
         self._base, self._shown = reserve(device, 3 * self._area), reserve(device, 3 * self._area)
         self._curve = device.context.buffer(srgb_curve().astype(np.uint32))
         self._codes = reserve(device, 3 * -(-self._area // PIXELS_A_DISPLAY_ITEM))
@@ -95,6 +95,7 @@ class Passes:
         if store.count:
             self._place(store, since=since, **about)
         self._over_pixels(store, wipe=0, doubted=int(doubted))
+        self._gathered.use(0)
         self._device.compute("front", self._area, (self._nearest, self._front), size=self._size)
         if crowded:
             store.limit_age(now, kept)
@@ -129,7 +130,7 @@ class Passes:
         seen = (a["state"], a["screen"], store.weight, self._tiles, self._nearest, self._front, store.ages)
         self._device.compute("see", store.count, seen, **uniforms)
         self._device.draw(
-            "splat", self._gathering, (0, store.count), (a["screen"], a["colour"], store.weight), size=size
+            "splat", self._gathering, (0, store.count), (a["screen"], a["colour"], store.weight, self._front), size=size
         )
 
     def _fill(self) -> None:

@@ -1,7 +1,8 @@
 // Every pixel: the least depth over 3x3, enlarged; up to it a sample is seen without further tests. And RIM where deeper
-// surfaces show within the 3x3.
+// surfaces show within the 3x3. And how samples crowd in the picture before.
+layout(binding = 0) uniform sampler2D gathered;
 layout(std430, binding = 0) readonly buffer Nearest { vec4 nearest[]; };
-layout(std430, binding = 1) writeonly buffer Front { vec2 front[]; };
+layout(std430, binding = 1) writeonly buffer Front { float front[]; };
 uniform ivec2 size;
 
 void main() {
@@ -15,5 +16,7 @@ void main() {
             least = min(least, depth);
             most = max(most, depth < nothing ? depth : 0.0);
         }
-    front[p] = vec2(least * BEHIND, most > least * BEHIND ? RIM : 0.0);
+    front[3 * p] = least * BEHIND;
+    front[3 * p + 1] = most > least * BEHIND ? RIM : 0.0;
+    front[3 * p + 2] = texelFetch(gathered, at + 1, 0).w / CROWD;
 }

@@ -4,7 +4,7 @@ layout(std430, binding = 1) buffer Screen { float screen[]; };
 layout(std430, binding = 2) writeonly buffer Weight { float weight[]; };
 layout(std430, binding = 3) readonly buffer Tiles { vec2 tiles[]; };
 layout(std430, binding = 4) readonly buffer Nearest { vec4 nearest[]; };
-layout(std430, binding = 5) readonly buffer Front { vec2 front[]; };
+layout(std430, binding = 5) readonly buffer Front { float front[]; };
 layout(std430, binding = 6) readonly buffer Ages { uint ages[]; };
 uniform ivec2 size;
 uniform int tile_columns;
@@ -44,14 +44,15 @@ void main() {
     if (!(at.z > 0.0)) return;
     float age = now - state[2 * k];
     bool old = crowded != 0 && floatBitsToUint(max(age, 0.0)) >> AGE_SHIFT > ages[AGES];
-    vec2 before = front[int(at.y) * size.x + int(at.x)];
-    bool covered = at.z > before.x && age > young && hidden(at);
+    int before = 3 * (int(at.y) * size.x + int(at.x));
+    bool covered = at.z > front[before] && age > young && hidden(at);
     if (covered && age < WAITS && !old) return;
     if (covered || old) {
         screen[3 * k + 2] = OUTSIDE;
         state[2 * k + 1] = 0.0;
         return;
     }
-    float a = max(age, 0.0) * (tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + before.y);
+    float decay = tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + front[before + 1];
+    float a = max(age, 0.0) * decay;
     weight[k] = state[2 * k + 1] / (1.0 + a * (1.0 + a * (0.5 + a / 6.0)));
 }

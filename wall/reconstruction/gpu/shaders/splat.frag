@@ -1,4 +1,4 @@
-// The tent: each of the four pixels gets its share.
+// The tent, or a steeper one: each of the four pixels gets its share.
 flat in vec4 value;
 flat in vec2 corner;
 flat in vec2 part;

@@ -2,6 +2,7 @@
 layout(std430, binding = 0) readonly buffer Screen { float screen[]; };
 layout(std430, binding = 1) readonly buffer Colour { float colour[]; };
 layout(std430, binding = 2) readonly buffer Weight { float weight[]; };
+layout(std430, binding = 3) readonly buffer Front { float front[]; };
 uniform ivec2 size;
 flat out vec4 value;  // weighted radiance and weight
 flat out vec2 corner;
@@ -10,9 +11,12 @@ flat out vec2 part;  // of the pixel to the right, below
 void main() {
     uint k = uint(gl_VertexID);
     float w = weight[k];
-    vec2 at = vec2(screen[3 * k], screen[3 * k + 1]) + 0.5;
+    vec2 at = vec2(screen[3 * k], screen[3 * k + 1]);
+    ivec2 pixel = clamp(ivec2(at), ivec2(0), size - 1);  // what is not drawn may lie anywhere
+    float sharp = clamp(front[3 * (pixel.y * size.x + pixel.x) + 2], 1.0, SHARPEST);
+    at += 0.5;
     corner = floor(at);
-    part = at - corner;
+    part = clamp((at - corner - 0.5) * sharp + 0.5, 0.0, 1.0);
     value = w * vec4(colour[3 * k], colour[3 * k + 1], colour[3 * k + 2], 1.0);
     gl_PointSize = 2.0;
     gl_Position = w > 0.0 ? vec4((corner + 1.0) / (vec2(size) + 2.0) * 2.0 - 1.0, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);

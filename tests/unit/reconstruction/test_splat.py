@@ -1,0 +1,47 @@
+"""How far samples spread: a tent where they are few, steeper where they crowd, shares that always sum to 1."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from wall.data import Float32
+from wall.reconstruction.kernels_picture import splat
+from wall.reconstruction.kernels_visible import CROWD, SHARPEST, front_bounds
+
+SIZE = 8  # pixels
+FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
+
+
+def shares(x: float, y: float, sharpness: float) -> Float32:
+    """(SIZE + 2, SIZE + 2) float32: what pixels get of one sample of weight 1, a border around."""
+    screen = np.array([[x], [y], [1.0]], np.float32)
+    gathered: Float32 = np.full((SIZE + 2, SIZE + 2, 4), 7.0, np.float32)
+    sharp = np.full((SIZE, SIZE), sharpness, np.float32)
+    splat(np.ones((1, 4), np.float32), screen, np.ones(1, np.float32), 1, sharp, gathered, None)
+    assert_allclose(gathered[..., 0], gathered[..., 3])
+    return np.asarray(gathered[..., 3])
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 1.7, 3.0])
+def test_shares_follow_the_trapezoid_and_sum_to_1(sharpness: float) -> None:
+    """In one dimension a pixel at distance d gets clip(1/2 + sharpness (1/2 - d), 0, 1)."""
+    random = np.random.default_rng(3)
+    for x, y in random.random((20, 2)) * SIZE:
+        centres = np.arange(SIZE + 2) - 0.5
+        across, down = (np.clip(0.5 + sharpness * (0.5 - np.abs(centres - at)), 0.0, 1.0) for at in (x, y))
+        assert_allclose(shares(x, y, sharpness), np.outer(down, across), atol=FLOAT32)
+        assert_allclose(shares(x, y, sharpness).sum(), 1.0, atol=FLOAT32)
+
+
+@pytest.mark.parametrize(
+    ("weight", "expected"), [(0.0, 1.0), (float(CROWD), 1.0), (2 * float(CROWD), 2.0), (99.0, float(SHARPEST))]
+)
+def test_the_tent_is_steeper_only_where_samples_crowd(weight: float, expected: float) -> None:
+    nearest, front = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((SIZE, SIZE, 2), np.float32)
+    gathered, sharpness = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32), np.zeros((SIZE, SIZE), np.float32)
+    gathered[3, 5, 3] = weight
+    front_bounds(nearest, np.zeros((1, 1), np.float32), gathered, front, sharpness)
+    assert sharpness[2, 4] == expected
+    assert np.count_nonzero(sharpness != 1.0) == (expected != 1.0)
