@@ -29,7 +29,8 @@ from wall.scene.sky import sky_irradiance
 
 SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 1.0  # samples a pixel that may arrive, or be dead, between two refreshes, beside
-SORT_EVERY = 8  # refreshes
+SORT_EVERY = 8  # refreshes, by object,
+BY_TILE_EVERY = 4  # and so many of these by tile before: samples move on, neighbours stay neighbours
 YOUNG_S = 0.017  # a refresh at 60 Hz
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
 DECAY_PER_RESIDUAL = 100.0
@@ -142,7 +143,7 @@ class Picture:
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
         self._oldest_kept(0, np.float32(0.0))  # compiled now, not when first there are too many
-        self._until_sorted = 0
+        self._until_sorted = self._sorts = 0
         self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
         self.front = np.zeros((height, width, 2), np.float32)
@@ -327,16 +328,21 @@ class Picture:
             filled = level
         kernels_fill.resolve(self.gathered, self._levels[0], self.base)
 
-    def _sort(self, *, now: bool = False) -> None:
+    def _sort(self) -> None:
         """Now and then: close ranks, and let objects stand together again."""
         self._until_sorted -= 1
-        if self._until_sorted <= 0 or now:
-            self._until_sorted = SORT_EVERY
-            for by_tile, starts in ((True, self._tile_starts), (False, self._object_starts)):
-                self.count = kernels.sort_store(
-                    *self._store, self.count, by_tile, self.residual.shape[1], starts, *self._spare
-                )
-                self._store, self._spare = self._spare, self._store
+        if self._until_sorted > 0:
+            return
+        self._until_sorted = SORT_EVERY
+        self._sorts += 1
+        if self._sorts % BY_TILE_EVERY == 1:
+            self._sort_by(self._tile_starts, by_tile=True)
+        self._sort_by(self._object_starts, by_tile=False)
+
+    def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
+        columns = self.residual.shape[1]
+        self.count = kernels.sort_store(*self._store, self.count, by_tile, columns, starts, *self._spare)
+        self._store, self._spare = self._spare, self._store
 
     def _cutoff(self, alive: int, now: np.float32) -> np.float32:
         """Time before which samples must go for no more than the wanted number to stay."""
