@@ -21,6 +21,7 @@ SLOT = np.float32(6.0)  # of nine pixels: with fewer nearer ones, a pixel that s
 WAITS = np.float32(0.5)  # seconds: so young a hidden sample is kept, for it may come out again
 RIM = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
 CROWD, SHARPEST = np.float32(4.0), np.float32(3.0)  # weight up to which the tent is one; its slope at three times that
+SLOWEST = np.float32(0.3)  # where samples are few, weights fall at so much of the usual pace: there are no better ones
 
 
 @kernel
@@ -60,13 +61,14 @@ def keep_nearest(name, state, screen, count, nearest):
 def front_bounds(nearest, decay, gathered, front, sharpness):
     """Up to which depth a sample is seen without further tests, how fast old samples lose weight, how far all spread.
 
-    Where samples crowd, there are enough near ones, and the tent would only blur.
+    Where samples crowd, there are enough near and new ones: the tent would only blur, the old only lag behind.
 
     nearest : (h, w, 4) float32, see keep_nearest
     decay : (rows, columns) float32, 1 / seconds, of each tile
     gathered : (h + 2, w + 2, 4) float32, of the picture before, weight last
-    front : (h, w, 2) float32, written: the least depth over 3x3 pixels, enlarged by BEHIND; the tile's decay, and RIM
-        more where deeper surfaces show within these pixels
+    front : (h, w, 2) float32, written: the least depth over 3x3 pixels, enlarged by BEHIND; 1 / seconds: the tile's
+        decay, RIM more where deeper surfaces show within these pixels, times weight / CROWD from SLOWEST to SHARPEST
+        (1 where nothing was shown)
     sharpness : (h, w) float32, written: weight / CROWD from 1 to SHARPEST, see splat
     """
     height, width = front.shape[0], front.shape[1]
@@ -88,7 +90,8 @@ def front_bounds(nearest, decay, gathered, front, sharpness):
             rim = max(high[j], max(high[j + 1], high[j + 2])) > bound
             front[i, j, 0] = bound
             crowd = gathered[i + 1, j + 1, 3] * (ONE / CROWD)
-            front[i, j, 1] = decay[i // TILE, j // TILE] + (RIM if rim else ZERO)
+            pace = min(max(crowd, SLOWEST), SHARPEST) if crowd > ZERO else ONE
+            front[i, j, 1] = pace * (decay[i // TILE, j // TILE] + (RIM if rim else ZERO))
             sharpness[i, j] = min(max(crowd, ONE), SHARPEST)
 
 

@@ -53,6 +53,7 @@ void main() {
         return;
     }
     float decay = tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + front[before + 1];
-    float a = max(age, 0.0) * decay;
+    float crowd = front[before + 2];
+    float a = max(age, 0.0) * decay * (crowd > 0.0 ? clamp(crowd, SLOWEST, SHARPEST) : 1.0);
     weight[k] = state[2 * k + 1] / (1.0 + a * (1.0 + a * (0.5 + a / 6.0)));
 }
