@@ -27,19 +27,15 @@ def display_tiles(radiance, dirty, tile, curve, rgb):
     redone : int, pixels written
     """
     redone = 0
-    steps = np.empty(3 * tile, np.int32)
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
                 continue
-            left, right = column * tile, min((column + 1) * tile, radiance.shape[1])
             for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
-                linear, codes = radiance[y, left:right].reshape(-1), rgb[y, left:right].reshape(-1)
-                for n in range(linear.shape[0]):  # vector code
-                    value = linear[n] if linear[n] > np.float32(0.0) else np.float32(0.0)
-                    root = math.sqrt(min(value, np.float32(1.0)))
-                    steps[n] = np.int32(root * np.float32(CURVE_STEPS) + np.float32(0.5))
-                for n in range(linear.shape[0]):
-                    codes[n] = curve[np.uint32(steps[n])]
-                redone += right - left
+                for x in range(column * tile, min((column + 1) * tile, radiance.shape[1])):
+                    for c in range(3):
+                        value = radiance[y, x, c]
+                        value = min(value, np.float32(1.0)) if value > np.float32(0.0) else np.float32(0.0)
+                        rgb[y, x, c] = curve[int(math.sqrt(value) * np.float32(CURVE_STEPS) + np.float32(0.5))]
+                    redone += 1
     return redone
