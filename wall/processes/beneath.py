@@ -22,7 +22,7 @@ SHARE_OF_TIME = 0.2  # at most spent on refreshing the picture beneath; it may l
 class LiveAdaptive:
     """A Sampler: refreshes the picture beneath its band when that is due, then chooses."""
 
-    coherent = False  # its packets span 16 pixels: at edges every ray goes its own way
+    coherent = AdaptiveSampler.coherent
 
     def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
         panel = plan.layout.wall.panels[region.panel]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.data import Counters, Event, Rect, Survey
+from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
 from wall.geometry.panels import Panel
@@ -178,7 +179,7 @@ class RemotePanel:
     def check(self, survey: Survey) -> None:
         """Raise RemoteProtocolError for a survey whose tiles are not this panel's."""
         height, width = self._rgb.shape[:2]
-        if survey.age.shape != (-(-height // 16), -(-width // 16)):
+        if survey.age.shape != (-(-height // TILE), -(-width // TILE)):
             raise RemoteProtocolError(f"survey of {survey.age.shape} tiles, panel {self.panel.id} has {width}x{height}")
         ends = survey.rects[:, :2].astype(np.int64) + survey.rects[:, 2:]
         if (ends > (width, height)).any():
@@ -280,14 +281,15 @@ class FurtherCompositor:
 def _bounds(dirty: NDArray[np.bool_], pixels: tuple[int, int]) -> Rect:
     """The pixels of the smallest rectangle of 16-pixel tiles that holds all dirty ones."""
     rows, columns = np.flatnonzero(dirty.any(1)), np.flatnonzero(dirty.any(0))
-    x, y = int(columns[0]) * 16, int(rows[0]) * 16
+    x, y = int(columns[0]) * TILE, int(rows[0]) * TILE
     return Rect(
         x=x,
         y=y,
-        width=min((int(columns[-1]) + 1) * 16, pixels[0]) - x,
-        height=min((int(rows[-1]) + 1) * 16, pixels[1]) - y,
+        width=min((int(columns[-1]) + 1) * TILE, pixels[0]) - x,
+        height=min((int(rows[-1]) + 1) * TILE, pixels[1]) - y,
     )
 
 
 def _tiles(rect: Rect) -> tuple[slice, slice]:
-    return slice(rect.y // 16, -(-(rect.y + rect.height) // 16)), slice(rect.x // 16, -(-(rect.x + rect.width) // 16))
+    bottom, right = rect.y + rect.height, rect.x + rect.width
+    return slice(rect.y // TILE, -(-bottom // TILE)), slice(rect.x // TILE, -(-right // TILE))

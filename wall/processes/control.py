@@ -14,8 +14,8 @@ from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan
 from wall.transport.base import Link
 
-RECENT_EVENTS = 32
 PINGS = 8  # round trips to the head; the fastest sets the clock
+RECENT_EVENTS = 32  # kept for who is late; older ones predict nothing
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the head, then a rank ends itself
 
 
@@ -33,7 +33,6 @@ class Control:
         self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
         self._knows_time = same_clock
         self._heard = time.monotonic()
-        self._head_host = ""
         link.send(
             serialise(
                 Hello(

@@ -23,6 +23,7 @@ from wall.transport.base import Hub
 
 STATUS_PERIOD_S = 0.25
 SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
+LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
 RECENT_LATENCIES = 240  # shown in the viewer's plot
 
@@ -81,7 +82,8 @@ class Head:
             self._hold()
         self.manager.stop()
         event = self._newest()
-        while self._compositor.take_in():
+        limit = self._clock.now() + LAST_S
+        while self._compositor.take_in() and self._clock.now() < limit:
             pass
         self._refresh(self._clock.now(), event, event)
         failures = []

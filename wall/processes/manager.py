@@ -19,13 +19,13 @@ from wall.errors import RemoteProtocolError
 from wall.geometry.steering import Command, Steering, parse
 from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
 from wall.processes.clock import Clock
+from wall.processes.control import RECENT_EVENTS
 from wall.processes.plan import Plan, first_event
 from wall.transport.base import Hub
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
-RECENT_EVENTS = 32  # kept for a head that is late; older ones predict nothing
 BYE_WAIT_S = 0.8  # for the ranks' last words
 
 

@@ -23,7 +23,7 @@ from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.picture import SAMPLES_PER_PIXEL
 
-EARLY_BATCHES = 64  # kept until their event is heard: a few milliseconds of a rank, whose event takes another way
+EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
 
 
 class PanelCompositor:
@@ -85,13 +85,21 @@ class PanelCompositor:
 
     def insert(self, batch: Batch) -> None:
         """Keep a batch for its picture; count it as late or early where there is none."""
-        if batch.adaptive == self._adaptive:
+        if batch.adaptive and self._adaptive:
             self._take(batch)
-        elif self.compared is not None and batch.camera_event >= self._since:
-            self.compared.buffer.insert(batch)
-        elif batch.camera_event <= self._followed:
+        elif batch.camera_event > self._followed:  # whose it is, its event will say
+            self._wait(batch)
+        elif batch.adaptive or batch.camera_event < self._since:
             self.buffer.counters.add("late", len(batch.samples))
-        elif len(self._early) < EARLY_BATCHES:
+        elif self.compared is not None:
+            self.compared.buffer.insert(batch)
+        elif not self._adaptive:
+            self._take(batch)
+        else:
+            self.buffer.counters.add("late", len(batch.samples))
+
+    def _wait(self, batch: Batch) -> None:
+        if len(self._early) < EARLY_BATCHES:
             self._early.append(batch)
         else:
             self.buffer.counters.add("early", len(batch.samples))

@@ -1,4 +1,4 @@
-"""Stored samples to a picture: what is visible, splat, mix in what still pixels have gathered.
+"""Stored samples to a picture: take in, place, splat, mix in what still pixels have gathered.
 
 Accumulators have a border of one pixel on every side, so that a sample's four neighbours always exist.
 """

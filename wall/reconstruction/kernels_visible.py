@@ -20,7 +20,8 @@ AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # and so do n whose mean lies
 SLOT = np.float32(6.0)  # of nine pixels: with fewer nearer ones, a pixel that shows the deeper surface itself is a gap
 WAITS = np.float32(0.5)  # seconds: so young a hidden sample is kept, for it may come out again
 RIM = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
-CROWD, SHARPEST = np.float32(4.0), np.float32(3.0)  # weight up to which the tent is one; its slope at three times that
+CROWD = np.float32(4.0)  # weight of a pixel beyond which its samples spread less and age faster, in proportion,
+SHARPEST = np.float32(3.0)  # up to so many times
 SLOWEST = np.float32(0.3)  # where samples are few, weights fall at so much of the usual pace: there are no better ones
 
 
@@ -58,40 +59,47 @@ def keep_nearest(name, state, screen, count, nearest):
 
 
 @kernel
-def front_bounds(nearest, decay, gathered, front, sharpness):
+def front_bounds(nearest, moved, decay, gathered, front, sharpness):
     """Up to which depth a sample is seen without further tests, how fast old samples lose weight, how far all spread.
 
     Where samples crowd, there are enough near and new ones: the tent would only blur, the old only lag behind.
 
     nearest : (h, w, 4) float32, see keep_nearest
-    decay : (rows, columns) float32, 1 / seconds, of each tile
+    moved : (n + 1,) uint8, what moves in the picture; decay : (rows, columns) float32, 1 / seconds, of each tile
     gathered : (h + 2, w + 2, 4) float32, of the picture before, weight last
     front : (h, w, 2) float32, written: the least depth over 3x3 pixels, enlarged by BEHIND; 1 / seconds: the tile's
-        decay, RIM more where deeper surfaces show within these pixels, times weight / CROWD from SLOWEST to SHARPEST
-        (1 where nothing was shown)
+        decay times weight / CROWD from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show
+        within these pixels RIM more, times that if none of them moves
     sharpness : (h, w) float32, written: weight / CROWD from 1 to SHARPEST, see splat
     """
     height, width = front.shape[0], front.shape[1]
     depth = np.empty((height + 2, width + 2), np.float32)  # edges stand twice, which changes no extreme
+    moving = np.empty_like(depth)
     for i in range(height + 2):
         row = min(max(i - 1, 0), height - 1)
         for j in range(width):
+            thing = nearest[row, j, 3]
             depth[i, j + 1] = nearest[row, j, 0]
+            moving[i, j + 1] = np.float32(moved[uint32(max(thing, ZERO))]) if thing >= ZERO else ZERO
         depth[i, 0], depth[i, width + 1] = depth[i, 1], depth[i, width]
-    low, high = np.empty(width + 2, np.float32), np.empty(width + 2, np.float32)
+        moving[i, 0], moving[i, width + 1] = moving[i, 1], moving[i, width]
+    low, high, any_moves = np.empty_like(depth[0]), np.empty_like(depth[0]), np.empty_like(depth[0])
     for i in range(height):
         for j in range(width + 2):  # vector code, as below
             a, b, c = depth[i, j], depth[i + 1, j], depth[i + 2, j]
             low[j] = min(a, min(b, c))
             a, b, c = a if a < INFINITE else ZERO, b if b < INFINITE else ZERO, c if c < INFINITE else ZERO
             high[j] = max(a, max(b, c))
+            any_moves[j] = max(moving[i, j], max(moving[i + 1, j], moving[i + 2, j]))
         for j in range(width):
             bound = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
             rim = max(high[j], max(high[j + 1], high[j + 2])) > bound
-            front[i, j, 0] = bound
+            moves = max(any_moves[j], max(any_moves[j + 1], any_moves[j + 2]))
             crowd = gathered[i + 1, j + 1, 3] * (ONE / CROWD)
             pace = min(max(crowd, SLOWEST), SHARPEST) if crowd > ZERO else ONE
-            front[i, j, 1] = pace * (decay[i // TILE, j // TILE] + (RIM if rim else ZERO))
+            front[i, j, 0] = bound
+            at_rim = RIM * (ONE if moves > ZERO else pace) if rim else ZERO
+            front[i, j, 1] = pace * decay[i // TILE, j // TILE] + at_rim
             sharpness[i, j] = min(max(crowd, ONE), SHARPEST)
 
 
@@ -137,7 +145,7 @@ def weigh(state, screen, count, cutoff, nearest, front, now, young, weight, doub
     nearest, front : see keep_nearest and front_bounds
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
-    doubtful : (capacity + 1,) uint32, scratch: whose visibility needs a test
+    doubtful : (capacity,) uint32, scratch: whose visibility needs a test
     """
     bounds, width = front.reshape(-1), uint32(front.shape[1])
     tests = uint32(0)

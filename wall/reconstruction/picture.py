@@ -29,10 +29,10 @@ from wall.scene.sky import sky_irradiance
 
 SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 1.0  # samples a pixel that may arrive, or be dead, between two refreshes, beside
-SORT_EVERY = 8  # refreshes, by object,
-BY_TILE_EVERY = 4  # and so many of these by tile before: samples move on, neighbours stay neighbours
+SORT_EVERY = 8  # refreshes, by object
+BY_TILE_EVERY = 4  # sorts: then it goes by tile first; neighbours stay neighbours for long
 YOUNG_S = 0.017  # a refresh at 60 Hz
-SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s
+SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s where 4 samples a pixel are seen
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
@@ -149,7 +149,7 @@ class Picture:
         self.front = np.zeros((height, width, 2), np.float32)
         self._sharpness = np.ones((height, width), np.float32)
         self._weight = np.zeros(capacity, np.float32)
-        self._doubtful = np.zeros(capacity + 1, np.uint32)
+        self._doubtful = np.zeros(capacity, np.uint32)
         self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
         self.lighting = np.zeros((height, width, 2), np.float32) if judging else None
         self.doubt = np.zeros((height, width, 2), np.float32)
@@ -211,7 +211,8 @@ class Picture:
         """Forget every sample."""
         self.count = 0
         self._shown = None
-        self.still[:] = 0.0
+        for learnt in (self.still, self.gathered, self.doubt, self.residual, self.probes):
+            learnt[:] = 0.0
 
     def take_dirty(self) -> NDArray[np.bool_]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
@@ -266,17 +267,17 @@ class Picture:
         kernels.place_samples(
             s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
         )
-        moved |= self._relight(pose, last)
+        changed = moved | self._relight(pose, last)
         alive = kernels_visible.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
-        kernels_visible.front_bounds(self.nearest, decay, self.gathered, self.front, self._sharpness)
+        kernels_visible.front_bounds(self.nearest, moved, decay, self.gathered, self.front, self._sharpness)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visible.weigh(
             s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32, young,
             self._weight, self._doubtful,
         )  # fmt: skip
         kernels.splat(s.colour, s.screen, self._weight, self.count, self._sharpness, self.gathered, self.lighting)
-        kernels.doubt_still(self.still, self.nearest, moved, self.doubt)
+        kernels.doubt_still(self.still, self.nearest, changed, self.doubt)
         self.probes[:] = 0.0
         self._sort()
         self._moved = now

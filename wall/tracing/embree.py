@@ -9,6 +9,7 @@ Source of names, numbers and layouts: Embree 4 API manual.
 from __future__ import annotations
 
 import ctypes
+import threading
 import weakref
 from functools import cache
 from typing import Any, TypeAlias
@@ -101,9 +102,17 @@ def query_arguments(*, coherent: bool) -> NDArray[np.uint32]:
     return arguments
 
 
-@cache
+_making = threading.Lock()
+
+
 def _the_device() -> Handle:
     """The process's only one, never released: beside a second one an idle thread of Embree's pool spins for ever."""
+    with _making:
+        return _make_device()
+
+
+@cache
+def _make_device() -> Handle:
     handle: Handle = _library.rtcNewDevice(b"threads=1")  # to build with; tracing runs in the caller's threads
     if not handle:
         raise RunError(f"Embree refused to start: error {_library.rtcGetDeviceError(None)}")
@@ -118,7 +127,8 @@ class Device:
         self._scenes: list[Handle] = []
         self._geometries: list[Handle] = []
         self._kept: list[NDArray[Any]] = []
-        weakref.finalize(self, _release, self._scenes, self._geometries, self._kept)
+        end = weakref.finalize(self, _release, self._scenes, self._geometries, self._kept)
+        end.atexit = False  # threads may still trace then
 
     def check(self, doing: str) -> None:
         error = _library.rtcGetDeviceError(self.handle)

@@ -81,7 +81,7 @@ def test_without_a_choice_the_configured_sampler_is_shown() -> None:
 def test_a_second_picture_has_only_samples_of_its_own_comparison(plan: Plan) -> None:
     alone, both = asking("frameless", 1, plan), asking("adaptive", 2, plan, compare="framed")
     panel = shown(plan, alone, radiance=BLACK)
-    panel.insert(flat(WHITE, both, adaptive=True, sequence=2))  # both halves come before their event
+    panel.insert(flat(WHITE, both, adaptive=True, sequence=2))  # before its event
     panel.insert(flat(BLACK, alone, adaptive=False, sequence=3))
     panel.follow(both)
     panel.insert(flat(WHITE, both, adaptive=False, sequence=4))
@@ -94,6 +94,31 @@ def test_a_second_picture_has_only_samples_of_its_own_comparison(plan: Plan) -> 
     panel.insert(flat(WHITE, both, adaptive=False, sequence=6))
     refresh(panel, both)
     assert grey(second(panel)) == 0, "of the comparison before"
+
+
+@pytest.mark.parametrize("compare", ["framed", ""])
+def test_the_half_of_a_comparison_that_comes_before_its_event_is_not_lost(plan: Plan, compare: str) -> None:
+    """Of a still view it would never come again, neither when comparing begins nor when it ends."""
+    both = asking("adaptive", 2 if compare else 1, plan, compare="framed")
+    alone = asking("framed", 1 if compare else 2, plan)
+    before, after = (alone, both) if compare else (both, alone)
+    panel = PanelCompositor(plan, 0)
+    panel.follow(before)
+    panel.insert(flat(WHITE, after, adaptive=False, sequence=2))
+    panel.follow(after)
+    refresh(panel, after)
+    assert grey(second(panel) if compare else panel.picture()) == pytest.approx(255, abs=1)
+    assert not panel.buffer.counters.counts.get("late", 0)
+
+
+def test_old_samples_of_another_sampler_of_the_same_kind_are_late(plan: Plan) -> None:
+    before, after = asking("frameless", 1, plan), asking("hilbert", 2, plan)
+    panel = shown(plan, before, radiance=BLACK)
+    panel.follow(after)
+    panel.insert(flat(WHITE, before, adaptive=False, sequence=2))
+    refresh(panel, after)
+    assert grey(panel.picture()) == 0
+    assert panel.buffer.counters.counts["late"] == RECT.area
 
 
 def test_the_picture_stays_until_samples_of_the_other_sampler_come(plan: Plan) -> None:

@@ -27,10 +27,10 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     keep_nearest(name, state, screen, n, nearest)
     no_picture: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    front_bounds(nearest, decay, no_picture, front, np.ones((SIZE, SIZE), np.float32))
+    front_bounds(nearest, np.ones(3, np.uint8), decay, no_picture, front, np.ones((SIZE, SIZE), np.float32))
     weigh(
         state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0), np.zeros(n, np.float32),
-        np.zeros(n + 1, np.uint32),
+        np.zeros(n, np.uint32),
     )  # fmt: skip
     return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)
 

@@ -42,6 +42,6 @@ def test_the_tent_is_steeper_only_where_samples_crowd(weight: float, expected: f
     nearest, front = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((SIZE, SIZE, 2), np.float32)
     gathered, sharpness = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32), np.zeros((SIZE, SIZE), np.float32)
     gathered[3, 5, 3] = weight
-    front_bounds(nearest, np.zeros((1, 1), np.float32), gathered, front, sharpness)
+    front_bounds(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), gathered, front, sharpness)
     assert sharpness[2, 4] == expected
     assert np.count_nonzero(sharpness != 1.0) == (expected != 1.0)

@@ -1,4 +1,4 @@
-"""What happens to samples and pixels at a refresh, pass by pass, as `reconstruction.kernels_picture` says it."""
+"""What happens to samples and pixels at a refresh, pass by pass, as `kernels_picture` and `kernels_visible` say it."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class Passes:
         """Make the picture: `table` (n + 1, 12) panel_from_object, `moved` (n + 1,), `stale`, `decay` (rows, columns).
 
         changed : (n + 1,), who moved or stands in another light
-        since, now, young : seconds of the store's clock, see kernels_picture; kept : samples that may stay
+        since, now, young : seconds of the store's clock, see kernels_visible; kept : samples that may stay
         """
         self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))
         self._tiles.write(np.stack([stale, decay], axis=-1).astype(np.float32))
@@ -96,7 +96,7 @@ class Passes:
             self._place(store, since=since, **about)
         self._over_pixels(store, wipe=0, doubted=int(doubted))
         self._gathered.use(0)
-        self._device.compute("front", self._area, (self._nearest, self._front), size=self._size)
+        self._device.compute("front", self._area, (self._nearest, self._front, self._objects), size=self._size)
         if crowded:
             store.limit_age(now, kept)
         self._gathering.clear()

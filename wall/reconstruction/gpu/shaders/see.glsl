@@ -52,8 +52,8 @@ void main() {
         state[2 * k + 1] = 0.0;
         return;
     }
-    float decay = tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + front[before + 1];
-    float crowd = front[before + 2];
-    float a = max(age, 0.0) * decay * (crowd > 0.0 ? clamp(crowd, SLOWEST, SHARPEST) : 1.0);
+    float crowd = front[before + 2], pace = crowd > 0.0 ? clamp(crowd, SLOWEST, SHARPEST) : 1.0;
+    float decay = pace * tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + front[before + 1];
+    float a = max(age, 0.0) * decay;
     weight[k] = state[2 * k + 1] / (1.0 + a * (1.0 + a * (0.5 + a / 6.0)));
 }
