@@ -48,3 +48,29 @@ def relit_objects(matt: NDArray[np.uint8], now: Lamps, was: Lamps | None) -> NDA
         return np.zeros_like(matt)
     relit: NDArray[np.uint8] = matt & ((now.lamps != was.lamps).any(axis=(1, 2)) | (now.up != was.up).any(axis=1))
     return relit
+
+
+class Relit:
+    """Which objects' stored samples are to be lit anew at a refresh.
+
+    Those in another light than at the refresh before, and those that have got samples of another light than the
+    picture's since: even if no lamp moves any more.
+    """
+
+    def __init__(self, matt: NDArray[np.uint8]) -> None:
+        """`matt`: see matt_objects."""
+        self._matt = matt
+        self._late = np.zeros_like(matt)
+        self._noted: Lamps | None = None
+
+    def note(self, lamps: Lamps, shown: Lamps) -> None:
+        """Samples came that were traced under `lamps`; the picture shows the light of `shown`."""
+        if lamps is not self._noted:
+            self._noted = lamps
+            self._late |= relit_objects(self._matt, lamps, shown)
+
+    def take(self, now: Lamps, was: Lamps | None) -> NDArray[np.uint8]:
+        """(n + 1,) uint8, for a refresh under `now` after one under `was`; what was noted is forgotten."""
+        changed: NDArray[np.uint8] = relit_objects(self._matt, now, was) | self._late
+        self._late[:], self._noted = 0, None
+        return changed

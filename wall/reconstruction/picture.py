@@ -22,7 +22,7 @@ from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling, kernels_visible
 from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.kernels_ages import AGES, close_ranks, oldest_kept
-from wall.reconstruction.lamps import NO_LAMPS, Lamps, matt_objects, relit_objects
+from wall.reconstruction.lamps import NO_LAMPS, Lamps, Relit, matt_objects
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 from wall.scene.sky import sky_irradiance
@@ -134,8 +134,7 @@ class Picture:
         self._relights = ingredients.relighting and needs(scene).relighting
         self._irradiance = sky_irradiance(scene.sky)
         self._matt = matt_objects(scene)
-        self._late = np.zeros_like(self._matt)  # objects that have samples of another light than the picture's
-        self._lit: Pose | None = None  # the newest of them that was looked at
+        self._relit = Relit(self._matt)
         self._most = capacity // 2  # samples taken in at once
         self._store = Store.of(capacity, lit=self._relights)
         self._spare = Store.of(capacity, lit=self._relights)  # what sorting writes to
@@ -181,7 +180,7 @@ class Picture:
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
         steady = not self.nothing_moves or is_shown(event, self._shown)
         lighting: Any = self.lighting if self.lighting is not None else self.still  # not read unless judging
-        self._light_late(pose, under)
+        self._relit.note(pose.lamps, under.lamps)
         self.count = kernels.take_in(
             samples, self._seconds(base_time), pose.frame, pose.corner, pose.object_from_eye,
             under.panel_from_object, *self._store, self.count, self.nearest, lighting, self.doubt, self.doubt_about,
@@ -283,19 +282,12 @@ class Picture:
         self._moved = now
         self._fill()
 
-    def _light_late(self, pose: Pose, under: Pose) -> None:
-        """Samples of another light than the picture's are lit at the next refresh, even if no lamp moves until then."""
-        if self._relights and pose is not self._lit:
-            self._lit = pose
-            self._late |= relit_objects(self._matt, pose.lamps, under.lamps)
-
     def _relight(self, pose: Pose, last: Pose | None) -> NDArray[np.uint8]:
         """Bring stored samples into the light of `pose`. Returns (n + 1,) uint8, whose light changed."""
         now, s = pose.lamps, self._store
         changed = np.zeros(len(pose.panel_from_object), np.uint8)
         if self._relights:
-            changed = relit_objects(self._matt, now, last.lamps if last is not None else None) | self._late
-            self._late[:], self._lit = 0, None
+            changed = self._relit.take(now, last.lamps if last is not None else None)
             kernels_relight.relight(
                 s.place, s.name, s.colour, s.surface, s.albedo, self.count, changed, *now, self._irradiance
             )

@@ -94,6 +94,21 @@ def test_without_new_samples_stored_ones_follow_the_lamps_but_for_those_that_glo
     assert_allclose(twins.gpu.radiance[21:26, 66:71], np.broadcast_to(GLOW, (5, 5, 3)), rtol=0, atol=ROUNDING)
 
 
+def test_samples_of_another_light_are_lit_though_no_lamp_moves_any_more(
+    opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
+) -> None:
+    """Traced while the lamp stood elsewhere, heard after it came to rest; then only the eye moves."""
+    twins, source = Twins(scene, SEEN), Noise(random_numbers, 6000)
+    elsewhere, rest = event_at(0, SEEN), event_at(1, SEEN, scene_time=0.5)
+    twins.insert(source.of(twins, rest), START, rest)
+    twins.refresh(rest, START)
+    late = source.of(twins, elsewhere)
+    late["change"] = 0.0
+    twins.insert(late, START + 0.01, elsewhere)
+    twins.refresh(event_at(2, SEEN, scene_time=0.5, position=(0.01, 0.0, 4.0)), START + 0.02)
+    twins.agree(decided=DECIDED_BY_ROUNDING)
+
+
 def test_memory_for_surfaces_is_taken_only_where_lamps_or_objects_move(opengl: Device, scene: Scene) -> None:
     lit = Twins(scene, view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))).gpu._store
     sizes = {name: array.size for name, array in lit.arrays.items()}

@@ -20,7 +20,7 @@ from wall.reconstruction.gpu.device import device
 from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
 from wall.reconstruction.gpu.store import GpuStore
-from wall.reconstruction.lamps import matt_objects, relit_objects
+from wall.reconstruction.lamps import Relit, matt_objects
 from wall.reconstruction.picture import (
     DECAY_PER_RESIDUAL,
     EPOCH_S,
@@ -65,6 +65,7 @@ class GpuPicture:
         self._device = device()
         self._relights = needs(scene).relighting
         self._irradiance, self._matt = sky_irradiance(scene.sky), matt_objects(scene)
+        self._relit = Relit(self._matt)
         capacity, objects = self._kept + int(SLACK * width * height) + 4096, len(scene.instances) + 1
         self._store = GpuStore(self._device, capacity, lit=self._relights)
         self._passes = Passes(self._device, width, height, objects=objects)
@@ -135,6 +136,7 @@ class GpuPicture:
         offset, first = self._seconds(base_time), self._staged
         stored = np.float32(self._per_pixel if self.nothing_moves else np.inf)
         steady = not self.nothing_moves or is_shown(event, self._shown)
+        self._relit.note(pose.lamps, under.lamps)
         self._staged = kernels.take_in(
             samples, offset, pose.frame, pose.corner, pose.object_from_eye, under.panel_from_object, *self._new,
             first, self._nearest, self.still, self._doubt, self._doubt_about, self._residual, self._probes, self.still,
@@ -230,7 +232,7 @@ class GpuPicture:
         """Bring samples that have travelled into the light of `pose`. Returns (n + 1,) bool, whose light changed."""
         if not self._relights:
             return np.zeros(len(pose.panel_from_object), np.bool_)
-        changed = relit_objects(self._matt, pose.lamps, last.lamps if last is not None else None).astype(np.bool_)
+        changed = self._relit.take(pose.lamps, last.lamps if last is not None else None).astype(np.bool_)
         self._relighting.run(self._store, pose.lamps, changed)
         return changed
 
