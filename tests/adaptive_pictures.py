@@ -13,7 +13,7 @@ from wall.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.reconstruction.picture import Picture
 from wall.scene.animation import Keyframes
 from wall.scene.build import Scene, assemble
-from wall.scene.model import Instance, Material, Source, Track
+from wall.scene.model import Instance, Material, PointLight, Source, Track
 from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
 
@@ -30,7 +30,7 @@ def glowing(color: Triple) -> Material:
     return Material(name="glowing", base_color=(0.0, 0.0, 0.0), emission=color)
 
 
-def plate_before_wall(*places: Triple) -> Scene:
+def plate_before_wall(*places: Triple, lights: tuple[PointLight, ...] = ()) -> Scene:
     """A green wall that fills the picture, and a red plate of 1 x 1 before it, at places[k] at k seconds."""
     still = (1.0, 0.0, 0.0, 0.0)
     times = tuple(float(k) for k in range(len(places)))
@@ -44,7 +44,7 @@ def plate_before_wall(*places: Triple) -> Scene:
             meshes=(quad(40.0, 40.0, material=0), quad(1.0, 1.0, material=1)),
             materials=(glowing(GREEN), glowing(RED)),
             instances=instances,
-            lights=(),
+            lights=lights,
             animation=(Track(motion=motion, objects="plate"),) if len(places) > 1 else (),
         )
     )

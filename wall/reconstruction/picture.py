@@ -213,6 +213,12 @@ class Picture:
         for learnt in (self.still, self.gathered, self.doubt, self.residual, self.probes):
             learnt[:] = 0.0
 
+    @property
+    def bytes(self) -> int:
+        """Memory of all its arrays; it never grows."""
+        own = [*vars(self).values(), *self._store, *self._spare, *self._levels]
+        return sum(array.nbytes for array in own if isinstance(array, np.ndarray))
+
     def take_dirty(self) -> NDArray[np.bool_]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
         dirty = self.dirty.copy()
