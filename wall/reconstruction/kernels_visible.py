@@ -59,17 +59,18 @@ def keep_nearest(name, state, screen, count, nearest):
 
 
 @kernel
-def front_bounds(nearest, moved, decay, gathered, front, sharpness):
+def front_bounds(nearest, moved, decay, rim, gathered, front, sharpness):
     """Up to which depth a sample is seen without further tests, how fast old samples lose weight, how far all spread.
 
     Where samples crowd, there are enough near and new ones: the tent would only blur, the old only lag behind.
 
     nearest : (h, w, 4) float32, see keep_nearest
     moved : (n + 1,) uint8, what moves in the picture; decay : (rows, columns) float32, 1 / seconds, of each tile
+    rim : float32, 1 / seconds, RIM unless nothing is to age
     gathered : (h + 2, w + 2, 4) float32, of the picture before, weight last
     front : (h, w, 2) float32, written: the least depth over 3x3 pixels, enlarged by BEHIND; 1 / seconds: the tile's
         decay times weight / CROWD from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show
-        within these pixels RIM more, times that if none of them moves
+        within these pixels `rim` more, times that if none of them moves
     sharpness : (h, w) float32, written: weight / CROWD from 1 to SHARPEST, see splat
     """
     height, width = front.shape[0], front.shape[1]
@@ -93,13 +94,13 @@ def front_bounds(nearest, moved, decay, gathered, front, sharpness):
             any_moves[j] = max(moving[i, j], max(moving[i + 1, j], moving[i + 2, j]))
         for j in range(width):
             bound = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
-            rim = max(high[j], max(high[j + 1], high[j + 2])) > bound
+            edge = max(high[j], max(high[j + 1], high[j + 2])) > bound
             moves = max(any_moves[j], max(any_moves[j + 1], any_moves[j + 2]))
             crowd = gathered[i + 1, j + 1, 3] * (ONE / CROWD)
             pace = min(max(crowd, SLOWEST), SHARPEST) if crowd > ZERO else ONE
             front[i, j, 0] = bound
-            at_rim = RIM * (ONE if moves > ZERO else pace) if rim else ZERO
-            front[i, j, 1] = pace * decay[i // TILE, j // TILE] + at_rim
+            at_edge = rim * (ONE if moves > ZERO else pace) if edge else ZERO
+            front[i, j, 1] = pace * decay[i // TILE, j // TILE] + at_edge
             sharpness[i, j] = min(max(crowd, ONE), SHARPEST)
 
 

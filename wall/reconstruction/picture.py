@@ -275,7 +275,8 @@ class Picture:
         changed = moved | self._relight(pose, last)
         alive = kernels_visible.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
         decay = np.float32(SLOW_DECAY * self._with.ageing) * (1.0 + DECAY_PER_RESIDUAL * self.residual)
-        kernels_visible.front_bounds(self.nearest, moved, decay, self.gathered, self.front, self._sharpness)
+        rim = kernels_visible.RIM * np.float32(self._with.ageing)
+        kernels_visible.front_bounds(self.nearest, moved, decay, rim, self.gathered, self.front, self._sharpness)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visible.weigh(
             s.state, s.screen, self.count, self._cutoff(alive, now32), self.nearest, self.front, now32, young,

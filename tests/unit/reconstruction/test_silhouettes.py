@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from wall.data import Float32, Float64
 from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import OUTSIDE
-from wall.reconstruction.kernels_visible import front_bounds, keep_nearest, weigh
+from wall.reconstruction.kernels_visible import RIM, front_bounds, keep_nearest, weigh
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0
@@ -27,7 +27,7 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     keep_nearest(name, state, screen, n, nearest)
     no_picture: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    front_bounds(nearest, np.ones(3, np.uint8), decay, no_picture, front, np.ones((SIZE, SIZE), np.float32))
+    front_bounds(nearest, np.ones(3, np.uint8), decay, RIM, no_picture, front, np.ones((SIZE, SIZE), np.float32))
     weigh(
         state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0), np.zeros(n, np.float32),
         np.zeros(n, np.uint32),

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 
 from wall.data import Float32
 from wall.reconstruction.kernels_picture import splat
-from wall.reconstruction.kernels_visible import CROWD, SHARPEST, front_bounds
+from wall.reconstruction.kernels_visible import CROWD, RIM, SHARPEST, front_bounds
 
 SIZE = 8  # pixels
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
@@ -42,6 +42,22 @@ def test_the_tent_is_steeper_only_where_samples_crowd(weight: float, expected: f
     nearest, front = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((SIZE, SIZE, 2), np.float32)
     gathered, sharpness = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32), np.zeros((SIZE, SIZE), np.float32)
     gathered[3, 5, 3] = weight
-    front_bounds(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), gathered, front, sharpness)
+    front_bounds(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), RIM, gathered, front, sharpness)
     assert sharpness[2, 4] == expected
     assert np.count_nonzero(sharpness != 1.0) == (expected != 1.0)
+
+
+@pytest.mark.parametrize(
+    ("moves", "weight", "pace"), [(0, 0.6, 0.3), (1, 0.6, 1.0), (0, 8.0, 2.0), (1, 8.0, 1.0), (0, 0.0, 1.0)]
+)
+def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int, weight: float, pace: float) -> None:
+    """A near column before a far ground; `decay` of 2 / s goes by density everywhere."""
+    nearest, front = np.full((SIZE, SIZE, 4), 2.0, np.float32), np.zeros((SIZE, SIZE, 2), np.float32)
+    nearest[:, 4, 0], nearest[:, 4, 3] = 1.0, 1.0
+    gathered, sharpness = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32), np.zeros((SIZE, SIZE), np.float32)
+    gathered[..., 3] = weight
+    decay, moved = np.full((1, 1), 2.0, np.float32), np.array([0, moves, 0], np.uint8)
+    front_bounds(nearest, moved, decay, RIM, gathered, front, sharpness)
+    by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
+    assert_allclose(front[:, 3:6, 1], 2.0 * by_density + float(RIM) * pace, rtol=FLOAT32)
+    assert_allclose(np.delete(front[..., 1], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)
