@@ -157,6 +157,8 @@ def test_best_other_has_no_bar_until_all_rivals_ran() -> None:
     rows += [row("a", arm, 0.05) for arm in ("render_cache", "reduced_64")]
     (found,) = [v for v in verdicts(rows) if "best other" in v.what]
     assert found.met
+    rows += [row("b", "adaptive", 0.01), row("b", "framed", 0.05)]
+    assert not [v for v in verdicts(rows) if "best other" in v.what], "on scene b no rival ran"
 
 
 def test_equal_cpu_time_has_bars_of_its_own() -> None:

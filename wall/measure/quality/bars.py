@@ -18,13 +18,14 @@ from wall.measure.quality.summary import (
     equal_error,
     geometric,
     said,
+    scenes,
     spending,
 )
 from wall.measure.quality.verdict import Verdict
 
 EQUAL_ERROR = 40.0  # times faster that framed must be
 AT_REST_S = 2.0  # after everything stopped, a picture is held against the progressive renderer's
-RIVALS = ("taa_", "reduced_", "render_cache", "afr2005")  # "best other" says something only where all of them ran
+RIVALS = ("taa_", "reduced_", "render_cache", "afr2005")  # of "best other": all must have run on all scenes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +67,12 @@ def verdicts(rows: Sequence[Row]) -> list[Verdict]:
 
 
 def _has_rivals(rows: Sequence[Row], spent: float) -> bool:
-    arms = arms_at(rows, spent)
-    return all(any(arm.startswith(rival) for arm in arms) for rival in RIVALS)
+    """On every scene: where one lacks them, the best of what is there flatters."""
+    for scene in scenes(rows):
+        arms = arms_at([row for row in rows if row.scene == scene], spent)
+        if not all(any(arm.startswith(rival) for arm in arms) for rival in RIVALS):
+            return False
+    return True
 
 
 def _ratio(bar: Bar, found: Compared, clock: str) -> Verdict:
