@@ -1,8 +1,9 @@
 """The adaptive sampler and its reconstruction as an arm.
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
-display has a picture of its own, made from nothing but the packets, as at a compositor. `adaptive:uniform`: every pixel
-is worth the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
+display has a picture of its own, made from nothing but the packets, as at a compositor; `..._every_2`, `..._every_6`:
+the sampler's is refreshed only at every so many of the display's refreshes. `adaptive:uniform`: every pixel is worth
+the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
 the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
 made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under
 the newest inputs; `..._2`: two refreshes later.
@@ -33,6 +34,7 @@ class AdaptiveArm:
         setup: Setup,
         *,
         remote: bool = False,
+        every: int = 1,
         tilings: bool = True,
         tiling: Literal["grid", "cut"] = "grid",
         uniform: bool = False,
@@ -42,7 +44,10 @@ class AdaptiveArm:
         predicted: bool = False,
         ahead: bool = True,
     ) -> None:
-        """`sends`: whether samples are, not pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay."""
+        """`every`: refreshes of the display from one of a remote sampler's picture to the next.
+
+        `sends`: whether samples are, not pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay.
+        """
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
@@ -58,7 +63,7 @@ class AdaptiveArm:
         self._sampler = AdaptiveSampler(
             setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
         )
-        self._now, self._spent = 0.0, 0
+        self._now, self._spent, self._every, self._refreshes = 0.0, 0, every, 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
         self._shooter.reset()
         self.rays, self.secondary, self.bytes = self._shooter.counts
@@ -105,8 +110,10 @@ class AdaptiveArm:
 
     def show(self, time: float) -> Float32:
         event = self._display.made(self._inputs.event_at(time), time)
-        self._picture.refresh(event, time)
-        self._sampler.replan()
+        if self._refreshes % self._every == 0:
+            self._picture.refresh(event, time)
+            self._sampler.replan()
+        self._refreshes += 1
         if self._shown is not self._picture:
             self._shown.refresh(event, time)
             self._send_tiling(event, time)
@@ -117,6 +124,8 @@ ARMS: dict[str, Callable[[Setup], Arm]] = {
     "adaptive": AdaptiveArm,
     "adaptive:remote": partial(AdaptiveArm, remote=True),
     "adaptive:remote_no_tilings": partial(AdaptiveArm, remote=True, tilings=False),
+    "adaptive:remote_every_2": partial(AdaptiveArm, remote=True, every=2),
+    "adaptive:remote_every_6": partial(AdaptiveArm, remote=True, every=6),
     "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
     "adaptive:uniform": partial(AdaptiveArm, uniform=True),
     "adaptive:delayed": partial(AdaptiveArm, late=1),
