@@ -131,10 +131,13 @@ def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(chromium: 
         return found.some((v) => v > 0); }).length === 4"""
     page.wait_for_function(painted, timeout=1000 * PATIENCE_S)
 
-    found = status(address)
-    shares = sum(rank["samples_per_s"] for rank in found["ranks"])
+    until, share = time.monotonic() + PATIENCE_S, 0.0
+    while not 0.2 < share < 0.8 and time.monotonic() < until:  # rates of late; in all it is a half to a batch
+        found = status(address)
+        share = found["compared_per_s"] / sum(rank["samples_per_s"] for rank in found["ranks"])
+        time.sleep(0.1)
     assert (found["sampler"], found["compare"]) == ("adaptive", "frameless")
-    assert 0.2 < found["compared_per_s"] / shares < 0.8  # lately; in all it is a half to a batch
+    assert 0.2 < share < 0.8
     page.keyboard.press("c")
     page.keyboard.press("c")
     deadline = time.monotonic() + PATIENCE_S
