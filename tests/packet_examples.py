@@ -7,10 +7,13 @@ import zlib
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from wall.data import SAMPLE, Batch, Float64, Rect, Samples
+from wall.errors import RemoteProtocolError
+from wall.packets.samples import decode
 
 LENGTH_AT, CHECKSUM_AT = 74, 142  # byte offsets in a sample packet's header
 HEADER = 146  # bytes
@@ -156,3 +159,24 @@ def check_sane(batch: Batch) -> None:
     assert (np.isfinite(samples["time"]) & (samples["time"] >= 0)).all()
     assert np.isfinite(batch.base_time)
     assert 0.0 < batch.blend <= 1.0
+
+
+def check_flipped_bits(packet: bytes) -> None:
+    """Every bit behind the header flipped under a valid checksum: refused, or still a sane batch."""
+    accepted = 0
+    for bit in range(8 * HEADER, 8 * len(packet)):
+        changed = bytearray(packet)
+        changed[bit // 8] ^= 1 << bit % 8
+        try:
+            check_sane(decode(resealed(changed)))
+            accepted += 1
+        except RemoteProtocolError:
+            continue
+    assert 10 < accepted < 8 * (len(packet) - HEADER)  # the test looks at both outcomes
+
+
+def check_cut(packet: bytes, cut: int, *, samples: int) -> None:
+    """A body that is `cut` bytes shorter or longer under a valid checksum is refused."""
+    for wrong in (packet[:-cut], packet + bytes(cut)):
+        with pytest.raises(RemoteProtocolError, match=f"is not {samples} samples"):
+            decode(resealed(wrong))

@@ -48,9 +48,7 @@ _made = 0
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a pure function of arrays and scalars; it must not raise, log, or read changing globals."""
-    global _made
-    _made += 1
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})(function)
+    return _compiled(function)
 
 
 def inline_kernel(function: Callable[..., Any]) -> Any:
@@ -59,9 +57,12 @@ def inline_kernel(function: Callable[..., Any]) -> Any:
     Without numba's runtime (`_nrt`) no references are counted: otherwise every array that is handed on costs two atomic
     additions a call, 5 ns each, some 250 of them for a packet of 16 rays.
     """
+    return _compiled(function, forceinline=True, _nrt=False)
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     global _made
     _made += 1
-    options: dict[str, Any] = {"forceinline": True, "_nrt": False}
     return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
 
 

@@ -14,7 +14,8 @@ from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError, device, gpu_nodes
 from wall.reconstruction.gpu.picture import GpuPicture
-from wall.reconstruction.picture import Picture, Posed
+from wall.reconstruction.picture import Picture
+from wall.reconstruction.pose import Posed
 from wall.scene.build import Scene
 
 Wish = Literal["auto", "cpu", "gpu"]

@@ -1,4 +1,4 @@
-"""Which samples are too old to stay, whatever order they are stored in: counted by classes of age; room for others."""
+"""Which samples are too old to stay, whatever order they are stored in: counted by classes of age."""
 
 from __future__ import annotations
 
@@ -43,34 +43,3 @@ def first_younger(now, limit):
     while now - time >= limit:
         time = np.nextafter(time, np.float32(np.inf))
     return time
-
-
-@kernel
-def close_ranks(place, name, colour, state, screen, surface, albedo, count, latest):
-    """Leave behind what is outside the picture, forgotten, or too old.
-
-    place, name, colour, state, screen, surface, albedo : the store, see picture.Store; changed in place
-    latest : float32 seconds of the store's clock; samples of this time and earlier ones go
-
-    Returns
-    -------
-    count : int, samples that stay
-    """
-    kept = 0
-    for k in range(count):
-        if not screen[2, k] > ZERO or state[0, k] <= latest:
-            continue
-        if kept < k:
-            name[kept] = name[k]
-            for c in range(3):
-                place[c, kept] = place[c, k]
-                screen[c, kept] = screen[c, k]
-            for c in range(4):
-                colour[kept, c] = colour[k, c]
-            state[0, kept], state[1, kept] = state[0, k], state[1, k]
-            if albedo.shape[1] > 0:
-                surface[kept] = surface[k]
-                for c in range(3):
-                    albedo[c, kept] = albedo[c, k]
-        kept += 1
-    return kept

@@ -9,20 +9,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Float32, Float64, Rect, Samples, Tiling
+from wall.data import Event, Float32, Float64, Rect, Samples, Tiling
 from wall.deepbuffer.kernels import TILE
-from wall.deepbuffer.kernels_reproject import OUTSIDE, object_tables
-from wall.geometry.frusta import ray_frame
+from wall.deepbuffer.kernels_reproject import OUTSIDE
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_fill, kernels_relight, kernels_tiling, kernels_visible
+from wall.reconstruction import kernels_fill, kernels_relight, kernels_store, kernels_tiling, kernels_visible
 from wall.reconstruction import kernels_picture as kernels
-from wall.reconstruction.kernels_ages import AGES, close_ranks, oldest_kept
-from wall.reconstruction.lamps import NO_LAMPS, Lamps, Relit, matt_objects
+from wall.reconstruction.kernels_ages import AGES, oldest_kept
+from wall.reconstruction.lamps import Relit, matt_objects
+from wall.reconstruction.pose import Pose, Posed, Poses, is_shown
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 from wall.scene.sky import sky_irradiance
@@ -36,7 +36,6 @@ SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s wher
 DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
-SAME_TURN = 1e-9  # of a matrix element; packets bring a rotation back to 1e-15
 EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 
 
@@ -55,55 +54,6 @@ class Ingredients:
 
 
 ALL = Ingredients()
-
-
-class Pose:
-    """The matrices of one event: object points to panel pixels (of a rectangle), and back from hits."""
-
-    def __init__(
-        self,
-        panel: Panel,
-        eye: Float64,
-        scene: Scene,
-        camera: Camera,
-        scene_time: float,
-        rect: Rect | None = None,
-        *,
-        objects: bool = True,
-        lamps: bool = False,
-        last: Pose | None = None,
-    ) -> None:
-        """`rect` is the part of the panel that is pictured, all if None.
-
-        Without `objects` none ever moves; with `lamps` theirs are taken along, from `last` if nothing moved since.
-        """
-        n, moment = len(scene.instances), scene.at(scene_time)
-        placed = moment.world_from_object if objects else scene.rest[:n]
-        self.frame = ray_frame(panel, eye, camera)
-        self.corner = np.array(panel.screen, np.float64)
-        self.object_from_eye = np.empty((n + 1, 12), np.float32)
-        self.panel_from_object = np.empty((n + 1, 12), np.float32)
-        corner = self.corner if rect is None else self.corner + np.array([rect.x, rect.y])
-        object_tables(placed, camera.origin(), self.frame, corner, self.object_from_eye, self.panel_from_object)
-        self._moment = moment
-        same = last is not None and last._moment is moment
-        self.lamps: Lamps = last.lamps if last is not None and same else Lamps.at(scene, moment) if lamps else NO_LAMPS
-
-
-class Posed(Protocol):
-    """What fixes where everything is: an Event, or a Batch that was traced under one."""
-
-    @property
-    def camera(self) -> Camera: ...
-
-    @property
-    def scene_time(self) -> float: ...
-
-    @property
-    def camera_event(self) -> int: ...
-
-    @property
-    def scene_event(self) -> int: ...
 
 
 class Picture:
@@ -128,9 +78,9 @@ class Picture:
         width, height = self.rect.width, self.rect.height
         rows, columns = -(-height // TILE), -(-width // TILE)
         self.panel, self.judging = panel, judging
-        self._eye, self._scene, self._with = eye, scene, ingredients
+        self._with = ingredients
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
-        capacity = self._kept + int(SLACK * width * height) + 4096
+        capacity = capacity_for(self._kept, width, height)
         self._relights = ingredients.relighting and needs(scene).relighting
         self._irradiance = sky_irradiance(scene.sky)
         self._matt = matt_objects(scene)
@@ -161,7 +111,7 @@ class Picture:
         self.dirty: NDArray[np.bool_] = np.zeros((rows, columns), np.bool_)
         self._levels = _pyramid(height, width)
         self._pose: Pose | None = None  # of the picture
-        self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
+        self._poses = Poses(panel, eye, scene, self.rect, objects=ingredients.objects, lamps=self._relights)
         self._shown: Event | None = None
         self.nothing_moves = False
         self._moved = -math.inf
@@ -173,7 +123,7 @@ class Picture:
             self._insert(samples[first : first + self._most], base_time, event)
 
     def _insert(self, samples: Samples, base_time: float, event: Posed) -> None:
-        pose = self._pose_of(event)
+        pose = self._poses.of(event)
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > len(self._store.name):
             self._make_room(len(samples))
@@ -194,7 +144,7 @@ class Picture:
         self.nothing_moves = self._shown is not None and event.number == self._shown.number
         self._shown = event
         if not self.nothing_moves:
-            self._move(self._pose_of(event), now)
+            self._move(self._poses.of(event), now)
             self.dirty[:] = True
         if not self._with.accumulation:
             self.still[:] = 0.0
@@ -243,16 +193,6 @@ class Picture:
             self._epoch = time
         return np.float32(time - self._epoch)
 
-    def _pose_of(self, event: Posed) -> Pose:
-        key = (event.camera, event.scene_time)
-        if self._traced is None or self._traced[0] != key:
-            made = Pose(
-                self.panel, self._eye, self._scene, *key, self.rect, objects=self._with.objects, lamps=self._relights,
-                last=self._traced[1] if self._traced else None,
-            )  # fmt: skip
-            self._traced = (key, made)
-        return self._traced[1]
-
     def _move(self, pose: Pose, now: float) -> None:
         table, last = pose.panel_from_object, self._pose
         moved = np.ones(len(table), np.uint8)
@@ -263,7 +203,7 @@ class Picture:
         self._pose = pose
         s, now32 = self._store, self._seconds(now)
         height, width = self.front.shape[:2]
-        stale, doubted = self._stale(), self._doubted()
+        stale, doubted = stale_share(self.probes) * np.float32(self._with.tile_doubt), self._doubted()
         if doubted.any():
             since = np.float32(self._moved - self._epoch)
             kernels.lose_confidence(
@@ -309,14 +249,6 @@ class Picture:
         found[:, :-1] |= found[:, 1:].copy()
         return found[1:-1, 1:-1].copy()
 
-    def _stale(self) -> Float32:
-        """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
-        count, change = self.probes[..., 0], self.probes[..., 1]
-        share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
-        if not self._with.tile_doubt:
-            share[:] = 0.0
-        return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
-
     def _fill(self) -> None:
         fine, border, trusted = self.gathered, 1, kernels_fill.TRUSTED
         for level in self._levels:
@@ -341,7 +273,7 @@ class Picture:
 
     def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
         columns = self.residual.shape[1]
-        self.count = kernels.sort_store(*self._store, self.count, by_tile, columns, starts, *self._spare)
+        self.count = kernels_store.sort_store(*self._store, self.count, by_tile, columns, starts, *self._spare)
         self._store, self._spare = self._spare, self._store
 
     def _cutoff(self, alive: int, now: np.float32) -> np.float32:
@@ -357,11 +289,11 @@ class Picture:
     def _make_room(self, n: int) -> None:
         """More came between two refreshes than there is slack for: the dead leave, then if need be the oldest."""
         room = len(self._store.name) - n
-        self.count = close_ranks(*self._store, self.count, np.float32(-np.inf))
+        self.count = kernels_store.close_ranks(*self._store, self.count, np.float32(-np.inf))
         if self.count > room:
             share = 1.0 - min(self._kept, room) / self.count
             latest = np.float32(np.quantile(self._store.state[0, : self.count], share))
-            self.count = close_ranks(*self._store, self.count, latest)
+            self.count = kernels_store.close_ranks(*self._store, self.count, latest)
 
 
 class Store(NamedTuple):
@@ -388,13 +320,19 @@ class Store(NamedTuple):
         )
 
 
-def is_shown(event: Posed, shown: Event | None) -> bool:
-    """Whether samples belong to the very picture that is shown; a foreseen pose has its event's number too."""
-    if shown is None or (event.camera_event, event.scene_event) != shown.number:
-        return False
-    turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
-    same = (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
-    return same and max(abs(a - b) for a, b in turned) < SAME_TURN
+def capacity_for(kept: int, width: int, height: int) -> int:
+    """Samples that a store has room for: those kept, what may come between two refreshes, and a batch."""
+    return kept + int(SLACK * width * height) + 4096
+
+
+def stale_share(probes: Float32) -> Float32:
+    """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it.
+
+    probes : (rows, columns, 2) float32, samples judged and their change
+    """
+    count, change = probes[..., 0], probes[..., 1]
+    share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
+    return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
 
 
 def spread_tiling(tiling: Tiling, rect: Rect, residual: Float32) -> None:

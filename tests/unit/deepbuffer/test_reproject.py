@@ -13,7 +13,7 @@ from wall.deepbuffer.kernels_reproject import FAR, OUTSIDE, pixel_of, place_of
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.frusta import project, ray_frame
 from wall.geometry.panels import Panel
-from wall.reconstruction.picture import Pose
+from wall.reconstruction.pose import Pose
 from wall.scene.model import Instance
 
 EPSILON = 2.0**-24  # float32's rounding

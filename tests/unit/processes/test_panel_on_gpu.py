@@ -58,6 +58,15 @@ def batch_of(plan: Plan, event: Event, index: int = 0) -> Batch:
     )  # fmt: skip
 
 
+def shown_on_gpu() -> tuple[Plan, PanelCompositor, Event]:
+    """A panel under `auto` with one sample a pixel, refreshed once."""
+    plan = plan_of("auto")
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    panel.insert(batch_of(plan, event))
+    panel.refresh(event, 0.0)
+    return plan, panel, event
+
+
 def lose(opengl: Device) -> None:
     """Let OpenGL report an error, as it does when memory ends or a driver is reset."""
     opengl.context.enable_direct(INVALID)
@@ -96,10 +105,7 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
 def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
     opengl: Device, anything_is_a_gpu: None, compiled_only: None
 ) -> None:
-    plan = plan_of("auto")
-    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
-    panel.insert(batch_of(plan, event))
-    panel.refresh(event, 0.0)
+    plan, panel, event = shown_on_gpu()
     assert panel.reconstruction is not None
     assert panel.reconstruction.on == "gpu"
     before = panel.picture().rgb.astype(int)
@@ -119,10 +125,7 @@ def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
 def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_picture_to_the_cpu(
     opengl: Device, anything_is_a_gpu: None, compiled_only: None
 ) -> None:
-    plan = plan_of("auto")
-    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
-    panel.insert(batch_of(plan, event))
-    panel.refresh(event, 0.0)
+    _, panel, _ = shown_on_gpu()
     on_gpu = panel.surveys(0.1)[0]
 
     lose(opengl)

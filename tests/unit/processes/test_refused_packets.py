@@ -3,44 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from flat_batches import flat, plan_of
 
-from wall.config.loading import loads
-from wall.data import SAMPLE, Batch, Rect
+from wall.data import Batch, Rect
 from wall.packets.samples import encode
 from wall.processes.compositor import MOST_APART_S, Compositor
-from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
+from wall.processes.plan import HEAD, Plan, first_event
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
-TEXT = """\
-version: 1
-scene: {source: courtyard}
-wall: {grid: {columns: 1, rows: 1, pixels: [40, 24], size: [0.4, 0.24]}}
-views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
-sampling: {method: adaptive, samples_per_batch: 128}
-"""
 NOW = 1000.0  # seconds of the head's clock
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+    return plan_of()
 
 
 def batch_of(plan: Plan) -> Batch:
     """One grey sample a pixel, from the run's only renderer."""
-    event, rect = first_event(plan, NOW), Rect(x=0, y=0, width=40, height=24)
-    samples = np.zeros(rect.area, SAMPLE)
-    x, y = np.meshgrid(np.arange(rect.width) + 0.5, np.arange(rect.height) + 0.5)
-    samples["xy"] = np.stack([x.ravel(), y.ravel()], 1)
-    samples["radiance"], samples["depth"] = 0.5, np.inf
-    return Batch(
-        view=0, panel=0, rect=rect, rank=1, sequence=1, camera_event=event.camera_event, scene_event=event.scene_event,
-        base_time=NOW, samples=samples, camera=event.camera, adaptive=True, relightable=True,
-    )  # fmt: skip
+    return replace(flat(0.5, first_event(plan, NOW), adaptive=True), base_time=NOW, relightable=True)
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ from wall.measure.quality import kernels_afr_picture as picture_kernels
 from wall.measure.quality.arm import Arm, Setup
 from wall.measure.quality.baseline import FramelessArm, WorldPose, pose_of, world_pose_of
 from wall.measure.quality.filling import fill_holes
-from wall.reconstruction.picture import Pose
+from wall.reconstruction.pose import Pose
 
 SAMPLES_A_PIXEL = 8  # kept
 SMALLEST_TILE = 4  # pixels; a crosshair fills most of it

@@ -23,7 +23,7 @@ from wall.measure.quality import kernels_cache as kernels
 from wall.measure.quality.arm import Arm, Setup
 from wall.measure.quality.baseline import FramelessArm, WorldPose, pose_of, world_pose_of
 from wall.measure.quality.filling import fill_holes
-from wall.reconstruction.picture import Pose
+from wall.reconstruction.pose import Pose
 
 POINTS_A_PIXEL = 1.5
 AGE_AT_TURN = 128.0  # reached by an undisturbed point when its turn comes again

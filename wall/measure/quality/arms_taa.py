@@ -22,7 +22,7 @@ from wall.measure.quality import kernels_taa, kernels_warp
 from wall.measure.quality.arm import Arm, Setup
 from wall.measure.quality.baseline import FramedArm, pose_of
 from wall.measure.quality.filling import fill_holes
-from wall.reconstruction.picture import Pose
+from wall.reconstruction.pose import Pose
 
 GAMMA = 1.0  # deviations that a history may differ; Karis's and the survey's usual 1
 ALPHA = 0.1

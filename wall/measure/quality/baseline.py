@@ -16,7 +16,7 @@ from wall.deepbuffer.kernels_reproject import object_tables
 from wall.geometry.frusta import ray_frame
 from wall.measure.quality.arm import Inputs, Setup, centres
 from wall.measure.quality.shooter import Shooter
-from wall.reconstruction.picture import Pose
+from wall.reconstruction.pose import Pose
 from wall.sampling.ownership import block_order
 
 ROUNDING_RAYS = 1e-6  # a ray that is done but for the rounding of times is done

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Camera, Event, Float32, Float64, Rect, Samples, Tiling
+from wall.data import Event, Float32, Float64, Rect, Samples, Tiling
 from wall.deepbuffer.kernels import TILE
 from wall.geometry.panels import Panel
 from wall.reconstruction import kernels_picture as kernels
@@ -24,19 +24,16 @@ from wall.reconstruction.lamps import Relit, matt_objects
 from wall.reconstruction.picture import (
     DECAY_PER_RESIDUAL,
     EPOCH_S,
-    PROBES,
     SAMPLES_PER_PIXEL,
-    SLACK,
     SLOW_DECAY,
     SORT_EVERY,
-    USUAL_CHANGE,
     YOUNG_S,
-    Pose,
-    Posed,
     Store,
-    is_shown,
+    capacity_for,
     spread_tiling,
+    stale_share,
 )
+from wall.reconstruction.pose import Pose, Posed, Poses, is_shown
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 from wall.scene.sky import sky_irradiance
@@ -60,13 +57,13 @@ class GpuPicture:
         self.rect = rect or Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
         width, height = self.rect.width, self.rect.height
         rows, columns = -(-height // TILE), -(-width // TILE)
-        self._panel, self._eye, self._scene = panel, eye, scene
+        self._scene = scene
         self._kept, self._per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         self._device = device()
         self._relights = needs(scene).relighting
         self._irradiance, self._matt = sky_irradiance(scene.sky), matt_objects(scene)
         self._relit = Relit(self._matt)
-        capacity, objects = self._kept + int(SLACK * width * height) + 4096, len(scene.instances) + 1
+        capacity, objects = capacity_for(self._kept, width, height), len(scene.instances) + 1
         self._store = GpuStore(self._device, capacity, lit=self._relights)
         self._passes = Passes(self._device, width, height, objects=objects)
         lamps = len(scene.directional_lights) + len(scene.point_lights)
@@ -88,7 +85,7 @@ class GpuPicture:
         self._read = True  # whether that is what the GPU shows
         self.dirty: NDArray[np.bool_] = np.zeros((rows, columns), np.bool_)
         self._pose: Pose | None = None  # of the picture
-        self._traced: tuple[tuple[Camera, float], Pose] | None = None  # of the newest samples
+        self._poses = Poses(panel, eye, scene, self.rect, lamps=self._relights)
         self._shown: Event | None = None
         self.nothing_moves = False
         self._moved = -math.inf
@@ -127,7 +124,7 @@ class GpuPicture:
             self._insert(samples[first : first + self._most], base_time, event)
 
     def _insert(self, samples: Samples, base_time: float, event: Posed) -> None:
-        pose = self._pose_of(event)
+        pose = self._poses.of(event)
         under = self._pose if self._pose is not None else pose
         if self.count + len(samples) > self._store.capacity:
             self._make_room(len(samples))
@@ -161,7 +158,7 @@ class GpuPicture:
             if self.dirty.any():
                 kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
             return
-        self._move(self._pose_of(event), now, stood=stood)
+        self._move(self._poses.of(event), now, stood=stood)
         self.dirty[:] = True
 
     def take_tiling(self, tiling: Tiling) -> None:
@@ -215,7 +212,7 @@ class GpuPicture:
         doubted = bool(self._probes[..., 1].any())
         decay = np.float32(SLOW_DECAY) * (1.0 + DECAY_PER_RESIDUAL * self._residual)
         self._passes.run(
-            self._store, table, moved, changed, self._stale(), decay, doubted=doubted,
+            self._store, table, moved, changed, stale_share(self._probes), decay, doubted=doubted,
             since=np.float32(max(self._moved - self._epoch, -EPOCH_S)), now=now32, young=np.float32(YOUNG_S),
             kept=self._kept,
         )  # fmt: skip
@@ -262,12 +259,6 @@ class GpuPicture:
         if self._store.count > room:
             self._store.drop_oldest(1.0 - min(self._kept, room) / self._store.count)
 
-    def _stale(self) -> Float32:
-        """(rows, columns) float32: how much of each tile the newest probes found changed; all older samples lose it."""
-        count, change = self._probes[..., 0], self._probes[..., 1]
-        share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
-        return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
-
     def _seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
         if abs(time - self._epoch) > EPOCH_S:
@@ -277,11 +268,3 @@ class GpuPicture:
             self._passes.shift_doubt(later)
             self._epoch = time
         return np.float32(time - self._epoch)
-
-    def _pose_of(self, event: Posed) -> Pose:
-        key = (event.camera, event.scene_time)
-        if self._traced is None or self._traced[0] != key:
-            last = self._traced[1] if self._traced else None
-            made = Pose(self._panel, self._eye, self._scene, *key, self.rect, lamps=self._relights, last=last)
-            self._traced = (key, made)
-        return self._traced[1]
