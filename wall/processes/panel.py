@@ -85,15 +85,14 @@ class PanelCompositor:
 
     def insert(self, batch: Batch) -> None:
         """Keep a batch for its picture; count it as late or early where there is none."""
+        current = not batch.adaptive and batch.camera_event >= self._since
         if batch.adaptive and self._adaptive:
             self._take(batch)
         elif batch.camera_event > self._followed:  # whose it is, its event will say
             self._wait(batch)
-        elif batch.adaptive or batch.camera_event < self._since:
-            self.buffer.counters.add("late", len(batch.samples))
-        elif self.compared is not None:
+        elif current and self.compared is not None:
             self.compared.buffer.insert(batch)
-        elif not self._adaptive:
+        elif current and not self._adaptive:
             self._take(batch)
         else:
             self.buffer.counters.add("late", len(batch.samples))
