@@ -7,7 +7,7 @@ Frames: *panel pixels* have their origin at the panel's top left corner, x right
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,16 @@ from numpy.typing import NDArray
 Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]
 Samples: TypeAlias = NDArray[np.void]
+Channels: TypeAlias = frozenset[str]  # of CHANNELS
+
+CHANNELS = ("colour", "depth", "alpha", "time", "object", "variance")
+BLANK: dict[str, tuple[float, Any]] = {  # what a channel holds where nothing is, and its type
+    "depth": (np.inf, np.float32),
+    "alpha": (0.0, np.float32),
+    "time": (-np.inf, np.float32),
+    "object": (0, np.uint32),
+    "variance": (np.inf, np.float32),
+}
 
 BACKGROUND = 0  # object id of rays that left the scene; object k of the scene has id k + 1
 
@@ -46,6 +56,14 @@ class Rect:
     def area(self) -> int:
         return self.width * self.height
 
+    @property
+    def right(self) -> int:
+        return self.x + self.width
+
+    @property
+    def bottom(self) -> int:
+        return self.y + self.height
+
     def holds(self, other: Rect) -> bool:
         """Whether all of the other lies in this one."""
         inside = self.x <= other.x and other.x + other.width <= self.x + self.width
@@ -55,6 +73,23 @@ class Rect:
         """Whether they have a pixel in common."""
         across = self.x < other.x + other.width and other.x < self.x + self.width
         return across and self.y < other.y + other.height and other.y < self.y + self.height
+
+    def meet(self, other: Rect) -> Rect | None:
+        """What they have in common, None where that is nothing."""
+        x, y = max(self.x, other.x), max(self.y, other.y)
+        right, bottom = min(self.right, other.right), min(self.bottom, other.bottom)
+        return Rect(x=x, y=y, width=right - x, height=bottom - y) if right > x and bottom > y else None
+
+    def join(self, other: Rect) -> Rect:
+        """The smallest that holds both."""
+        x, y = min(self.x, other.x), min(self.y, other.y)
+        right, bottom = max(self.right, other.right), max(self.bottom, other.bottom)
+        return Rect(x=x, y=y, width=right - x, height=bottom - y)
+
+    def inside(self, other: Rect) -> tuple[slice, slice]:
+        """Rows and columns of an array that covers `other` which this part of it takes."""
+        y, x = self.y - other.y, self.x - other.x
+        return slice(y, y + self.height), slice(x, x + self.width)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,6 +197,49 @@ class Survey:
     density: NDArray[np.uint8]  # (rows, columns) samples a pixel
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
     worth: NDArray[np.uint8]  # (n,) squared error that one more sample is expected to remove
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Framelet:
+    """A partial picture: a rectangle in a view's frame, an order, channels. What the compositing graph works on.
+
+    The frame is the virtual screen's: pixels, origin top left. Channels that nobody needs are None.
+    """
+
+    rect: Rect
+    colour: NDArray[Any]  # (h, w, 3) float32 linear RGB, times alpha where there is alpha; or uint8 sRGB, once encoded
+    depth: Float32 | None = None  # (h, w) distance from the eye, world units; inf = background
+    alpha: Float32 | None = None  # (h, w) 0..1
+    time: Float32 | None = None  # (h, w) seconds after `moment`, when it was traced; -inf: nothing has come yet
+    object: NDArray[np.uint32] | None = None  # (h, w) object id
+    variance: Float32 | None = None  # (h, w) of the mean that colour is, linear, mean of the three channels
+    order: int = 0  # for ordered operators: the smaller is the nearer
+    event: Event | None = None  # whose camera and scene time it shows; None: a picture that knows none
+    moment: float = 0.0  # seconds of the head's clock, the zero of `time`
+
+    @classmethod
+    def blank(cls, rect: Rect, channels: Channels, *, encoded: bool = False, order: int = 0) -> Framelet:
+        """Black, infinitely far, opaque nowhere, never traced."""
+        size = (rect.height, rect.width)
+        made: dict[str, Any] = {name: np.full(size, *BLANK[name]) for name in channels - {"colour"}}
+        colour = np.zeros((*size, 3), np.uint8 if encoded else np.float32)
+        return cls(rect=rect, colour=colour, order=order, **made)
+
+    @property
+    def channels(self) -> Channels:
+        return frozenset({"colour"} | {name for name in BLANK if getattr(self, name) is not None})
+
+    @property
+    def encoded(self) -> bool:
+        """Whether its colour is 8-bit sRGB already."""
+        return self.colour.dtype == np.uint8
+
+    def channel(self, name: str) -> NDArray[Any]:
+        """One channel's array; KeyError if it has none of that name."""
+        found: NDArray[Any] | None = getattr(self, name) if name in CHANNELS else None
+        if found is None:
+            raise KeyError(name)
+        return found
 
 
 @dataclass(slots=True)

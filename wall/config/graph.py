@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from wall.config.base import Model, Name, Whole
+from wall.fields import Model, Name, Whole
 
 SinkKind = Literal["browser", "png", "recorder"]
 Ranks = Annotated[Whole, Ge(1), Le(1024)]

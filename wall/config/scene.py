@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.config.base import (
+from wall.fields import (
     Color,
     Direction,
     Flag,

@@ -7,7 +7,6 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.config.base import Flag, Model, Number, Text, Whole, refusal
 from wall.config.graph import (
     GraphConfig,
     NodeConfig,
@@ -50,6 +49,7 @@ from wall.config.views import (
     PathConfig,
     ViewConfig,
 )
+from wall.fields import Flag, Model, Number, Text, Whole, refusal
 
 __all__ = [
     "METHODS",

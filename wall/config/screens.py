@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field, model_validator
 
-from wall.config.base import NAME_PATTERN, Model, Name, Number, Point, Text, Whole, refusal
+from wall.fields import NAME_PATTERN, Model, Name, Number, Point, Text, Whole, refusal
 
 MAX_PANELS = 1024
 SQUARENESS = 0.01  # cosine of the corner angle: half a degree off is a typing error, not a panel

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field, model_validator
 
-from wall.config.base import (
+from wall.config.sampling import SamplingConfig
+from wall.fields import (
     Direction,
     Flag,
     Model,
@@ -20,7 +21,6 @@ from wall.config.base import (
     check_times,
     refusal,
 )
-from wall.config.sampling import SamplingConfig
 
 DEFAULT_FOV_DEGREES = 45.0
 
