@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from wall.jit import kernel
-
-CURVE_STEPS = 4096
+from wall.operators.kernels import display_code
 
 
 @kernel
@@ -34,8 +29,6 @@ def display_tiles(radiance, dirty, tile, curve, rgb):
             for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
                 for x in range(column * tile, min((column + 1) * tile, radiance.shape[1])):
                     for c in range(3):
-                        value = radiance[y, x, c]
-                        value = min(value, np.float32(1.0)) if value > np.float32(0.0) else np.float32(0.0)
-                        rgb[y, x, c] = curve[int(math.sqrt(value) * np.float32(CURVE_STEPS) + np.float32(0.5))]
+                        rgb[y, x, c] = display_code(radiance[y, x, c], curve)
                     redone += 1
     return redone

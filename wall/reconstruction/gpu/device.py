@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from wall.colour import CURVE_STEPS
 from wall.deepbuffer.kernels import TILE
 from wall.deepbuffer.kernels_reproject import FAR, NEAREST, OUTSIDE
 from wall.errors import RunError
 from wall.reconstruction import kernels_visible as seen
-from wall.reconstruction.kernels import CURVE_STEPS
 from wall.reconstruction.kernels_ages import AGE_SHIFT, AGES
 from wall.reconstruction.kernels_fill import TRUSTED
 from wall.reconstruction.kernels_picture import FORGOTTEN

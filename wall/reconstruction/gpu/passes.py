@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.colour import srgb_curve
 from wall.data import Float32
 from wall.deepbuffer.kernels import TILE
-from wall.reconstruction.display_values import srgb_curve
 from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
 from wall.reconstruction.kernels_fill import TRUSTED

@@ -1,0 +1,28 @@
+"""`encode`: linear light to the 8-bit sRGB that displays and pages are sent."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from wall.colour import srgb_curve
+from wall.data import Framelet, Rect
+from wall.operators import kernels
+from wall.operators.base import Input, Operator
+from wall.operators.parts import bands, copy, corner
+
+_CURVE = srgb_curve()
+
+
+class Encode(Operator):
+    """8-bit sRGB, at most one code from its exact rounding; a quarter of the bytes. Other channels stay."""
+
+    op: Literal["encode"]
+    input: Input
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        source = inputs[0]
+        copy(source, out, region, but=frozenset({"colour"}))
+        for band in bands(region):
+            place = (*corner(out, band), band.width, band.height)
+            kernels.encode(source.colour, *corner(source, band), _CURVE, out.colour, *place)

@@ -1,0 +1,165 @@
+"""What compositing does to every pixel: choose between two, lay one over another, encode.
+
+Arrays are whole framelets' channels, C-contiguous; where to work is said by corners in pixels of each array.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.jit import inline_kernel, kernel
+
+uint = np.uint64  # indices: no test whether they count from the end
+ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+BLOCK = 64  # pixels between two decisions to copy in bulk
+
+
+@kernel
+def choose(
+    a_colour, a_key, ax, ay, a_shift, b_colour, b_key, bx, by, b_shift, sign, colour, key, x, y, width, height, taken
+):  # fmt: skip
+    """Take each pixel from b where sign * b_key is below sign * a_key, else from a. NaN keys never win.
+
+    Parameters
+    ----------
+    a_colour, b_colour : (h, w, 3) float32 or uint8; a_key, b_key : (h, w) float32, depths or times
+    ax, ay, bx, by : int, corners in a and b
+    a_shift, b_shift : float32, added to the keys
+    sign : float32, 1: the smallest wins, -1: the largest
+    colour, key : like a's, written: the winner's; may be a's own, at a's corner
+    x, y, width, height : int, the part of `colour` and `key` that is written
+    taken : (>= height, >= width) uint8, written: 1 where b won, else 0
+
+    Returns
+    -------
+    nothing : int, pixels where neither key is a number; their key is NaN
+    """
+    nothing = 0
+    for row in range(height):
+        a, b, o = (ay + row) * a_key.shape[1] + ax, (by + row) * b_key.shape[1] + bx, (y + row) * key.shape[1] + x
+        for first in range(0, width, BLOCK):
+            n = min(BLOCK, width - first)
+            t = row * taken.shape[1] + first
+            won, missing = choose_keys(
+                a_key, a + first, a_shift, b_key, b + first, b_shift, sign, key, o + first, taken, t, n
+            )  # fmt: skip
+            nothing += missing
+            if won == 0:
+                copy_colours(a_colour, a + first, colour, o + first, n)
+            elif won == n:
+                copy_colours(b_colour, b + first, colour, o + first, n)
+            else:
+                mix_colours(a_colour, a + first, b_colour, b + first, taken, t, colour, o + first, n)
+    return nothing
+
+
+@inline_kernel
+def choose_keys(a_key, a, a_shift, b_key, b, b_shift, sign, key, o, taken, t, n):
+    """n keys in a row: how many b won, and how many are no number in both."""
+    one, other, out, mask = a_key.reshape(-1), b_key.reshape(-1), key.reshape(-1), taken.reshape(-1)
+    won, missing = np.int32(0), np.int32(0)
+    for j in range(n):
+        p, q = one[uint(a) + uint(j)] + a_shift, other[uint(b) + uint(j)] + b_shift
+        win = (sign * q < sign * p) | ((p != p) & (q == q))
+        out[uint(o) + uint(j)] = q if win else p
+        mask[uint(t) + uint(j)] = np.uint8(win)
+        won += np.int32(win)
+        missing += np.int32((p != p) & (q != q))
+    return won, missing
+
+
+@inline_kernel
+def copy_colours(source, s, colour, o, n):
+    """n colours in a row."""
+    one, out = source.reshape(-1), colour.reshape(-1)
+    first, to = uint(s) * uint(3), uint(o) * uint(3)
+    for j in range(3 * n):
+        out[to + uint(j)] = one[first + uint(j)]
+
+
+@inline_kernel
+def mix_colours(a_colour, a, b_colour, b, taken, t, colour, o, n):
+    """n colours in a row, b's where taken."""
+    one, other, out, mask = a_colour.reshape(-1), b_colour.reshape(-1), colour.reshape(-1), taken.reshape(-1)
+    p, q, to = uint(a) * uint(3), uint(b) * uint(3), uint(o) * uint(3)
+    for j in range(n):
+        win, k = mask[uint(t) + uint(j)] != 0, uint(3) * uint(j)
+        for c in range(3):
+            first, second = one[p + k + uint(c)], other[q + k + uint(c)]
+            out[to + k + uint(c)] = second if win else first
+
+
+@kernel
+def lay_under(source, source_alpha, sx, sy, colour, alpha, x, y, width, height):
+    """Put a picture beneath what is there already: Porter and Duff's over, front to back, premultiplied.
+
+    Parameters
+    ----------
+    source : (h, w, 3) float32, linear, premultiplied; source_alpha : (h, w) float32, clipped to 0..1; where it is NaN
+        there is nothing
+    sx, sy : int, corner in them
+    colour, alpha : (h, w, 3) and (h, w) float32, updated
+    x, y, width, height : int, the part of them
+
+    Source: Porter and Duff, Compositing digital images, SIGGRAPH 1984. What is fully hidden has no influence, not even
+    if it is infinite or NaN.
+    """
+    one, coverage, out, total = source.reshape(-1), source_alpha.reshape(-1), colour.reshape(-1), alpha.reshape(-1)
+    for row in range(height):
+        s, o = uint((sy + row) * source_alpha.shape[1] + sx), uint((y + row) * alpha.shape[1] + x)
+        for j in range(width):
+            through, a = ONE - total[o + uint(j)], coverage[s + uint(j)]
+            if through > ZERO and a == a:
+                p, q = uint(3) * (s + uint(j)), uint(3) * (o + uint(j))
+                total[o + uint(j)] += through * min(max(a, ZERO), ONE)
+                for c in range(3):
+                    out[q + uint(c)] += through * one[p + uint(c)]
+
+
+@kernel
+def gather(source, weight, sx, sy, colour, total, x, y, width, height):
+    """Fold one picture into weighted means by running update, which cannot cancel: mean += (value - mean) w / sum of w.
+
+    Parameters
+    ----------
+    source : (h, w, c) float32; sx, sy : int, corner in it
+    weight : (height, width) float32; what is not above 0 has no influence
+    colour : (h, w, c) float32, the means so far, updated
+    total : (height, width) float32, sum of the weights so far, updated
+    x, y, width, height : int, the part of `colour`
+
+    Source: West, Updating mean and variance estimates, CACM 22(9), 1979.
+    """
+    for i in range(height):
+        for j in range(width):
+            w = weight[i, j]
+            if w > ZERO:
+                total[i, j] += w
+                share = w / total[i, j]
+                for c in range(colour.shape[2]):
+                    mean = colour[y + i, x + j, c]
+                    colour[y + i, x + j, c] = mean + (source[sy + i, sx + j, c] - mean) * share
+
+
+@inline_kernel
+def display_code(value, curve):
+    """8-bit sRGB of linear light, clipped to 0..1, NaN as 0; see wall.colour.srgb_curve."""
+    value = min(value, ONE) if value > ZERO else ZERO
+    return curve[uint(math.sqrt(value) * np.float32(curve.shape[0] - 1) + HALF)]
+
+
+@kernel
+def encode(source, sx, sy, curve, rgb, x, y, width, height):
+    """Linear light to display values.
+
+    source : (h, w, 3) float32, linear; sx, sy : int, corner in it
+    curve : (4097,) uint8, see wall.colour.srgb_curve
+    rgb : (h, w, 3) uint8, sRGB, the part x, y, width, height is written
+    """
+    one, out = source.reshape(-1), rgb.reshape(-1)
+    for row in range(height):
+        s, o = uint(3 * ((sy + row) * source.shape[1] + sx)), uint(3 * ((y + row) * rgb.shape[1] + x))
+        for j in range(3 * width):
+            out[o + uint(j)] = display_code(one[s + uint(j)], curve)

@@ -1,0 +1,23 @@
+"""`newest`: of several pictures of one view, what was traced last at every pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal
+
+from wall.data import Channels, Framelet, Rect
+from wall.operators.base import Inputs, Operator
+from wall.operators.winners import choose
+
+
+class Newest(Operator):
+    """The newest `moment` + `time` wins; of equals the earlier input; NaN never."""
+
+    op: Literal["newest"]
+    inputs: Inputs
+
+    NEEDS: ClassVar[Channels] = frozenset({"colour", "time"})
+    MOVES: ClassVar[bool] = True
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        choose(inputs, out, region, key="time", sign=-1)

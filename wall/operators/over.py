@@ -1,0 +1,61 @@
+"""`over`: transparent pictures on top of each other, in order. Ordered sort-last compositing.
+
+Source: Porter and Duff, Compositing digital images, SIGGRAPH 1984; colours are premultiplied by alpha.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from wall.data import Channels, Framelet, Rect
+from wall.operators import kernels
+from wall.operators.base import Inputs, Operator
+from wall.operators.parts import bands, blank, corner, later, part
+
+
+class Over(Operator):
+    """Inputs by their `order`, the smallest nearest; of equal orders the earlier input is nearer.
+
+    Depth, time and object are those of the nearest input that is not fully transparent there; variances are summed by
+    the squared share that each input has in the colour.
+    """
+
+    op: Literal["over"]
+    inputs: Inputs
+
+    NEEDS: ClassVar[Channels] = frozenset({"colour", "alpha"})
+
+    def gives(self, inputs: Sequence[Channels]) -> Channels:
+        return super().gives(inputs) | {"alpha"}
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        ordered = sorted(inputs, key=lambda framelet: framelet.order)
+        for band in bands(region):
+            blank(out, band)
+            for framelet in ordered:
+                if met := framelet.rect.meet(band):
+                    _lay_under(framelet, out, met)
+            if out.variance is not None:
+                variance, alpha = part(out, "variance", band), part(out, "alpha", band)
+                variance[alpha == 0.0] = np.inf
+
+
+def _lay_under(framelet: Framelet, out: Framelet, rect: Rect) -> None:
+    before, alpha = part(out, "alpha", rect), part(framelet, "alpha", rect)
+    seen = (before == 0.0) & (alpha > 0.0)
+    for name in out.channels - {"colour", "alpha", "variance"}:
+        there = part(framelet, name, rect)
+        np.copyto(part(out, name, rect), there + later(framelet, out) if name == "time" else there, where=seen)
+    if out.variance is not None:
+        _add_variance(part(out, "variance", rect), part(framelet, "variance", rect), 1.0 - before, alpha > 0.0, seen)
+    source = (framelet.colour, framelet.channel("alpha"), *corner(framelet, rect))
+    kernels.lay_under(*source, out.colour, out.channel("alpha"), *corner(out, rect), rect.width, rect.height)
+
+
+def _add_variance(total: Any, variance: Any, through: Any, visible: Any, first: Any) -> None:
+    total[first] = 0.0  # it was infinite: nothing
+    there = visible & (through > 0.0)
+    total[there] += through[there] ** 2 * variance[there]

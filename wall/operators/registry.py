@@ -1,0 +1,69 @@
+"""Which operators there are: the built-in ones, and what installed packages add as entry points `wall.operators`."""
+
+from __future__ import annotations
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Literal, get_args, get_origin
+
+from wall.errors import ConfigError
+from wall.operators.base import Operator
+from wall.operators.crop import Crop
+from wall.operators.depth import Depth
+from wall.operators.encode import Encode
+from wall.operators.newest import Newest
+from wall.operators.over import Over
+from wall.operators.tile import Tile
+
+GROUP = "wall.operators"
+
+
+def name_of(operator: type[Operator]) -> str | None:
+    """The word that `op:` has in the YAML for a class: its `op: Literal["..."]`; None if it is not that."""
+    field = operator.model_fields.get("op")
+    annotation: Any = field.annotation if field else None
+    words = get_args(annotation)
+    one_word = get_origin(annotation) is Literal and len(words) == 1 and isinstance(words[0], str)
+    return words[0] if one_word else None
+
+
+OPERATORS: dict[str, type[Operator]] = {
+    str(name_of(operator)): operator for operator in (Crop, Depth, Encode, Newest, Over, Tile)
+}
+RESERVED = frozenset({"samples", "reconstruct", "sink"})  # nodes of a graph that are not operators
+
+
+def plugins() -> dict[str, type[Operator]]:
+    """Operators of installed packages, by the name that `op:` has.
+
+    Raises ConfigError naming the package and the entry point: one that cannot be loaded, is not derived from Operator,
+    whose `op` is not its entry point's name, or whose name is taken.
+    """
+    found: dict[str, type[Operator]] = {}
+    owners: dict[str, str] = {}
+    for point in sorted(entry_points(group=GROUP), key=lambda point: (point.name, _package(point))):
+        name, package = point.name, _package(point)
+        where = f"operator '{name}' of the package {package} ({GROUP}: {point.value})"
+        if name in OPERATORS or name in RESERVED:
+            raise ConfigError(f"{where}: '{name}' is built in, wanted another name")
+        if name in found:
+            raise ConfigError(f"{where}: the package {owners[name]} has one of the same name, wanted only one of them")
+        found[name], owners[name] = _loaded(point, where), package
+    return found
+
+
+def _loaded(point: EntryPoint, where: str) -> type[Operator]:
+    try:
+        operator = point.load()
+    except Exception as error:  # whatever a foreign module raises while it is imported
+        raise ConfigError(f"{where}: cannot be loaded, {type(error).__name__}: {error}") from error
+    if not (isinstance(operator, type) and issubclass(operator, Operator)):
+        raise ConfigError(f"{where}: is {operator!r}, wanted a class derived from wall.operators.base.Operator")
+    if name_of(operator) != point.name:
+        field = operator.model_fields.get("op")
+        came: Any = field.annotation if field else "missing"
+        raise ConfigError(f"{where}: its `op` is {came}, wanted Literal['{point.name}']")
+    return operator
+
+
+def _package(point: EntryPoint) -> str:
+    return f"{point.dist.name} {point.dist.version}" if point.dist else "(unknown)"
