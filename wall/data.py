@@ -98,6 +98,7 @@ class Region:
 
     panel: int  # index in Wall.panels
     rect: Rect
+    layer: int = 0  # index in Graph.layers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,6 +229,15 @@ class Framelet:
     @property
     def channels(self) -> Channels:
         return frozenset({"colour"} | {name for name in BLANK if getattr(self, name) is not None})
+
+    def advance(self, moment: float, *, but: Rect | None = None) -> None:
+        """Count times from another moment; those in the rectangle `but` do already."""
+        if self.time is not None and moment != self.moment:
+            kept = self.time[but.inside(self.rect)].copy() if but is not None else None
+            self.time += np.float32(self.moment - moment)
+            if but is not None:
+                self.time[but.inside(self.rect)] = kept
+        self.moment = moment
 
     @property
     def encoded(self) -> bool:

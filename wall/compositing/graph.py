@@ -1,30 +1,68 @@
-"""The compositing graph: presets expanded to nodes, nodes checked to be a typed DAG that covers the wall.
+"""The compositing graph, checked and planned: what every node takes, gives and covers, and where it runs.
 
-samples -> reconstruct -> framelet -> tile -> picture -> sink. Errors point to the node in the YAML file.
+samples -> reconstruct -> framelets -> operators -> sinks. A pure function of the configuration, so that every rank
+works it out alone and all agree. Errors point to the node in the YAML file.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from graphlib import CycleError, TopologicalSorter
+from dataclasses import dataclass, field
+from typing import Literal
 
+from wall.compositing.channels import find_channels, find_encoded, find_orders
+from wall.compositing.covering import Covering, panels_shown
+from wall.compositing.places import Places
+from wall.compositing.presets import expanded
+from wall.compositing.ranks import number_ranks
+from wall.compositing.refusals import Refusals
+from wall.compositing.structure import check_structure, in_order
 from wall.config.loading import Loaded, nearest
 from wall.config.schema import (
+    FrameSync,
     NodeConfig,
     NodeGraph,
     PresetGraph,
     ReconstructNode,
     SamplesNode,
     SinkNode,
-    TileNode,
+    SkyNode,
 )
-from wall.errors import ConfigError
+from wall.data import Channels, Rect
 from wall.geometry.panels import Wall
 from wall.geometry.regions import Source
+from wall.operators.base import Operator
 
-GIVES = {"samples": "samples", "reconstruct": "a framelet", "tile": "a picture", "sink": "nothing"}
-TAKES = {"reconstruct": "samples", "tile": "a framelet", "sink": "a picture"}
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layer:
+    """Samples of one panel and the framelet they make: a samples node with its reconstruct node."""
+
+    index: int  # in Graph.layers
+    samples: str  # ids of the two nodes
+    node: str
+    panel: int  # index in Wall.panels
+    ranks: tuple[int, ...]  # who renders it
+    range: tuple[float, float] | None  # of the scene's objects; None: all
+    transparent: bool  # where nothing is
+    reprojects: bool  # its samples move with camera and objects, whichever sampler chose them
+    place: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """A node that gives a framelet or ends one, and what the planner found out about it."""
+
+    index: int  # in Graph.steps: its name on the wire
+    node: NodeConfig
+    inputs: tuple[int, ...]  # indices of steps
+    place: int  # rank of the compositor that does it
+    rect: Rect  # in the frame
+    channels: Channels
+    encoded: bool  # its colour is display bytes
+    order: int
+    panels: tuple[int, ...]  # whose pixels it holds; a sink: which it shows whole
+    users: tuple[int, ...] = ()  # indices of steps
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,14 +70,19 @@ class Graph:
     """A checked graph. Ranks: 0 is the head (a compositor), then other compositors, then renderers."""
 
     nodes: tuple[NodeConfig, ...]  # inputs before those who need them
-    sources: tuple[Source, ...]  # in the order of the panels; renderers follow it
+    steps: tuple[Step, ...]  # likewise; samples nodes are in layers
+    layers: tuple[Layer, ...]  # in the order of the panels
     compositors: int  # the head among them
-    sinks: tuple[SinkNode, ...]
-    compositor_of_panel: tuple[int, ...]  # panel index -> compositor, 0 = the head
+    hosts: dict[int, str] = field(default_factory=dict)  # wanted machines, by rank
+    sync: FrameSync | Literal["none"] = "none"
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        return tuple(Source(layer=layer.index, panel=layer.panel, ranks=layer.ranks) for layer in self.layers)
 
     @property
     def renderers(self) -> int:
-        return sum(source.ranks for source in self.sources)
+        return sum(len(layer.ranks) for layer in self.layers)
 
     @property
     def ranks_needed(self) -> int:
@@ -47,25 +90,53 @@ class Graph:
         return self.compositors + self.renderers
 
     @property
-    def first_renderer(self) -> int:
-        """The rank whose region is regions(graph, wall)[0]."""
-        return self.compositors
+    def sinks(self) -> tuple[SinkNode, ...]:
+        return tuple(node for node in self.nodes if isinstance(node, SinkNode))
 
-    def compositor_of(self, panel: int) -> int:
-        """Which compositor (0 = the head) takes the samples of a panel in."""
-        return self.compositor_of_panel[panel]
+    @property
+    def place_of(self) -> dict[str, int]:
+        """The rank on which each node's work is done; of a samples node the first of its renderers."""
+        places = {layer.samples: layer.ranks[0] for layer in self.layers}
+        return places | {step.node.id: step.place for step in self.steps}
 
-    def panels_of(self, compositor: int) -> tuple[int, ...]:
-        """Indices of the panels that a compositor reconstructs."""
-        return tuple(panel for panel, on in enumerate(self.compositor_of_panel) if on == compositor)
+    def step(self, node_id: str) -> Step:
+        """KeyError if there is none of that id."""
+        for step in self.steps:
+            if step.node.id == node_id:
+                return step
+        raise KeyError(node_id)
+
+    def panel_of(self, step: int) -> int | None:
+        """The panel whose rays a step's pixels follow; None where it holds several, or what was made of them."""
+        node = self.steps[step]
+        return node.panels[0] if len(node.panels) == 1 and not isinstance(node.node, SinkNode) else None
+
+    def layer_of(self, rank: int) -> Layer:
+        """What a renderer renders; KeyError if it is none."""
+        for layer in self.layers:
+            if rank in layer.ranks:
+                return layer
+        raise KeyError(rank)
+
+    def layers_on(self, place: int) -> tuple[Layer, ...]:
+        return tuple(layer for layer in self.layers if layer.place == place)
 
     def has_sink(self, kind: str) -> bool:
         return any(sink.kind == kind for sink in self.sinks)
 
+    @property
+    def plain(self) -> bool:
+        """Whether every panel's samples are its picture, and the sinks show just those."""
+        ops = {getattr(step.node, "op", "") for step in self.steps}
+        return ops <= {"reconstruct", "tile", "sink"} and len({layer.panel for layer in self.layers}) == len(
+            self.layers
+        )
+
 
 def build(loaded: Loaded, wall: Wall) -> Graph:
-    """Expand a preset, or check a graph that is written out. Raises ConfigError with all that is wrong."""
+    """Expand a preset, check the nodes, plan. Raises ConfigError with all that is wrong."""
     config = loaded.config.graph
+    written = not isinstance(config, PresetGraph)
     if isinstance(config, PresetGraph):
         if config.compositors > len(wall.panels):
             raise loaded.error(
@@ -74,165 +145,105 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
                 f"1 to {len(wall.panels)}",
             )
         config = expanded(config, wall)
-    elif problems := _Check(loaded, wall, config).problems():
-        raise ConfigError("\n".join(str(problem) for problem in problems))
-    return _graph(config, wall)
+    refusals = Refusals(loaded, config.nodes, written=written)
+    check_structure(config.nodes, refusals)
+    _panels_exist(config.nodes, wall, refusals)
+    refusals.raise_any()
+    graph = _planned(config, wall, refusals)
+    _sync_fits(loaded, config, refusals)
+    refusals.raise_any()
+    return graph
 
 
-def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
-    """The nodes of a preset: each panel its own samples and reconstruction, one picture, its sinks."""
-    nodes: list[NodeConfig] = []
-    count = len(wall.panels)
-    for panel in wall.panels:
-        on = panel.index * preset.compositors // count
-        samples, framelet = f"s{panel.index}", f"p{panel.index}"
-        nodes.append(SamplesNode(op="samples", id=samples, panel=panel.id, ranks=preset.ranks_per_panel))
-        nodes.append(ReconstructNode(op="reconstruct", id=framelet, input=samples, on=on))
-    nodes.append(TileNode(op="tile", id="wall", inputs=tuple(f"p{i}" for i in range(count))))
-    nodes.extend(SinkNode(op="sink", id=kind, kind=kind, input="wall") for kind in dict.fromkeys(preset.sinks))
-    return NodeGraph(compositors=preset.compositors, nodes=tuple(nodes))
+def _panels_exist(nodes: Sequence[NodeConfig], wall: Wall, refusals: Refusals) -> None:
+    panels = [panel.id for panel in wall.panels]
+    for node in nodes:
+        if isinstance(node, SamplesNode | SkyNode) and node.panel not in panels:
+            some = ", ".join(panels[:16]) + (" ..." if len(panels) > 16 else "")
+            refusals.add(node, ["panel"], "there is no such panel", some + nearest(node.panel, panels))
 
 
-def inputs_of(node: NodeConfig) -> tuple[str, ...]:
-    """Ids of the nodes a node needs."""
-    if isinstance(node, TileNode):
-        return node.inputs
-    return () if isinstance(node, SamplesNode) else (node.input,)
+def _sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
+    method = loaded.config.sampling_of(0).method
+    if isinstance(config.sync, FrameSync) and method != "framed":
+        came = f"frames in lock step are made of whole frames, and the sampling method is {method}"
+        refusals.add(None, ["sync"], came, "sampling: {method: framed}, or sync: none")
 
 
-def _graph(config: NodeGraph, wall: Wall) -> Graph:
-    by_id = {node.id: node for node in config.nodes}
-    order = TopologicalSorter({node.id: inputs_of(node) for node in config.nodes}).static_order()
+def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
+    order = in_order(config.nodes)
     index = {panel.id: panel.index for panel in wall.panels}
-    samples = {node.id: node for node in config.nodes if isinstance(node, SamplesNode)}
-    compositor_of_panel = [0] * len(wall.panels)
-    for node in config.nodes:
-        if isinstance(node, ReconstructNode):
-            compositor_of_panel[index[samples[node.input].panel]] = node.on
-    sources = sorted((index[node.panel], node.ranks) for node in samples.values())
-    return Graph(
-        nodes=tuple(by_id[node_id] for node_id in order),
-        sources=tuple(Source(panel=panel, ranks=ranks) for panel, ranks in sources),
-        compositors=config.compositors,
-        sinks=tuple(node for node in config.nodes if isinstance(node, SinkNode)),
-        compositor_of_panel=tuple(compositor_of_panel),
+    samples = [node for node in config.nodes if isinstance(node, SamplesNode)]
+    samples.sort(key=lambda node: index[node.panel])
+    ranks = number_ranks(config, samples, refusals)
+    covering = Covering(wall, refusals)
+    covering.find(order)
+    covering.check_sinks(order)
+    channels, encoded = find_channels(order, refusals), find_encoded(order, refusals)
+    orders = find_orders(order, refusals)
+    places = Places(config, wall, refusals)
+    place = places.find(order, covering.panels)
+    refusals.raise_any()
+    makers = [node for node in order if not isinstance(node, SamplesNode)]
+    number = {node.id: k for k, node in enumerate(makers)}
+    users: dict[str, list[int]] = {node.id: [] for node in order}
+    for node in makers:
+        for name in node.sources:
+            users[name].append(number[node.id])
+    steps = tuple(
+        Step(
+            index=number[node.id],
+            node=node,
+            inputs=tuple(number[name] for name in node.sources if name in number),
+            place=place[node.id],
+            rect=covering.rect[node.id],
+            channels=channels.get(node.id, frozenset({"colour"})),
+            encoded=encoded[node.id],
+            order=orders[node.id],
+            panels=tuple(p.index for p in panels_shown(wall, covering.cover[node.id]))
+            if isinstance(node, SinkNode)
+            else tuple(sorted(covering.panels[node.id])),
+            users=tuple(users[node.id]),
+        )
+        for node in makers
     )
+    layers = _layers(config, samples, steps, ranks, index)
+    hosts = dict(sorted(places.hosts.items()))
+    return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
 
 
-class _Check:
-    """Everything that can be wrong with a graph that is written out. One question a method."""
-
-    def __init__(self, loaded: Loaded, wall: Wall, config: NodeGraph) -> None:
-        self._loaded, self._wall, self._config = loaded, wall, config
-        self._by_id: dict[str, NodeConfig] = {}
-        self._index = {id(node): i for i, node in enumerate(config.nodes)}
-        self._found: list[ConfigError] = []
-
-    def problems(self) -> list[ConfigError]:
-        self._ids_differ()
-        self._inputs_exist_and_fit()
-        self._panels_are_covered_once()
-        self._compositors_are_used()
-        self._ends_in_one_picture()
-        if not self._found:  # with a wrong input every node after it would be called unused as well
-            self._is_acyclic()
-            self._every_node_is_used_once()
-        return self._found
-
-    def _refuse(self, node: NodeConfig | None, at: Sequence[str | int], message: str, accepted: str = "") -> None:
-        path = ("graph", "nodes", self._index[id(node)], *at) if node else ("graph", *at)
-        self._found.append(self._loaded.error(path, message, accepted))
-
-    def _ids_differ(self) -> None:
-        for node in self._config.nodes:
-            if node.id in self._by_id:
-                first = self._index[id(self._by_id[node.id])]
-                self._refuse(node, ["id"], f"nodes[{first}] has this id already", "ids that differ")
-            else:
-                self._by_id[node.id] = node
-
-    def _inputs_exist_and_fit(self) -> None:
-        for node in self._config.nodes:
-            for i, name in enumerate(inputs_of(node)):
-                at: list[str | int] = ["inputs", i] if isinstance(node, TileNode) else ["input"]
-                giver = self._by_id.get(name)
-                fitting = [n.id for n in self._config.nodes if GIVES[n.op] == TAKES[node.op] and n is not node]
-                accepted = ", ".join(fitting) or f"a node that gives {TAKES[node.op]}"
-                if giver is None:
-                    self._refuse(node, at, "there is no such node", accepted + nearest(name, fitting))
-                elif GIVES[giver.op] != TAKES[node.op]:
-                    wanted = f"{node.op} needs {TAKES[node.op]}, {giver.op} gives {GIVES[giver.op]}"
-                    self._refuse(node, at, wanted, accepted)
-
-    def _panels_are_covered_once(self) -> None:
-        panels = [panel.id for panel in self._wall.panels]
-        seen: dict[str, str] = {}
-        for node in self._config.nodes:
-            if not isinstance(node, SamplesNode):
-                continue
-            if node.panel not in panels:
-                self._refuse(node, ["panel"], "there is no such panel", ", ".join(panels) + nearest(node.panel, panels))
-            elif node.panel in seen:
-                self._refuse(
-                    node,
-                    ["panel"],
-                    f"node {seen[node.panel]} covers this panel already",
-                    "one samples node a panel",
-                )
-            seen.setdefault(node.panel, node.id)
-        if missing := [panel for panel in panels if panel not in seen]:
-            self._refuse(
-                None,
-                ["nodes"],
-                f"nobody renders panel {', '.join(missing)}",
-                "a samples node for every panel",
+def _layers(
+    config: NodeGraph,
+    samples: Sequence[SamplesNode],
+    steps: Sequence[Step],
+    ranks: dict[str, tuple[int, ...]],
+    index: dict[str, int],
+) -> tuple[Layer, ...]:
+    of_input = {step.node.input: step for step in steps if isinstance(step.node, ReconstructNode)}
+    layers = []
+    for k, node in enumerate(samples):
+        step = of_input[node.id]
+        assert isinstance(step.node, ReconstructNode)
+        layers.append(
+            Layer(
+                index=k,
+                samples=node.id,
+                node=step.node.id,
+                panel=index[node.panel],
+                ranks=ranks[node.id],
+                range=node.range,
+                transparent=step.node.background == "transparent",
+                reprojects=config.sync == "none" and _compared(step, steps),
+                place=step.place,
             )
+        )
+    return tuple(layers)
 
-    def _compositors_are_used(self) -> None:
-        count, used = self._config.compositors, {0}
-        for node in self._config.nodes:
-            if isinstance(node, ReconstructNode):
-                used.add(node.on)
-                if node.on >= count:
-                    what = "there is only compositor 0 (the head)" if count == 1 else f"there are {count} compositors"
-                    self._refuse(node, ["on"], what, f"0 to {count - 1}, or more graph.compositors")
-        if idle := sorted(set(range(count)) - used):
-            self._refuse(
-                None,
-                ["compositors"],
-                f"compositor {', '.join(map(str, idle))} has nothing to do",
-                "a reconstruct node with `on` for each compositor",
-            )
 
-    def _ends_in_one_picture(self) -> None:
-        tiles = [node for node in self._config.nodes if isinstance(node, TileNode)]
-        for tile in tiles[1:]:
-            self._refuse(tile, ["op"], "several pictures of one wall are not supported yet", "one tile node")
-        if not any(isinstance(node, SinkNode) for node in self._config.nodes):
-            self._refuse(None, ["nodes"], "no picture ends anywhere", "a node with op: sink")
-
-    def _is_acyclic(self) -> None:
-        # types alone forbid cycles today; operators that give what they take will not
-        try:
-            TopologicalSorter({node.id: inputs_of(node) for node in self._config.nodes}).prepare()
-        except CycleError as error:
-            names = " <- ".join(error.args[1])
-            self._refuse(self._by_id[error.args[1][0]], [], f"needs its own result: {names}", "a graph without cycles")
-
-    def _every_node_is_used_once(self) -> None:
-        users: dict[str, list[str]] = {node.id: [] for node in self._config.nodes}
-        for node in self._config.nodes:
-            for name in inputs_of(node):
-                users[name].append(node.id)
-        for node in self._config.nodes:
-            if isinstance(node, SinkNode):
-                continue
-            if not users[node.id]:
-                self._refuse(
-                    node,
-                    ["id"],
-                    f"nobody uses {GIVES[node.op]} of this node",
-                    f"a node with input: {node.id}",
-                )
-            elif len(users[node.id]) > 1 and not isinstance(node, TileNode):
-                self._refuse(node, ["id"], f"is used more than once ({', '.join(users[node.id])})", "one user")
+def _compared(step: Step, steps: Sequence[Step]) -> bool:
+    """Whether an operator after it compares values of one moment."""
+    for k in step.users:
+        node = steps[k].node
+        if (isinstance(node, Operator) and node.COMMON_TIME) or _compared(steps[k], steps):
+            return True
+    return False

@@ -1,71 +1,132 @@
-"""`graph:` how samples become pictures: a preset, or nodes. compositing/graph.py checks the DAG."""
+"""`graph:` how samples become pictures: a preset, or nodes. compositing/ checks it, and says what runs where.
+
+Nodes that make framelets of framelets are operators: each describes itself in wall/operators.
+"""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from annotated_types import Ge, Le
-from pydantic import BeforeValidator, Discriminator, Field, Tag
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from wall.fields import Model, Name, Whole
+from wall.fields import Model, Name, Number, Whole, refusal
+from wall.operators.base import Input, Node
+from wall.operators.registry import OPERATORS, plugins
 
-SinkKind = Literal["browser", "png", "recorder"]
+SinkKind = Literal["browser", "png", "recorder", "window"]
 Ranks = Annotated[Whole, Ge(1), Le(1024)]
+Rank = Annotated[Whole, Ge(0), Le(65535)]
+Share = Annotated[Number, Ge(0.0), Le(1.0)]
 
 
-class SamplesNode(Model):
-    """Samples of one panel, traced by one or more ranks."""
+class SamplesNode(Node):
+    """Samples of one panel, traced by one or more ranks; of all objects, or of a part of them."""
 
     op: Literal["samples"] = Field(description="samples of one panel")
-    id: Name = Field(description="name of the node")
     panel: Name = Field(description="id of the panel")
-    ranks: Ranks = Field(default=1, description="ranks that share the panel; each renders a part of it")
+    ranks: Ranks | None = Field(
+        default=None, description="ranks that share the panel, each renders a part of it; absent = 1, or all of `group`"
+    )
+    rank: Rank | None = Field(default=None, description="the one rank that renders it, by its number")
+    group: Name | None = Field(default=None, description="a group of graph.groups that renders it")
+    range: tuple[Share, Share] | None = Field(
+        default=None,
+        description="part of the scene's objects that is seen, such as [0, 0.5]: by triangles, in the scene's order; "
+        "all of them cast shadows",
+    )
+
+    TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "nothing"
+    GIVES: ClassVar[Literal["nothing", "samples", "framelet"]] = "samples"
+
+    @model_validator(mode="after")
+    def _is_one_thing(self) -> SamplesNode:
+        if self.rank is not None and (self.group is not None or self.ranks is not None):
+            raise refusal("names one rank, and others beside", accepted="one of rank, group, ranks", at=("rank",))
+        if self.range is not None and not self.range[0] < self.range[1]:
+            raise refusal("holds nothing", accepted="[from, to] with from < to, both from 0 to 1", at=("range",))
+        return self
 
 
-class ReconstructNode(Model):
+class ReconstructNode(Node):
     """Samples to a framelet."""
 
     op: Literal["reconstruct"] = Field(description="samples to a framelet of the panel")
-    id: Name = Field(description="name of the node")
-    input: Name = Field(description="id of a samples node")
-    filter: Literal["newest"] = Field(default="newest", description="newest: every pixel shows its newest sample")
-    on: Annotated[Whole, Ge(0), Le(1023)] = Field(default=0, description="which compositor does it; 0 is the head")
-
-
-class TileNode(Model):
-    """Framelets side by side to one picture."""
-
-    op: Literal["tile"] = Field(description="framelets side by side to a picture")
-    id: Name = Field(description="name of the node")
-    inputs: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1024)] = Field(
-        description="ids of reconstruct nodes"
+    input: Input
+    filter: Literal["newest"] = Field(default="newest", description="newest: what came last is what is seen")
+    background: Literal["keep", "transparent"] = Field(
+        default="keep", description="transparent: the sky has alpha 0, and colours are times alpha"
+    )
+    order: Annotated[Whole, Ge(-1000), Le(1000)] | None = Field(
+        default=None, description="for `over`: the smaller is the nearer"
     )
 
+    TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "samples"
 
-class SinkNode(Model):
+
+class SkyNode(Node):
+    """What a panel shows where there is no object: the sky, for layers without a background of their own."""
+
+    op: Literal["sky"] = Field(description="the sky as a panel sees it")
+    panel: Name = Field(description="id of the panel")
+    order: Annotated[Whole, Ge(-1000), Le(1000)] | None = Field(default=None, description="for `over`")
+
+    TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "nothing"
+
+
+class SinkNode(Node):
     """Where a picture ends."""
 
     op: Literal["sink"] = Field(description="where a picture ends")
-    id: Name = Field(description="name of the node")
     kind: SinkKind = Field(
-        description="browser: the live page; png: pictures at the end; recorder: a numbered sequence"
+        description="browser: the live page; png: pictures at the end; recorder: a numbered sequence; window: full "
+        "screen on the panel's display"
     )
-    input: Name = Field(description="id of a tile node")
+    input: Input
+
+    GIVES: ClassVar[Literal["nothing", "samples", "framelet"]] = "nothing"
 
 
-NodeConfig = Annotated[SamplesNode | ReconstructNode | TileNode | SinkNode, Field(discriminator="op")]
+_KINDS: list[type[Node]] = [SamplesNode, ReconstructNode, SkyNode, SinkNode, *OPERATORS.values(), *plugins().values()]
+NodeConfig: TypeAlias = Node
+_AnyNode: Any = Annotated[reduce(or_, _KINDS), Field(discriminator="op")]
+
+
+class FrameSync(Model):
+    """Classic compositing in lock step: a frame is shown when all of it is there, and then the next one begins."""
+
+    mode: Literal["frame"] = Field(description="frame: in lock step")
+    timeout_s: Annotated[Number, Ge(0.01), Le(60.0)] = Field(
+        default=0.5, description="seconds that a frame waits for its last part"
+    )
+    late: Literal["hold"] = Field(default="hold", description="hold: a part that is late is shown as it was before")
+
+
+def _mode_alone(value: Any) -> Any:
+    return {"mode": value} if value == "frame" else value
+
+
+Sync = Annotated[
+    Literal["none"] | FrameSync,
+    BeforeValidator(_mode_alone, json_schema_input_type=Literal["none", "frame"] | FrameSync),
+    Field(description="none: whatever came is shown; frame: every panel shows the same numbered frame"),
+]
 
 
 class PresetGraph(Model):
     """A graph that is built from the wall's panels."""
 
-    preset: Literal["sort-first"] = Field(
+    preset: Literal["sort-first", "sort-last"] = Field(
         default="sort-first",
-        description="sort-first: every panel has its own ranks, one picture of all panels",
+        description="sort-first: every panel has its own ranks, one picture of all panels; sort-last: a panel's ranks "
+        "each render a part of the objects, the nearest wins",
     )
     ranks_per_panel: Ranks = Field(default=1, description="renderers that share one panel")
     compositors: Ranks = Field(default=1, description="processes that fold samples into pictures, the head among them")
-    sinks: Annotated[tuple[SinkKind, ...], Field(min_length=1, max_length=3)] = Field(
+    sync: Sync = Field(default="none")
+    sinks: Annotated[tuple[SinkKind, ...], Field(min_length=1, max_length=4)] = Field(
         default=("browser", "png"), description="where the pictures end"
     )
 
@@ -74,7 +135,11 @@ class NodeGraph(Model):
     """A graph written out node by node."""
 
     compositors: Ranks = Field(default=1, description="processes that fold samples into pictures, the head among them")
-    nodes: Annotated[tuple[NodeConfig, ...], Field(min_length=1, max_length=4096)] = Field(
+    sync: Sync = Field(default="none")
+    groups: dict[Name, Annotated[tuple[Rank, ...], Field(min_length=1, max_length=1024)]] = Field(
+        default={}, description="renderers by number, under a name"
+    )
+    nodes: Annotated[tuple[_AnyNode, ...], Field(min_length=1, max_length=4096)] = Field(
         description="nodes in any order"
     )
 
@@ -93,5 +158,5 @@ _Graph = Annotated[
 ]
 GraphConfig = Annotated[
     _Graph,
-    BeforeValidator(_spelled_out, json_schema_input_type=Literal["sort-first"] | PresetGraph | NodeGraph),
+    BeforeValidator(_spelled_out, json_schema_input_type=Literal["sort-first", "sort-last"] | PresetGraph | NodeGraph),
 ]

@@ -8,6 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from wall.config.graph import (
+    FrameSync,
     GraphConfig,
     NodeConfig,
     NodeGraph,
@@ -15,7 +16,7 @@ from wall.config.graph import (
     ReconstructNode,
     SamplesNode,
     SinkNode,
-    TileNode,
+    SkyNode,
 )
 from wall.config.sampling import (
     METHODS,
@@ -63,6 +64,7 @@ __all__ = [
     "Config",
     "CornersConfig",
     "DirectionalLightConfig",
+    "FrameSync",
     "FramedSampling",
     "FramelessSampling",
     "GraphConfig",
@@ -88,8 +90,8 @@ __all__ = [
     "SceneConfig",
     "SinkNode",
     "SkyConfig",
+    "SkyNode",
     "SpinConfig",
-    "TileNode",
     "TransportConfig",
     "ViewConfig",
     "WallConfig",

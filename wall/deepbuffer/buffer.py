@@ -25,6 +25,7 @@ class DeepBuffer:
         self.records = np.zeros((height, width), kernels.PIXEL)
         self.records["time"], self.records["depth"] = -np.inf, np.inf
         self._dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)
+        self.frames: dict[int, tuple[int, int]] = {}  # by rank: the event of the newest whole frame
         self._back: dict[int, _Frame] = {}  # by rank: the frame that is being put together
 
     @property
@@ -51,6 +52,7 @@ class DeepBuffer:
             for part in frame.batches:
                 self._show(part)
             frame.finish()
+            self.frames[batch.rank] = order[:2]
 
     def _show(self, batch: Batch) -> None:
         key = np.uint64((batch.camera_event << 32) | batch.scene_event)

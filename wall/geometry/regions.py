@@ -15,10 +15,11 @@ MAX_EDGE = 4096  # pixels; positions on the wire keep two sub-pixel bits up to t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """A panel, and how many ranks share it."""
+    """A layer of a panel, and the ranks that share it."""
 
+    layer: int  # index in Graph.layers
     panel: int  # index in Wall.panels
-    ranks: int
+    ranks: tuple[int, ...]
 
 
 class HasSources(Protocol):
@@ -29,29 +30,29 @@ class HasSources(Protocol):
 
 
 def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:
-    """The region of every renderer, in rank order: source by source, each cut by `split`.
+    """The region of every renderer, in rank order: each source is cut by `split`, among its ranks in their order.
 
     Raises
     ------
     ConfigError : a region would have an edge above MAX_EDGE pixels, or a panel has fewer pixels than ranks
     """
-    found: list[Region] = []
+    found: dict[int, Region] = {}
     for source in graph.sources:
         panel = wall.panels[source.panel]
         whole = Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
         size = f"{whole.width} x {whole.height} pixels"
-        if source.ranks > whole.area:
-            raise ConfigError(
-                f"panel {panel.id} ({size}): {source.ranks} ranks are too many; accepted: up to {whole.area}"
-            )
-        rects = split(whole, source.ranks)
+        ranks = len(source.ranks)
+        if ranks > whole.area:
+            raise ConfigError(f"panel {panel.id} ({size}): {ranks} ranks are too many; accepted: up to {whole.area}")
+        rects = split(whole, ranks)
         if any(max(rect.width, rect.height) > MAX_EDGE for rect in rects):
             raise ConfigError(
-                f"panel {panel.id} ({size}): with ranks: {source.ranks} a region is larger than {MAX_EDGE} "
-                f"pixels; accepted: {_ranks_needed(whole, source.ranks)} ranks for this panel, or more"
+                f"panel {panel.id} ({size}): with ranks: {ranks} a region is larger than {MAX_EDGE} "
+                f"pixels; accepted: {_ranks_needed(whole, ranks)} ranks for this panel, or more"
             )
-        found.extend(Region(panel=source.panel, rect=rect) for rect in rects)
-    return tuple(found)
+        for rank, rect in zip(source.ranks, rects, strict=True):
+            found[rank] = Region(layer=source.layer, panel=source.panel, rect=rect)
+    return tuple(found[rank] for rank in sorted(found))
 
 
 def split(rect: Rect, n: int) -> tuple[Rect, ...]:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from wall.data import Channels, Framelet, Rect
 from wall.fields import Model, Name, Text, Whole
@@ -24,11 +24,18 @@ Extent = Annotated[Whole, Ge(1), Le(1 << 20)]
 Area = tuple[Coordinate, Coordinate, Extent, Extent]  # x, y, width, height in the frame, pixels
 
 
+def _compositor(value: Any) -> Any:
+    return f"compositor {value}" if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+Place = Annotated[Text, BeforeValidator(_compositor, json_schema_input_type=Text | Whole)]
+
+
 class Node(Model):
     """What every node of a graph has."""
 
     id: Name = Field(description="name of the node")
-    on: Text | None = Field(
+    on: Place | None = Field(
         default=None,
         description="where it runs: head, panel, rank N, host NAME or compositor N; absent = where its first input is",
     )

@@ -29,7 +29,7 @@ def name_of(operator: type[Operator]) -> str | None:
 OPERATORS: dict[str, type[Operator]] = {
     str(name_of(operator)): operator for operator in (Crop, Depth, Encode, Newest, Over, Tile)
 }
-RESERVED = frozenset({"samples", "reconstruct", "sink"})  # nodes of a graph that are not operators
+RESERVED = frozenset({"samples", "reconstruct", "sky", "sink"})  # nodes of a graph that are not operators
 
 
 def plugins() -> dict[str, type[Operator]]:

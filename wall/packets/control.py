@@ -15,27 +15,21 @@ import zlib
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeAlias
 
-import lz4.block
-import numpy as np
-from numpy.typing import NDArray
-
-from wall.data import Camera, Event, Rect, Survey
+from wall.data import Camera, Event, Survey
 from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets.framelets import FrameletPart, parse_part, part_body
 from wall.packets.survey import parse_survey, survey_body
 
-MAGIC, VERSION = b"WALL", 2
+MAGIC, VERSION = b"WALL", 3
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_SURVEY = 10  # 9 is a tiling
 MAX_TEXT_BYTES = 16384  # of a JSON body
-MAX_AREA = 1 << 25  # pixels of a framelet: 8K UHD
-LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 _EVENT = struct.Struct("<HIIdd3d9dB31p31pB")
-_FRAMELET = struct.Struct("<HHHHHIIIB")
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -89,41 +83,7 @@ class Stop:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Framelet:
-    """A rectangle of a panel as another compositor shows it, 8-bit sRGB."""
-
-    panel: int
-    rect: Rect
-    camera_event: int
-    scene_event: int
-    data: bytes  # lz4 of width * height * 3 bytes
-    compared: bool = False  # of the second picture, while two samplers are compared
-
-    @classmethod
-    def of(
-        cls, *, panel: int, rect: Rect, rgb: NDArray[np.uint8], camera_event: int, scene_event: int,
-        compared: bool = False,
-    ) -> Framelet:  # fmt: skip
-        """rgb : (height, width, 3) uint8."""
-        data = bytes(lz4.block.compress(rgb.tobytes(), store_size=False))
-        return cls(
-            panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data, compared=compared
-        )
-
-    def pixels(self) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8, read-only. Raises RemoteProtocolError if the data is not that."""
-        size = 3 * self.rect.area
-        try:
-            raw = lz4.block.decompress(self.data, uncompressed_size=size)
-        except (lz4.block.LZ4BlockError, ValueError) as error:
-            raise RemoteProtocolError(f"framelet of panel {self.panel}: does not decompress ({error})") from error
-        if len(raw) != size:
-            raise RemoteProtocolError(f"framelet of panel {self.panel}: {len(raw)} bytes, {size} wanted")
-        return np.frombuffer(raw, np.uint8).reshape(self.rect.height, self.rect.width, 3)
-
-
-Message: TypeAlias = Event | Framelet | Hello | Heartbeat | Ping | Pong | Stop | Survey
+Message: TypeAlias = Event | FrameletPart | Hello | Heartbeat | Ping | Pong | Stop | Survey
 _JSON_KINDS: dict[int, type[Hello] | type[Heartbeat] | type[Ping] | type[Pong] | type[Stop]] = {
     KIND_HELLO: Hello,
     KIND_HEARTBEAT: Heartbeat,
@@ -164,10 +124,8 @@ def _body(message: Message) -> tuple[int, bytes]:
         return KIND_EVENT, _event_body(message)
     if isinstance(message, Survey):
         return KIND_SURVEY, survey_body(message)
-    if isinstance(message, Framelet):
-        r, numbers = message.rect, (message.camera_event, message.scene_event)
-        head = _FRAMELET.pack(message.panel, r.x, r.y, r.width, r.height, *numbers, len(message.data), message.compared)
-        return KIND_FRAMELET, head + message.data
+    if isinstance(message, FrameletPart):
+        return KIND_FRAMELET, part_body(message)
     kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
     return kind, json.dumps(asdict(message), allow_nan=False).encode()
 
@@ -176,7 +134,7 @@ def _parse_body(kind: int, body: bytes) -> Message:
     if kind == KIND_EVENT:
         return _parse_event(body)
     if kind == KIND_FRAMELET:
-        return _parse_framelet(body)
+        return parse_part(body)
     if kind == KIND_SURVEY:
         return parse_survey(body)
     if kind in _JSON_KINDS:
@@ -214,21 +172,6 @@ def _parse_event(body: bytes) -> Event:
         camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=names[0], paused=bool(paused),
         compare=names[1], survey=bool(survey),
     )  # fmt: skip
-
-
-def _parse_framelet(body: bytes) -> Framelet:
-    if len(body) < _FRAMELET.size:
-        raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {_FRAMELET.size}")
-    panel, x, y, width, height, camera_event, scene_event, length, compared = _FRAMELET.unpack_from(body)
-    if length != len(body) - _FRAMELET.size:
-        raise RemoteProtocolError(f"framelet of panel {panel}: {len(body) - _FRAMELET.size} bytes came of {length}")
-    if compared > 1 or not 0 < 3 * width * height <= min(3 * MAX_AREA, LZ4_LARGEST_RATIO * length):
-        raise RemoteProtocolError(f"framelet of panel {panel}: {width}x{height} with {length} bytes is out of range")
-    rect = Rect(x=x, y=y, width=width, height=height)
-    data = body[_FRAMELET.size :]
-    return Framelet(
-        panel=panel, rect=rect, camera_event=camera_event, scene_event=scene_event, data=data, compared=bool(compared)
-    )
 
 
 def _parse_json(cls: Any, body: bytes) -> Message:

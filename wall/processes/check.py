@@ -39,7 +39,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     for column in ("rank", "role", "region", "sends to"):
         table.add_column(column)
     for rank in range(layout.size):
-        target = f"rank {layout.compositor_of(layout.region(rank).panel)}" if layout.role(rank) == "renderer" else ""
+        target = f"rank {layout.target_of(rank)}" if layout.role(rank) == "renderer" else ""
         table.add_row(str(rank), layout.role(rank), layout.describe(rank), target)
     yield table
     yield f"reconstruction: {choose(layout.config.reconstruction)}"

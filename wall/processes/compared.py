@@ -9,6 +9,7 @@ from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
 from wall.geometry.panels import Panel
+from wall.reconstruction.channels import blank_framelet
 from wall.reconstruction.display_values import update_display
 
 
@@ -20,14 +21,14 @@ class Compared:
         width, height = panel.pixels
         self.method, self._panel = method, panel
         self.buffer = DeepBuffer(width, height)
-        self._rgb = np.zeros((height, width, 3), np.uint8)
+        self.framelet = blank_framelet(panel, frozenset({"colour"}), encoded=True, order=0)
         self._picture = self._hand_over(version)
 
     def refresh(self) -> NDArray[np.bool_]:
         """Bring display values up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool."""
         dirty = self.buffer.take_dirty()
         if dirty.any():
-            update_display(self.buffer.radiance, dirty, TILE, self._rgb)
+            update_display(self.buffer.radiance, dirty, TILE, self.framelet.colour)
             self._picture = self._hand_over(self._picture.version + 1)
         return dirty
 
@@ -36,5 +37,5 @@ class Compared:
         return self._picture
 
     def _hand_over(self, version: int) -> PanelPicture:
-        rgb = self._rgb.copy()  # sinks keep what they get: never written again
+        rgb = self.framelet.colour.copy()  # sinks keep what they get: never written again
         return PanelPicture(id=self._panel.id, rgb=rgb, screen=self._panel.screen, version=version)

@@ -1,55 +1,65 @@
-"""The compositor: take packets in as they come, refresh what they changed at every display refresh."""
+"""A compositor: take packets in as they come, and bring the nodes of its place up to date at every display refresh."""
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Counters, Event, Rect, Survey
+from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
+from wall.config.schema import FrameSync, SinkNode, SkyNode
+from wall.data import Counters, Event, Framelet, Rect, Survey
 from wall.deepbuffer.kernels import TILE
-from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
 from wall.geometry.panels import Panel
-from wall.packets.control import Framelet, Heartbeat, parse_control, serialise
+from wall.packets.control import parse_control
+from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
 from wall.packets.tiling import decode_tiling, is_tiling
-from wall.processes.compared import Compared
-from wall.processes.control import Control
+from wall.processes.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
+from wall.processes.lockstep import Lockstep
+from wall.processes.moving import Mover
 from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan, make_predictor
-from wall.processes.usage import peak_memory
-from wall.processes.watching import Due
+from wall.processes.plan import HEAD, Plan
+from wall.processes.showing import Shown
+from wall.processes.sky import PanelSky
 from wall.transport.base import Hub, Link
 
-Dirty: TypeAlias = dict[tuple[int, bool], NDArray[np.bool_]]  # by panel, and whether it is the second picture of two
 MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 
 
 class Compositor:
-    """The panels of one compositor rank, fed from its hub."""
+    """The layers and the nodes of one place, fed from its hub; `links` lead to places that need its framelets."""
 
-    def __init__(self, plan: Plan, rank: int, hub: Hub) -> None:
+    def __init__(self, plan: Plan, rank: int, hub: Hub, links: Mapping[int, Link]) -> None:
+        graph = plan.layout.graph
         self.hub, self.counters = hub, Counters()
         self.packets = self.bytes = 0
-        self.panels = {k: PanelCompositor(plan, k) for k in plan.layout.panels_of(rank)}
-        self.remote = {k: RemotePanel(panel) for k, panel in enumerate(plan.layout.wall.panels) if k not in self.panels}
-        self._plan = plan
+        self._plan, self._rank, self._links = plan, rank, links
+        self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
+        self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
+        steps = [step for step in graph.steps if step.place == rank]
+        self._skies = {step.index: PanelSky(plan, step) for step in steps if isinstance(step.node, SkyNode)}
+        self._sinks = [step for step in steps if isinstance(step.node, SinkNode)]
+        self.lockstep = Lockstep(graph, rank) if isinstance(graph.sync, FrameSync) else None
+        self._pictures = _Pictures(self, compared=False)
+        self._compared: _Pictures | None = None  # while two samplers are compared
         self._refreshed: float | None = None  # when, seconds of the head's clock
         self._pool: ThreadPoolExecutor | None = None
-        self._remote_compared: dict[int, RemotePanel] = {}  # their second pictures, once there was one
-        self._remote_surveys: dict[tuple[int, bool], Survey] = {}  # the newest of each picture
+        self._surveys: dict[tuple[int, bool], Survey] = {}  # of other places, the newest of each picture
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
-        for panel in self.panels.values():
-            panel.follow(event)
+        for layer in self.layers.values():
+            layer.follow(event)
+        if not event.compare:
+            self._compared = None
+        elif self._compared is None:
+            self._compared = _Pictures(self, compared=True)
 
     def take_in(self) -> int:
         """Fold in what has arrived, at most DRAIN_BYTES of it. Returns packets taken."""
@@ -59,237 +69,214 @@ class Compositor:
             self.packets += 1
             self.bytes += len(packet)
             try:
-                self._insert(packet)
+                self.insert(packet)
             except RemoteProtocolError:
                 self.counters.add("bad_packet")
             self.hub.release(peer, len(packet))
         return taken
 
-    def _insert(self, packet: bytes) -> None:
+    def insert(self, packet: bytes) -> None:
+        """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
         if is_samples(packet):
             batch = decode(packet)
-            if batch.panel not in self.panels:
-                raise RemoteProtocolError(f"samples of panel {batch.panel}, which is another compositor's")
-            self._check(batch.rank, batch.panel, batch.rect, batch.base_time)
-            self.panels[batch.panel].insert(batch)
+            self._layer_of(batch.rank, batch.panel, batch.rect, batch.base_time).insert(batch)
             return
         if is_tiling(packet):
             tiling = decode_tiling(packet)
-            if tiling.panel not in self.panels:
-                raise RemoteProtocolError(f"tiles of panel {tiling.panel}, which is another compositor's")
-            self._check(tiling.rank, tiling.panel, tiling.rect, tiling.base_time)
-            self.panels[tiling.panel].take_tiling(tiling)
+            self._layer_of(tiling.rank, tiling.panel, tiling.rect, tiling.base_time).take_tiling(tiling)
             return
         message = parse_control(packet)
-        if not isinstance(message, Framelet | Survey) or message.panel not in self.remote:
-            raise RemoteProtocolError("neither samples, tiles nor a framelet or survey of another compositor's panel")
-        panel = self.remote[message.panel]
         if isinstance(message, Survey):
-            panel.check(message)
-            self._remote_surveys[message.panel, message.compared] = message
-        elif message.compared:
-            self._remote_compared.setdefault(message.panel, RemotePanel(panel.panel)).insert(message)
+            self._keep(message)
+        elif isinstance(message, FrameletPart):
+            pictures = self._compared if message.compared else self._pictures
+            if pictures is not None:
+                pictures.insert(message)
         else:
-            panel.insert(message)
+            raise RemoteProtocolError("neither samples, tiles, a framelet nor a survey of another compositor's panel")
 
-    def _check(self, rank: int, panel: int, rect: Rect, time: float) -> None:
-        """Refuse what no rank of this run can have sent: of pixels that are not its own, or of another time."""
+    def _layer_of(self, rank: int, panel: int, rect: Rect, time: float) -> PanelCompositor:
+        """Whose samples these are. Refuses what no rank of this run can have sent: others' pixels, another time's."""
         layout = self._plan.layout
         region = layout.region(rank) if rank in layout.renderers() else None
         if region is None or region.panel != panel or not region.rect.holds(rect):
             raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
+        if region.layer not in self.layers:
+            raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
         if self._refreshed is not None and abs(time - self._refreshed) > MOST_APART_S:
             raise RemoteProtocolError(f"rank {rank}: from {time:.6g} s; wanted: about {self._refreshed:.6g} s")
+        return self.layers[region.layer]
 
-    def refresh(self, event: Event, now: float) -> Dirty:
-        """Bring every panel's display values up to date; the tiles that changed."""
+    def _keep(self, survey: Survey) -> None:
+        panels = self._plan.layout.wall.panels
+        if self._rank != HEAD or survey.panel >= len(panels):
+            raise RemoteProtocolError(f"survey of panel {survey.panel}, which nobody needs here")
+        check_survey(survey, panels[survey.panel])
+        self._surveys[survey.panel, survey.compared] = survey
+
+    def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
+        """Bring the layers and then the nodes of this place up to date. Returns what changed, by step.
+
+        In lock step nothing happens before the frame of `event` is there, or its time is up, unless `force`.
+        """
         self._refreshed = now
-        refreshed = self._in_threads(lambda panel: panel.refresh(event, now))
-        dirty = {(k, False): tiles for k, tiles in zip(self.panels, refreshed, strict=True)}
-        seconds = {(k, True): p.compared.refresh() for k, p in self.panels.items() if p.compared is not None}
-        return dirty | seconds
+        late: tuple[str, ...] = ()
+        if self.lockstep is not None and not force:
+            done = self.lockstep.take(event, self.layers, self._pictures.remote, now)
+            if done is None:
+                return {}
+            late = done
+        for name in late:
+            self.counters.add(f"late {name}")
+        refreshed = self._in_threads(lambda layer: layer.refresh(event, now))
+        fresh: Changes = {}
+        for layer, dirty in zip(self.layers.values(), refreshed, strict=True):
+            if dirty.any():
+                fresh[self._source_of[layer.layer.index]] = tiles_to_regions(dirty, TILE, layer.framelet.rect)
+        for step, sky in self._skies.items():
+            fresh[step] = sky.refresh(event, now)
+        if self._compared is not None:
+            self._compared.step(self._compared_changes(), event)
+        return self._pictures.step(fresh, event)
+
+    def _compared_changes(self) -> Changes:
+        found: Changes = {}
+        for layer in self.layers.values():
+            if layer.compared is not None:
+                dirty = layer.compared.refresh()
+                found[self._source_of[layer.layer.index]] = (
+                    tiles_to_regions(dirty, TILE, layer.framelet.rect) if dirty.any() else []
+                )
+        return found
 
     def _in_threads(self, work: Callable[[PanelCompositor], NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
-        """Of every panel, a core each: kernels release the GIL, and panels share nothing that is written.
+        """Of every layer, a core each: kernels release the GIL, and layers share nothing that is written.
 
         One after the other where one is on a GPU: that picture belongs to the thread that inserts.
         """
-        panels = list(self.panels.values())
-        workers = min(len(panels), len(os.sched_getaffinity(0)))
-        if workers < 2 or any(panel.on_gpu for panel in panels):
-            return [work(panel) for panel in panels]
+        layers = list(self.layers.values())
+        workers = min(len(layers), len(os.sched_getaffinity(0)))
+        if workers < 2 or any(layer.on_gpu for layer in layers):
+            return [work(layer) for layer in layers]
         if self._pool is None:  # not sooner: ranks are forked before anything is refreshed
             self._pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")
-        return list(self._pool.map(work, panels))
+        return list(self._pool.map(work, layers))
+
+    def send(self) -> None:
+        """Send to other places what changed for them, as far as there is credit."""
+        for pictures in (self._pictures, self._compared):
+            if pictures is not None:
+                pictures.send()
 
     def surveys(self, now: float, *, comparing: bool) -> tuple[Survey, ...]:
-        """Of every picture of every panel: made now for own ones, the newest of the others."""
-        own = [survey for panel in self.panels.values() for survey in panel.surveys(now)]
-        return (*own, *(survey for (_, second), survey in self._remote_surveys.items() if comparing or not second))
+        """Of every picture of every panel: made now for own ones, the newest of the others.
 
-    def pictures(self) -> tuple[PanelPicture, ...]:
-        """All panels of the wall, in order: own ones, and the newest framelets of the others."""
-        shown: dict[int, PanelCompositor | RemotePanel] = {**self.panels, **self.remote}
-        return tuple(shown[k].picture() for k in sorted(shown))
+        Of several layers of a panel the first speaks for it.
+        """
+        first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
+        own = [survey for panel in sorted(first) for survey in first[panel].surveys(now)]
+        return (*own, *(survey for (_, second), survey in self._surveys.items() if comparing or not second))
 
-    def compared(self) -> tuple[PanelPicture, ...]:
-        """The second pictures of all panels, in order; black until something came. None unless two are compared."""
-        if any(panel.compared is None for panel in self.panels.values()):
-            return ()
-        for k, panel in self.remote.items():
-            self._remote_compared.setdefault(k, RemotePanel(panel.panel))
-        own = {k: panel.compared for k, panel in self.panels.items() if panel.compared is not None}
-        shown: dict[int, Compared | RemotePanel] = {**own, **self._remote_compared}
-        return tuple(shown[k].picture() for k in sorted(shown))
+    def shown(self) -> list[Shown]:
+        """What every sink of this place shows, in the order of the graph."""
+        return self._pictures.shown
 
-    def newest_event(self) -> tuple[int, int]:
+    def compared(self) -> list[Shown]:
+        """The second pictures, black until something came. None unless two samplers are compared."""
+        return self._compared.shown if self._compared is not None else []
+
+    @property
+    def newest_event(self) -> Number:
         """The newest event that has a sample in the picture."""
-        numbers = [panel.buffer.newest_event for panel in self.panels.values()]
-        numbers += [panel.newest_event for panel in self.remote.values()]
-        return max(numbers)
+        numbers = [layer.buffer.newest_event for layer in self.layers.values()]
+        numbers += [remote.newest_event for remote in self._pictures.remote.values()]
+        return max(numbers, default=NEVER)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every framelet that others need has been sent."""
+        return self._pictures.outlets.idle
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """Packets and bytes, to other places."""
+        return self._pictures.outlets.packets, self._pictures.outlets.bytes
+
+    @property
+    def pixels(self) -> int:
+        """Pixels that operators of this place have written."""
+        return self._pictures.executor.pixels
 
     def samples_shown(self) -> int:
-        return sum(panel.buffer.samples_shown for panel in self.panels.values())
+        return sum(layer.buffer.samples_shown for layer in self.layers.values())
 
     def drops(self) -> Counters:
         total = Counters(dict(self.counters.counts))
         total.merge(self.hub.counters.counts)
-        for panel in self.panels.values():
-            total.merge(panel.buffer.counters.counts)
+        for layer in self.layers.values():
+            total.merge(layer.buffer.counters.counts)
         return total
 
+    def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
+        """Fresh: framelets of the sources of this place by step, and those that come from elsewhere."""
+        graph = self._plan.layout.graph
+        remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, self._rank)}
+        sources: dict[int, Framelet] = {step: sky.framelet for step, sky in self._skies.items()}
+        for index, layer in self.layers.items():
+            second = layer.compared
+            if not compared or second is not None:
+                sources[self._source_of[index]] = second.framelet if compared and second else layer.framelet
+        return sources | {step: far.framelet for step, far in remote.items()}, remote
 
-class RemotePanel:
-    """A panel that another compositor reconstructs: its framelets, put together."""
+    def executor_of(self, sources: Mapping[int, Framelet]) -> Executor:
+        graph, folder = self._plan.layout.graph, self._plan.layout.loaded.folder
+        reproject = Mover(self._plan) if self.lockstep is None else None
+        return Executor(graph, self._rank, sources, folder, reproject)
 
-    def __init__(self, panel: Panel) -> None:
-        self.panel, self.newest_event = panel, (-1, -1)
-        self._rgb = np.zeros((panel.pixels[1], panel.pixels[0], 3), np.uint8)
-        self._version, self._picture = 0, self._hand_over(0)
+    def outlets_of(self, *, compared: bool) -> Outlets:
+        return Outlets(self._plan.layout.graph, self._rank, self._links, compared=compared)
 
-    def insert(self, framelet: Framelet) -> None:
-        r = framelet.rect
-        height, width = self._rgb.shape[:2]
-        if r.x + r.width > width or r.y + r.height > height:
-            raise RemoteProtocolError(f"framelet {r} reaches outside panel {self.panel.id} of {width}x{height}")
-        self._rgb[r.y : r.y + r.height, r.x : r.x + r.width] = framelet.pixels()
-        self.newest_event = max(self.newest_event, (framelet.camera_event, framelet.scene_event))
-        self._version += 1
-
-    def check(self, survey: Survey) -> None:
-        """Raise RemoteProtocolError for a survey whose tiles are not this panel's."""
-        height, width = self._rgb.shape[:2]
-        if survey.age.shape != (-(-height // TILE), -(-width // TILE)):
-            raise RemoteProtocolError(f"survey of {survey.age.shape} tiles, panel {self.panel.id} has {width}x{height}")
-        ends = survey.rects[:, :2].astype(np.int64) + survey.rects[:, 2:]
-        if (ends > (width, height)).any():
-            raise RemoteProtocolError(f"survey: a tile reaches outside panel {self.panel.id} of {width}x{height}")
-
-    def picture(self) -> PanelPicture:
-        if self._version != self._picture.version:
-            self._picture = self._hand_over(self._version)
-        return self._picture
-
-    def _hand_over(self, version: int) -> PanelPicture:
-        return PanelPicture(id=self.panel.id, rgb=self._rgb.copy(), screen=self.panel.screen, version=version)
+    def shown_of(self) -> list[Shown]:
+        layout = self._plan.layout
+        return [Shown(layout.graph, sink, layout.wall) for sink in self._sinks]
 
 
-class FurtherCompositor:
-    """A compositor beside the head: shows nothing itself, sends framelets of what changed to the head."""
+class _Pictures:
+    """What the nodes of a place make of one set of samples; of two while samplers are compared."""
 
-    def __init__(self, plan: Plan, rank: int, hub: Hub, control: Control, outbox: Link) -> None:
-        self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
-        self._compositor = Compositor(plan, rank, hub)
-        self._pending: Dirty = {}
-        self._survey_due = Due()
-        self._packets = self._bytes = 0
-        self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
+    def __init__(self, owner: Compositor, *, compared: bool) -> None:
+        self._owner = owner
+        sources, self.remote = owner.pictures_of(compared=compared)
+        self.executor = owner.executor_of(sources)
+        self.outlets = owner.outlets_of(compared=compared)
+        self.shown = owner.shown_of()
 
-    def run(self) -> None:
-        control, clock = self._control, self._control.clock
-        due = -math.inf  # the head's time is not known yet
-        predictor = make_predictor(self._plan)
-        while not control.stopped:
-            event = control.newest()
-            if event is not None:
-                self._compositor.follow(event)
-            taken = self._compositor.take_in()
-            now = clock.now()
-            if now >= due:
-                due = max(due + 1.0 / self._plan.view.refresh_hz, now)
-                while control.recent:
-                    predictor.take(control.recent.popleft())
-                if event is not None:
-                    expected = predictor.at(now)
-                    self._ahead = expected.number != event.number
-                    self._refresh(expected, now)
-            if control.beat_due():
-                control.beat(self._heartbeat(event, last=False))
-            if not taken:
-                self._compositor.hub.wait(min(0.005, max(0.0, due - now)))
-        control.beat(self._heartbeat(control.event, last=True))
+    def insert(self, part: FrameletPart) -> None:
+        remote = self.remote.get(part.step)
+        if remote is None:
+            raise RemoteProtocolError(f"a framelet of step {part.step}, which nobody needs here")
+        remote.insert(part)
 
-    def _refresh(self, event: Event, now: float) -> None:
-        refreshed = self._compositor.refresh(event, now)
-        for gone in self._pending.keys() - refreshed.keys():
-            del self._pending[gone]  # no longer compared
-        for shown, dirty in refreshed.items():
-            if shown not in self._pending:
-                self._pending[shown] = np.full(dirty.shape, shown[1])  # a second picture begins black
-            self._pending[shown] |= dirty
-            if self._pending[shown].any() and self._outbox.ready():
-                self._send(*shown)
-        if event.survey and self._outbox.ready() and self._survey_due.now(now):
-            for survey in self._compositor.surveys(now, comparing=True):
-                self._offer(serialise(survey))
+    def step(self, fresh: Changes, event: Event) -> Changes:
+        arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
+        changes = self.executor.step({**fresh, **arrived}, event)
+        for shown in self.shown:
+            shown.take(changes, self.executor.framelets)
+        self.outlets.add(changes, all_due=self._owner.lockstep is not None)
+        return changes
 
-    def _send(self, k: int, compared: bool) -> None:
-        panel, pending = self._compositor.panels[k], self._pending[k, compared]
-        second = panel.compared if compared else None
-        rect = _bounds(pending, panel.panel.pixels)
-        camera_event, scene_event = (second or panel).buffer.newest_event
-        rgb = (second or panel).picture().rgb[rect.y : rect.y + rect.height, rect.x : rect.x + rect.width]
-        numbers = {"camera_event": max(camera_event, 0), "scene_event": max(scene_event, 0)}  # -1: still black
-        pending[:] = False
-        self._offer(serialise(Framelet.of(panel=k, rect=rect, rgb=rgb, compared=compared, **numbers)))
-
-    def _offer(self, packet: bytes) -> None:
-        self._packets += 1
-        self._bytes += len(packet)
-        for dropped in self._outbox.offer(packet):
-            lost = parse_control(dropped)
-            if isinstance(lost, Framelet) and (lost.panel, lost.compared) in self._pending:
-                self._pending[lost.panel, lost.compared][_tiles(lost.rect)] = True
-
-    def _heartbeat(self, event: Event | None, *, last: bool) -> Heartbeat:
-        c = self._compositor
-        return Heartbeat(
-            rank=self._rank,
-            time=self._control.clock.now(),
-            samples_shown=c.samples_shown(),
-            packets=self._packets,
-            bytes=self._bytes,
-            peak_memory=peak_memory(),
-            dropped=c.drops().counts,
-            complete=not self._ahead and not any(p.any() for p in self._pending.values()),
-            camera_event=event.camera_event if event else -1,
-            scene_event=event.scene_event if event else -1,
-            last=last,
-        )
+    def send(self) -> None:
+        number = self._owner.newest_event
+        if self._owner.lockstep is not None:
+            number = self._owner.lockstep.done
+        self.outlets.send(self.executor.framelets, number)
 
 
-def _bounds(dirty: NDArray[np.bool_], pixels: tuple[int, int]) -> Rect:
-    """The pixels of the smallest rectangle of 16-pixel tiles that holds all dirty ones."""
-    rows, columns = np.flatnonzero(dirty.any(1)), np.flatnonzero(dirty.any(0))
-    x, y = int(columns[0]) * TILE, int(rows[0]) * TILE
-    return Rect(
-        x=x,
-        y=y,
-        width=min((int(columns[-1]) + 1) * TILE, pixels[0]) - x,
-        height=min((int(rows[-1]) + 1) * TILE, pixels[1]) - y,
-    )
-
-
-def _tiles(rect: Rect) -> tuple[slice, slice]:
-    bottom, right = rect.y + rect.height, rect.x + rect.width
-    return slice(rect.y // TILE, -(-bottom // TILE)), slice(rect.x // TILE, -(-right // TILE))
+def check_survey(survey: Survey, panel: Panel) -> None:
+    """Raise RemoteProtocolError for a survey whose tiles are not this panel's."""
+    width, height = panel.pixels
+    if survey.age.shape != (-(-height // TILE), -(-width // TILE)):
+        raise RemoteProtocolError(f"survey of {survey.age.shape} tiles, panel {panel.id} has {width}x{height}")
+    ends = survey.rects[:, :2].astype(np.int64) + survey.rects[:, 2:]
+    if (ends > (width, height)).any():
+        raise RemoteProtocolError(f"survey: a tile reaches outside panel {panel.id} of {width}x{height}")

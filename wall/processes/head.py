@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from wall.config.schema import METHODS
 from wall.data import Event, Survey
-from wall.display.base import RankStatus, Sink, Status, WallPicture
+from wall.display.base import RankStatus, Sink, Status
 from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
 from wall.processes.manager import Manager
 from wall.processes.plan import HEAD, Plan, make_predictor
+from wall.processes.sinks import show_all
 from wall.processes.usage import cpu_seconds, peak_memory
 from wall.processes.watching import Due
-from wall.transport.base import Hub
+from wall.transport.base import Hub, Link
 
 STATUS_PERIOD_S = 0.25
 SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
@@ -36,13 +37,14 @@ class Head:
         hub: Hub,
         control_hub: Hub,
         clock: Clock,
-        sinks: list[Sink],
+        links: Mapping[int, Link],
+        sinks: list[Sink | None],
         commands: Callable[[], list[dict[str, Any]]],
         *,
         still: bool,
     ) -> None:
         self._plan, self._bootstrap, self._clock, self._sinks = plan, bootstrap, clock, sinks
-        self._compositor = Compositor(plan, HEAD, hub)
+        self._compositor = Compositor(plan, HEAD, hub, links)
         self.manager = Manager(plan, control_hub, clock, commands, still=still)
         self._predictor, self._event = make_predictor(plan), self.manager.event
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
@@ -64,6 +66,7 @@ class Head:
         while not self.stopping:
             event = self._newest()
             taken = self._compositor.take_in()
+            self._compositor.send()
             now = clock.now()
             if now >= due:
                 due = max(due + period, now)
@@ -85,9 +88,9 @@ class Head:
         limit = self._clock.now() + LAST_S
         while self._compositor.take_in() and self._clock.now() < limit:
             pass
-        self._refresh(self._clock.now(), event, event)
+        self._refresh(self._clock.now(), event, event, force=True)
         failures = []
-        for sink in self._sinks:
+        for sink in (sink for sink in self._sinks if sink is not None):
             try:
                 sink.close()
             except RunError as error:  # one full disk must not keep the others from closing
@@ -115,19 +118,6 @@ class Head:
         self._compositor.follow(self._event)
         return self._event
 
-    def _picture(self, event: Event) -> WallPicture:
-        wall = self._plan.layout.wall
-        return WallPicture(
-            width=wall.width,
-            height=wall.height,
-            panels=self._compositor.pictures(),
-            time=self._clock.now(),
-            camera_event=event.camera_event,
-            scene_event=event.scene_event,
-            compared=self._compositor.compared() if event.compare else (),
-            surveys=self._surveys,
-        )
-
     def _survey(self, now: float, event: Event) -> None:
         """Look at the samples for whoever watches them."""
         if not event.survey:
@@ -135,21 +125,33 @@ class Head:
         elif self._survey_due.now(now):
             self._surveys = self._compositor.surveys(now, comparing=bool(event.compare))
 
-    def _refresh(self, now: float, event: Event, expected: Event) -> None:
+    def _refresh(self, now: float, event: Event, expected: Event, *, force: bool = False) -> None:
         """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
-        before = [p.version for p in self._compositor.pictures()]
-        self._compositor.refresh(expected, now)
+        compositor = self._compositor
+        changed = bool(compositor.refresh(expected, now, force=force))
         self._survey(now, event)
-        picture = self._picture(event)
-        if [p.version for p in picture.panels] != before or self._refreshes == 0:
+        if changed or self._refreshes == 0:
             self._changed = now
             self._refreshes += 1
         if now >= self._status_due or self._status is None:
             self._status_due = now + STATUS_PERIOD_S
             self._status = self._status_at(now, event)
-        for sink in self._sinks:
-            sink.show(picture, self._status)
-        self.manager.latency.shown(self._compositor.newest_event(), self._clock.now())
+        show_all(
+            self._plan, self._sinks, compositor.shown(), event, now, status=self._status,
+            compared=compositor.compared(), surveys=self._surveys,
+        )  # fmt: skip
+        self.manager.latency.shown(compositor.newest_event, self._clock.now())
+        self._release(event)
+
+    def _release(self, event: Event) -> None:
+        """In lock step: once every compositor is done with a frame, the next may begin."""
+        lockstep = self._compositor.lockstep
+        if lockstep is None or lockstep.done < event.number:
+            return
+        others = range(1, self._plan.layout.graph.compositors)
+        beats = [self.manager.heartbeats.get(rank) for rank in others if rank not in self.lost]
+        if all(beat is not None and (beat[1].camera_event, beat[1].scene_event) >= event.number for beat in beats):
+            self.manager.release(event)
 
     def _watch(self, now: float) -> None:
         """Notice ranks that died or fell silent; their regions only grow old. End when no renderer is left."""
@@ -169,7 +171,7 @@ class Head:
 
     def _complete(self, now: float, event: Event) -> bool:
         """Whether all is traced under `event`, and all of it has been shown for a while."""
-        shown = self._compositor.newest_event() == event.number
+        shown = self._compositor.newest_event == event.number
         return shown and now - self._changed >= SETTLED_S and self._idle(event)
 
     def _idle(self, event: Event) -> bool:
@@ -200,8 +202,9 @@ class Head:
         layout = self._plan.layout
         beat = self.manager.heartbeats.get(rank)
         heartbeat = beat[1] if beat else None
-        panel = layout.region(rank).panel if layout.role(rank) == "renderer" else None
-        own = self._compositor.panels.get(panel) if panel is not None else None
+        renders = layout.role(rank) == "renderer"
+        panel = layout.region(rank).panel if renders else None
+        own = self._compositor.layers.get(layout.region(rank).layer) if renders else None
         return RankStatus(
             rank=rank,
             role=layout.role(rank),
@@ -222,7 +225,7 @@ class Head:
         dropped = compositor.drops()
         dropped.merge(manager.counters.counts)
         for sink in self._sinks:
-            dropped.merge(sink.dropped())
+            dropped.merge(sink.dropped() if sink is not None else {})
         for beat in beats.values():
             dropped.merge(beat.dropped)
         seconds = self._clock.now() - self._began
@@ -238,7 +241,7 @@ class Head:
             "refreshes": self._refreshes,
             "head_cores": round((cpu_seconds() - self._cpu) / max(seconds, 1e-3), 3),
             "reconstruction": {
-                p.panel.id: str(p.reconstruction) for p in compositor.panels.values() if p.reconstruction
+                p.panel.id: str(p.reconstruction) for p in compositor.layers.values() if p.reconstruction
             },
             "dropped": dict(sorted(dropped.counts.items())),
             "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(manager.latency.seconds)), strict=True)),

@@ -90,7 +90,7 @@ class Director:
             self.sampler = command.value if command.value in METHODS else self.sampler
             self.compare = ""
         elif command.kind == "compare":
-            self.compare = command.value
+            self.compare = command.value if self._plan.layout.graph.plain else ""  # others have no second picture
         elif command.kind == "survey":
             self.survey = command.value == "on"
         else:
@@ -132,9 +132,18 @@ class Manager(threading.Thread):
         self.hellos: dict[int, Hello] = {}
         self.failure: BaseException | None = None
         self._held = threading.Event()
+        self._lockstep, self._released = plan.layout.graph.sync != "none", (-1, -1)
         self._others, self._began = range(1, plan.layout.size), clock.now()
         if still:
             self._director.paused = True
+
+    def release(self, event: Event) -> None:
+        """In lock step: everybody is done with the frame of `event`, the next may begin."""
+        self._released = event.number
+
+    def _waits(self) -> bool:
+        """Whether a frame is still under way."""
+        return self._lockstep and self._released < self.event.number
 
     def hold(self) -> None:
         """No new events from now on."""
@@ -153,13 +162,18 @@ class Manager(threading.Thread):
 
     def _run(self) -> None:
         due = beat = self._clock.now()
+        commands: list[Command] = []  # not applied yet
         while not self._stopping.is_set():
             now = self._clock.now()
-            commands = self._parse(self._commands())
+            commands += self._parse(self._commands())
             if self._held.is_set() and self._director.hold():
                 self._publish(now)
                 beat = now
-            if not self._held.is_set() and (now >= due or commands) and self._director.update(commands, now):
+            wanted = (now >= due or commands) and not self._held.is_set() and not self._waits()
+            news = wanted and self._director.update(commands, now)
+            if wanted:
+                commands = []
+            if news:
                 self._publish(now)
                 beat = now
             elif now - beat >= self._heartbeat_s:  # the newest event again: a sign of life, and it may have been lost

@@ -1,4 +1,4 @@
-"""One panel at its compositor: packets in, display values out, only what changed is redone."""
+"""One layer of a panel at its compositor: packets in, a framelet out, only what changed is redone."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ from wall.errors import RemoteProtocolError
 from wall.processes.compared import Compared
 from wall.processes.plan import Plan
 from wall.processes.watching import survey_of
+from wall.reconstruction.channels import Coverage, blank_framelet, show_newest, show_reprojected
 from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_picture
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.picture import GpuPicture
-from wall.reconstruction.picture import SAMPLES_PER_PIXEL
+from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
 
 EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
 
@@ -35,18 +36,23 @@ class PanelCompositor:
 
     def __init__(self, plan: Plan, index: int, *, reconstruction: Wish | None = None) -> None:
         """`reconstruction` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
-        self._wish: Wish = reconstruction or plan.layout.config.reconstruction
+        graph = plan.layout.graph
+        self.layer, step = graph.layers[index], graph.step(graph.layers[index].node)
+        self.panel = panel = plan.layout.wall.panels[self.layer.panel]
+        self.framelet = blank_framelet(panel, step.channels, encoded=step.encoded, order=step.order)
+        self._plain = step.encoded and step.channels == {"colour"} and not self.layer.transparent
+        self._wish: Wish = (reconstruction or plan.layout.config.reconstruction) if self._plain else "cpu"
         self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
-        self.panel = panel = plan.layout.wall.panels[index]
         self._plan = plan
+        self._coverage: Coverage | None = None  # beside the reprojected picture of a transparent layer
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
         self._given_up = False
         self._shown: Event | None = None  # of the newest picture
         self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
         self.buffer = DeepBuffer(width, height)
-        self._rgb = np.zeros((height, width, 3), np.uint8)
-        self._picture = self._hand_over(version=0)
+        self._version = 0  # of what is shown
+        self._picture: PanelPicture | None = None
         self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
         self._compared_version = 0  # of its next picture
         self._method: str = plan.layout.sampling.method  # asked for
@@ -57,8 +63,8 @@ class PanelCompositor:
 
     @property
     def _adaptive(self) -> bool:
-        """Whether the first picture is the adaptive sampler's, made by reprojection."""
-        return self._method == "adaptive" or bool(self._compare)
+        """Whether the first picture is made by reprojection: the adaptive sampler's, or compared by depth."""
+        return self._method == "adaptive" or bool(self._compare) or self.layer.reprojects
 
     def follow(self, event: Event) -> None:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
@@ -86,7 +92,7 @@ class PanelCompositor:
     def insert(self, batch: Batch) -> None:
         """Keep a batch for its picture; count it as late or early where there is none."""
         current = not batch.adaptive and batch.camera_event >= self._since
-        if batch.adaptive and self._adaptive:
+        if self._adaptive and (batch.adaptive or (current and self.layer.reprojects)):
             self._take(batch)
         elif batch.camera_event > self._followed:  # whose it is, its event will say
             self._wait(batch)
@@ -105,12 +111,16 @@ class PanelCompositor:
 
     def _take(self, batch: Batch) -> None:
         self.buffer.insert(batch)
-        if not batch.adaptive or self._given_up:
+        if not (batch.adaptive or self.layer.reprojects) or self._given_up:
             return
         if self._reprojected is None:
             self._reprojected = self._new_picture()
+        samples = batch.samples
+        if self._coverage is not None:
+            samples, covered = self._coverage.split(samples)
+            self._coverage.insert(covered, batch.base_time, batch)
         try:
-            self._reprojected.insert(batch.samples, batch.base_time, batch)
+            self._reprojected.insert(samples, batch.base_time, batch)
         except GpuError as error:
             self._give_up(error, batch)
 
@@ -136,6 +146,8 @@ class PanelCompositor:
     def _new_picture(self) -> Reprojected:
         sampling, view = self._plan.layout.sampling, self._plan.view
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        if self.layer.transparent:
+            self._coverage = Coverage(self.panel, view.eye, self._plan.scene, samples_per_pixel=kept)
         made, self.reconstruction = make_picture(
             self._wish, self.panel, view.eye, self._plan.scene, samples_per_pixel=kept
         )
@@ -151,8 +163,8 @@ class PanelCompositor:
         self.buffer.counters.add("gpu_lost")
         if self._wish == "gpu":
             self._reprojected, self._given_up = None, True
-            update_display(self.buffer.radiance, np.ones(self.tiles, np.bool_), TILE, self._rgb)
-            self._picture = self._hand_over(version=self._picture.version + 1)
+            show_newest(self.buffer, np.ones(self.tiles, np.bool_), False, self.framelet)
+            self._version += 1
             raise error
         self._wish = "cpu"
         self._reprojected = shown = self._new_picture()
@@ -162,7 +174,7 @@ class PanelCompositor:
         return shown
 
     def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
-        """Bring display values up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool.
+        """Bring the framelet up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool.
 
         Samples of the adaptive sampler are placed anew under `event`; others are shown where they were traced.
         Raises GpuError if a GPU was asked for and is lost.
@@ -172,21 +184,33 @@ class PanelCompositor:
             self._shown = event
             dirty = self._reproject(self._reprojected, event, now)
         elif dirty.any():
-            update_display(self.buffer.radiance, dirty, TILE, self._rgb)
+            self.framelet.advance(now)
+            show_newest(self.buffer, dirty, self.layer.transparent, self.framelet)
         if dirty.any():
-            self._picture = self._hand_over(version=self._picture.version + 1)
+            self.framelet.event = event
+            self._version += 1
         return dirty
 
     def _reproject(self, shown: Reprojected, event: Event, now: float) -> NDArray[np.bool_]:
         try:
             shown.refresh(event, now)
             dirty = shown.take_dirty() | self._anew
+            if self._coverage is not None:
+                dirty |= self._coverage.refresh(event, now)
             self._anew = False
-            if dirty.any():
-                display(shown, dirty, self._rgb)
+            if dirty.any() and (self._plain or not isinstance(shown, Picture)):
+                display(shown, dirty, self.framelet.colour)
+            elif dirty.any() and isinstance(shown, Picture):
+                self.framelet.advance(now)
+                show_reprojected(shown, self._coverage, dirty, self.framelet)
             return dirty
         except GpuError as error:
             return self._reproject(self._give_up(error, event), event, now)
+
+    def has_frame(self, number: tuple[int, int]) -> bool:
+        """Whether every rank has brought a whole frame of that event, or of a newer one."""
+        frames = self.buffer.frames
+        return all(rank in frames and frames[rank] >= number for rank in self.layer.ranks)
 
     def surveys(self, now: float) -> list[Survey]:
         """How old and how dense the samples of its pictures are, one Survey a picture.
@@ -225,12 +249,15 @@ class PanelCompositor:
         return age if math.isfinite(age) else None
 
     def picture(self) -> PanelPicture:
-        """What the panel shows after the last refresh."""
+        """What the layer alone shows after the last refresh, as display bytes."""
+        if self._picture is None or self._picture.version != self._version:
+            rgb = self.framelet.colour
+            if not self.framelet.encoded:
+                rgb = np.empty(rgb.shape, np.uint8)
+                update_display(self.framelet.colour, np.ones(self.tiles, np.bool_), TILE, rgb)
+            screen = self.panel.screen
+            self._picture = PanelPicture(id=self.panel.id, rgb=rgb.copy(), screen=screen, version=self._version)
         return self._picture
-
-    def _hand_over(self, *, version: int) -> PanelPicture:
-        rgb = self._rgb.copy()  # sinks keep what they get: never written again
-        return PanelPicture(id=self.panel.id, rgb=rgb, screen=self.panel.screen, version=version)
 
 
 def _newest(buffer: DeepBuffer) -> tuple[Samples, float]:

@@ -5,10 +5,10 @@ The plan is a pure function of the configuration, so every rank works it out alo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from wall.compositing.graph import Graph, build
+from wall.compositing.graph import Graph, Layer, build
 from wall.config.loading import Loaded
 from wall.config.schema import AnySampling, Config
 from wall.data import Event, Region
@@ -17,6 +17,7 @@ from wall.geometry.cameras import View, resolve_view
 from wall.geometry.panels import Panel, Wall, expand
 from wall.geometry.prediction import Predictor
 from wall.geometry.regions import regions
+from wall.operators.base import Operator
 from wall.scene.build import Scene
 from wall.scene.build import build as build_scene
 
@@ -49,18 +50,19 @@ class Layout:
             return "head"
         return "compositor" if rank < self.graph.compositors else "renderer"
 
+    def layer(self, rank: int) -> Layer:
+        """What a renderer renders a part of."""
+        return self.graph.layers[self.region(rank).layer]
+
     def region(self, rank: int) -> Region:
         return self.regions[rank - self.graph.compositors]
 
     def panel(self, rank: int) -> Panel:
         return self.wall.panels[self.region(rank).panel]
 
-    def compositor_of(self, panel: int) -> int:
-        """The rank that takes a panel's samples in."""
-        return self.graph.compositor_of(panel)
-
-    def panels_of(self, rank: int) -> tuple[int, ...]:
-        return tuple(k for k in range(len(self.wall.panels)) if self.compositor_of(k) == rank)
+    def target_of(self, rank: int) -> int:
+        """The rank that takes a renderer's samples in."""
+        return self.layer(rank).place
 
     def renderers(self) -> range:
         return range(self.graph.compositors, self.size)
@@ -68,9 +70,18 @@ class Layout:
     def describe(self, rank: int) -> str:
         """What a rank has of the wall, for tables."""
         if self.role(rank) != "renderer":
-            return ", ".join(self.wall.panels[k].id for k in self.panels_of(rank)) or "no panel"
-        rect = self.region(rank).rect
-        return f"{self.panel(rank).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}"
+            return self._describe_place(rank)
+        rect, share = self.region(rank).rect, self.layer(rank).range
+        of = "" if share is None else f", objects {share[0]:.0%} to {share[1]:.0%}"
+        return f"{self.panel(rank).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{of}"
+
+    def _describe_place(self, rank: int) -> str:
+        panels = dict.fromkeys(self.wall.panels[layer.panel].id for layer in self.graph.layers_on(rank))
+        done = [step.node.id for step in self.graph.steps if step.place == rank and isinstance(step.node, Operator)]
+        words = [", ".join(panels)] if panels else []
+        if done and not self.graph.plain:
+            words.append("nodes " + ", ".join(done))
+        return "; ".join(words) or "no panel"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,9 +109,20 @@ def make_plan(layout: Layout) -> Plan:
     return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
 
 
+def in_one_place(plan: Plan) -> Plan:
+    """The same plan with every node of its graph on the head: pictures are the same wherever nodes run."""
+    graph = plan.layout.graph
+    graph = replace(
+        graph,
+        steps=tuple(replace(step, place=HEAD) for step in graph.steps),
+        layers=tuple(replace(layer, place=HEAD) for layer in graph.layers),
+    )
+    return replace(plan, layout=replace(plan.layout, graph=graph))
+
+
 def make_predictor(plan: Plan) -> Predictor:
     """What a compositor foresees its refreshes with."""
-    return Predictor(plan.view.display_delay_s, on=plan.view.predicted)
+    return Predictor(plan.view.display_delay_s, on=plan.view.predicted and plan.layout.graph.sync == "none")
 
 
 def first_event(plan: Plan, now: float) -> Event:

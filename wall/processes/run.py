@@ -16,23 +16,21 @@ from types import FrameType
 from typing import Any
 
 from wall.config.loading import Loaded
-from wall.display.base import Sink
-from wall.display.browser import Browser
-from wall.display.png import PngSink
-from wall.display.recorder import Recorder
 from wall.errors import ConfigError
 from wall.processes.bootstrap import Bootstrap, under_mpi
 from wall.processes.bootstrap_local import LocalBootstrap
 from wall.processes.bootstrap_threads import ThreadBootstrap
 from wall.processes.clock import HeadClock
-from wall.processes.compositor import FurtherCompositor
 from wall.processes.control import Control
+from wall.processes.edges import targets_of
+from wall.processes.further import FurtherCompositor
 from wall.processes.head import Head
 from wall.processes.plan import HEAD, Layout, Plan, make_layout, make_plan
 from wall.processes.renderer import Renderer
+from wall.processes.sinks import make_sinks
 from wall.processes.warm import warm_up
 from wall.tracing.resident import Resident, make_resident
-from wall.transport.base import Hub
+from wall.transport.base import Hub, Link
 from wall.transport.factory import connect, open_hub
 
 RENDERER_NICE = 5  # renderers share this machine's cores with the head: showing comes before tracing
@@ -145,13 +143,10 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
     link = connect(endpoints[HEAD]["control"], rank=rank)
     control = Control(link, plan, rank, same_clock=endpoints[HEAD]["machine"] == machine_id())
     if hub is not None:
-        outbox = connect(endpoints[HEAD]["data"], rank=rank)
-        try:
-            FurtherCompositor(plan, rank, hub, control, outbox).run()
-        finally:
-            _close(outbox, link, hub)
+        _compose(plan, rank, hub, control, [about["data"] for about in endpoints])
+        _close(link)
         return
-    outbox = connect(endpoints[layout.compositor_of(layout.region(rank).panel)]["data"], rank=rank)
+    outbox = connect(endpoints[layout.target_of(rank)]["data"], rank=rank)
     renderer = Renderer(plan, resident, rank, control, outbox)
     if isinstance(bootstrap, LocalBootstrap):
         os.nice(RENDERER_NICE)
@@ -160,6 +155,22 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
     finally:
         renderer.close()
         _close(outbox, link)
+
+
+def _compose(plan: Plan, rank: int, hub: Hub, control: Control, endpoints: list[str]) -> None:
+    """Be a compositor beside the head."""
+    links = _links(plan, rank, endpoints, {HEAD})
+    sinks, _ = make_sinks(plan, rank, Path(), headless=True)
+    try:
+        FurtherCompositor(plan, rank, hub, control, links, sinks).run()
+    finally:
+        _close(*(sink for sink in sinks if sink is not None), *links.values(), hub)
+
+
+def _links(plan: Plan, rank: int, endpoints: list[str], more: set[int]) -> dict[int, Link]:
+    """To the other places that need framelets of this one, and to some more."""
+    targets = {target for targets in targets_of(plan.layout.graph, rank).values() for target in targets}
+    return {target: connect(endpoints[target], rank=rank) for target in sorted(targets | more)}
 
 
 def machine_id() -> str:
@@ -183,13 +194,15 @@ def lead(
     """Be the head: serve the page, run the wall, write what is asked for at the end."""
     hub = _hub(plan)
     control_hub = _hub(plan)
-    sinks, browser = make_sinks(plan, options)
+    sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
     head: Head | None = None
+    links: dict[int, Link] = {}
     try:
         about = {"data": hub.endpoint, "control": control_hub.endpoint, "machine": machine_id()}
-        bootstrap.allgather(json.dumps(about))
+        endpoints = [json.loads(text)["data"] for text in bootstrap.allgather(json.dumps(about))]
+        links = _links(plan, HEAD, endpoints, set())
         commands = browser.commands if browser else list
-        head = Head(plan, bootstrap, hub, control_hub, HeadClock(), sinks, commands, still=options.still)
+        head = Head(plan, bootstrap, hub, control_hub, HeadClock(), links, sinks, commands, still=options.still)
         with _signals(head):
             opened(browser.address if browser else "")
             head.run(seconds=options.seconds, until_complete=options.until_complete)
@@ -197,29 +210,13 @@ def lead(
         if head is not None:
             head.finish()
         else:
-            _close(*sinks)
+            _close(*(sink for sink in sinks if sink is not None))
         bootstrap.finish(1 if head is None or head.lost else 0)
-        _close(hub, control_hub)
+        _close(*links.values(), hub, control_hub)
     summary = head.summary()
     write_json(options.out / "summary.json", summary)
     failed = "; ".join(f"rank {rank} {how}" for rank, how in sorted(head.lost.items()))
     return Outcome(summary=summary, failed=failed)
-
-
-def make_sinks(plan: Plan, options: Options) -> tuple[list[Sink], Browser | None]:
-    """The sinks that the graph names; `--headless` leaves the browser out."""
-    output, wall = plan.layout.config.output, plan.layout.wall
-    kinds = {sink.kind for sink in plan.layout.graph.sinks}
-    sinks: list[Sink] = []
-    browser = None
-    if "png" in kinds:
-        sinks.append(PngSink(options.out))
-    if "recorder" in kinds:
-        sinks.append(Recorder(options.out / "recording", hz=output.record_hz))
-    if "browser" in kinds and not options.headless:
-        browser = Browser(output.browser.host, output.browser.port, wall)
-        sinks.append(browser)
-    return sinks, browser
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -8,12 +8,12 @@ from __future__ import annotations
 from wall.data import Event
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode
-from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
-from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan, first_event, make_predictor
+from wall.processes.compositor import Compositor
+from wall.processes.plan import HEAD, Plan, first_event, in_one_place, make_predictor
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
+from wall.transport.loopback import LoopbackHub
 
 BATCH_SECONDS = 1e-3  # what a batch takes on the hand-turned clock
 
@@ -31,7 +31,7 @@ class SingleProcess:
         for rank in layout.renderers():
             samplers = make_samplers(plan, "", layout.region(rank), self.clock)
             self.workers += [Worker(plan, resident, rank, self.clock, samplers, k) for k in range(len(samplers))]
-        self.panels = [PanelCompositor(plan, k) for k in range(len(layout.wall.panels))]
+        self.compositor = Compositor(in_one_place(plan), HEAD, LoopbackHub(credit_bytes=0), {})
 
     def step(self) -> int:
         """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
@@ -42,11 +42,9 @@ class SingleProcess:
             if packet is None:
                 continue
             if (tiles := worker.tiling()) is not None:
-                tiling = decode_tiling(tiles)
-                self.panels[tiling.panel].take_tiling(tiling)
-            batch = decode(packet)
-            self.panels[batch.panel].insert(batch)
-            traced += len(batch.samples)
+                self.compositor.insert(tiles)
+            self.compositor.insert(packet)  # decode, to the layer of its rank, into the deep buffer
+            traced += decode(packet).samples.size
         self.clock.advance(BATCH_SECONDS)
         return traced
 
@@ -58,12 +56,11 @@ class SingleProcess:
                 due = self.clock.now() + 1.0 / self.plan.view.refresh_hz
                 self._refresh()
         self._refresh()
-        return [panel.picture() for panel in self.panels]
+        return list(self.compositor.shown()[0].pictures())
 
     def _follow_event(self) -> None:
         """Panels learn whether two samplers are compared; workers start over when the event names other samplers."""
-        for panel in self.panels:
-            panel.follow(self.event)
+        self.compositor.follow(self.event)
         wanted = (self.event.sampler or self._methods[0], self.event.compare)
         if wanted == self._methods:
             return
@@ -76,5 +73,4 @@ class SingleProcess:
         now = self.clock.now()
         self._predictor.take(self.event)
         event = self._predictor.at(now)  # the event itself as long as nothing moves
-        for panel in self.panels:
-            panel.refresh(event, now)
+        self.compositor.refresh(event, now)  # layers, then the graph's nodes, then what sinks show

@@ -18,6 +18,7 @@ from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.halves import Halves
 from wall.sampling.hilbert import HilbertSampler
+from wall.scene.parts import objects_in
 from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
 
@@ -34,8 +35,10 @@ class Worker:
         self.samples_compared = 0  # of those traced: by the second of two samplers
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
         self._codec = Codec.named(layout.config.transport.codec)
+        share = layout.layer(rank).range
+        seen = objects_in(plan.scene, share) if share is not None else None
         self._tracers = {
-            coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent)
+            coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
         }
         self._relightable = resident.needs.relighting

@@ -179,6 +179,17 @@ class Picture:
         """For whoever looks on: times and confidences, places in the picture, how many, and their clock's zero."""
         return self._store.state, self._store.screen, self.count, self._epoch
 
+    @property
+    def pose(self) -> Pose:
+        """That the picture shows; only after a refresh."""
+        assert self._pose is not None
+        return self._pose
+
+    def find_nearest(self) -> None:
+        """Bring `nearest` up to date with samples that came since the picture last moved."""
+        s = self._store
+        kernels_visible.keep_nearest(s.name, s.state, s.screen, self.count, self.nearest)
+
     def still_counts(self) -> Float32:
         """For whoever looks on: (h, w) float32, of how many samples each pixel shows the mean while it stands still."""
         counts: Float32 = self.still[..., 3]

@@ -57,6 +57,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcAttachGeometryByID": (None, [_P, _P, _U]),
     "rtcSetSharedGeometryBuffer": (None, [_P, ctypes.c_int, _U, ctypes.c_int, _P, _Z, _Z, _Z]),
     "rtcSetGeometryInstancedScene": (None, [_P, _P]),
+    "rtcSetGeometryMask": (None, [_P, _U]),
     "rtcSetGeometryTransform": (None, [_P, _U, ctypes.c_int, _P]),
     "rtcIntersect16": (None, [_P, _P, _P, _P]),
     "rtcOccluded16": (None, [_P, _P, _P, _P]),
@@ -161,8 +162,10 @@ class Device:
         self.check("building a mesh")
         return scene
 
-    def instances(self, meshes: list[Handle]) -> tuple[Handle, NDArray[np.intp]]:
+    def instances(self, meshes: list[Handle], masks: NDArray[np.uint32]) -> tuple[Handle, NDArray[np.intp]]:
         """A scene of one instance a handle in `meshes`, to be placed and committed by `place_instances`.
+
+        masks : (n,) uint32; a ray passes instances whose mask has no bit of its own
 
         Returns
         -------
@@ -174,6 +177,7 @@ class Device:
         for k, mesh in enumerate(meshes):
             geometries[k] = geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_INSTANCE)
             _library.rtcSetGeometryInstancedScene(geometry, mesh)
+            _library.rtcSetGeometryMask(geometry, int(masks[k]))
             _library.rtcAttachGeometryByID(scene, geometry, k)
             self._geometries.append(geometry)
         self.check("creating instances")

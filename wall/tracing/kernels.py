@@ -19,6 +19,7 @@ from wall.tracing.embree import (
     FORMAT_FLOAT3X4_ROW_MAJOR,
     GEOMETRY,
     INSTANCE,
+    MASK,
     ORIGIN_X,
     ORIGIN_Y,
     ORIGIN_Z,
@@ -40,6 +41,7 @@ from wall.tracing.kernels_surfaces import (
 from wall.tracing.packet import (
     AB,
     AG,
+    ALL,
     AR,
     BAD,
     COS,
@@ -70,6 +72,7 @@ from wall.tracing.packet import (
     PY,
     PZ,
     SECONDARY,
+    SEES,
     SHADE,
     SHADOW,
     TB,
@@ -81,6 +84,7 @@ from wall.tracing.packet import (
 
 DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
 TINY = np.float32(1e-30)
+ALL_OBJECTS = np.uint32(ALL)  # mask of rays that any object stops
 THIRD = np.float32(1.0 / 3.0)
 
 
@@ -181,6 +185,7 @@ def make_rays(frame, corner, xy, first, count, work):
         p[ORIGIN_Z + lane] = ZERO
         p[T_FAR + lane] = INF
     for lane in range(16):
+        bits[MASK + lane] = bits[SEES + lane]
         bits[GEOMETRY + lane] = MISS
         bits[INSTANCE + lane] = MISS
         valid[lane] = -1 if lane < count else 0
@@ -329,6 +334,7 @@ def reflect(surfaces, work):
         p[ORIGIN_Y + lane] = p[PY + lane] + lift * gy
         p[ORIGIN_Z + lane] = p[PZ + lane] + lift * gz
         p[T_FAR + lane] = INF
+        bits[MASK + lane] = ALL_OBJECTS
         bits[GEOMETRY + lane] = MISS
         bits[INSTANCE + lane] = MISS
     return going

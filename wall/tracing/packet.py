@@ -26,8 +26,10 @@ MAX_BOUNCES = 4  # mirror chains are cut here; what is behind the last mirror is
 SHADE = RAY_HIT_FLOATS
 PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, LIFT = range(SHADE + RAY_FLOATS, SHADE + RAY_FLOATS + 160, 16)
 AR, AG, AB, LR, LG, LB, TR, TG, TB, MIRROR, COS, DEPTH, OBJECT, HITS = range(LIFT + 16, LIFT + 240, 16)
-LIFT_BASE, LIFT_SLOPE, LIFT_STRETCH, LIGHT, UNLIT, FACING = range(HITS + 16, HITS + 112, 16)
-PACKET_FLOATS = FACING + 16
+LIFT_BASE, LIFT_SLOPE, LIFT_STRETCH, LIGHT, UNLIT, FACING, SEES = range(HITS + 16, HITS + 128, 16)
+PACKET_FLOATS = SEES + 16
+SEEN, UNSEEN = 1, 2  # Embree masks of objects that primary rays may hit, and of those that only light and mirrors know
+ALL = 0xFFFFFFFF
 
 # counts that a kernel returns
 PRIMARY, SHADOW, SECONDARY, BAD = range(4)

@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.model import Moment
 from wall.tracing import embree, kernels
-from wall.tracing.packet import COUNTS, PACKET_FLOATS, SHADE, Surfaces, Workspace
+from wall.tracing.packet import ALL, COUNTS, PACKET_FLOATS, SEEN, SEES, SHADE, UNSEEN, Surfaces, Workspace
 from wall.tracing.resident import Resident
 
 LIFT_ULPS = 16.0  # float32 roundings between a hit and its secondary ray; eight times what was needed, docs/accuracy.md
@@ -32,13 +33,17 @@ class Traced:
     bad: int
 
 
-def workspace(*, coherent: bool) -> Workspace:
-    """A fresh packet for one thread; the fields that no kernel changes are set here, once."""
+def workspace(*, coherent: bool, sees: int = ALL) -> Workspace:
+    """A fresh packet for one thread; the fields that no kernel changes are set here, once.
+
+    sees : mask of primary rays
+    """
     packet = embree.aligned((PACKET_FLOATS,), np.float32)
     bits = packet.view(np.uint32)
     for rays in (0, SHADE):
-        bits[rays + embree.MASK : rays + embree.MASK + embree.PACKET] = 0xFFFFFFFF
+        bits[rays + embree.MASK : rays + embree.MASK + embree.PACKET] = ALL
         bits[rays + embree.RAY_ID : rays + embree.RAY_ID + embree.PACKET] = np.arange(embree.PACKET)
+    bits[SEES : SEES + embree.PACKET] = sees
     return Workspace(
         packet=packet,
         bits=bits,
@@ -52,11 +57,24 @@ def workspace(*, coherent: bool) -> Workspace:
 class Tracer:
     """Traces for one thread. `take(event, ...)` moves to a new event; `trace(xy)` gives samples under it."""
 
-    def __init__(self, resident: Resident, panel: Panel, eye: Float64, *, coherent: bool) -> None:
-        """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles."""
+    def __init__(
+        self,
+        resident: Resident,
+        panel: Panel,
+        eye: Float64,
+        *,
+        coherent: bool,
+        seen: NDArray[np.bool_] | None = None,
+    ) -> None:
+        """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles.
+
+        seen : (n,) bool, instances that primary rays may hit; the others only cast shadows and show in mirrors. None:
+            all
+        """
         n = len(resident.mesh_table)
+        masks = np.full(n, SEEN, np.uint32) if seen is None else np.where(seen, SEEN, UNSEEN).astype(np.uint32)
         self._resident, self._panel, self._eye = resident, panel, eye
-        self._scene, self._geometries = resident.device.instances(list(resident.meshes))
+        self._scene, self._geometries = resident.device.instances(list(resident.meshes), masks)
         self._transforms = embree.aligned((n, 12), np.float32)
         self._surfaces = Surfaces(
             triangles=resident.triangles,
@@ -66,7 +84,7 @@ class Tracer:
             sky=resident.sky,
             irradiance=resident.irradiance,
         )
-        self._work = workspace(coherent=coherent)
+        self._work = workspace(coherent=coherent, sees=ALL if seen is None else SEEN)
         self._corner = np.array(panel.screen, np.float64)
         self._frame = np.zeros((3, 3))
         self._points: Float32 | None = None

@@ -1,0 +1,127 @@
+"""Which channels flow along each edge: only those that somebody needs; and where light becomes display bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from wall.compositing.refusals import Refusals
+from wall.compositing.structure import input_path
+from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.data import CHANNELS, Channels
+from wall.operators.base import Operator
+
+COLOUR: Channels = frozenset({"colour"})
+RECONSTRUCTED: Channels = frozenset({"colour", "depth", "alpha", "time", "object"})
+Interval = tuple[int, int]
+
+
+def find_channels(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, Channels]:
+    """What every node's framelet holds: what it can give, as far as somebody after it needs it."""
+    given = _given(order, refusals)
+    wanted = _wanted(order)
+    return {name: given[name] & (wanted[name] | COLOUR) for name in given}
+
+
+def _given(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, Channels]:
+    given: dict[str, Channels] = {}
+    for node in order:
+        if isinstance(node, ReconstructNode):
+            given[node.id] = RECONSTRUCTED - ({"alpha"} if node.background == "keep" else set())
+        elif isinstance(node, SkyNode):
+            given[node.id] = frozenset({"colour", "depth", "alpha"})
+        elif isinstance(node, Operator):
+            inputs = [given[name] for name in node.sources]
+            for k, channels in enumerate(inputs):
+                if missing := sorted(node.NEEDS - channels, key=CHANNELS.index):
+                    _refuse(node, k, missing, channels, refusals)
+            given[node.id] = node.gives(inputs)
+    return given
+
+
+def _refuse(node: Operator, k: int, missing: list[str], channels: Channels, refusals: Refusals) -> None:
+    has = ", ".join(name for name in CHANNELS if name in channels)
+    hint = "a framelet with " + ", ".join(name for name in CHANNELS if name in node.NEEDS)
+    if "alpha" in missing:
+        hint += "; reconstruct has alpha with background: transparent"
+    came = f"{getattr(node, 'op', 'it')} needs {', '.join(missing)}, and {node.sources[k]} gives only {has}"
+    refusals.add(node, input_path(node, k), came, hint)
+
+
+def _wanted(order: Sequence[NodeConfig]) -> dict[str, Channels]:
+    wanted: dict[str, Channels] = {node.id: frozenset() for node in order}
+    for node in reversed(order):
+        if isinstance(node, SamplesNode):
+            continue
+        needs = node.NEEDS if isinstance(node, Operator) else COLOUR
+        through = wanted[node.id] if isinstance(node, Operator) else frozenset()
+        for name in node.sources:
+            wanted[name] |= needs | through
+    return wanted
+
+
+def find_encoded(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, bool]:
+    """Whether a node's colour is display bytes already: as soon as nothing after it computes with light.
+
+    Nodes that only move values pass on what they get; so bytes are made before them, three a pixel instead of twelve.
+    """
+    by_id = {node.id: node for node in order}
+    encoded = {node.id: not isinstance(node, SamplesNode | SinkNode) for node in order}
+    users: dict[str, list[NodeConfig]] = {node.id: [] for node in order}
+    for node in order:
+        for name in node.sources:
+            users[name].append(node)
+    changed = True
+    while changed:
+        before = dict(encoded)
+        for node in order:
+            if not encoded[node.id] or _op(node) == "encode":
+                continue
+            moves = isinstance(node, Operator) and node.MOVES
+            fed = not moves or not node.sources or all(encoded[name] for name in node.sources)
+            encoded[node.id] = fed and all(_takes_bytes(user, encoded) for user in users[node.id])
+        changed = encoded != before
+    for node in order:
+        for k, name in enumerate(node.sources):
+            if _op(by_id[name]) == "encode" and not _takes_bytes(node, encoded):
+                came = f"{_op(node)} computes with light, and {name} gives display bytes"
+                refusals.add(node, input_path(node, k), came, "the node before encode")
+    return encoded
+
+
+def _takes_bytes(user: NodeConfig, encoded: Mapping[str, bool]) -> bool:
+    if isinstance(user, SinkNode):
+        return True
+    return isinstance(user, Operator) and user.MOVES and encoded[user.id]
+
+
+def _op(node: NodeConfig) -> str:
+    return str(getattr(node, "op", ""))
+
+
+def find_orders(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, int]:
+    """The order of every framelet: its own, else the least of its inputs'. Inputs of `over` must have one each."""
+    spans: dict[str, Interval | None] = {}
+    for node in order:
+        own = getattr(node, "order", None)
+        inputs = [spans.get(name) for name in node.sources]
+        known = [span for span in inputs if span is not None]
+        if _op(node) == "over":
+            _are_ordered(node, inputs, refusals)
+        if own is not None:
+            spans[node.id] = (own, own)
+        else:
+            spans[node.id] = (min(a for a, _ in known), max(b for _, b in known)) if known else None
+    return {name: span[0] if span is not None else 0 for name, span in spans.items()}
+
+
+def _are_ordered(node: NodeConfig, inputs: Sequence[Interval | None], refusals: Refusals) -> None:
+    for k, span in enumerate(inputs):
+        at, name = input_path(node, k), node.sources[k]
+        if span is None:
+            refusals.add(node, at, f"{name} has no order, so over cannot say what is before it", f"order: N at {name}")
+            continue
+        for j in range(k):
+            other = inputs[j]
+            if other is not None and other[0] <= span[1] and span[0] <= other[1]:
+                came = f"{name} and {node.sources[j]} have the same order, or one lies amidst the other's inputs"
+                refusals.add(node, at, came, "orders that differ: the smaller is the nearer")

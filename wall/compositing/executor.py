@@ -1,0 +1,153 @@
+"""Run the operators of one place, in order, each only where its input changed.
+
+Pure but for the framelets it owns, allocated once. Nothing here knows where an input comes from: a reconstruction of
+this process, another process, a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.compositing.graph import Graph, Step
+from wall.data import Event, Framelet, Rect
+from wall.operators.base import Operator
+
+Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
+Changes: TypeAlias = dict[int, Regions]  # by step
+Reproject: TypeAlias = Callable[[Framelet, Event, int], Framelet]  # of a panel: as it looks under an event
+DENSE = 0.6  # of their bounding box: above it, one large region costs less than many
+
+
+class Executor:
+    """`framelets` are what every step here holds, and what came of other places; `step` brings them up to date."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        place: int,
+        sources: Mapping[int, Framelet],
+        folder: Path,
+        reproject: Reproject | None = None,
+    ) -> None:
+        """`sources`: the framelets that others write, by step; `folder`: where paths in nodes start.
+
+        Raises ConfigError where an operator cannot read what it needs.
+        """
+        self._graph, self._reproject = graph, reproject
+        self._steps = [s for s in graph.steps if s.place == place and isinstance(s.node, Operator)]
+        self._prepared: dict[int, Any] = {s.index: s.node.prepare(folder) for s in self._steps}  # type: ignore[attr-defined]
+        self.framelets: dict[int, Framelet] = dict(sources)
+        for s in self._steps:
+            self.framelets[s.index] = Framelet.blank(s.rect, s.channels, encoded=s.encoded, order=s.order)
+        self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
+        self.pixels = 0  # written so far
+
+    def step(self, changed: Mapping[int, Regions], event: Event | None) -> Changes:
+        """Redo what depends on `changed` regions of sources, for a moment that `event` says.
+
+        Returns all that changed, sources included, by step.
+        """
+        found: Changes = {k: list(regions) for k, regions in changed.items() if regions}
+        for s in self._steps:
+            regions = self._regions(s, found)
+            if regions:
+                self._apply(s, regions, event)
+                found[s.index] = regions
+        return found
+
+    def _regions(self, s: Step, found: Changes) -> Regions:
+        if s.index in self._fresh:
+            self._fresh.discard(s.index)
+            return [s.rect]
+        assert isinstance(s.node, Operator)
+        rects = [self._graph.steps[k].rect for k in s.inputs]
+        touched = (
+            s.node.touched(region, rects, k).meet(s.rect)
+            for k, source in enumerate(s.inputs)
+            for region in found.get(source, ())
+        )
+        return merged([region for region in touched if region is not None])
+
+    def _apply(self, s: Step, regions: Regions, event: Event | None) -> None:
+        assert isinstance(s.node, Operator)
+        out = self.framelets[s.index]
+        inputs = [self.framelets[k] for k in s.inputs]
+        newest = max((f for f in inputs if f.event is not None), key=lambda f: f.moment, default=None)
+        if newest is not None:
+            out.event = newest.event
+            out.advance(newest.moment)
+        if s.node.COMMON_TIME and self._reproject is not None and event is not None:
+            inputs = self._at_one_moment(s, inputs, event)
+            out.event = event
+        for region in regions:
+            s.node.apply(inputs, out, region, self._prepared[s.index])
+            self.pixels += region.area
+
+    def _at_one_moment(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:
+        """Inputs that show another moment than `event` are moved to it; a picture that knows none stays."""
+        assert self._reproject is not None
+        panels = [self._graph.panel_of(k) for k in s.inputs]
+        return [
+            self._reproject(f, event, panel)
+            if f.event is not None and panel is not None and not same_moment(f.event, event)
+            else f
+            for f, panel in zip(inputs, panels, strict=True)
+        ]
+
+    def fill(self, node_id: str, values: Any) -> None:
+        """Hand a node what it shows beside pixels: statistics, for an overlay."""
+        for s in self._steps:
+            if s.node.id == node_id:
+                self._prepared[s.index] = values
+                self._fresh.add(s.index)
+
+
+def same_moment(a: Event, b: Event) -> bool:
+    """Whether two events show the same: camera and scene."""
+    return a.camera == b.camera and a.scene_time == b.scene_time
+
+
+def merged(regions: Regions) -> Regions:
+    """The same pixels in fewer regions: without repeats, one where they nearly fill their bounding box."""
+    distinct = list(dict.fromkeys(regions))
+    if len(distinct) < 2:
+        return distinct
+    box = distinct[0]
+    for region in distinct[1:]:
+        box = box.join(region)
+    return [box] if sum(region.area for region in distinct) > DENSE * box.area else distinct
+
+
+def tiles_to_regions(dirty: NDArray[np.bool_], tile: int, rect: Rect) -> Regions:
+    """Rectangles of the frame that hold all dirty tiles of a framelet at `rect`.
+
+    Every row of tiles from its first dirty one to its last; rows with the same ends together.
+
+    Parameters
+    ----------
+    dirty : (rows, columns) bool, of squares of `tile` pixels from rect's top left corner
+    """
+    if dirty.all():
+        return [rect]
+    spans: list[tuple[int, int, int, int]] = []  # first row, behind the last, first column, behind the last
+    for row in np.flatnonzero(dirty.any(axis=1)).tolist():
+        columns = np.flatnonzero(dirty[row])
+        first, last = int(columns[0]), int(columns[-1]) + 1
+        if spans and spans[-1][1:] == (row, first, last):
+            spans[-1] = (spans[-1][0], row + 1, first, last)
+        else:
+            spans.append((row, row + 1, first, last))
+    found = []
+    for top, bottom, left, right in spans:
+        whole = Rect(
+            x=rect.x + left * tile, y=rect.y + top * tile, width=(right - left) * tile, height=(bottom - top) * tile
+        )
+        inside = whole.meet(rect)
+        assert inside is not None
+        found.append(inside)
+    return found

@@ -1,0 +1,137 @@
+"""Where nodes run: what `on` says, or where their input is. A place is a compositor's rank; 0 is the head.
+
+Panels are dealt to compositors in order, panels of one host to compositors of that host. A host is wanted of a rank
+here; which of the launched processes gets the rank is found when they know each other (processes/hosts.py).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from wall.compositing.refusals import Refusals
+from wall.config.schema import NodeConfig, NodeGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.geometry.panels import Wall
+
+HEAD = 0
+ACCEPTED = "head, panel, rank N, host NAME or compositor N"
+_PLACE = re.compile(r"(head|panel)|(rank|compositor) +(\d{1,5})|host +(\S+)")
+
+
+class Places:
+    """Finds each node's place; `hosts` grows with the hosts that are named."""
+
+    def __init__(self, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
+        self._config, self._refusals = config, refusals
+        self.panel = deal(wall, config.compositors)  # by panel index
+        self._index = {panel.id: panel.index for panel in wall.panels}
+        self._area = {p.id: p.pixels[0] * p.pixels[1] for p in wall.panels}
+        self.hosts: dict[int, str] = {}  # wanted of a place
+        for panel in wall.panels:
+            place = self.panel[panel.index]
+            if panel.host is not None and all(
+                p.host == panel.host for p in wall.panels if self.panel[p.index] == place
+            ):
+                self.hosts[place] = panel.host
+        self._named_hosts = {panel.host for panel in wall.panels if panel.host is not None}
+
+    def find(self, order: Sequence[NodeConfig], panels: Mapping[str, frozenset[int]]) -> dict[str, int]:
+        """The place of every node but samples nodes. `order`: inputs first; `panels`: whose pixels a node holds."""
+        found: dict[str, int] = {}
+        asked = {node.id: self._asked(node, panels[node.id]) for node in order if node.on is not None}
+        for node in order:
+            if isinstance(node, SamplesNode):
+                continue
+            place = asked.get(node.id)
+            found[node.id] = place if place is not None else self._chosen(node, found, panels[node.id])
+        self._sinks_at_the_head(order, found)
+        self._all_work(found)
+        return found
+
+    def _chosen(self, node: NodeConfig, found: Mapping[str, int], panels: frozenset[int]) -> int:
+        if isinstance(node, SinkNode) and node.kind != "window":
+            return HEAD
+        if isinstance(node, ReconstructNode | SkyNode):
+            return self.panel[min(panels)]
+        inputs = [found[name] for name in node.sources if name in found]
+        if not inputs:
+            return HEAD  # a constant or a file: its users' edges decide nothing yet, and it changes never
+        most = Counter(inputs).most_common()
+        return min(place for place, times in most if times == most[0][1])
+
+    def _asked(self, node: NodeConfig, panels: frozenset[int]) -> int | None:
+        assert node.on is not None
+        match = _PLACE.fullmatch(node.on)
+        if isinstance(node, SamplesNode):
+            self._refusals.add(node, ["on"], "samples come from renderers", "rank: N, or group: NAME, instead of on")
+            return None
+        if match is None:
+            self._refusals.add(node, ["on"], "is no place", ACCEPTED)
+            return None
+        word, kind, number, host = match.groups()
+        if word == "head":
+            return HEAD
+        if word == "panel":
+            return self._of_panels(node, panels)
+        return self._on_host(node, host) if host else self._numbered(node, kind, int(number))
+
+    def _numbered(self, node: NodeConfig, kind: str, number: int) -> int | None:
+        count = self._config.compositors
+        if number < count:
+            return number
+        if count == 1:
+            what = "there is only compositor 0 (the head)"
+        elif kind == "rank":
+            what = f"rank {number} is no compositor: those are ranks 0 to {count - 1}"
+        else:
+            what = f"there are {count} compositors"
+        self._refusals.add(node, ["on"], what, f"{kind} 0 to {count - 1}, or more graph.compositors")
+        return None
+
+    def _of_panels(self, node: NodeConfig, panels: frozenset[int]) -> int | None:
+        places = {self.panel[panel] for panel in panels}
+        if len(places) == 1:
+            return places.pop()
+        which = "no panel" if not places else f"panels of compositors {', '.join(map(str, sorted(places)))}"
+        self._refusals.add(node, ["on"], f"this node holds pixels of {which}", "head or compositor N")
+        return None
+
+    def _on_host(self, node: NodeConfig, host: str) -> int | None:
+        known = [place for place, name in self.hosts.items() if name == host]
+        if known:
+            return min(known)
+        free = [k for k in range(1, self._config.compositors) if k not in self.hosts and k not in self.panel]
+        if not free:
+            accepted = ", ".join(sorted(self._named_hosts)) or "more graph.compositors"
+            self._refusals.add(node, ["on"], f"no compositor is left that could be on host {host}", accepted)
+            return None
+        self.hosts[free[0]] = host
+        return free[0]
+
+    def _sinks_at_the_head(self, order: Sequence[NodeConfig], found: Mapping[str, int]) -> None:
+        for node in order:
+            if isinstance(node, SinkNode) and node.kind != "window" and found[node.id] != HEAD:
+                self._refusals.add(node, ["on"], f"a {node.kind} sink runs on the head", "head, or kind: window")
+
+    def _all_work(self, found: Mapping[str, int]) -> None:
+        idle = sorted(set(range(1, self._config.compositors)) - set(found.values()))
+        if idle:
+            which = ", ".join(map(str, idle))
+            accepted = "nodes with `on` for each compositor, or fewer"
+            self._refusals.add(None, ["compositors"], f"compositor {which} has nothing to do", accepted)
+
+
+def deal(wall: Wall, compositors: int) -> tuple[int, ...]:
+    """A place for every panel, in the order of the panels; panels of different hosts share none if that can be."""
+    hosts = list(dict.fromkeys(panel.host for panel in wall.panels))
+    count = len(wall.panels)
+    if None in hosts or not 1 < len(hosts) <= compositors:
+        return tuple(panel.index * compositors // count for panel in wall.panels)
+    places = [0] * count
+    for g, host in enumerate(hosts):
+        mine = [panel.index for panel in wall.panels if panel.host == host]
+        first, last = g * compositors // len(hosts), (g + 1) * compositors // len(hosts)
+        for i, panel in enumerate(mine):
+            places[panel] = first + i * (last - first) // len(mine)
+    return tuple(places)

@@ -1,0 +1,50 @@
+"""The nodes that a preset stands for."""
+
+from __future__ import annotations
+
+from wall.config.schema import NodeConfig, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.geometry.panels import Panel, Wall
+from wall.operators.depth import Depth
+from wall.operators.tile import Tile
+
+
+def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
+    """The nodes of a preset: each panel its own samples and framelet, one picture of all, its sinks."""
+    nodes: list[NodeConfig] = []
+    for panel in wall.panels:
+        nodes += (
+            _sort_last(panel, preset.ranks_per_panel)
+            if preset.preset == "sort-last"
+            else _sort_first(panel, preset.ranks_per_panel)
+        )
+    nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{panel.index}" for panel in wall.panels)))
+    for kind in dict.fromkeys(preset.sinks):
+        if kind == "window":
+            for panel in wall.panels:
+                window = f"window{panel.index}"
+                nodes.append(SinkNode(op="sink", id=window, kind=kind, input=f"p{panel.index}", on="panel"))
+        else:
+            nodes.append(SinkNode(op="sink", id=kind, kind=kind, input="wall"))
+    return NodeGraph(compositors=preset.compositors, sync=preset.sync, nodes=tuple(nodes))
+
+
+def _sort_first(panel: Panel, ranks: int) -> list[NodeConfig]:
+    k = panel.index
+    return [
+        SamplesNode(op="samples", id=f"s{k}", panel=panel.id, ranks=ranks),
+        ReconstructNode(op="reconstruct", id=f"p{k}", input=f"s{k}"),
+    ]
+
+
+def _sort_last(panel: Panel, ranks: int) -> list[NodeConfig]:
+    """Each rank a part of the objects, the sky behind all of them."""
+    k, nodes = panel.index, list[NodeConfig]()
+    for r in range(ranks):
+        part = (r / ranks, (r + 1) / ranks)
+        nodes.append(SamplesNode(op="samples", id=f"s{k}-{r}", panel=panel.id, range=part))
+        nodes.append(
+            ReconstructNode(op="reconstruct", id=f"f{k}-{r}", input=f"s{k}-{r}", background="transparent", on="panel")
+        )
+    nodes.append(SkyNode(op="sky", id=f"sky{k}", panel=panel.id))
+    nodes.append(Depth(op="depth", id=f"p{k}", inputs=(*(f"f{k}-{r}" for r in range(ranks)), f"sky{k}")))
+    return nodes

@@ -1,0 +1,142 @@
+"""The body of a framelet's part on the wire: which node made it, where, under which camera and scene time, its pixels.
+
+Channels stand one after another, whole; numbers of four bytes go byte by byte (all first bytes, all second ones, ...),
+which lz4 then shrinks. Exact: what comes out is what went in.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+
+import lz4.block
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
+from wall.errors import RemoteProtocolError
+
+HEAD = struct.Struct("<HiiIIBBBqqddI3d9d")
+MAX_AREA = 1 << 25  # pixels: 8K UHD
+MAX_RAW = 1 << 25  # bytes of one part before compression: it fits a message, whatever they are
+LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
+ENCODED, COMPARED, POSED = 1, 2, 4  # flags
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameletPart:
+    """A rectangle of a node's framelet, as another process has it now."""
+
+    step: int  # index in Graph.steps of the node
+    rect: Rect  # of the frame
+    channels: Channels
+    encoded: bool
+    compared: bool  # of the second picture, while two samplers are compared
+    event: Event | None  # what it shows; only its numbers, camera and scene time travel
+    moment: float  # seconds of the head's clock
+    data: bytes
+
+    @classmethod
+    def of(cls, step: int, framelet: Framelet, rect: Rect, *, compared: bool = False) -> FrameletPart:
+        """A copy of the pixels of `rect`, which lies inside the framelet."""
+        rows = rect.inside(framelet.rect)
+        planes = [_bytes(framelet.channel(name)[rows]) for name in CHANNELS if name in framelet.channels]
+        data = bytes(lz4.block.compress(b"".join(planes), store_size=False))
+        return cls(
+            step=step, rect=rect, channels=framelet.channels, encoded=framelet.encoded, compared=compared,
+            event=framelet.event, moment=framelet.moment, data=data,
+        )  # fmt: skip
+
+    def write(self, out: Framelet) -> None:
+        """Put the pixels where they belong. Raises RemoteProtocolError where they do not fit `out`."""
+        if not out.rect.holds(self.rect) or self.channels != out.channels or self.encoded != out.encoded:
+            raise RemoteProtocolError(
+                f"framelet part {self.rect} with {', '.join(sorted(self.channels))}; wanted: inside {out.rect}, "
+                f"with {', '.join(sorted(out.channels))}"
+            )
+        raw, start, rows = self._raw(), 0, self.rect.inside(out.rect)
+        for name in CHANNELS:
+            if name in self.channels:
+                here = out.channel(name)[rows]
+                here[...] = _values(raw[start : start + here.nbytes], here.shape, here.dtype)
+                start += here.nbytes
+
+    def _raw(self) -> NDArray[np.uint8]:
+        size = bytes_a_pixel(self.channels, encoded=self.encoded) * self.rect.area
+        try:
+            raw = lz4.block.decompress(self.data, uncompressed_size=size)
+        except (lz4.block.LZ4BlockError, ValueError, MemoryError) as error:
+            raise RemoteProtocolError(f"framelet of step {self.step}: does not decompress ({error})") from error
+        if len(raw) != size:
+            raise RemoteProtocolError(f"framelet of step {self.step}: {len(raw)} bytes, {size} wanted")
+        return np.frombuffer(raw, np.uint8)
+
+
+def bytes_a_pixel(channels: Channels, *, encoded: bool) -> int:
+    """Before compression."""
+    return (3 if encoded else 12) + 4 * len(channels - {"colour"})
+
+
+def bands(rect: Rect, channels: Channels, *, encoded: bool) -> list[Rect]:
+    """Cut a rectangle so that each part is at most MAX_RAW bytes."""
+    rows = max(1, MAX_RAW // (bytes_a_pixel(channels, encoded=encoded) * rect.width))
+    return [
+        Rect(x=rect.x, y=y, width=rect.width, height=min(rows, rect.bottom - y))
+        for y in range(rect.y, rect.bottom, rows)
+    ]
+
+
+def part_body(part: FrameletPart) -> bytes:
+    """Its bytes; struct.error where a number does not fit."""
+    event, r = part.event, part.rect
+    channels = sum(1 << k for k, name in enumerate(CHANNELS) if name in part.channels)
+    flags = ENCODED * part.encoded | COMPARED * part.compared | POSED * (event is not None)
+    pose = (*event.camera.position, *event.camera.world_from_wall) if event else (0.0,) * 12
+    numbers = (event.camera_event, event.scene_event, event.scene_time) if event else (0, 0, 0.0)
+    head = HEAD.pack(
+        part.step, r.x, r.y, r.width, r.height, channels, flags, 0, *numbers, part.moment, len(part.data), *pose
+    )
+    return head + part.data
+
+
+def parse_part(body: bytes) -> FrameletPart:
+    """Raises RemoteProtocolError for anything that part_body cannot have made."""
+    if len(body) < HEAD.size:
+        raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {HEAD.size}")
+    step, x, y, width, height, mask, flags, spare, *numbers = HEAD.unpack_from(body)
+    camera_event, scene_event, scene_time, moment, length, *pose = numbers
+    if length != len(body) - HEAD.size:
+        raise RemoteProtocolError(f"framelet of step {step}: {len(body) - HEAD.size} bytes came of {length}")
+    if spare or not mask & 1 or mask >= 1 << len(CHANNELS) or flags > ENCODED | COMPARED | POSED:
+        raise RemoteProtocolError(f"framelet of step {step}: channels {mask:#x} or flags {flags:#x} are not known")
+    if not all(map(math.isfinite, (scene_time, moment, *pose))):
+        raise RemoteProtocolError(f"framelet of step {step}: a number is not finite")
+    channels = frozenset(name for k, name in enumerate(CHANNELS) if mask >> k & 1)
+    encoded = bool(flags & ENCODED)
+    size = bytes_a_pixel(channels, encoded=encoded) * width * height
+    if not 0 < width * height <= MAX_AREA or max(abs(x), abs(y)) > 1 << 24 or size > LZ4_LARGEST_RATIO * length:
+        raise RemoteProtocolError(f"framelet of step {step}: {width}x{height} with {length} bytes is out of range")
+    event = None
+    if flags & POSED:
+        camera = Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:]))
+        event = Event(
+            view=0, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=moment,
+            camera=camera,
+        )  # fmt: skip
+    return FrameletPart(
+        step=step, rect=Rect(x=x, y=y, width=width, height=height), channels=channels, encoded=encoded,
+        compared=bool(flags & COMPARED), event=event, moment=moment, data=body[HEAD.size :],
+    )  # fmt: skip
+
+
+def _bytes(pixels: NDArray[np.generic]) -> bytes:
+    if pixels.dtype == np.uint8:
+        return pixels.tobytes()
+    return np.ascontiguousarray(pixels).view(np.uint8).reshape(-1, 4).T.tobytes()
+
+
+def _values(raw: NDArray[np.uint8], shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
+    if dtype == np.uint8:
+        return raw.reshape(shape)
+    return np.ascontiguousarray(raw.reshape(4, -1).T).view(dtype).reshape(shape)

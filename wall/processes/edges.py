@@ -1,0 +1,124 @@
+"""The graph's edges between processes: framelets go out in parts, only what changed, and come in as framelets.
+
+Inside a process an edge is a shared framelet, and nothing here is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from wall.compositing.executor import Changes, Regions, merged
+from wall.compositing.graph import Graph, Step
+from wall.data import Framelet, Rect
+from wall.errors import RemoteProtocolError
+from wall.packets.control import parse_control, serialise
+from wall.packets.framelets import FrameletPart, bands
+from wall.transport.base import Link
+
+Number = tuple[int, int]  # of an event: camera, scene
+NEVER: Number = (-1, -1)
+
+
+class RemoteFramelet:
+    """What a node of another process has made, as far as it came."""
+
+    def __init__(self, step: Step) -> None:
+        self.step, self.newest_event = step, NEVER
+        self.framelet = Framelet.blank(step.rect, step.channels, encoded=step.encoded, order=step.order)
+        self._changed: Regions = []
+
+    def insert(self, part: FrameletPart) -> None:
+        """Raises RemoteProtocolError where the part is not of this node."""
+        out = self.framelet
+        part.write(out)
+        out.advance(part.moment, but=part.rect)
+        out.event = part.event
+        if part.event is not None:
+            self.newest_event = max(self.newest_event, part.event.number)
+        self._changed.append(part.rect)
+
+    def take_changes(self) -> Regions:
+        changed, self._changed = merged(self._changed), []
+        return changed
+
+
+class Outlets:
+    """What other places need of this one: pending regions, sent as soon as there is credit, newest content first."""
+
+    def __init__(self, graph: Graph, place: int, links: Mapping[int, Link], *, compared: bool = False) -> None:
+        self._graph, self._links, self.compared = graph, links, compared
+        self._targets = targets_of(graph, place)
+        self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
+        self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
+        self.packets = self.bytes = 0
+
+    def add(self, changes: Changes, *, all_due: bool = False) -> None:
+        """Note what changed. `all_due`: everybody waits for a word, even that nothing did."""
+        for step, targets in self._targets.items():
+            for target in targets:
+                if regions := changes.get(step):
+                    self._pending.setdefault((step, target), []).extend(regions)
+                if all_due:
+                    self._due.add((step, target))
+
+    def send(self, framelets: Mapping[int, Framelet], number: Number) -> None:
+        """Send what is pending where a link is ready. `number`: the newest event that has a sample in it."""
+        for key in [*self._pending, *(self._due - self._pending.keys())]:
+            step, target = key
+            if not self._links[target].ready():
+                continue
+            framelet = framelets[step]
+            regions = merged(self._pending.pop(key, []))
+            if not regions:
+                regions = [Rect(x=framelet.rect.x, y=framelet.rect.y, width=1, height=1)]
+            self._due.discard(key)
+            box = regions[0]
+            for region in regions[1:]:
+                box = box.join(region)
+            self._send(key, framelet, box, number)
+
+    def _send(self, key: tuple[int, int], framelet: Framelet, box: Rect, number: Number) -> None:
+        step, target = key
+        event = framelet.event
+        told = None if event is None else replace(event, camera_event=number[0], scene_event=number[1])
+        for rect in bands(box, framelet.channels, encoded=framelet.encoded):
+            part = FrameletPart.of(step, framelet, rect, compared=self.compared)
+            self.offer(target, serialise(replace(part, event=told)))
+
+    def offer(self, target: int, packet: bytes) -> None:
+        """Send a packet; what gives way to it is pending again."""
+        self.packets += 1
+        self.bytes += len(packet)
+        for dropped in self._links[target].offer(packet):
+            lost = parse_control(dropped)
+            if isinstance(lost, FrameletPart) and lost.compared == self.compared:
+                self._pending.setdefault((lost.step, target), []).append(lost.rect)
+
+    @property
+    def idle(self) -> bool:
+        return not self._pending and not self._due
+
+
+def targets_of(graph: Graph, place: int) -> dict[int, tuple[int, ...]]:
+    """Of every step at a place: the other places that need its framelet."""
+    found = {}
+    for step in graph.steps:
+        others = sorted({graph.steps[user].place for user in step.users} - {place})
+        if step.place == place and others:
+            found[step.index] = tuple(others)
+    return found
+
+
+def needed_from_others(graph: Graph, place: int) -> tuple[Step, ...]:
+    """Steps of other places whose framelets are needed here."""
+    found = {k for step in graph.steps if step.place == place for k in step.inputs if graph.steps[k].place != place}
+    return tuple(graph.steps[k] for k in sorted(found))
+
+
+def checked_step(part: FrameletPart, remote: Mapping[int, RemoteFramelet]) -> RemoteFramelet:
+    """Where a part belongs. Raises RemoteProtocolError where that is not here."""
+    found = remote.get(part.step)
+    if found is None:
+        raise RemoteProtocolError(f"a framelet of step {part.step}, which nobody needs here")
+    return found

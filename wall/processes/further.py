@@ -1,0 +1,88 @@
+"""A compositor beside the head: does the nodes of its place, and sends others what they need of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from wall.data import Event
+from wall.display.base import Sink
+from wall.packets.control import Heartbeat, serialise
+from wall.processes.compositor import Compositor
+from wall.processes.control import Control
+from wall.processes.plan import HEAD, Plan, make_predictor
+from wall.processes.sinks import show_all
+from wall.processes.usage import peak_memory
+from wall.processes.watching import Due
+from wall.transport.base import Hub, Link
+
+
+class FurtherCompositor:
+    def __init__(
+        self,
+        plan: Plan,
+        rank: int,
+        hub: Hub,
+        control: Control,
+        links: Mapping[int, Link],
+        sinks: list[Sink | None],
+    ) -> None:
+        """`links`: to other places by rank, the head among them; `sinks`: windows on this machine."""
+        self._plan, self._rank, self._control, self._links, self._sinks = plan, rank, control, links, sinks
+        self._compositor = Compositor(plan, rank, hub, links)
+        self._survey_due = Due()
+        self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
+
+    def run(self) -> None:
+        control, clock, compositor = self._control, self._control.clock, self._compositor
+        due = -math.inf  # the head's time is not known yet
+        predictor = make_predictor(self._plan)
+        while not control.stopped:
+            event = control.newest()
+            if event is not None:
+                compositor.follow(event)
+            taken = compositor.take_in()
+            now = clock.now()
+            if event is not None and now >= due:
+                due = max(due + 1.0 / self._plan.view.refresh_hz, now)
+                while control.recent:
+                    predictor.take(control.recent.popleft())
+                expected = predictor.at(now)
+                self._ahead = expected.number != event.number
+                self._refresh(event, expected, now)
+            compositor.send()
+            if control.beat_due():
+                control.beat(self._heartbeat(event, last=False))
+            if not taken:
+                compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
+        control.beat(self._heartbeat(control.event, last=True))
+
+    def _refresh(self, event: Event, expected: Event, now: float) -> None:
+        compositor = self._compositor
+        compositor.refresh(expected, now)
+        show_all(self._plan, self._sinks, compositor.shown(), event, now)
+        if compositor.lockstep is not None and compositor.lockstep.news():
+            self._control.beat(self._heartbeat(event, last=False))
+        if event.survey and self._links[HEAD].ready() and self._survey_due.now(now):
+            for survey in compositor.surveys(now, comparing=True):
+                self._links[HEAD].offer(serialise(survey))
+
+    def _heartbeat(self, event: Event | None, *, last: bool) -> Heartbeat:
+        c = self._compositor
+        packets, sent = c.sent
+        number = event.number if event else (-1, -1)
+        if c.lockstep is not None:
+            number = c.lockstep.done
+        return Heartbeat(
+            rank=self._rank,
+            time=self._control.clock.now(),
+            samples_shown=c.samples_shown(),
+            packets=packets,
+            bytes=sent,
+            peak_memory=peak_memory(),
+            dropped=c.drops().counts,
+            complete=not self._ahead and c.idle,
+            camera_event=number[0],
+            scene_event=number[1],
+            last=last,
+        )

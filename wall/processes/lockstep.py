@@ -1,0 +1,55 @@
+"""`sync: frame`: nothing is shown before all of a frame is there, or its time is up; then late parts stay as before.
+
+A frame is an event. The manager publishes the next one when every place that shows something is done with this one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from wall.compositing.graph import Graph
+from wall.config.schema import FrameSync
+from wall.data import Event
+from wall.processes.edges import NEVER, Number, RemoteFramelet
+from wall.processes.panel import PanelCompositor
+
+
+class Lockstep:
+    """Of one place: which frame is done."""
+
+    def __init__(self, graph: Graph, place: int) -> None:
+        assert isinstance(graph.sync, FrameSync)
+        self._graph = graph
+        self.timeout_s = graph.sync.timeout_s * depth_of(graph, place)  # whoever waits for others waits longer
+        self._began: tuple[Number, float] | None = None  # of the frame that is waited for
+        self.done: Number = NEVER
+        self._told: Number = NEVER
+
+    def take(
+        self, event: Event, layers: Mapping[int, PanelCompositor], remote: Mapping[int, RemoteFramelet], now: float
+    ) -> tuple[str, ...] | None:
+        """Whether the frame of `event` may be made now: None if not; else the names of inputs that are late."""
+        if event.number == self.done:
+            return None
+        if self._began is None or self._began[0] != event.number:
+            self._began = (event.number, now)
+        late = [layer.layer.node for layer in layers.values() if not layer.has_frame(event.number)]
+        late += [far.step.node.id for far in remote.values() if far.newest_event < event.number]
+        if late and now - self._began[1] < self.timeout_s:
+            return None
+        self.done = event.number
+        return tuple(late)
+
+    def news(self) -> bool:
+        """Whether a frame was done since the last call."""
+        was, self._told = self._told, self.done
+        return was != self.done
+
+
+def depth_of(graph: Graph, place: int) -> int:
+    """How many places follow each other up to this one: 1 where it needs no other's framelets."""
+    crossed: list[int] = []  # edges between places before each step
+    for step in graph.steps:
+        before = [crossed[k] + (graph.steps[k].place != step.place) for k in step.inputs]
+        crossed.append(max(before, default=0))
+    return 1 + max((crossed[step.index] for step in graph.steps if step.place == place), default=0)

@@ -1,0 +1,98 @@
+"""A layer's framelet: its picture, and what compositing compares it by. Written only where something changed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Channels, Event, Float32, Float64, Framelet, Rect, Samples
+from wall.deepbuffer.buffer import DeepBuffer
+from wall.deepbuffer.kernels import TILE
+from wall.geometry.panels import Panel
+from wall.reconstruction import kernels_channels as kernels
+from wall.reconstruction.display_values import update_display
+from wall.reconstruction.picture import Ingredients, Picture
+from wall.reconstruction.pose import Posed
+from wall.scene.build import Scene
+
+
+def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: int) -> Framelet:
+    """A panel's framelet at its place in the frame, before anything has come."""
+    rect = Rect(x=panel.screen[0], y=panel.screen[1], width=panel.pixels[0], height=panel.pixels[1])
+    return Framelet.blank(rect, channels, encoded=encoded, order=order)
+
+
+def show_newest(buffer: DeepBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet) -> None:
+    """Bring the dirty tiles of `out` to what each pixel's newest sample shows."""
+    if out.encoded:
+        update_display(buffer.radiance, dirty, TILE, out.colour)
+    kernels.channels_of_records(
+        buffer.records, dirty, out.moment, transparent, None if out.encoded else out.colour, out.depth, out.alpha,
+        out.time, out.object,
+    )  # fmt: skip
+
+
+class Coverage:
+    """How much of every pixel objects cover: a second picture of the same samples, 1 where they hit something.
+
+    So edges are filtered as the picture's own are: colours come times this alpha, and what lies behind may be added.
+    """
+
+    def __init__(self, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float) -> None:
+        self._picture = Picture(
+            panel, eye, scene, judging=False, samples_per_pixel=samples_per_pixel,
+            ingredients=Ingredients(relighting=False),
+        )  # fmt: skip
+
+    def split(self, samples: Samples) -> tuple[Samples, Samples]:
+        """Samples of colours without the background, and of coverage."""
+        hit = (samples["object"] != 0)[:, None]
+        colours, covered = samples.copy(), samples.copy()
+        colours["radiance"] = np.where(hit, samples["radiance"], np.float32(0.0))
+        covered["radiance"] = hit.astype(np.float32)
+        return colours, covered
+
+    def insert(self, covered: Samples, base_time: float, event: Posed) -> None:
+        self._picture.insert(covered, base_time, event)
+
+    def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
+        """(rows, columns) bool of tiles that changed."""
+        self._picture.refresh(event, now)
+        return self._picture.take_dirty()
+
+    @property
+    def alpha(self) -> Float32:
+        """(h, w) float32, a view."""
+        covered: Float32 = self._picture.radiance[..., 0]
+        return covered
+
+
+def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet) -> None:
+    """Bring the dirty tiles of `out` to a picture of reprojected samples."""
+    if out.encoded:
+        update_display(picture.radiance, dirty, TILE, out.colour)
+    else:
+        kernels.copy_tiles(picture.radiance, dirty, out.colour)
+    if out.alpha is not None:
+        out.alpha[...] = np.clip(coverage.alpha, 0.0, 1.0) if coverage is not None else 1.0
+    state, screen, count, epoch = picture.stored()
+    if out.depth is not None or out.object is not None:
+        depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
+        picture.find_nearest()
+        pose, alpha = picture.pose, out.alpha if coverage is not None else None
+        kernels.channels_of_nearest(picture.nearest, pose.frame, pose.corner, alpha, dirty, depth, out.object)
+    if out.time is not None:
+        kernels.newest_times(state, screen, count, epoch - out.moment, out.time)
+
+
+def show_sky(scene: Scene, pose_frame: Float64, corner: Float64, out: Framelet) -> None:
+    """Bring a framelet to the sky that its pixels see."""
+    sky = scene.sky
+    colours = [np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
+    linear = out.colour if not out.encoded else np.empty(out.colour.shape, np.float32)
+    kernels.sky_of_panel(pose_frame, corner, *colours, linear)
+    if out.encoded:
+        rows, columns = -(-linear.shape[0] // TILE), -(-linear.shape[1] // TILE)
+        update_display(linear, np.ones((rows, columns), np.bool_), TILE, out.colour)
+    if out.alpha is not None:
+        out.alpha[...] = 1.0
