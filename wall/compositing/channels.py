@@ -52,14 +52,14 @@ def _wanted(order: Sequence[NodeConfig]) -> dict[str, Channels]:
     for node in reversed(order):
         if isinstance(node, SamplesNode):
             continue
-        needs = node.NEEDS if isinstance(node, Operator) else COLOUR
+        needs = node.NEEDS | node.USES if isinstance(node, Operator) else COLOUR
         through = wanted[node.id] if isinstance(node, Operator) else frozenset()
         for name in node.sources:
             wanted[name] |= needs | through
     return wanted
 
 
-def find_encoded(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, bool]:
+def find_encoded(order: Sequence[NodeConfig], channels: Mapping[str, Channels], refusals: Refusals) -> dict[str, bool]:
     """Whether a node's colour is display bytes already: as soon as nothing after it computes with light.
 
     Nodes that only move values pass on what they get; so bytes are made before them, three a pixel instead of twelve.
@@ -70,28 +70,35 @@ def find_encoded(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, b
     for node in order:
         for name in node.sources:
             users[name].append(node)
+    moving = {
+        node.id: isinstance(node, Operator) and _op(node) != "encode" and not computes(node, channels) for node in order
+    }
     changed = True
     while changed:
         before = dict(encoded)
         for node in order:
             if not encoded[node.id] or _op(node) == "encode":
                 continue
-            moves = isinstance(node, Operator) and node.MOVES
-            fed = not moves or not node.sources or all(encoded[name] for name in node.sources)
-            encoded[node.id] = fed and all(_takes_bytes(user, encoded) for user in users[node.id])
+            fed = not moving[node.id] or not node.sources or all(encoded[name] for name in node.sources)
+            encoded[node.id] = fed and all(_takes_bytes(user, moving, encoded) for user in users[node.id])
         changed = encoded != before
     for node in order:
         for k, name in enumerate(node.sources):
-            if _op(by_id[name]) == "encode" and not _takes_bytes(node, encoded):
+            if _op(by_id[name]) == "encode" and not _takes_bytes(node, moving, encoded):
                 came = f"{_op(node)} computes with light, and {name} gives display bytes"
                 refusals.add(node, input_path(node, k), came, "the node before encode")
     return encoded
 
 
-def _takes_bytes(user: NodeConfig, encoded: Mapping[str, bool]) -> bool:
-    if isinstance(user, SinkNode):
-        return True
-    return isinstance(user, Operator) and user.MOVES and encoded[user.id]
+def computes(node: NodeConfig, channels: Mapping[str, Channels]) -> bool:
+    """Whether an operator computes with light, so that bytes can only be made of what comes out."""
+    if not isinstance(node, Operator) or _op(node) == "encode":
+        return False
+    return not node.sources or not node.moves([channels[name] for name in node.sources])
+
+
+def _takes_bytes(user: NodeConfig, moving: Mapping[str, bool], encoded: Mapping[str, bool]) -> bool:
+    return isinstance(user, SinkNode) or (moving[user.id] and encoded[user.id])
 
 
 def _op(node: NodeConfig) -> str:

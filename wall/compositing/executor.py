@@ -7,19 +7,23 @@ this process, another process, a file.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.colour import srgb_curve
 from wall.compositing.graph import Graph, Step
 from wall.data import Event, Framelet, Rect
+from wall.operators import kernels
 from wall.operators.base import Operator
 
 Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
 Changes: TypeAlias = dict[int, Regions]  # by step
 Reproject: TypeAlias = Callable[[Framelet, Event, int], Framelet]  # of a panel: as it looks under an event
+_CURVE = srgb_curve()
 DENSE = 0.6  # of their bounding box: above it, one large region costs less than many
 
 
@@ -42,8 +46,12 @@ class Executor:
         self._steps = [s for s in graph.steps if s.place == place and isinstance(s.node, Operator)]
         self._prepared: dict[int, Any] = {s.index: s.node.prepare(folder) for s in self._steps}  # type: ignore[attr-defined]
         self.framelets: dict[int, Framelet] = dict(sources)
+        self._light: dict[int, Framelet] = {}  # of nodes that compute with light, and give display bytes
         for s in self._steps:
-            self.framelets[s.index] = Framelet.blank(s.rect, s.channels, encoded=s.encoded, order=s.order)
+            self.framelets[s.index] = shown = Framelet.blank(s.rect, s.channels, encoded=s.encoded, order=s.order)
+            if s.encoded and s.computes:
+                light = np.zeros((s.rect.height, s.rect.width, 3), np.float32)
+                self._light[s.index] = replace(shown, colour=light)
         self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
         self.pixels = 0  # written so far
 
@@ -84,8 +92,12 @@ class Executor:
         if s.node.COMMON_TIME and self._reproject is not None and event is not None:
             inputs = self._at_one_moment(s, inputs, event)
             out.event = event
+        light = self._light.get(s.index)
         for region in regions:
-            s.node.apply(inputs, out, region, self._prepared[s.index])
+            s.node.apply(inputs, light or out, region, self._prepared[s.index])
+            if light is not None:
+                x, y = region.x - s.rect.x, region.y - s.rect.y
+                kernels.encode(light.colour, x, y, _CURVE, out.colour, x, y, region.width, region.height)
             self.pixels += region.area
 
     def _at_one_moment(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from wall.compositing.channels import find_channels, find_encoded, find_orders
+from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
 from wall.compositing.covering import Covering, panels_shown
 from wall.compositing.places import Places
 from wall.compositing.presets import expanded
@@ -60,6 +60,7 @@ class Step:
     rect: Rect  # in the frame
     channels: Channels
     encoded: bool  # its colour is display bytes
+    computes: bool  # with light; else it moves values, or makes bytes itself
     order: int
     panels: tuple[int, ...]  # whose pixels it holds; a sink: which it shows whole
     users: tuple[int, ...] = ()  # indices of steps
@@ -179,7 +180,8 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     covering = Covering(wall, refusals)
     covering.find(order)
     covering.check_sinks(order)
-    channels, encoded = find_channels(order, refusals), find_encoded(order, refusals)
+    channels = find_channels(order, refusals)
+    encoded = find_encoded(order, channels, refusals)
     orders = find_orders(order, refusals)
     places = Places(config, wall, refusals)
     place = places.find(order, covering.panels)
@@ -199,6 +201,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
             rect=covering.rect[node.id],
             channels=channels.get(node.id, frozenset({"colour"})),
             encoded=encoded[node.id],
+            computes=computes(node, channels),
             order=orders[node.id],
             panels=tuple(p.index for p in panels_shown(wall, covering.cover[node.id]))
             if isinstance(node, SinkNode)

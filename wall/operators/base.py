@@ -54,6 +54,7 @@ class Operator(Node):
     """A node that makes one framelet of others. Derive from it, and name it in the entry points `wall.operators`."""
 
     NEEDS: ClassVar[Channels] = frozenset({"colour"})  # of every input
+    USES: ClassVar[Channels] = frozenset()  # of any input that has them
     MOVES: ClassVar[bool] = False  # values come out as they went in: it takes linear and encoded colour alike
     COMMON_TIME: ClassVar[bool] = False  # it compares values, which must show one moment
 
@@ -67,6 +68,10 @@ class Operator(Node):
     def gives(self, inputs: Sequence[Channels]) -> Channels:
         """The channels that it can give of inputs with these."""
         return frozenset.intersection(*inputs)
+
+    def moves(self, inputs: Sequence[Channels]) -> bool:
+        """MOVES, for inputs with these channels."""
+        return self.MOVES
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
         """What of the output changes with `rect` of input k."""
