@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,46 +20,59 @@ def choose(inputs: Sequence[Framelet], out: Framelet, region: Rect, *, key: str,
 
     Keys that are NaN never win; where no input has any other, the output is blank.
     """
-    taken = np.empty((next(bands(region)).height, region.width), np.uint8)
+    contest = _Contest(out=out, key=key, sign=np.float32(sign), width=region.width, height=next(bands(region)).height)
     for band in bands(region):
-        _choose_band(inputs, out, band, key, np.float32(sign), taken)
+        contest.hold(inputs, band)
 
 
-def _choose_band(
-    inputs: Sequence[Framelet], out: Framelet, band: Rect, key: str, sign: np.float32, taken: NDArray[np.uint8]
-) -> None:
-    rest = [framelet for framelet in inputs if framelet.rect.meets(band)]
-    doubtful = True
-    if len(rest) > 1 and rest[0].rect.holds(band) and rest[1].rect.holds(band):
-        doubtful = _fold(rest[0], rest[1], out, band, key, sign, taken) > 0
-        rest = rest[2:]
-    else:
-        part(out, key, band)[...] = NOTHING
-    for framelet in rest:
-        if met := framelet.rect.meet(band):
-            _fold(out, framelet, out, met, key, sign, taken)
-    if doubtful:
-        nothing = np.isnan(part(out, key, band))
-        if nothing.any():
+def bits(colour: NDArray[Any]) -> NDArray[Any]:
+    """Colours as numbers that can only be moved: (h, w, 3) uint32 of float32; uint8 as it is."""
+    return colour if colour.dtype == np.uint8 else colour.view(np.uint32)
+
+
+class _Contest:
+    """Winners of an output, band by band, with scratch for one band."""
+
+    def __init__(self, *, out: Framelet, key: str, sign: np.float32, width: int, height: int) -> None:
+        self._out, self._key, self._sign = out, key, sign
+        self._taken = np.empty((height, width), np.uint8)
+
+    def hold(self, inputs: Sequence[Framelet], band: Rect) -> None:
+        out, rest = self._out, [framelet for framelet in inputs if framelet.rect.meets(band)]
+        doubtful = True
+        if len(rest) > 1 and rest[0].rect.holds(band) and rest[1].rect.holds(band):
+            doubtful = self._first_two(rest[0], rest[1], band) > 0
+            rest = rest[2:]
+        else:
+            part(out, self._key, band)[...] = NOTHING
+        for framelet in rest:
+            if met := framelet.rect.meet(band):
+                self._challenge(framelet, met)
+        if doubtful and (nothing := np.isnan(part(out, self._key, band))).any():
             blank(out, band, nothing)
 
+    def _first_two(self, first: Framelet, second: Framelet, rect: Rect) -> int:
+        target = (self._sign, *self._target(rect), self._taken)
+        nothing = int(kernels.choose(*self._source(first, rect), *self._source(second, rect), *target))
+        won = self._taken[: rect.height, : rect.width].view(np.bool_)
+        self._others(first, rect, ~won)
+        self._others(second, rect, won)
+        return nothing
 
-def _fold(
-    first: Framelet, second: Framelet, out: Framelet, rect: Rect, key: str, sign: np.float32, taken: NDArray[np.uint8]
-) -> int:
-    """The winners of two inputs; the first may be the output itself. Returns pixels where neither has a key."""
-    shifts = (later(each, out) if key == "time" else np.float32(0.0) for each in (first, second))
-    a, b = (
-        (f.colour, f.channel(key), *corner(f, rect), shift) for f, shift in zip((first, second), shifts, strict=True)
-    )
-    place = (*corner(out, rect), rect.width, rect.height)
-    nothing = int(kernels.choose(*a, *b, sign, out.colour, out.channel(key), *place, taken))
-    won = taken[: rect.height, : rect.width].view(np.bool_)
-    for name in out.channels - {"colour", key}:
-        here = part(out, name, rect)
-        for source, where in ((first, ~won), (second, won)):
-            if source is not out:
-                there = part(source, name, rect)
-                there = there + later(source, out) if name == "time" else there
-                np.copyto(here, there, where=where)
-    return nothing
+    def _challenge(self, framelet: Framelet, rect: Rect) -> None:
+        kernels.challenge(*self._source(framelet, rect), self._sign, *self._target(rect), self._taken)
+        self._others(framelet, rect, self._taken[: rect.height, : rect.width].view(np.bool_))
+
+    def _source(self, framelet: Framelet, rect: Rect) -> tuple[Any, ...]:
+        shift = later(framelet, self._out) if self._key == "time" else np.float32(0.0)
+        return (bits(framelet.colour), framelet.channel(self._key), *corner(framelet, rect), shift)
+
+    def _target(self, rect: Rect) -> tuple[Any, ...]:
+        return (bits(self._out.colour), self._out.channel(self._key), *corner(self._out, rect), rect.width, rect.height)
+
+    def _others(self, framelet: Framelet, rect: Rect, won: NDArray[np.bool_]) -> None:
+        """The other channels of the pixels that an input has won."""
+        for name in self._out.channels - {"colour", self._key}:
+            there = part(framelet, name, rect)
+            there = there + later(framelet, self._out) if name == "time" else there
+            np.copyto(part(self._out, name, rect), there, where=won)
