@@ -111,7 +111,7 @@ def _kind_of_warp(value: Any) -> str:
 
 
 Warp = Annotated[
-    Annotated[WarpGridConfig, Tag("<grid>")] | Annotated[WarpFileConfig, Tag("<file>")], Discriminator(_kind_of_warp)
+    Annotated[WarpFileConfig, Tag("<file>")] | Annotated[WarpGridConfig, Tag("<grid>")], Discriminator(_kind_of_warp)
 ]
 
 

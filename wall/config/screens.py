@@ -105,16 +105,12 @@ class GridConfig(Model):
         _check_packing(self.stereo, self.pixels, self.rotation)
         if isinstance(self.blend, BlendConfig):
             _check_sides("blend", self.blend, self.size)
-        for axis, (overlap, bezel) in enumerate(zip(self.overlap, (self.bezel.across, self.bezel.down), strict=True)):
-            if overlap > self.size[axis] / 2:
-                most = f"at most {self.size[axis] / 2:g}: beyond, three panels light the same place"
-                raise refusal("is wider than half a panel", accepted=most, at=("overlap", axis))
-            if overlap and bezel:
-                raise refusal(
-                    "panels with a frame between them cannot light the same place",
-                    accepted="one of bezel, overlap",
-                    at=("overlap",),
-                )
+        if any(overlap > size / 2 for overlap, size in zip(self.overlap, self.size, strict=True)):
+            most = f"at most {self.size[0] / 2:g} m side by side, {self.size[1] / 2:g} m above each other"
+            raise refusal("is wider than half a panel", accepted=most, at=("overlap",))
+        if any(overlap and bezel for overlap, bezel in zip(self.overlap, self._frames, strict=True)):
+            what = "panels with a frame between them cannot light the same place"
+            raise refusal(what, accepted="one of bezel, overlap", at=("overlap",))
         return self
 
     @model_validator(mode="after")
@@ -126,9 +122,13 @@ class GridConfig(Model):
         ids = {self.panel_id(row, column) for row in range(self.rows) for column in range(self.columns)}
         if len(ids) < self.columns * self.rows:
             raise refusal("gives two panels the same id", accepted="text with {row} and {column}", at=("id",))
-        if bad := next((i for i in sorted(ids) if not _is_name(i)), None):
+        if bad := next((i for i in sorted(ids) if not _is_name(i + ".right" * packed)), None):
             raise refusal(f"gives the id {bad!r}", accepted="letters, digits, '.', '_' and '-'", at=("id",))
         return self
+
+    @property
+    def _frames(self) -> tuple[float, float]:
+        return self.bezel.across, self.bezel.down
 
     def panel_id(self, row: int, column: int) -> str:
         return self.filled(self.id, row, column)

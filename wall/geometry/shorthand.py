@@ -18,14 +18,16 @@ from wall.config.schema import (
     WallConfig,
     WindowConfig,
 )
+from wall.config.screens import Stereo
 from wall.data import Float64
 
 
 class Raster(NamedTuple):
-    """The virtual screen of a grid: its pixels, and where they are in the wall's frame."""
+    """The virtual screen of a grid for one eye: its pixels, and where they are in the wall's frame."""
 
     width: int  # pixels
     height: int
+    pixels: tuple[int, int]  # of one panel
     pitch: tuple[float, float]  # metres a pixel, across and down
     step: tuple[int, int]  # pixels from one panel to the next
 
@@ -44,14 +46,14 @@ class Eye(NamedTuple):
 
 def raster(grid: GridConfig, *, skip: bool) -> Raster:
     """The pixels of a grid. With `skip` a panel's pixels span its frame too, so that none is hidden."""
-    w, h = grid.pixels
+    w, h = _halved(grid.pixels, grid.stereo)
     frame = (grid.bezel.across, grid.bezel.down)
     size = (grid.size[0] + frame[0], grid.size[1] + frame[1]) if skip else grid.size
     pitch = (size[0] / w, size[1] / h)
     gap = [0 if skip else round(frame[k] / pitch[k]) for k in range(2)]
     step = (w + gap[0] - round(grid.overlap[0] / pitch[0]), h + gap[1] - round(grid.overlap[1] / pitch[1]))
     width, height = (grid.columns - 1) * step[0] + w, (grid.rows - 1) * step[1] + h
-    return Raster(width=width, height=height, pitch=pitch, step=step)
+    return Raster(width=width, height=height, pixels=(w, h), pitch=pitch, step=step)
 
 
 def grid_panels(grid: GridConfig, *, skip: bool) -> tuple[PanelConfig, ...]:
@@ -63,9 +65,9 @@ def grid_panels(grid: GridConfig, *, skip: bool) -> tuple[PanelConfig, ...]:
 
 
 def _grid_panel(grid: GridConfig, drawn: Raster, row: int, column: int, *, skip: bool) -> PanelConfig:
-    (w, h), (x, y) = grid.pixels, (column * drawn.step[0], row * drawn.step[1])
+    (w, h), (x, y) = drawn.pixels, (column * drawn.step[0], row * drawn.step[1])
     frame = grid.bezel if skip else SidesConfig()
-    shared = [(grid.pixels[k] - drawn.step[k]) * drawn.pitch[k] if grid.overlap[k] else 0.0 for k in range(2)]
+    shared = [(drawn.pixels[k] - drawn.step[k]) * drawn.pitch[k] if grid.overlap[k] else 0.0 for k in range(2)]
     inner = _inner(grid, row, column)
     return PanelConfig(
         id=grid.panel_id(row, column),
@@ -115,9 +117,8 @@ def eyes(panel: PanelConfig) -> tuple[Eye, ...]:
     axis = 0 if panel.stereo == "side_by_side" else 1
     whole = panel.window or WindowConfig(width=panel.pixels[0], height=panel.pixels[1])
     half = (whole.width, whole.height)[axis] // 2
-    found = []
+    pixels, found = _halved(panel.pixels, panel.stereo), []
     for k, eye in enumerate(("left", "right")):
-        pixels = (panel.pixels[0] // (2 - axis), panel.pixels[1] // (1 + axis))
         side = ("width", "height")[axis]
         rest = (whole.width, whole.height)[axis] - half if k else half
         place = {"xy"[axis]: getattr(whole, "xy"[axis]) + k * half, side: rest}
@@ -126,6 +127,11 @@ def eyes(panel: PanelConfig) -> tuple[Eye, ...]:
         at = (k * pixels[0], 0) if axis == 0 else (0, k * pixels[1])
         found.append(Eye(panel.model_copy(update=changed), panel.id, at))
     return tuple(found)
+
+
+def _halved(pixels: tuple[int, int], stereo: Stereo) -> tuple[int, int]:
+    """What one eye has of a panel's pixels."""
+    return pixels[0] // (1 + (stereo == "side_by_side")), pixels[1] // (1 + (stereo == "top_bottom"))
 
 
 def expanded_config(config: WallConfig) -> WallConfig:
