@@ -132,6 +132,30 @@ def check(config: ConfigArgument) -> None:
         console.print(item)
 
 
+@app.command()
+def expand(
+    config: ConfigArgument,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="File to write; the terminal if left out")
+    ] = None,
+) -> None:
+    """Write a configuration with its grid, and panels that show both eyes, spelled out panel by panel: the same rays.
+
+    What stands beside the wall, comments too, stays as it is; relative paths in it start at the file's own folder.
+    """
+    from wall.config.loading import load
+    from wall.config.rewriting import with_wall
+    from wall.geometry.panels import expanded_config
+
+    loaded = load(config)
+    text = with_wall(loaded, expanded_config(loaded.config.wall))
+    if output is None:
+        print(text, end="")
+        return
+    _write(output, text)
+    console.print(f"wrote {output}")
+
+
 @measure.command()
 def speed(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the rows, JSON lines")] = None,
@@ -223,7 +247,7 @@ def schema(
     if output is None:
         print(schema_text(), end="")
     else:
-        output.write_text(schema_text(), encoding="utf-8")
+        _write(output, schema_text())
 
 
 def _load(path: Path, scene: Path | None):  # type: ignore[no-untyped-def]
@@ -232,6 +256,13 @@ def _load(path: Path, scene: Path | None):  # type: ignore[no-untyped-def]
 
     loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
     return with_scene(loaded, scene) if scene is not None else loaded
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        _fail(f"{path}: cannot be written ({error.strerror or error})")
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

@@ -7,6 +7,14 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
+from wall.config.displays import (
+    BlendConfig,
+    ColourConfig,
+    SidesConfig,
+    WarpFileConfig,
+    WarpGridConfig,
+    WindowConfig,
+)
 from wall.config.graph import (
     FrameSync,
     GraphConfig,
@@ -41,7 +49,7 @@ from wall.config.scene import (
     SkyConfig,
     SpinConfig,
 )
-from wall.config.screens import BezelConfig, CornersConfig, GridConfig, PanelConfig, WallConfig
+from wall.config.screens import CornersConfig, GridConfig, PanelConfig, WallConfig
 from wall.config.views import (
     CameraConfig,
     CameraKeyframeConfig,
@@ -57,10 +65,11 @@ __all__ = [
     "AdaptiveSampling",
     "AnimationConfig",
     "AnySampling",
-    "BezelConfig",
+    "BlendConfig",
     "BrowserConfig",
     "CameraConfig",
     "CameraKeyframeConfig",
+    "ColourConfig",
     "Config",
     "CornersConfig",
     "DirectionalLightConfig",
@@ -88,6 +97,7 @@ __all__ = [
     "SamplesNode",
     "SamplingConfig",
     "SceneConfig",
+    "SidesConfig",
     "SinkNode",
     "SkyConfig",
     "SkyNode",
@@ -95,6 +105,9 @@ __all__ = [
     "TransportConfig",
     "ViewConfig",
     "WallConfig",
+    "WarpFileConfig",
+    "WarpGridConfig",
+    "WindowConfig",
     "switched",
 ]
 

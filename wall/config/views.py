@@ -17,6 +17,7 @@ from wall.fields import (
     Number,
     Period,
     Point,
+    Positive,
     Seconds,
     check_times,
     refusal,
@@ -116,6 +117,14 @@ class ViewConfig(Model):
         default=None,
         description="the viewer's eye before the wall, metres in the wall's frame; absent = "
         "before its centre at the distance that gives camera.fov",
+    )
+    eye_separation: Annotated[Number, Ge(0.0), Le(10.0)] = Field(
+        default=0.065, description="from the left eye to the right one, metres; for panels with stereo"
+    )
+    scale: Positive | None = Field(
+        default=None,
+        description="world units a metre of the wall, for panels with stereo or an eye of their own; absent = such "
+        "that the camera's target stands in the wall's plane",
     )
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
     refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="pictures shown a second")

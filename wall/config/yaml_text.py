@@ -95,6 +95,7 @@ def write(values: Any) -> str:
     yaml.default_flow_style = None  # plain lists in one line, the rest in blocks
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]  # keeps the models' order
     yaml.width = 110
+    yaml.representer.ignore_aliases = lambda data: True  # a value that stands twice is written twice
     out = io.StringIO()
     yaml.dump(values, out)
     return out.getvalue()

@@ -1,7 +1,7 @@
 """Panels in the wall's frame (metres) and in the virtual screen (pixels).
 
 Wall frame: x right, y up, z towards the viewer; a grid has its centre at the origin. Virtual screen: x right,
-y down, origin at the top left of all panels, bezel gaps included as whole pixels.
+y down, origin at the top left of all panels, bezel gaps and overlaps included as whole pixels.
 """
 
 from __future__ import annotations
@@ -9,10 +9,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wall.config.schema import GridConfig, PanelConfig, WallConfig
+from wall.config.schema import (
+    BlendConfig,
+    ColourConfig,
+    GridConfig,
+    PanelConfig,
+    SidesConfig,
+    WallConfig,
+    WarpFileConfig,
+    WarpGridConfig,
+    WindowConfig,
+)
+from wall.config.screens import Rotation, Stereo
 from wall.data import Float64
-from wall.geometry.layout import Placement, place
+from wall.geometry.layout import Overlap, Placed, Placement, place
+from wall.geometry.shorthand import Eye, eyes, grid_panels, raster
+from wall.geometry.shorthand import expanded_config as expanded_config
+
+ON_GRID = 0.01  # pixels: panels that stand so near to whole pixels of another's plane are put there
+SHIFTS = {"left": -0.5, "right": 0.5}  # eye separations
+NO_SIDES = SidesConfig()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,15 +56,51 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Panel:
-    """One display. Panels of a grid share one Plane object, so their rays are those of the whole wall."""
+    """One display, for one eye. Panels that lie in one plane on one grid of pixels share one Plane object.
+
+    So their rays are those of the whole wall, bit for bit.
+    """
 
     id: str
     index: int  # in Wall.panels
-    pixels: tuple[int, int]  # width, height
-    corners: Float64  # (3, 3) rows lower left, lower right, upper left of the lit area; metres, wall frame
+    pixels: tuple[int, int]  # width, height, as the viewer sees it
+    corners: Float64  # (3, 3) rows lower left, lower right, upper left of what the pixels span; metres, wall frame
     screen: tuple[int, int]  # where its top left pixel is in the virtual screen
     host: str | None  # machine it hangs on; None = any
     plane: Plane
+    eye: Float64 | None = None  # (3,) metres, wall frame: who looks at it; None = the view's eye
+    shift: float = 0.0  # of the eye to the wall frame's right, eye separations: -0.5 left, 0.5 right
+    stereo: Stereo = "mono"  # as configured
+    of: str = ""  # id of the physical panel; its own unless the physical one holds both eyes in one picture
+    at: tuple[int, int] = (0, 0)  # its top left pixel in the physical panel's picture
+    rotation: Rotation = 0  # degrees, clockwise, that the display is mounted turned
+    bezel: SidesConfig = NO_SIDES  # metres
+    overlap: SidesConfig = NO_SIDES  # metres of it that neighbours light too
+    skip: bool = False  # its pixels span its bezels too, squeezed into the lit area
+    colour: ColourConfig | None = None
+    blend: BlendConfig | None = None  # metres; `auto` is worked out
+    warp: WarpGridConfig | WarpFileConfig | None = None
+    display: str | None = None  # X display
+    monitor: int | str | None = None  # index or name
+    window: WindowConfig | None = None  # part of the monitor; None = all of it
+    refresh_hz: float | None = None  # None = the view's
+
+    @property
+    def pitch(self) -> tuple[float, float]:
+        """Metres a pixel, across and down."""
+        return float(np.linalg.norm(self.plane.per_x)), float(np.linalg.norm(self.plane.per_y))
+
+    @property
+    def lit(self) -> Float64:
+        """(3, 3) float64, as `corners`, of what shines: without bezels where its pixels span them."""
+        if not self.skip:
+            return self.corners
+        right = (self.corners[1] - self.corners[0]) / np.linalg.norm(self.corners[1] - self.corners[0])
+        up = (self.corners[2] - self.corners[0]) / np.linalg.norm(self.corners[2] - self.corners[0])
+        inwards = [(self.bezel.left, self.bezel.bottom), (-self.bezel.right, self.bezel.bottom)]
+        inwards.append((self.bezel.left, -self.bezel.top))
+        lit: Float64 = self.corners + np.array([x * right + y * up for x, y in inwards])
+        return lit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,6 +110,8 @@ class Wall:
     panels: tuple[Panel, ...]
     width: int
     height: int
+    faces: tuple[tuple[int, ...], ...] = ()  # indices of panels that lie in the virtual screen as they stand
+    overlaps: tuple[Overlap, ...] = ()  # what two panels light for the same eye, declared or not
 
     @property
     def flat(self) -> bool:
@@ -77,63 +133,126 @@ class Wall:
 def expand(config: WallConfig) -> Wall:
     """All panels with their places, in the order of the file; a grid row by row from the top left.
 
+    A panel whose picture holds both eyes becomes two, ID.left and ID.right, with its corners.
+
     Gaps of a grid are rounded to whole pixels, so two neighbours are at most half a pixel nearer or farther
-    than their bezels say; `corners` hold the rounded place, and rays are exact for that place.
+    than their bezels say; `corners` hold the rounded place, and rays are exact for that place. So are those of panels
+    one by one, but that a panel within a hundredth of a pixel of the whole pixels of another's plane is put there.
     """
-    if config.grid is not None:
-        return _grid(config.grid)
-    assert config.panels is not None  # the model has exactly one of both
-    return _single(config.panels)
-
-
-def _grid(grid: GridConfig) -> Wall:
-    (w, h), pitch = grid.pixels, np.array(grid.size) / np.array(grid.pixels)
-    gap_x = round((grid.bezel.left + grid.bezel.right) / pitch[0])
-    gap_y = round((grid.bezel.top + grid.bezel.bottom) / pitch[1])
-    width, height = grid.columns * (w + gap_x) - gap_x, grid.rows * (h + gap_y) - gap_y
-    plane = _plane(
-        np.array([-width / 2 * pitch[0], height / 2 * pitch[1], 0.0]),
-        np.array([pitch[0], 0.0, 0.0]),
-        np.array([0.0, -pitch[1], 0.0]),
+    skip = config.bezel == "skip"
+    configs = config.panels if config.grid is None else grid_panels(config.grid, skip=skip)
+    assert configs is not None  # the model has exactly one of grid and panels
+    single = [eye for panel in configs for eye in eyes(panel)]
+    placements = [_placement(eye.panel, skip=skip) for eye in single]
+    placed = place(placements, regular=config.grid is not None)
+    planes = _planes(placements, placed, config.grid, skip=skip)
+    panels = [
+        _panel(k, eye, screen, plane, skip=skip)
+        for k, (eye, screen, plane) in enumerate(zip(single, placed.screens, planes, strict=True))
+    ]
+    return Wall(
+        panels=tuple(panels),
+        width=placed.width,
+        height=placed.height,
+        faces=tuple(map(tuple, placed.faces)),
+        overlaps=tuple(placed.overlaps),
     )
-    panels = []
-    for index in range(grid.rows * grid.columns):
-        row, column = divmod(index, grid.columns)
-        screen = (column * (w + gap_x), row * (h + gap_y))
-        panels.append(_panel(grid.panel_id(row, column), index, (w, h), screen, None, plane))
-    return Wall(panels=tuple(panels), width=width, height=height)
 
 
-def _single(configs: tuple[PanelConfig, ...]) -> Wall:
-    placements = [_placement(panel) for panel in configs]
-    screens, width, height = place(placements)
-    panels = []
-    for index, (config, own, screen) in enumerate(zip(configs, placements, screens, strict=True)):
-        plane = _plane(own.upper_left - screen[0] * own.per_x - screen[1] * own.per_y, own.per_x, own.per_y)
-        panels.append(_panel(config.id, index, config.pixels, screen, config.host, plane))
-    return Wall(panels=tuple(panels), width=width, height=height)
-
-
-def _placement(config: PanelConfig) -> Placement:
-    lower_left = np.array(config.corners.lower_left)
-    upper_left = np.array(config.corners.upper_left)
+def _placement(config: PanelConfig, *, skip: bool) -> Placement:
+    lower_left, lower_right, upper_left = _spanned(config, skip=skip)
     w, h = config.pixels
     return Placement(
         upper_left=upper_left,
-        per_x=(np.array(config.corners.lower_right) - lower_left) / w,
+        per_x=(lower_right - lower_left) / w,
         per_y=(lower_left - upper_left) / h,
         pixels=config.pixels,
-        bezel=(config.bezel.left, config.bezel.right),
+        bezel=NO_SIDES if skip else config.bezel,
+        overlap=config.overlap,
+        sight=(SHIFTS.get(config.stereo, 0.0), config.eye),
     )
 
 
-def _panel(
-    name: str, index: int, pixels: tuple[int, int], screen: tuple[int, int], host: str | None, plane: Plane
-) -> Panel:
-    (x, y), (w, h) = screen, pixels
+def _spanned(config: PanelConfig, *, skip: bool) -> Float64:
+    """(3, 3) as Panel.corners: the lit area, or with `skip` that and the frame around it."""
+    corners = np.array([config.corners.lower_left, config.corners.lower_right, config.corners.upper_left])
+    if not skip:
+        return corners
+    right, up = corners[1] - corners[0], corners[2] - corners[0]
+    right, up = right / np.linalg.norm(right), up / np.linalg.norm(up)
+    frame = config.bezel
+    outwards = [(-frame.left, -frame.bottom), (frame.right, -frame.bottom), (-frame.left, frame.top)]
+    wider: Float64 = corners + np.array([x * right + y * up for x, y in outwards])
+    return wider
+
+
+def _planes(placements: list[Placement], placed: Placed, grid: GridConfig | None, *, skip: bool) -> list[Plane]:
+    """Each panel's plane; panels of a face that stand on one grid of pixels share one."""
+    planes: dict[int, Plane] = {}
+    for face in placed.faces:
+        left = np.array(face)
+        while len(left):
+            k = int(left[0])
+            own, screen = placements[k], placed.screens[k]
+            plane = _grid_plane(grid, own, screen, skip=skip) if grid else _own_plane(own, screen)
+            there = _on_grid(plane, [placements[j] for j in left], [placed.screens[j] for j in left])
+            there[0] = True
+            planes.update(dict.fromkeys((int(j) for j in left[there]), plane))
+            left = left[~there]
+    return [planes[k] for k in range(len(placements))]
+
+
+def _grid_plane(grid: GridConfig, panel: Placement, screen: tuple[int, int], *, skip: bool) -> Plane:
+    """The plane of a grid; its top left is not the virtual screen's where the other eye's grid lies before it."""
+    drawn = raster(grid, skip=skip)
+    own = np.rint((panel.upper_left - drawn.point(0, 0))[:2] / drawn.pitch * (1, -1))
+    return _plane(
+        drawn.point(own[0] - screen[0], own[1] - screen[1]),
+        np.array([drawn.pitch[0], 0.0, 0.0]),
+        np.array([0.0, -drawn.pitch[1], 0.0]),
+    )
+
+
+def _own_plane(panel: Placement, screen: tuple[int, int]) -> Plane:
+    return _plane(panel.upper_left - screen[0] * panel.per_x - screen[1] * panel.per_y, panel.per_x, panel.per_y)
+
+
+def _on_grid(plane: Plane, panels: list[Placement], screens: list[tuple[int, int]]) -> NDArray[np.bool_]:
+    """(n,) whether all corners of a panel are where its pixels have them in a plane, to ON_GRID pixels."""
+    upper_left, screen = np.array([p.upper_left for p in panels]), np.array(screens, np.float64)
+    pixels = np.array([p.pixels for p in panels], np.float64)
+    across = np.array([p.per_x for p in panels]) * pixels[:, :1]
+    down = np.array([p.per_y for p in panels]) * pixels[:, 1:]
+    most = ON_GRID * min(np.linalg.norm(plane.per_x), np.linalg.norm(plane.per_y))
+    near = np.ones(len(panels), np.bool_)
+    for x, y in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        place = screen + pixels * (x, y)
+        away = upper_left + x * across + y * down - plane.origin - place @ np.array([plane.per_x, plane.per_y])
+        near &= np.linalg.norm(away, axis=1) <= most
+    return near
+
+
+def _panel(index: int, eye: Eye, screen: tuple[int, int], plane: Plane, *, skip: bool) -> Panel:
+    config = eye.panel
+    (x, y), (w, h) = screen, config.pixels
     corners = np.array([plane.point(x, y + h), plane.point(x + w, y + h), plane.point(x, y)])
-    corners.setflags(write=False)
-    return Panel(id=name, index=index, pixels=pixels, corners=corners, screen=screen, host=host, plane=plane)
+    own_eye = None if config.eye is None else np.array(config.eye)
+    for vector in (corners, own_eye):
+        if vector is not None:
+            vector.setflags(write=False)
+    return Panel(
+        id=config.id, index=index, pixels=config.pixels, corners=corners, screen=screen, host=config.host, plane=plane,
+        eye=own_eye, shift=SHIFTS.get(config.stereo, 0.0), stereo=config.stereo, of=eye.of, at=eye.at,
+        rotation=config.rotation, bezel=config.bezel, overlap=config.overlap, skip=skip, colour=config.colour,
+        blend=_blend(config), warp=config.warp, display=config.display, monitor=config.monitor, window=config.window,
+        refresh_hz=config.refresh_hz,
+    )  # fmt: skip
+
+
+def _blend(config: PanelConfig) -> BlendConfig | None:
+    if config.blend == "auto":
+        return BlendConfig(**config.overlap.model_dump())
+    return config.blend if isinstance(config.blend, BlendConfig) else None
 
 
 def _plane(origin: Float64, per_x: Float64, per_y: Float64) -> Plane:

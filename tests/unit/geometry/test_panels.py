@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from wall.config.schema import BezelConfig, CornersConfig, GridConfig, PanelConfig, WallConfig
+from wall.config.schema import CornersConfig, GridConfig, PanelConfig, SidesConfig, WallConfig
 from wall.geometry.panels import Wall, expand
 
 ROUNDING = 1e-12  # metres; float64 sums of a few numbers near 1
@@ -90,7 +90,7 @@ def test_panels_in_one_plane_lie_as_they_stand() -> None:
 
 
 def test_panels_at_an_angle_stand_side_by_side_with_their_bezels_between() -> None:
-    bezel = BezelConfig(left=0.01, right=0.03)
+    bezel = SidesConfig(left=0.01, right=0.03)
 
     wall = expand(WallConfig(panels=(panel("a", (0, 0, 0), bezel=bezel), panel("b", (1, 0, 0), angle=60, bezel=bezel))))
 

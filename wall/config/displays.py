@@ -1,0 +1,134 @@
+"""What becomes of a panel's picture on its way to the eye: colour, blending, warp, and the display that shows it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from annotated_types import Ge, Le
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from wall.fields import Model, Number, Text, Whole, refusal
+
+FARTHEST_NODE = 4.0  # displays beyond the picture: a warp that goes there is a typing error
+
+Pixels = Annotated[Whole, Ge(1), Le(16384)]
+Width = Annotated[Number, Ge(0.0), Le(100.0)]
+Gain = Annotated[Number, Ge(0.0), Le(16.0)]
+Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
+PixelPlace = Annotated[Whole, Ge(-65536), Le(65536)]
+Share = Annotated[Number, Ge(-FARTHEST_NODE), Le(1.0 + FARTHEST_NODE)]
+Nodes = Annotated[Whole, Ge(2), Le(1024)]
+RefreshRate = Annotated[Number, Ge(0.1), Le(1000.0)]
+
+
+class SidesConfig(Model):
+    """A width at each side of a panel, as its viewer sees it."""
+
+    left: Width = Field(default=0.0, description="metres")
+    right: Width = Field(default=0.0, description="metres")
+    top: Width = Field(default=0.0, description="metres")
+    bottom: Width = Field(default=0.0, description="metres")
+
+    @property
+    def across(self) -> float:
+        """Left and right together, metres."""
+        return self.left + self.right
+
+    @property
+    def down(self) -> float:
+        """Top and bottom together, metres."""
+        return self.top + self.bottom
+
+
+def _all_sides(value: Any) -> Any:
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return {"left": value, "right": value, "top": value, "bottom": value}
+    return value
+
+
+Sides = Annotated[SidesConfig, BeforeValidator(_all_sides, json_schema_input_type=Width | SidesConfig)]
+
+
+def _three(value: Any) -> Any:
+    return [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+
+
+Gains = Annotated[
+    tuple[Gain, Gain, Gain], BeforeValidator(_three, json_schema_input_type=Gain | tuple[Gain, Gain, Gain])
+]
+
+
+class ColourConfig(Model):
+    """How one display differs from the others: out = lut(gain * in ^ gamma), on what is sent to it."""
+
+    gain: Gains = Field(default=(1.0, 1.0, 1.0), description="one factor, or red, green, blue")
+    gamma: Gamma = Field(default=1.0, description="exponent, 1 = as it comes")
+    lut: Text | None = Field(default=None, description="3D look-up table, a .cube file beside this one")
+
+
+class BlendConfig(SidesConfig):
+    """How wide the picture fades out at each side, where a neighbouring projector lights the same place."""
+
+    gamma: Gamma = Field(default=2.2, description="of the projector: light = value ^ gamma; two ramps make one light")
+
+
+def _kind_of_blend(value: Any) -> str:
+    return "<word>" if isinstance(value, str) else "<sides>"
+
+
+Blend = Annotated[
+    Annotated[Literal["none", "auto"], Tag("<word>")] | Annotated[BlendConfig, Tag("<sides>")],
+    Discriminator(_kind_of_blend),
+]
+
+
+class WarpGridConfig(Model):
+    """Where the nodes of a regular grid over the picture go on the display."""
+
+    columns: Nodes = Field(description="nodes side by side, the picture's edges among them")
+    rows: Nodes = Field(description="nodes on top of each other")
+    points: Annotated[tuple[tuple[Share, Share], ...], Field(min_length=4, max_length=65536)] = Field(
+        description="[x, y] of each node, 0..1 of the display from its top left, row by row from the top"
+    )
+
+    @model_validator(mode="after")
+    def _one_point_a_node(self) -> WarpGridConfig:
+        if len(self.points) != self.columns * self.rows:
+            came = f"{len(self.points)} points for {self.columns} x {self.rows} nodes"
+            raise refusal(came, accepted=f"{self.columns * self.rows} points", at=("points",))
+        return self
+
+
+class WarpFileConfig(Model):
+    """The same in a file of its own."""
+
+    file: Text = Field(description="YAML with columns, rows and points, beside this file")
+
+
+def _kind_of_warp(value: Any) -> str:
+    file = "file" in value if isinstance(value, dict) else isinstance(value, WarpFileConfig)
+    return "<file>" if file else "<grid>"
+
+
+Warp = Annotated[
+    Annotated[WarpFileConfig, Tag("<file>")] | Annotated[WarpGridConfig, Tag("<grid>")], Discriminator(_kind_of_warp)
+]
+
+
+class WindowConfig(Model):
+    """A part of a display or monitor."""
+
+    x: PixelPlace = Field(default=0, description="left edge, pixels of the monitor (or of the display)")
+    y: PixelPlace = Field(default=0, description="top edge, pixels of the monitor (or of the display)")
+    width: Pixels = Field(description="pixels")
+    height: Pixels = Field(description="pixels")
+
+
+def _kind_of_monitor(value: Any) -> str:
+    return "<name>" if isinstance(value, str) else "<index>"
+
+
+Monitor = Annotated[
+    Annotated[Annotated[Whole, Ge(0), Le(255)], Tag("<index>")] | Annotated[Text, Tag("<name>")],
+    Discriminator(_kind_of_monitor),
+]

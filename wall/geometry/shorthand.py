@@ -1,0 +1,141 @@
+"""Shorthand written out: the panels of a grid, and the two eyes of a panel that shows both in one picture.
+
+What comes out has the same rays: a grid's gaps and overlaps are whole pixels, and its panels' corners say so.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wall.config.schema import (
+    BlendConfig,
+    CornersConfig,
+    GridConfig,
+    PanelConfig,
+    SidesConfig,
+    WallConfig,
+    WindowConfig,
+)
+from wall.config.screens import Stereo
+from wall.data import Float64
+
+
+class Raster(NamedTuple):
+    """The virtual screen of a grid for one eye: its pixels, and where they are in the wall's frame."""
+
+    width: int  # pixels
+    height: int
+    pixels: tuple[int, int]  # of one panel
+    pitch: tuple[float, float]  # metres a pixel, across and down
+    step: tuple[int, int]  # pixels from one panel to the next
+
+    def point(self, x: float, y: float) -> Float64:
+        """(3,) float64, metres, wall frame; its middle is the origin."""
+        return np.array([(x - self.width / 2) * self.pitch[0], (self.height / 2 - y) * self.pitch[1], 0.0])
+
+
+class Eye(NamedTuple):
+    """One eye's panel of a physical one."""
+
+    panel: PanelConfig
+    of: str  # id of the physical panel
+    at: tuple[int, int]  # its top left pixel in the physical panel's picture
+
+
+def raster(grid: GridConfig, *, skip: bool) -> Raster:
+    """The pixels of a grid. With `skip` a panel's pixels span its frame too, so that none is hidden."""
+    w, h = _halved(grid.pixels, grid.stereo)
+    frame = (grid.bezel.across, grid.bezel.down)
+    size = (grid.size[0] + frame[0], grid.size[1] + frame[1]) if skip else grid.size
+    pitch = (size[0] / w, size[1] / h)
+    gap = [0 if skip else round(frame[k] / pitch[k]) for k in range(2)]
+    step = (w + gap[0] - round(grid.overlap[0] / pitch[0]), h + gap[1] - round(grid.overlap[1] / pitch[1]))
+    width, height = (grid.columns - 1) * step[0] + w, (grid.rows - 1) * step[1] + h
+    return Raster(width=width, height=height, pixels=(w, h), pitch=pitch, step=step)
+
+
+def grid_panels(grid: GridConfig, *, skip: bool) -> tuple[PanelConfig, ...]:
+    """The panels of a grid row by row from the top left, their corners where whole pixels put them."""
+    drawn = raster(grid, skip=skip)
+    return tuple(
+        _grid_panel(grid, drawn, row, column, skip=skip) for row in range(grid.rows) for column in range(grid.columns)
+    )
+
+
+def _grid_panel(grid: GridConfig, drawn: Raster, row: int, column: int, *, skip: bool) -> PanelConfig:
+    (w, h), (x, y) = drawn.pixels, (column * drawn.step[0], row * drawn.step[1])
+    frame = grid.bezel if skip else SidesConfig()
+    shared = [(drawn.pixels[k] - drawn.step[k]) * drawn.pitch[k] if grid.overlap[k] else 0.0 for k in range(2)]
+    inner = _inner(grid, row, column)
+    return PanelConfig(
+        id=grid.panel_id(row, column),
+        pixels=grid.pixels,
+        corners=CornersConfig(
+            lower_left=_moved(drawn.point(x, y + h), frame.left, frame.bottom),
+            lower_right=_moved(drawn.point(x + w, y + h), -frame.right, frame.bottom),
+            upper_left=_moved(drawn.point(x, y), frame.left, -frame.top),
+        ),
+        bezel=grid.bezel,
+        overlap=SidesConfig(**{side: shared[axis] for side, axis in inner.items()}),
+        rotation=grid.rotation,
+        stereo=grid.stereo,
+        colour=grid.colour,
+        blend=_grid_blend(grid, set(inner)),
+        **_filled(grid, row, column),
+    )
+
+
+def _inner(grid: GridConfig, row: int, column: int) -> dict[str, int]:
+    """The sides of a panel where a neighbour is, and their axis."""
+    there = {"left": column > 0, "right": column + 1 < grid.columns, "top": row > 0, "bottom": row + 1 < grid.rows}
+    return {side: int(side in ("top", "bottom")) for side, is_there in there.items() if is_there}
+
+
+def _grid_blend(grid: GridConfig, inner: set[str]) -> Any:
+    if not isinstance(grid.blend, BlendConfig):
+        return grid.blend
+    return grid.blend.model_copy(update=dict.fromkeys(set(SidesConfig.model_fields) - inner, 0.0))
+
+
+def _filled(grid: GridConfig, row: int, column: int) -> dict[str, Any]:
+    """What names a machine and its display, its patterns filled."""
+    names = {key: getattr(grid, key) for key in ("host", "display", "monitor", "refresh_hz")}
+    return {k: grid.filled(v, row, column) if isinstance(v, str) else v for k, v in names.items() if v is not None}
+
+
+def _moved(point: Float64, right: float, up: float) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in point)
+    return x + right, y + up, z
+
+
+def eyes(panel: PanelConfig) -> tuple[Eye, ...]:
+    """The panel itself, or one for each eye where its picture holds both."""
+    if not panel.packed:
+        return (Eye(panel, panel.id, (0, 0)),)
+    axis = 0 if panel.stereo == "side_by_side" else 1
+    whole = panel.window or WindowConfig(width=panel.pixels[0], height=panel.pixels[1])
+    half = (whole.width, whole.height)[axis] // 2
+    pixels, found = _halved(panel.pixels, panel.stereo), []
+    for k, eye in enumerate(("left", "right")):
+        side = ("width", "height")[axis]
+        rest = (whole.width, whole.height)[axis] - half if k else half
+        place = {"xy"[axis]: getattr(whole, "xy"[axis]) + k * half, side: rest}
+        window = whole.model_copy(update=place)
+        changed = {"id": f"{panel.id}.{eye}", "pixels": pixels, "stereo": eye, "window": window}
+        at = (k * pixels[0], 0) if axis == 0 else (0, k * pixels[1])
+        found.append(Eye(panel.model_copy(update=changed), panel.id, at))
+    return tuple(found)
+
+
+def _halved(pixels: tuple[int, int], stereo: Stereo) -> tuple[int, int]:
+    """What one eye has of a panel's pixels."""
+    return pixels[0] // (1 + (stereo == "side_by_side")), pixels[1] // (1 + (stereo == "top_bottom"))
+
+
+def expanded_config(config: WallConfig) -> WallConfig:
+    """The same wall, its panels one by one, each for one eye. It expands to the same panels with the same rays."""
+    panels = config.panels if config.grid is None else grid_panels(config.grid, skip=config.bezel == "skip")
+    single = tuple(eye.panel for panel in panels or () for eye in eyes(panel))
+    return WallConfig(bezel=config.bezel, panels=single)
