@@ -1,0 +1,297 @@
+"""Native windows, seen by real screenshots of X servers without a screen; keys pressed through their XTEST."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from x_servers import comes_true, screenshot, x_server
+from Xlib import XK, X
+from Xlib.display import Display
+from Xlib.ext import xtest
+
+from wall.config.schema import GridConfig, WallConfig
+from wall.display.base import PanelPicture
+from wall.display.window import WindowSink
+from wall.errors import LocalProtocolError, RunError
+from wall.geometry.panels import expand
+
+RGB = NDArray[np.uint8]
+SETTLED_S = 20.0
+
+
+@pytest.fixture(scope="module")
+def screens() -> Iterator[tuple[str, str]]:
+    """Two screens of one X server: 300 x 200 and 120 x 90 pixels."""
+    with x_server("300x200", "120x90") as name:
+        yield f"{name}.0", f"{name}.1"
+
+
+def panels(*pixels: tuple[int, int], **changes: Any) -> list[Any]:
+    """Panels in a row; a change is a list of what each of them has, or what all of them have."""
+    made, x = [], 0
+    for k, (width, height) in enumerate(pixels):
+        own = {name: value[k] if isinstance(value, list) else value for name, value in changes.items()}
+        grid = GridConfig(columns=1, rows=1, pixels=(width, height), size=(width / 100, height / 100), id=f"p{k}")
+        panel = expand(WallConfig(grid=grid)).panels[0]
+        made.append(changed(panel, screen=(x, 0), index=k, **own))
+        x += width
+    return made
+
+
+def changed(panel: Any, **changes: Any) -> Any:
+    names = ("id", "index", "pixels", "screen")
+    return SimpleNamespace(**{name: getattr(panel, name) for name in names} | changes)
+
+
+def window(x: int, y: int, width: int, height: int) -> Any:
+    return SimpleNamespace(x=x, y=y, width=width, height=height)
+
+
+def noise(width: int, height: int, seed: int = 1) -> RGB:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
+
+
+def shown(panel: Any, rgb: RGB, version: int = 1) -> PanelPicture:
+    return PanelPicture(id=panel.id, rgb=rgb, screen=panel.screen, version=version)
+
+
+def on_black(width: int, height: int, *parts: tuple[int, int, RGB]) -> RGB:
+    """A black screen with pictures at their (x, y)."""
+    screen = np.zeros((height, width, 3), np.uint8)
+    for x, y, rgb in parts:
+        screen[y : y + rgb.shape[0], x : x + rgb.shape[1]] = rgb
+    return screen
+
+
+def looks_like(display: str, wanted: RGB) -> bool:
+    """Whether a screen has exactly these pixels, or gets them in time."""
+    return comes_true(lambda: np.array_equal(screenshot(display), wanted))
+
+
+def press(display: str, key: int, window_at: tuple[int, int]) -> None:
+    """Press and let go a key, over the window at a place of the screen."""
+    server = Display(display)
+    server.screen().root.warp_pointer(*window_at)
+    code = server.keysym_to_keycode(key)
+    for event in (X.KeyPress, X.KeyRelease):
+        xtest.fake_input(server, event, code)
+    server.sync()
+    server.close()
+
+
+def test_two_windows_on_one_screen_show_exactly_what_was_put(screens: tuple[str, str]) -> None:
+    two = panels((97, 61), (50, 33), display=screens[0], window=[window(10, 20, 97, 61), window(150, 100, 50, 33)])
+    first, second = noise(97, 61), noise(50, 33, 2)
+    sink = WindowSink(two, refresh_hz=60)
+    try:
+        sink.put([shown(two[0], first), shown(two[1], second)])
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[0], on_black(300, 200, (10, 20, first), (150, 100, second)))
+        newer = noise(97, 61, 3)
+        sink.put([shown(two[0], newer, 2), shown(two[1], second)])
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[0], on_black(300, 200, (10, 20, newer), (150, 100, second)))
+        assert (sink.notes, sink.finished) == ((), "")
+    finally:
+        sink.close()
+
+
+def test_a_panel_without_a_window_fills_the_screen_that_it_names(screens: tuple[str, str]) -> None:
+    [one] = panels((120, 90), display=screens[1])
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        sink.put([shown(one, noise(120, 90))])
+        assert looks_like(screens[1], noise(120, 90))
+    finally:
+        sink.close()
+
+
+def test_panels_on_two_x_servers_are_shown_by_one_sink(screens: tuple[str, str]) -> None:
+    with x_server("64x48") as other:
+        two = panels((120, 90), (64, 48), display=[screens[1], other])
+        sink = WindowSink(two, refresh_hz=60)
+        try:
+            sink.put([shown(two[0], noise(120, 90)), shown(two[1], noise(64, 48, 2))])
+            assert looks_like(screens[1], noise(120, 90))
+            assert looks_like(other, noise(64, 48, 2))
+        finally:
+            sink.close()
+
+
+@pytest.mark.parametrize("rotation", [90, 180, 270])
+def test_a_turned_display_is_sent_the_picture_turned_back(screens: tuple[str, str], rotation: int) -> None:
+    size = (90, 120) if rotation % 180 else (120, 90)
+    [one] = panels(size, display=screens[1], rotation=rotation)
+    rgb = noise(*size)
+    as_mounted = np.rot90(rgb, rotation // 90)  # counterclockwise, so that a clockwise mount shows it upright
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        sink.put([shown(one, rgb)])
+        assert looks_like(screens[1], as_mounted)
+        assert sink.notes == ()
+    finally:
+        sink.close()
+
+
+def test_both_eyes_of_a_panel_share_its_window(screens: tuple[str, str]) -> None:
+    halves = panels((60, 90), (60, 90), display=screens[1], of="p", at=[(0, 0), (60, 0)])
+    left, right = noise(60, 90), noise(60, 90, 2)
+    sink = WindowSink(halves, refresh_hz=60)
+    try:
+        sink.put([shown(halves[0], left), shown(halves[1], right)])
+        assert looks_like(screens[1], np.hstack([left, right]))
+    finally:
+        sink.close()
+
+
+def test_a_picture_of_another_size_is_scaled_without_borders_and_that_is_said_once(screens: tuple[str, str]) -> None:
+    [one] = panels((60, 30), display=screens[1])
+    ramp = np.zeros((30, 60, 3), np.uint8)
+    ramp[..., 0] = 4 * np.arange(60)
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        sink.put([shown(one, ramp)])
+        # Linear filtering of a ramp is the ramp: pixel x of the screen sees picture x / 2 - 0.25, held at both ends.
+        wanted = np.clip(4 * (np.arange(120) / 2 - 0.25), 0, 4 * 59)
+        assert comes_true(lambda: bool(np.all(np.abs(screenshot(screens[1])[..., 0] - wanted) <= 1)))
+        assert sink.notes == ("panel p0: 60x30 pixels are scaled to the 120x90 of monitor screen",)
+    finally:
+        sink.close()
+
+
+def test_panels_that_name_nothing_lie_side_by_side_as_on_the_wall(
+    screens: tuple[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DISPLAY", screens[0])
+    two = panels((100, 80), (60, 80))
+    sink = WindowSink(two, refresh_hz=60)
+    try:
+        sink.put([shown(two[0], noise(100, 80)), shown(two[1], noise(60, 80, 2))])
+        together = np.hstack([noise(100, 80), noise(60, 80, 2)])
+        assert looks_like(screens[0], on_black(300, 200, (70, 60, together)))
+    finally:
+        sink.close()
+
+
+def test_a_slow_display_gets_the_newest_picture_and_the_rest_is_counted(screens: tuple[str, str]) -> None:
+    [one] = panels((120, 90), display=screens[1])
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        for version in range(1, 51):
+            sink.put([shown(one, noise(120, 90, version), version)])
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[1], noise(120, 90, 50))
+        assert 0 <= sink.dropped().get("window_overtaken", 0) < 50
+    finally:
+        sink.close()
+
+
+def test_a_display_that_cannot_be_opened_is_refused_before_anything_is_shown() -> None:
+    with pytest.raises(
+        RunError, match=r"panel p0: display :6553 cannot be opened \(X11: Failed to open display :6553\)"
+    ):
+        WindowSink(panels((8, 8), display=":6553"), refresh_hz=60)
+
+
+def test_without_any_display_the_error_says_what_to_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    with pytest.raises(RunError, match=r"panel p0: no X display.*wanted `display` at the panel"):
+        WindowSink(panels((8, 8)), refresh_hz=60)
+
+
+def test_an_unknown_monitor_is_refused_with_those_that_there_are(screens: tuple[str, str]) -> None:
+    wanted = rf"panel p0: display {screens[0]} has no monitor HDMI-7; it has 0 \(screen, 300x200\)"
+    with pytest.raises(RunError, match=wanted):
+        WindowSink(panels((8, 8), display=screens[0], monitor="HDMI-7"), refresh_hz=60)
+
+
+def test_a_picture_that_has_not_its_panels_size_is_refused(screens: tuple[str, str]) -> None:
+    [one] = panels((20, 10), display=screens[0], window=window(0, 0, 20, 10))
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        with pytest.raises(LocalProtocolError, match="panel p0: a picture of 10x20 pixels for 20x10"):
+            sink.put([shown(one, noise(10, 20))])
+    finally:
+        sink.close()
+
+
+def test_keys_steer_and_escape_ends_the_run(screens: tuple[str, str]) -> None:
+    [one] = panels((120, 90), display=screens[1])
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        press(screens[1], XK.XK_Right, (60, 45))
+        press(screens[1], XK.XK_space, (60, 45))
+        asked: list[dict[str, Any]] = []
+        assert comes_true(lambda: asked.extend(sink.commands()) or len(asked) == 2)
+        assert asked == [{"kind": "orbit", "x": 0.04, "y": 0.0}, {"kind": "pause"}]
+        press(screens[1], XK.XK_Escape, (60, 45))
+        assert comes_true(lambda: sink.finished == "Escape was pressed in the window of panel p0")
+    finally:
+        sink.close()
+
+
+def test_a_window_that_is_closed_leaves_the_others_alone(screens: tuple[str, str]) -> None:
+    two = panels((50, 40), (50, 40), display=screens[0], window=[window(0, 0, 50, 40), window(100, 0, 50, 40)])
+    sink = WindowSink(two, refresh_hz=60)
+    try:
+        ask_to_close(screens[0], "wall p0")
+        assert comes_true(lambda: sink.dropped() == {"window_closed": 1})
+        sink.put([shown(two[0], noise(50, 40)), shown(two[1], noise(50, 40, 2))])
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[0], on_black(300, 200, (100, 0, noise(50, 40, 2))))
+        assert sink.finished == ""
+        ask_to_close(screens[0], "wall p1")
+        assert comes_true(lambda: sink.finished == "every window is closed")
+    finally:
+        sink.close()
+
+
+def ask_to_close(display: str, title: str) -> None:
+    """What a window manager sends when somebody closes a window."""
+    from Xlib.protocol.event import ClientMessage
+
+    server = Display(display)
+    [found] = [w for w in server.screen().root.query_tree().children if w.get_wm_name() == title]
+    kind, what = (server.intern_atom(name) for name in ("WM_PROTOCOLS", "WM_DELETE_WINDOW"))
+    found.send_event(ClientMessage(window=found, client_type=kind, data=(32, [what, X.CurrentTime, 0, 0, 0])))
+    server.sync()
+    server.close()
+
+
+ALONE = """\
+import sys, time
+from test_windows import *
+sink = WindowSink(panels((120, 90), display=sys.argv[1]), refresh_hz=60)
+print(sink._glasses[0]._process.pid, flush=True)
+time.sleep(600)
+"""
+
+
+def test_the_windows_die_with_a_run_that_is_killed(screens: tuple[str, str]) -> None:
+    here = Path(__file__).parent
+    path = os.pathsep.join([str(here), str(here.parent.parent), os.environ.get("PYTHONPATH", "")])
+    command = [sys.executable, "-c", ALONE, screens[1]]
+    run = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path})
+    assert run.stdout is not None
+    child = int(run.stdout.readline())
+    run.send_signal(signal.SIGKILL)
+    run.wait()
+    run.stdout.close()
+    assert comes_true(lambda: not Path(f"/proc/{child}").exists() or "Z" in _state(child))
+
+
+def _state(process: int) -> str:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return "Z"

@@ -1,0 +1,79 @@
+"""Identify: which panel is this, where does it think it is, and which way is up?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from wall.display.patterns.ink import AMBER, BRIGHT, CYAN, GREEN, PLAIN, ROSE, VIOLET, fitting, mix, paper, write
+from wall.display.patterns.sheet import Sheet
+from wall.geometry.panels import Panel
+
+HUES = (AMBER, CYAN, ROSE, GREEN, VIOLET)
+FINER = 4  # the arrow is drawn so many times larger, then shrunk: smooth edges
+
+
+def identify(panel: Panel, sheet: Sheet, about: Sequence[tuple[str, str]]) -> NDArray[np.uint8]:
+    """See wall.display.patterns.pattern."""
+    width, height = panel.pixels
+    picture, hue = paper(panel.pixels), HUES[panel.index % len(HUES)]
+    edge = max(1, min(width, height) // 100)
+    picture[:edge], picture[-edge:], picture[:, :edge], picture[:, -edge:] = (hue,) * 4
+    _arrow(picture, (round(0.5 * width), round(0.06 * height)), round(0.14 * min(width, height)), hue)
+    size = fitting(panel.id, (0.7 * width, 0.2 * height))
+    write(picture, panel.id, (0.5 * width, 0.36 * height), size, BRIGHT, anchor="mm")
+    rows = [*about, *_own_rows(panel, sheet)]
+    _table(picture, rows, top=0.53 * height, bottom=0.86 * height)
+    _corners(picture, panel, edge)
+    return picture
+
+
+def _own_rows(panel: Panel, sheet: Sheet) -> list[tuple[str, str]]:
+    (width, height), pitch = panel.pixels, (np.linalg.norm(sheet.per_x), np.linalg.norm(sheet.per_y))
+    rows = [
+        ("pixels", f"{width} x {height} at {panel.screen[0]}, {panel.screen[1]}"),
+        ("size", f"{width * pitch[0]:.3f} x {height * pitch[1]:.3f} m, {1000 * sheet.pitch:.3g} mm a pixel"),
+    ]
+    rotation = getattr(panel, "rotation", 0)
+    return [*rows, ("mounted", f"turned {rotation}° clockwise")] if rotation else rows
+
+
+def _table(picture: NDArray[np.uint8], rows: Sequence[tuple[str, str]], *, top: float, bottom: float) -> None:
+    """Names to the left of a line, texts to its right."""
+    width, step = picture.shape[1], (bottom - top) / max(4, len(rows))
+    size = min(fitting(text, (0.56 * width, 0.62 * step)) for _, text in rows)
+    size = min(size, int(0.62 * step)) or 1
+    for k, (name, text) in enumerate(rows):
+        y = top + (k + 0.5) * step
+        write(picture, name, (0.32 * width, y), size, PLAIN, anchor="rm")
+        write(picture, text, (0.35 * width, y), size, BRIGHT, anchor="lm")
+
+
+def _corners(picture: NDArray[np.uint8], panel: Panel, edge: int) -> None:
+    """The three corners of the configuration, in metres, each at its place."""
+    height, width = picture.shape[:2]
+    gap = 2 * edge + max(2, height // 60)
+    places = ((gap, height - gap, "lb"), (width - gap, height - gap, "rb"), (gap, gap, "lt"))
+    texts = [", ".join(f"{x:.3f}" for x in corner) for corner in panel.corners]
+    size = min(fitting(text, (0.4 * width, 0.035 * height)) for text in texts)
+    for (x, y, anchor), text in zip(places, texts, strict=True):
+        write(picture, text, (x, y), size, PLAIN, anchor=anchor)
+
+
+def _arrow(picture: NDArray[np.uint8], tip: tuple[int, int], height: int, colour: tuple[int, int, int]) -> None:
+    """An arrow that points up, its tip at `tip`."""
+    side = height * FINER
+    mask = Image.new("L", (side, side))
+    head, stem = 0.55 * side, 0.13 * side
+    middle = side / 2
+    ImageDraw.Draw(mask).polygon(
+        [(middle, 0), (middle + 0.38 * side, head), (middle + stem, head), (middle + stem, side - 1),
+         (middle - stem, side - 1), (middle - stem, head), (middle - 0.38 * side, head)],
+        fill=255,
+    )  # fmt: skip
+    coverage = np.asarray(mask.resize((height, height), Image.Resampling.BOX), np.float32) / 255
+    x = tip[0] - height // 2
+    mix(picture[tip[1] : tip[1] + height, x : x + height], coverage, colour)

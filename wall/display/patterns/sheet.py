@@ -1,0 +1,87 @@
+"""The wall's sheet: all panels laid into one plane, metres to the right and down from the top left corner of all.
+
+Panels in one plane are where they are. Others are unfolded as the virtual screen unfolds them, with the pixels of their
+own size: what runs over the fold of two panels that meet runs on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.data import Float64
+from wall.geometry.panels import Panel, Wall
+
+Field = NDArray[np.floating[Any]]  # (h, w), a number for each pixel
+NICE = (1.0, 2.0, 5.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sheet:
+    """Where a panel is on the sheet, and how large that is."""
+
+    origin: Float64  # (2,) metres, of the panel's top left corner
+    per_x: Float64  # (2,) metres, a pixel to the right
+    per_y: Float64  # (2,) metres, a pixel down
+    pixels: tuple[int, int]
+    size: tuple[float, float]  # width and height of the whole sheet, metres
+    step: float  # a round number of metres, about a tenth of a panel
+
+    @property
+    def pitch(self) -> float:
+        """Metres of one pixel."""
+        return float(np.sqrt(np.linalg.norm(self.per_x) * np.linalg.norm(self.per_y)))
+
+    def places(self) -> tuple[Field, Field]:
+        """Metres to the right and down of every pixel's centre, from the middle of the sheet."""
+        width, height = self.pixels
+        x, y = np.arange(width) + 0.5, (np.arange(height) + 0.5)[:, None]
+        right, down = (self.origin[k] - self.size[k] / 2 + x * self.per_x[k] + y * self.per_y[k] for k in (0, 1))
+        return right, down
+
+    def at(self, x: float, y: float) -> Float64:
+        """(2,) metres from the middle of the sheet, of a place in panel pixels."""
+        found: Float64 = self.origin - np.array(self.size) / 2 + x * self.per_x + y * self.per_y
+        return found
+
+
+def sheet_of(panel: Panel, wall: Wall) -> Sheet:
+    """The sheet of a wall, as one of its panels is on it."""
+    boxes = {each.id: _box(each, wall) for each in wall.panels}
+    corners, sides = [], []
+    for each in wall.panels:
+        corner, per_x, per_y = boxes[each.id]
+        across, along = each.pixels[0] * per_x, each.pixels[1] * per_y
+        corners += [corner, corner + across, corner + along, corner + across + along]
+        sides.append(min(np.linalg.norm(across), np.linalg.norm(along)))
+    first, last = np.min(corners, axis=0), np.max(corners, axis=0)
+    origin, per_x, per_y = boxes[panel.id]
+    return Sheet(
+        origin=origin - first,
+        per_x=per_x,
+        per_y=per_y,
+        pixels=panel.pixels,
+        size=(float(last[0] - first[0]), float(last[1] - first[1])),
+        step=round_number(float(np.median(sides)) / 10),
+    )
+
+
+def _box(panel: Panel, wall: Wall) -> tuple[Float64, Float64, Float64]:
+    """Top left corner, and the steps of a pixel to the right and down, (2,) each; the sheet has no corner yet."""
+    first, plane = wall.panels[0].plane, panel.plane
+    if wall.flat:
+        right, down = (v / np.linalg.norm(v) for v in (first.per_x, first.per_y))
+        flat = [np.array([v @ right, v @ down]) for v in (plane.point(*panel.screen), plane.per_x, plane.per_y)]
+        return flat[0], flat[1], flat[2]
+    common = np.linalg.norm(first.per_x), np.linalg.norm(first.per_y)
+    own = np.linalg.norm(plane.per_x), np.linalg.norm(plane.per_y)
+    return np.array(panel.screen) * common, np.array([own[0], 0.0]), np.array([0.0, own[1]])
+
+
+def round_number(about: float) -> float:
+    """The 1, 2 or 5 times a power of ten that is nearest, by their ratio."""
+    power = 10.0 ** np.floor(np.log10(about))
+    return float(power * min(NICE, key=lambda nice: abs(np.log(nice * power / about))))

@@ -1,0 +1,156 @@
+"""Where the windows of one X display go. Pure: panels and monitors in, rectangles out.
+
+A panel that names a `window` has it there, counted from its monitor if it names one, else from the whole X screen. A
+panel that names a monitor fills it. A single panel that names neither fills the first monitor; several such panels lie
+on it side by side as on the wall, bezels included, shrunk if they have to be: a wall on a desk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from wall.errors import RunError
+from wall.geometry.panels import Panel
+
+TURNS = {  # picture from window, a (2, 2) matrix row by row, x right and y down: a display mounted turned clockwise
+    0: (1, 0, 0, 1),
+    90: (0, -1, 1, 0),
+    180: (-1, 0, 0, -1),
+    270: (0, 1, -1, 0),
+}
+
+
+class Box(NamedTuple):
+    """A rectangle of an X screen, pixels, origin at its top left corner."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+class Monitor(NamedTuple):
+    """One monitor of an X screen as it is switched on."""
+
+    name: str
+    box: Box
+    refresh_hz: int  # 0 where the server does not say
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wanted:
+    """What a panel's window has to be."""
+
+    id: str
+    pixels: tuple[int, int]  # width, height as the viewer sees it
+    screen: tuple[int, int]  # in the virtual screen
+    rotation: int  # degrees clockwise that the display is mounted turned
+    monitor: int | str | None  # index or name
+    window: tuple[int, int, int, int] | None  # x, y, width, height
+    refresh_hz: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a window is, and how its picture gets there."""
+
+    box: Box
+    monitor: int | None  # which it fills; None: a window of that box
+    rotation: int
+    interval: int  # vertical blanks from one picture to the next
+    note: str = ""  # what the user should know: a picture that is scaled
+
+
+def wanted_of(panel: Panel, refresh_hz: float) -> Wanted:
+    """What a panel of the wall says about its window."""
+    window = getattr(panel, "window", None)
+    return Wanted(
+        id=panel.id,
+        pixels=panel.pixels,
+        screen=panel.screen,
+        rotation=getattr(panel, "rotation", 0),
+        monitor=getattr(panel, "monitor", None),
+        window=None if window is None else (window.x, window.y, window.width, window.height),
+        refresh_hz=getattr(panel, "refresh_hz", None) or refresh_hz,
+    )
+
+
+def places(panels: Sequence[Wanted], monitors: Sequence[Monitor], *, display: str) -> list[Place]:
+    """Where each panel's window goes on an X display.
+
+    Raises RunError naming the panel, what it wants and what the display has, when there is no such monitor or another
+    panel fills it.
+    """
+    if not monitors:
+        raise RunError(f"panel {panels[0].id}: display {display} has no monitor that is switched on; wanted one")
+    loose = [panel for panel in panels if panel.monitor is None and panel.window is None]
+    on_desk = _side_by_side(loose, monitors[0].box) if len(loose) > 1 else {}
+    filled: dict[int, str] = {}
+    found = []
+    for panel in panels:
+        if panel.id in on_desk:
+            found.append(_place(panel, on_desk[panel.id], None, monitors[0], rotation=0))
+            continue
+        index = _monitor_index(panel, monitors, display)
+        if panel.window is not None:
+            found.append(_window_place(panel, None if panel.monitor is None else monitors[index], monitors[index]))
+            continue
+        if index in filled:
+            raise RunError(
+                f"panel {panel.id}: monitor {monitors[index].name} of display {display} is filled by panel "
+                f"{filled[index]}; wanted another `monitor`, or a `window` for both"
+            )
+        filled[index] = panel.id
+        found.append(_place(panel, monitors[index].box, index, monitors[index], rotation=panel.rotation))
+    return found
+
+
+def _monitor_index(panel: Wanted, monitors: Sequence[Monitor], display: str) -> int:
+    if panel.monitor is None:
+        return 0
+    for index, monitor in enumerate(monitors):
+        if panel.monitor in (index, monitor.name):
+            return index
+    has = ", ".join(f"{k} ({m.name}, {m.box.width}x{m.box.height})" for k, m in enumerate(monitors))
+    raise RunError(f"panel {panel.id}: display {display} has no monitor {panel.monitor}; it has {has}")
+
+
+def _window_place(panel: Wanted, origin: Monitor | None, monitor: Monitor) -> Place:
+    assert panel.window is not None
+    x, y, width, height = panel.window
+    if origin is not None:
+        x, y = x + origin.box.x, y + origin.box.y
+    return _place(panel, Box(x, y, width, height), None, monitor, rotation=panel.rotation)
+
+
+def _place(panel: Wanted, box: Box, fills: int | None, monitor: Monitor, *, rotation: int) -> Place:
+    width, height = panel.pixels if rotation % 180 == 0 else panel.pixels[::-1]
+    note = ""
+    if (width, height) != (box.width, box.height):
+        where = f"monitor {monitor.name}" if fills is not None else "its window"
+        note = f"panel {panel.id}: {width}x{height} pixels are scaled to the {box.width}x{box.height} of {where}"
+    return Place(
+        box=box,
+        monitor=fills,
+        rotation=rotation,
+        interval=max(1, round(monitor.refresh_hz / panel.refresh_hz)),
+        note=note,
+    )
+
+
+def _side_by_side(panels: Sequence[Wanted], room: Box) -> dict[str, Box]:
+    """Every panel where it is in the virtual screen, all of them in the middle of `room`."""
+    left, top = (min(p.screen[k] for p in panels) for k in (0, 1))
+    width, height = (max(p.screen[k] + p.pixels[k] for p in panels) - (left, top)[k] for k in (0, 1))
+    scale = min(1.0, room.width / width, room.height / height)
+    x0 = room.x + (room.width - round(scale * width)) // 2
+    y0 = room.y + (room.height - round(scale * height)) // 2
+    boxes = {}
+    for panel in panels:
+        x, y = panel.screen[0] - left, panel.screen[1] - top
+        right, bottom = round(scale * (x + panel.pixels[0])), round(scale * (y + panel.pixels[1]))
+        x, y = round(scale * x), round(scale * y)
+        boxes[panel.id] = Box(x0 + x, y0 + y, max(1, right - x), max(1, bottom - y))
+    return boxes

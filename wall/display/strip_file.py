@@ -1,0 +1,148 @@
+"""Write a picture of any size to a file strip by strip, never holding more than one: PNG, EXR or TIFF.
+
+PNG and TIFF hold 8-bit sRGB, EXR linear float32. PNG: W3C PNG, 3rd edition; one zlib stream in chunks of a strip each.
+TIFF: 6.0 with deflate and horizontal differences, BigTIFF (64-bit offsets) where 4 GiB may not do.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import OpenEXR
+import tifffile
+from numpy.typing import NDArray
+
+from wall.colour import srgb_encoded
+from wall.data import Float32
+from wall.errors import ConfigError, LocalProtocolError, RunError
+
+Strips: TypeAlias = Iterable[NDArray[Any]]
+
+STRIP_ROWS = 64  # of every strip but the last
+LEVEL = 3  # of zlib: within a twentieth of the size that level 6 gives on rendered pictures, at three times its speed
+MOST_PIXELS = 2**31 - 1  # on an edge, in all three formats
+_TIFF_ROWS = 16  # of a strip in the file: readers that want few rows need not unpack many
+_TIFF_BYTES = 2**32 - 2**24  # beyond, offsets of 32 bits may not reach
+_UP = 2  # the PNG filter that takes away the row above
+
+
+def is_linear(path: Path) -> bool:
+    """Whether the strips of this file are linear float32, not 8-bit sRGB."""
+    return path.suffix.lower() == ".exr"
+
+
+def display_values(linear: Float32) -> NDArray[np.uint8]:
+    """8-bit sRGB of linear light, clipped to 0..1, IEC 61966-2-1: as `wall render` writes a PNG."""
+    return np.round(srgb_encoded(linear.astype(np.float64)) * 255).astype(np.uint8)
+
+
+def check_file(path: Path, width: int, height: int) -> None:
+    """Refuse what cannot be written before anything is rendered for it. Raises ConfigError."""
+    if path.suffix.lower() not in _WRITERS:
+        raise ConfigError(f"-o {path}: cannot write '{path.suffix}'; accepted: {', '.join(_WRITERS)}")
+    if not path.absolute().parent.is_dir():
+        raise ConfigError(f"-o {path}: there is no folder {path.parent}")
+    if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
+        raise ConfigError(f"a picture of {width}x{height} pixels: wanted 1 to {MOST_PIXELS} on an edge")
+
+
+def write_strips(path: Path, strips: Strips, *, width: int, height: int) -> None:
+    """Write a picture from its strips, top to bottom. The file appears whole or not at all.
+
+    strips : (STRIP_ROWS, width, 3), the last one with what is left; uint8 sRGB, or float32 linear if `is_linear`
+
+    Raises RunError naming the file and the reason when it cannot be written, LocalProtocolError for strips that are
+    not the picture that was promised.
+    """
+    check_file(path, width, height)
+    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    try:
+        checked = _checked(strips, width, height, np.dtype(np.float32 if is_linear(path) else np.uint8))
+        _WRITERS[path.suffix.lower()](part, checked, width, height)
+        os.replace(part, path)
+    except OSError as error:
+        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _checked(strips: Strips, width: int, height: int, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
+    done = 0
+    for strip in strips:
+        wanted = (min(STRIP_ROWS, height - done), width, 3)
+        if strip.shape != wanted or strip.dtype != kind:
+            raise LocalProtocolError(f"row {done}: a strip {strip.shape} of {strip.dtype}, wanted {wanted} of {kind}")
+        yield np.ascontiguousarray(strip)
+        done += len(strip)
+    if done != height:
+        raise LocalProtocolError(f"strips ended at row {done} of {height}")
+
+
+def _write_png(path: Path, strips: Iterator[NDArray[np.uint8]], width: int, height: int) -> None:
+    with path.open("wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n")
+        file.write(_chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)))
+        file.write(_chunk(b"sRGB", b"\0"))
+        packer = zlib.compressobj(LEVEL)
+        above = np.zeros((1, width, 3), np.uint8)
+        lines = np.empty((STRIP_ROWS, 1 + 3 * width), np.uint8)
+        lines[:, 0] = _UP
+        for strip in strips:
+            rows = len(strip)
+            values = lines[:rows, 1:].reshape(rows, width, 3)
+            np.subtract(strip[:1], above, out=values[:1])
+            np.subtract(strip[1:], strip[:-1], out=values[1:])
+            above = strip[-1:].copy()
+            file.write(_chunk(b"IDAT", packer.compress(lines[:rows].data)))
+        file.write(_chunk(b"IDAT", packer.flush()))
+        file.write(_chunk(b"IEND", b""))
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(data, zlib.crc32(kind)))
+
+
+def _write_exr(path: Path, strips: Iterator[Float32], width: int, height: int) -> None:
+    file = OpenEXR.OutputFile(str(path), OpenEXR.Header(width, height))  # R, G, B of float32, ZIP, rows downwards
+    try:
+        for strip in strips:
+            file.writePixels({name: strip[..., k].tobytes() for k, name in enumerate("RGB")}, len(strip))
+    finally:
+        file.close()
+
+
+def _write_tiff(path: Path, strips: Iterator[NDArray[np.uint8]], width: int, height: int) -> None:
+    def packed() -> Iterator[bytes]:
+        for strip in strips:
+            for start in range(0, len(strip), _TIFF_ROWS):
+                values = strip[start : start + _TIFF_ROWS].copy()
+                values[:, 1:] -= strip[start : start + _TIFF_ROWS, :-1]
+                yield zlib.compress(values.data, LEVEL)
+
+    tifffile.imwrite(
+        path,
+        packed(),
+        shape=(height, width, 3),
+        dtype=np.uint8,
+        photometric="rgb",
+        compression="zlib",
+        predictor=True,
+        rowsperstrip=_TIFF_ROWS,
+        bigtiff=3 * width * height > _TIFF_BYTES,
+        software="wall",
+        metadata=None,
+    )
+
+
+_WRITERS: dict[str, Callable[[Path, Iterator[NDArray[Any]], int, int], None]] = {
+    ".png": _write_png,
+    ".exr": _write_exr,
+    ".tiff": _write_tiff,
+    ".tif": _write_tiff,
+}

@@ -1,0 +1,304 @@
+"""The windows of one X display, in a process of their own: GLFW reads DISPLAY once; a display that hangs, hangs alone.
+
+glass.py starts it as `python -m wall.display.window_process PARENT SOCKET MEMORY`, DISPLAY set; it ends when the socket
+closes, and dies with its parent. Messages over the socket are JSON, one a packet. The first says which panels, and is
+answered by ["ready", notes] or ["failed", why]. Then come pictures, [window, slot, width, height, number], in slots of
+the shared memory; back go ["free", window, slot, whether it was used], ["shown", window, number], ["command", command],
+["escape", window], ["closed", window], ["lost", window, why].
+
+One thread a window: each waits for the vertical blank of its own monitor and for nobody else. The main thread takes
+events in, another one pictures. With hands.py the only files that touch GLFW, and this one alone touches OpenGL, but
+for wall/reconstruction/gpu.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import mmap
+import os
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import glfw
+import moderngl
+
+from wall.display.hands import Hands
+from wall.display.placing import TURNS, Box, Monitor, Place, Wanted, places
+from wall.errors import RunError, WallError
+
+START_WAIT_S = 15.0  # for all windows to be there; llvmpipe compiles its shaders in a tenth of a second
+END_WAIT_S = 0.5  # for a window to finish its swap
+MAX_PACKET = 1 << 20
+BLACK = (0.0, 0.0, 0.0)
+_DITHER = 0x0BD0  # GL_DITHER
+_PR_SET_PDEATHSIG = 1
+
+_VERTEX = """
+#version 330
+uniform mat2 picture_from_window;
+out vec2 at;
+void main() {
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
+    gl_Position = vec4(corner, 0.0, 1.0);
+    at = picture_from_window * (vec2(corner.x, -corner.y) * 0.5) + 0.5;
+}
+"""
+_FRAGMENT = """
+#version 330
+uniform sampler2D picture;
+in vec2 at;
+out vec4 colour;
+void main() { colour = texture(picture, at); }
+"""
+
+Tell = Callable[[list[Any]], None]
+
+
+class Window:
+    """One panel's window. `offer` takes the newest picture; a thread of its own shows it."""
+
+    def __init__(self, index: int, wanted: Wanted, place: Place, slots: list[memoryview], tell: Tell) -> None:
+        """Open the window, black. To be called by the main thread, as GLFW wants it."""
+        self.index, self.place = index, place
+        self._slots, self._tell = slots, tell
+        self._changed = threading.Condition()
+        self._offered: tuple[int, int, int, int] | None = None  # slot, width, height, number
+        self._redraw, self._closing = True, False
+        self.failed = ""
+        self.ready = threading.Event()
+        self.handle = _open(f"wall {wanted.id}", place)
+        self._size = glfw.get_framebuffer_size(self.handle)
+        glfw.set_framebuffer_size_callback(self.handle, self._resized)
+        glfw.set_window_refresh_callback(self.handle, lambda _: self._again())
+        self._thread = threading.Thread(target=self._run, name=f"window {wanted.id}", daemon=True)
+        self._thread.start()
+
+    def offer(self, slot: int, width: int, height: int, number: int) -> None:
+        with self._changed:
+            before, self._offered = self._offered, (slot, width, height, number)
+            self._changed.notify()
+        if before is not None:
+            self._tell(["free", self.index, before[0], False])
+
+    def close(self) -> None:
+        """Let the thread end and close the window; by the main thread."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify()
+        self._thread.join(END_WAIT_S)
+        if not self._thread.is_alive():
+            glfw.destroy_window(self.handle)
+
+    def _resized(self, handle: Any, width: int, height: int) -> None:
+        self._size = (width, height)
+        self._again()
+
+    def _again(self) -> None:
+        with self._changed:
+            self._redraw = True
+            self._changed.notify()
+
+    def _run(self) -> None:
+        try:
+            glfw.make_context_current(self.handle)
+            self._show_all()
+        except Exception as error:  # whatever it was, the run has to hear of it
+            self.failed = f"{type(error).__name__}: {error}"
+            self._tell(["lost", self.index, self.failed])
+        finally:
+            self.ready.set()
+            glfw.make_context_current(None)  # type: ignore[arg-type]  # None: no window's
+
+    def _show_all(self) -> None:
+        context = moderngl.create_context(require=330)
+        context.disable_direct(_DITHER)  # exactly the values that came
+        glfw.swap_interval(self.place.interval)
+        program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
+        a, b, c, d = TURNS[self.place.rotation]
+        program["picture_from_window"] = (a, c, b, d)  # columns
+        triangle = context.vertex_array(program, [])
+        texture: Any = None
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._closing or self._redraw or self._offered is not None)
+                if self._closing:
+                    return
+                offered, self._offered, self._redraw = self._offered, None, False
+                width, height = self._size
+            if offered is not None:
+                texture = self._upload(context, texture, offered)
+            context.viewport = (0, 0, width, height)
+            if texture is None:
+                context.clear(*BLACK)
+            else:
+                same = texture.size == ((width, height) if self.place.rotation % 180 == 0 else (height, width))
+                texture.filter = (moderngl.NEAREST,) * 2 if same else (moderngl.LINEAR,) * 2
+                texture.use()
+                triangle.render(moderngl.TRIANGLES, vertices=3)
+            glfw.swap_buffers(self.handle)
+            self.ready.set()
+            if offered is not None:
+                self._tell(["shown", self.index, offered[3]])
+
+    def _upload(self, context: Any, texture: Any, offered: tuple[int, int, int, int]) -> Any:
+        slot, width, height, _ = offered
+        if texture is None or texture.size != (width, height):
+            if texture is not None:
+                texture.release()
+            texture = context.texture((width, height), 3, alignment=1)
+            texture.repeat_x = texture.repeat_y = False
+        texture.write(self._slots[slot][: 3 * width * height], alignment=1)
+        self._tell(["free", self.index, slot, True])
+        return texture
+
+
+class Glass:
+    """All windows of this process, and the two ways in: events of the X server, messages of the parent."""
+
+    def __init__(self, pipe: socket.socket, memory: int) -> None:
+        self._pipe, self._memory = pipe, memory
+        self._sending = threading.Lock()
+        self._ended = False
+        self.windows: dict[int, Window] = {}
+        self._hands: dict[int, Hands] = {}
+
+    def run(self) -> None:
+        task = json.loads(self._pipe.recv(MAX_PACKET))
+        try:
+            self._open(task)
+        except WallError as error:
+            self.tell(["failed", str(error)])
+            return
+        threading.Thread(target=self._listen, name="pictures", daemon=True).start()
+        while self.windows and not self._ended:
+            glfw.wait_events()
+            for index, hands in list(self._hands.items()):
+                for command in hands.commands():
+                    self.tell(["command", command])
+                if hands.escape:
+                    self.tell(["escape", index])
+                if glfw.window_should_close(self.windows[index].handle):
+                    self.windows.pop(index).close()
+                    del self._hands[index]
+                    self.tell(["closed", index])
+        for window in self.windows.values():
+            window.close()
+
+    def tell(self, message: list[Any]) -> None:
+        with self._sending:
+            try:
+                self._pipe.send(json.dumps(message).encode())
+            except OSError:
+                self._ended = True  # the parent is gone
+
+    def _open(self, task: dict[str, Any]) -> None:
+        display, panels = task["display"], [_wanted(values) for values in task["panels"]]
+        _init(panels[0].id, display)
+        shared = memoryview(mmap.mmap(self._memory, 0))
+        found = places(panels, _monitors(), display=display)
+        for index, (panel, place) in enumerate(zip(panels, found, strict=True)):
+            slots = [shared[start : start + task["bytes"][index]] for start in task["slots"][index]]
+            try:
+                window = Window(index, panel, place, slots, self.tell)
+            except glfw.GLFWError as error:
+                raise RunError(f"panel {panel.id}: no window on display {display} ({_text(error)})") from error
+            self.windows[index] = window
+            self._hands[index] = Hands(
+                window.handle, place.rotation, task["height"] * place.box.height / panel.pixels[1]
+            )
+        for index, window in self.windows.items():
+            if not window.ready.wait(START_WAIT_S) or window.failed:
+                why = window.failed or f"it did not show anything for {START_WAIT_S:.0f} s"
+                raise RunError(f"panel {panels[index].id}: no OpenGL 3.3 in its window on display {display}: {why}")
+        self.tell(["ready", [place.note for place in found if place.note]])
+
+    def _listen(self) -> None:
+        while message := self._receive():
+            index, slot, width, height, number = json.loads(message)
+            window = self.windows.get(index)
+            if window is not None:
+                window.offer(slot, width, height, number)
+        self._ended = True
+        glfw.post_empty_event()
+
+    def _receive(self) -> bytes:
+        try:
+            return self._pipe.recv(MAX_PACKET)
+        except OSError:
+            return b""
+
+
+def _wanted(values: dict[str, Any]) -> Wanted:
+    window = values["window"]
+    return Wanted(**{**values, "pixels": tuple(values["pixels"]), "window": tuple(window) if window else None})
+
+
+def _init(panel: str, display: str) -> None:
+    glfw.ERROR_REPORTING = "raise"
+    try:
+        glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
+        glfw.init()
+    except glfw.GLFWError as error:
+        raise RunError(
+            f"panel {panel}: display {display} cannot be opened ({_text(error)}); wanted an X server that is running "
+            f"and lets this user in (XAUTHORITY: {os.environ.get('XAUTHORITY', 'not set')})"
+        ) from error
+
+
+def _text(error: Exception) -> str:
+    """What GLFW said, without its number and its quotes."""
+    return str(error).partition(") ")[2].removeprefix("b").strip("'\"")
+
+
+def _monitors() -> list[Monitor]:
+    found = []
+    for handle in glfw.get_monitors():
+        mode = glfw.get_video_mode(handle)
+        box = Box(*glfw.get_monitor_pos(handle), mode.size.width, mode.size.height)
+        found.append(Monitor(os.fsdecode(glfw.get_monitor_name(handle)), box, mode.refresh_rate))
+    return found
+
+
+def _open(title: str, place: Place) -> Any:
+    for hint, value in (
+        (glfw.CONTEXT_VERSION_MAJOR, 3),
+        (glfw.CONTEXT_VERSION_MINOR, 3),
+        (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
+        (glfw.DECORATED, glfw.FALSE),
+        (glfw.RESIZABLE, glfw.FALSE),
+        (glfw.AUTO_ICONIFY, glfw.FALSE),  # a wall stays when another window is clicked
+        (glfw.SRGB_CAPABLE, glfw.FALSE),
+        (glfw.VISIBLE, glfw.FALSE),
+    ):
+        glfw.window_hint(hint, value)
+    monitor = None if place.monitor is None else glfw.get_monitors()[place.monitor]
+    if monitor is not None:
+        glfw.window_hint(glfw.REFRESH_RATE, glfw.get_video_mode(monitor).refresh_rate or glfw.DONT_CARE)
+    handle = glfw.create_window(place.box.width, place.box.height, title, monitor, None)
+    if monitor is None:
+        glfw.set_window_pos(handle, place.box.x, place.box.y)
+    else:
+        glfw.set_input_mode(handle, glfw.CURSOR, glfw.CURSOR_HIDDEN)
+    glfw.show_window(handle)
+    glfw.focus_window(handle)  # without a window manager nobody else gives it the keys
+    return handle
+
+
+def main() -> None:
+    parent, descriptor, memory = (int(word) for word in sys.argv[1:4])
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+    pipe = socket.socket(fileno=descriptor)
+    Glass(pipe, memory).run()
+    sys.stderr.flush()
+    os._exit(0)  # a window whose swap never returns must not keep the process
+
+
+if __name__ == "__main__":
+    main()
