@@ -21,6 +21,7 @@ HEADING_MM = 4.2
 WALL_MM = (54.0, 92.0)  # width of the wall's part: least, most
 WALL_HEIGHT_MM = (80.0, 120.0)
 SIDE_BY_SIDE_MM = 140.0  # below it the graph stands under the wall
+NEARLY = 1.1  # so much wider than wanted is not worth higher boxes
 TEXT_WIDTH_MM = 178.0  # two columns of a journal
 
 
@@ -43,10 +44,11 @@ def compose(shown: Sketch, *, width: float = TEXT_WIDTH_MM) -> Page:
     """
     together = bundled(shown)
     colours = tints(together.places)
-    graph = graph_part(together, colours)
     beside = width >= SIDE_BY_SIDE_MM
-    room = width - 2 * MARGIN_MM
-    least, most = WALL_MM
+    room, (least, most) = width - 2 * MARGIN_MM, WALL_MM
+    graph = graph_part(together, colours)
+    if graph.width > NEARLY * room - (least + BETWEEN_MM if beside else 0.0):
+        graph = graph_part(together, colours, narrow=True)
     wall_width = min(max(room - BETWEEN_MM - graph.width, least), most) if beside else max(room, graph.width)
     wall_height = min(max(graph.height + HEADING_MM, WALL_HEIGHT_MM[0]), WALL_HEIGHT_MM[1]) if beside else most
     wall = wall_part(shown, tints(shown.places), width=wall_width, height=wall_height)

@@ -25,6 +25,9 @@ ARROW = (1.5, 0.55)  # mm, length and half width
 STACKED = 0.8  # mm by which the boxes behind a bundle stand out
 
 
+Line = list[tuple[str, float, bool]]  # text, points, bold
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GraphPart:
     """A graph with its size, ready to be drawn anywhere on a page."""
@@ -35,6 +38,7 @@ class GraphPart:
     left: tuple[float, ...]  # of each layer, mm
     widths: tuple[float, ...]
     heights: Mapping[str, float]
+    lines: Mapping[str, list[Line]]
     width: float
     height: float
 
@@ -43,18 +47,23 @@ class GraphPart:
         _Drawing(self, page, x, y).draw()
 
 
-def graph_part(sketch: Sketch, tints: Mapping[str, Tint]) -> GraphPart:
-    """Lay the graph of a sketch out."""
+def graph_part(sketch: Sketch, tints: Mapping[str, Tint], *, narrow: bool = False) -> GraphPart:
+    """Lay the graph of a sketch out; `narrow` makes its boxes higher and less wide."""
+    lines = {box.id: _lines(box, narrow=narrow) for box in sketch.boxes}
     fan_in: dict[str, int] = defaultdict(int)
     for wire in sketch.wires:
         fan_in[wire.end] += 1
-    heights = {box.id: max(_text_height(box), min(fan_in[box.id], 14) * PORT_STEP + 1.0) for box in sketch.boxes}
+    heights = {
+        box.id: max(_text_height(lines[box.id]), min(fan_in[box.id], 14) * PORT_STEP + 1.0) for box in sketch.boxes
+    }
     rooms = {box.id: heights[box.id] + (4 * STACKED if box.count > 1 else 0.0) for box in sketch.boxes}
     names = _names(sketch)
     framed = dict.fromkeys(names, (2 * LINE_MM - 0.4 + HULL_PAD / 2, HULL_PAD))
     stacked = stack(sketch.boxes, sketch.wires, rooms, lambda place: framed.get(place, (0.0, 0.0)))
     last = max(stacked.level.values())
-    widths = [max(_text_width(box) for box in sketch.boxes if stacked.level[box.id] == k) for k in range(last + 1)]
+    widths = [
+        max(_text_width(lines[box.id]) for box in sketch.boxes if stacked.level[box.id] == k) for k in range(last + 1)
+    ]
     gaps = [_gap(sketch, stacked, k) for k in range(last)]
     for lane in stacked.lanes:
         if lane.place in names:
@@ -69,6 +78,7 @@ def graph_part(sketch: Sketch, tints: Mapping[str, Tint]) -> GraphPart:
         left=tuple(left),
         widths=tuple(widths),
         heights=heights,
+        lines=lines,
         width=left[-1] + widths[-1] + HULL_PAD,
         height=stacked.height,
     )
@@ -90,21 +100,28 @@ def _name_width(name: tuple[str, str]) -> float:
     return max(width_of(name[0], BODY_PT, bold=True), width_of(name[1], SMALL_PT))
 
 
-def _head(box: Box) -> tuple[str, str]:
-    """Name in bold, operator beside it."""
-    name = fitted(box.title or box.id, BODY_PT, WIDEST_TEXT - width_of(box.op, BODY_PT), bold=True)
+def _lines(box: Box, *, narrow: bool) -> list[Line]:
+    """Name and operator, then the detail; on a narrow page each below the other."""
     times = f"{box.count} {TIMES} " if box.count > 1 else ""
-    return name, times + box.op if times or box.op != box.id else ""
+    op = times + box.op if times or box.op != box.id else ""
+    room = WIDEST_TEXT - (0.0 if narrow or not op else 1.0 + width_of(op, BODY_PT))
+    name = (fitted(box.title or box.id, BODY_PT, room, bold=True), BODY_PT, True)
+    lines = [[name], [(op, BODY_PT, False)]] if narrow else [[name, (op, BODY_PT, False)]]
+    lines.append([(fitted(box.detail, SMALL_PT, WIDEST_TEXT), SMALL_PT, False)])
+    filled = [[part for part in line if part[0]] for line in lines]
+    return [line for line in filled if line]
 
 
-def _text_width(box: Box) -> float:
-    name, op = _head(box)
-    first = width_of(name, BODY_PT, bold=True) + (1.0 + width_of(op, BODY_PT) if op else 0.0)
-    return max(first, width_of(fitted(box.detail, SMALL_PT, WIDEST_TEXT), SMALL_PT)) + 2 * BOX_PAD
+def _line_width(line: Line) -> float:
+    return sum(width_of(text, size, bold=bold) for text, size, bold in line) + len(line) - 1.0
 
 
-def _text_height(box: Box) -> float:
-    return (2 if box.detail else 1) * LINE_MM + 1.4
+def _text_width(lines: list[Line]) -> float:
+    return max(_line_width(line) for line in lines) + 2 * BOX_PAD
+
+
+def _text_height(lines: list[Line]) -> float:
+    return len(lines) * LINE_MM + 1.4
 
 
 def _labels(sketch: Sketch) -> dict[str, str]:
@@ -175,15 +192,14 @@ class _Drawing:
         for behind in (2, 1) if box.count > 1 else ():
             self._page.rect(x + behind * STACKED, y - behind * STACKED, width, height, level=2, **style)
         self._page.rect(x, y, width, height, gid=f"node-{box.id}", level=3, **style)
-        name, op = _head(box)
-        lines = 2 if box.detail else 1
-        base = y + height / 2 - lines * LINE_MM / 2 + 0.78 * LINE_MM
-        self._page.write(x + BOX_PAD, base, name, bold=True)
-        if op:
-            self._page.write(x + BOX_PAD + width_of(name, BODY_PT, bold=True) + 1.0, base, op)
-        if box.detail:
-            detail = fitted(box.detail, SMALL_PT, WIDEST_TEXT)
-            self._page.write(x + BOX_PAD, base + LINE_MM, detail, size=SMALL_PT, colour="#4d4d4d")
+        lines = self._part.lines[box.id]
+        base = y + height / 2 - len(lines) * LINE_MM / 2 + 0.78 * LINE_MM
+        for k, line in enumerate(lines):
+            at = x + BOX_PAD
+            for text, size, bold in line:
+                colour = BLACK if size == BODY_PT else "#4d4d4d"
+                self._page.write(at, base + k * LINE_MM, text, size=size, bold=bold, colour=colour)
+                at += width_of(text, size, bold=bold) + 1.0
 
     def _wire(self, number: int, wire: Wire) -> None:
         """Out of the box, past its label, then a bend in every gap, into the port."""

@@ -237,6 +237,7 @@ def _patch(stroke: Stroke, order: int) -> PathPatch:
         hatch=stroke.hatch,
         alpha=stroke.alpha if stroke.alpha < 1 else None,
         gid=stroke.gid,
+        snap=False if stroke.width < THIN_PT else None,  # to pixels of a PNG: fine lines would be uneven
         zorder=order,
         joinstyle="miter",
         capstyle="butt",

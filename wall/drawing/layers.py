@@ -51,7 +51,7 @@ class Stacked:
 
 
 def levels(boxes: Sequence[Box], wires: Sequence[Wire]) -> dict[str, int]:
-    """Layer of each box: sinks last, sources before their first user, sample streams first."""
+    """Layer of each box: the longest path to it, sample streams first, other sources just before their first user."""
     inputs, users = defaultdict(list), defaultdict(list)
     for wire in wires:
         inputs[wire.end].append(wire.start)
@@ -59,10 +59,6 @@ def levels(boxes: Sequence[Box], wires: Sequence[Wire]) -> dict[str, int]:
     level: dict[str, int] = {}
     for box in boxes:
         level[box.id] = max((level[name] + 1 for name in inputs[box.id]), default=0)
-    last = max(level.values(), default=0)
-    for box in boxes:
-        if box.sink:
-            level[box.id] = last
     for box in boxes:
         if not inputs[box.id] and box.op != "samples" and users[box.id]:
             level[box.id] = min(level[name] for name in users[box.id]) - 1

@@ -62,7 +62,7 @@ class Plan:
             if not np.array_equal(wedge.eye, eye):
                 continue
             for near, far in (wedge.ends(), wedge.ends()[::-1]):
-                other = _side(eye, near, (near + far) / 2)
+                other = _side(eye, end, (near + far) / 2)
                 if other * side < 0 and abs(_angle(end - eye, near - eye)) < NO_GAP:
                     return True
         return False

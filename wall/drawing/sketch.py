@@ -105,7 +105,8 @@ def _box(layout: Layout, node: NodeConfig) -> Box:
     if isinstance(node, SamplesNode):
         return Box(id=node.id, op="samples", detail=f"{node.panel}, {place}", place=place, source=True)
     if isinstance(node, SinkNode):
-        return Box(id=node.id, op="sink", detail=node.kind, place=place, sink=True)
+        op = "sink" if node.kind == node.id else f"{node.kind} sink"
+        return Box(id=node.id, op=op, detail="", place=place, sink=True)
     rect = _rect(layout, node)
     return Box(id=node.id, op=node.op, detail=f"{rect.width} {TIMES} {rect.height} px", place=place)
 

@@ -58,7 +58,7 @@ def wall_part(sketch: Sketch, tints: Mapping[str, Tint], *, width: float, height
     seen, above = front(sketch.screens), plan(sketch.screens)
     left, bottom, right, top = seen.bounds()
     west, far, east, near = above.bounds()
-    room = height - 2 * HEADING_MM - 2 * CAPTION_MM - BETWEEN_MM - EYE_ROOM_MM - 3.4
+    room = height - 2 * HEADING_MM - CAPTION_MM - BETWEEN_MM - EYE_ROOM_MM - 2.4
     scale = min(width / max(right - left, east - west), room / (top - bottom + near - far))
     used = scale * (top - bottom + near - far) + height - room
     return WallPart(sketch=sketch, tints=tints, front=seen, plan=above, scale=scale, width=width, height=used)
