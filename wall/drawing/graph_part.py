@@ -58,7 +58,7 @@ def graph_part(sketch: Sketch, tints: Mapping[str, Tint], *, narrow: bool = Fals
     }
     rooms = {box.id: heights[box.id] + (4 * STACKED if box.count > 1 else 0.0) for box in sketch.boxes}
     names = _names(sketch)
-    framed = dict.fromkeys(names, (2 * LINE_MM - 0.4 + HULL_PAD / 2, HULL_PAD))
+    framed = {key: (sum(map(bool, name)) * LINE_MM - 0.4 + HULL_PAD / 2, HULL_PAD) for key, name in names.items()}
     stacked = stack(sketch.boxes, sketch.wires, rooms, lambda place: framed.get(place, (0.0, 0.0)))
     last = max(stacked.level.values())
     widths = [

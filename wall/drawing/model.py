@@ -34,6 +34,7 @@ class Place:
     label: str
     detail: str  # ranks, host
     role: Role
+    count: int = 1  # processes drawn as one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

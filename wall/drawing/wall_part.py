@@ -197,7 +197,10 @@ class _Drawing:
             x, y = on_page(eye)
             page.dot(x, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT, gid="eye", level=2)
         x, y = on_page(np.mean(part.plan.eyes, axis=0))
-        page.write(x, y + EYE_ROOM_MM - 0.4, self._eye_text(), align="center", size=SMALL_PT)
+        text = self._eye_text()
+        half = width_of(text, SMALL_PT) / 2
+        x = min(max(x, self._x + half), self._x + part.width - half)
+        page.write(x, y + EYE_ROOM_MM - 0.4, text, align="center", size=SMALL_PT)
 
     def _eye_text(self) -> str:
         eyes = np.unique(np.round([eye for screen in self._part.sketch.screens for eye in screen.eyes], 6), axis=0)
