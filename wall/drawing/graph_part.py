@@ -128,7 +128,7 @@ def _labels(sketch: Sketch) -> dict[str, str]:
     """What stands at the beginning of the wires that leave each box's process."""
     leaving: dict[str, list[Wire]] = defaultdict(list)
     for wire in sketch.wires:
-        if wire.crosses:
+        if wire.bytes_per_s > 0:
             leaving[wire.start].append(wire)
     return {start: " + ".join(dict.fromkeys(_label(wire, wires) for wire in wires)) for start, wires in leaving.items()}
 
@@ -187,7 +187,7 @@ class _Drawing:
         level, tint = self._part.stacked.level[box.id], self._part.tints[box.place]
         x, height, width = self._left(level), self._part.heights[box.id], self._part.widths[level]
         y = self._middle(box.id) - height / 2
-        lone = box.source and self._part.sketch.places[box.place].role == "renderer"
+        lone = box.place not in _names(self._part.sketch)
         style = {"fill": tint.fill if lone else "#ffffff", "line": tint.line, "width": THIN_PT}
         for behind in (2, 1) if box.count > 1 else ():
             self._page.rect(x + behind * STACKED, y - behind * STACKED, width, height, level=2, **style)

@@ -142,7 +142,7 @@ class _Stacking:
             if (cost := self._cost()) < least - 1e-6:
                 least, found = cost, dict(self._middle)
                 tops = {id(lane): lane.top for lane in order}
-            order = sorted(order, key=self._pull)
+            order = sorted(self._lanes, key=self._pull)
         for lane in self._lanes:
             lane.top = tops[id(lane)]
         high = min(lane.top for lane in self._lanes)
@@ -192,8 +192,9 @@ class _Stacking:
         ]
         return float(np.mean(away)) if away else 0.0
 
-    def _pull(self, lane: Lane) -> float:
-        return lane.top + lane.height / 2 + self._lean(lane)
+    def _pull(self, lane: Lane) -> int:
+        """Where it wants to be, roughly: lanes that want the same keep their order."""
+        return round((lane.top + lane.height / 2 + self._lean(lane)) / ROW_GAP)
 
     def _spread(self) -> None:
         """Order the items of each lane by their neighbours, and place them as near to these as their room allows."""

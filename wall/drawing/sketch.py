@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from wall.compositing.graph import inputs_of
+from wall.compositing.graph import Graph, Layer, Step
 from wall.config.loading import Loaded
-from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode
+from wall.config.schema import FrameSync, SinkNode
 from wall.config.screens import BezelConfig
 from wall.config.views import DEFAULT_FOV_DEGREES
-from wall.data import Channels, Float64, Rect
+from wall.data import Float64
 from wall.drawing.model import TIMES, TO, Box, Place, Role, Screen, Sketch, Wire
 from wall.drawing.traffic import bytes_a_sample, framelet_traffic, samples_traffic, si
 from wall.geometry.cameras import default_eye
 from wall.geometry.panels import Wall
-from wall.processes.plan import Layout
-
-COLOUR: Channels = frozenset({"colour"})
+from wall.processes.plan import HEAD, Layout
 
 
 def sketch(layout: Layout, *, samples_per_s: float) -> Sketch:
     """Everything to be drawn. `samples_per_s`: expected of a rank, for the bytes of sample streams."""
     sampling, refresh_hz = layout.sampling, layout.config.views[0].refresh_hz
     sample_bytes = bytes_a_sample(sampling.method, sampling.samples_per_batch)
+    lock_step = " in lock step" if isinstance(layout.graph.sync, FrameSync) else ""
     return Sketch(
         name=Path(layout.loaded.path).name,
         size=(layout.wall.width, layout.wall.height),
         screens=_screens(layout),
         places=_places(layout),
-        boxes=tuple(_box(layout, node) for node in layout.graph.nodes),
-        wires=tuple(_wires(layout, samples_per_s * sample_bytes)),
+        boxes=_boxes(layout),
+        wires=tuple(_wires(layout, samples_per_s, sample_bytes)),
         remarks=(
             f"samples: {si(samples_per_s, ' samples/s')} a rank, {sample_bytes:.3g} bytes each ({sampling.method})",
-            f"framelets: whole, {refresh_hz:g} a second, before compression; a still view sends less",
+            f"framelets: whole, {refresh_hz:g} a second{lock_step}, before compression; a still view sends less",
         ),
     )
 
@@ -51,10 +51,16 @@ def _screens(layout: Layout) -> tuple[Screen, ...]:
             bezel=_sides(bezel),
             eyes=(eye,),
             notes=(panel.host,) if panel.host else (),
-            place=_rank_key(layout, layout.compositor_of(panel.index)),
+            place=_maker(layout.graph, panel.index),
         )
         for panel, bezel in zip(layout.wall.panels, bezels, strict=True)
     )
+
+
+def _maker(graph: Graph, panel: int) -> str:
+    """The place that takes a panel's samples in; "" if there are several."""
+    places = {layer.place for layer in graph.layers if layer.panel == panel}
+    return _rank_key(places.pop()) if len(places) == 1 else ""
 
 
 def _eye(loaded: Loaded, wall: Wall) -> Float64:
@@ -73,68 +79,75 @@ def _sides(bezel: BezelConfig) -> tuple[float, float, float, float]:
 
 
 def _places(layout: Layout) -> dict[str, Place]:
-    places = {}
-    for rank in range(layout.graph.compositors):
+    graph, places = layout.graph, {}
+    for rank in range(graph.compositors):
         role: Role = "compositor" if rank else "head"
-        places[_rank_key(layout, rank)] = Place(
-            label=f"compositor {rank}" if rank else "head", detail=f"rank {rank}", role=role
-        )
-    for node in layout.graph.nodes:
-        if isinstance(node, SamplesNode):
-            key = _place(layout, node)
-            places[key] = Place(label=key, detail="", role="renderer")
+        places[_rank_key(rank)] = Place(label=_rank_key(rank), detail=_on_host(graph, f"rank {rank}", rank), role=role)
+    for layer in graph.layers:
+        key = _ranks_key(layer.ranks)
+        places[key] = Place(label=key, detail=_on_host(graph, "", *layer.ranks), role="renderer")
     return places
 
 
-def _rank_key(layout: Layout, rank: int) -> str:
-    return "head" if rank == 0 else f"compositor {rank}"
+def _rank_key(rank: int) -> str:
+    return "head" if rank == HEAD else f"compositor {rank}"
 
 
-def _place(layout: Layout, node: NodeConfig) -> str:
-    if isinstance(node, ReconstructNode):
-        return _rank_key(layout, node.on)
-    if not isinstance(node, SamplesNode):
-        return "head"
-    panel = layout.wall.panel(node.panel).index
-    ranks = [rank for rank in layout.renderers() if layout.region(rank).panel == panel]
-    return f"rank {ranks[0]}" if len(ranks) == 1 else f"ranks {ranks[0]}{TO}{ranks[-1]}"
+def _ranks_key(ranks: tuple[int, ...]) -> str:
+    if len(ranks) == 1:
+        return f"rank {ranks[0]}"
+    if ranks == tuple(range(ranks[0], ranks[-1] + 1)):
+        return f"ranks {ranks[0]}{TO}{ranks[-1]}"
+    return "ranks " + ", ".join(map(str, ranks))
 
 
-def _box(layout: Layout, node: NodeConfig) -> Box:
-    place = _place(layout, node)
-    if isinstance(node, SamplesNode):
-        return Box(id=node.id, op="samples", detail=f"{node.panel}, {place}", place=place, source=True)
+def _on_host(graph: Graph, text: str, *ranks: int) -> str:
+    hosts = dict.fromkeys(graph.hosts[rank] for rank in ranks if rank in graph.hosts)
+    return ", ".join(part for part in (text, *hosts) if part)
+
+
+def _boxes(layout: Layout) -> tuple[Box, ...]:
+    """Every node, inputs first."""
+    layers, steps = {one.samples: one for one in layout.graph.layers}, {s.node.id: s for s in layout.graph.steps}
+    return tuple(
+        _samples_box(layout, layers[node.id]) if node.id in layers else _step_box(steps[node.id])
+        for node in layout.graph.nodes
+    )
+
+
+def _samples_box(layout: Layout, layer: Layer) -> Box:
+    place, panel = _ranks_key(layer.ranks), layout.wall.panels[layer.panel]
+    share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
+    return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {place}", place=place, source=True)
+
+
+def _step_box(step: Step) -> Box:
+    node, place = step.node, _rank_key(step.place)
     if isinstance(node, SinkNode):
         op = "sink" if node.kind == node.id else f"{node.kind} sink"
         return Box(id=node.id, op=op, detail="", place=place, sink=True)
-    rect = _rect(layout, node)
-    return Box(id=node.id, op=node.op, detail=f"{rect.width} {TIMES} {rect.height} px", place=place)
+    size = f"{step.rect.width} {TIMES} {step.rect.height} px"
+    return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, place=place, source=not node.sources)
 
 
-def _rect(layout: Layout, node: NodeConfig) -> Rect:
-    by_id = {other.id: other for other in layout.graph.nodes}
-    if isinstance(node, ReconstructNode):
-        samples = by_id[node.input]
-        assert isinstance(samples, SamplesNode)
-        panel = layout.wall.panel(samples.panel)
-        return Rect(x=panel.screen[0], y=panel.screen[1], width=panel.pixels[0], height=panel.pixels[1])
-    return Rect(x=0, y=0, width=layout.wall.width, height=layout.wall.height)
-
-
-def _wires(layout: Layout, rank_bytes_per_s: float) -> list[Wire]:
-    by_id = {node.id: node for node in layout.graph.nodes}
-    wires = []
-    for node in layout.graph.nodes:
-        for name in inputs_of(node):
-            giver = by_id[name]
-            crosses = _place(layout, giver) != _place(layout, node)
-            amount = _amount(layout, giver, rank_bytes_per_s) if crosses else 0.0
-            wires.append(Wire(start=name, end=node.id, bytes_per_s=amount, crosses=crosses))
-    return wires
-
-
-def _amount(layout: Layout, giver: NodeConfig, rank_bytes_per_s: float) -> float:
-    if isinstance(giver, SamplesNode):
-        return samples_traffic(giver.ranks, 1.0, rank_bytes_per_s)
-    refresh_hz = layout.config.views[0].refresh_hz
-    return framelet_traffic(_rect(layout, giver).area, COLOUR, encoded=True, refresh_hz=refresh_hz)
+def _wires(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Wire]:
+    """Every edge. A framelet goes once to a process, however many nodes need it there: the first wire has its bytes."""
+    graph, refresh_hz = layout.graph, layout.config.views[0].refresh_hz
+    layers = {layer.samples: layer for layer in graph.layers}
+    sent: set[tuple[int, int]] = set()
+    for step in graph.steps:
+        for name in step.node.sources:
+            if name in layers:
+                amount = samples_traffic(len(layers[name].ranks), samples_per_s, sample_bytes)
+                yield Wire(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
+                continue
+            giver = graph.step(name)
+            crosses, key = giver.place != step.place, (giver.index, step.place)
+            whole = framelet_traffic(giver.rect.area, giver.channels, encoded=giver.encoded, refresh_hz=refresh_hz)
+            yield Wire(
+                start=name,
+                end=step.node.id,
+                bytes_per_s=whole if crosses and key not in sent else 0.0,
+                crosses=crosses,
+            )
+            sent.add(key)

@@ -29,7 +29,7 @@ def bytes_a_sample(method: str, samples_per_batch: int) -> float:
 
 
 def samples_traffic(ranks: int, samples_per_s: float, sample_bytes: float) -> float:
-    """Bytes/s of so many ranks that trace `samples_per_s` each."""
+    """Bytes/s of so many ranks that trace `samples_per_s` each, in packets of `sample_bytes` a sample."""
     return ranks * samples_per_s * sample_bytes
 
 
