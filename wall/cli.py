@@ -124,6 +124,27 @@ def render(
 
 
 @app.command()
+def draw(
+    config: ConfigArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", help="wall.svg, .pdf or .png")],
+    samples_per_s: Annotated[
+        float, typer.Option(min=1.0, help="Samples/s expected of a rank, for the bytes/s of its stream")
+    ] = 1e6,
+    width: Annotated[
+        float, typer.Option(min=40.0, max=2000.0, help="Width to aim at, mm; type keeps its size")
+    ] = 178.0,
+) -> None:
+    """Draw a wall to scale beside its compositing graph, with the bytes/s to expect between processes.
+
+    [bold]wall draw configs/demo.yaml -o wall.svg[/]
+    """
+    from wall.drawing.draw import draw as draw_wall
+
+    page = draw_wall(_load(config, None), output, samples_per_s=samples_per_s, width=width)
+    console.print(f"wrote {output}: {page.width:.0f} x {page.height:.0f} mm")
+
+
+@app.command()
 def check(config: ConfigArgument) -> None:
     """Check a configuration, and say what would run where, with what, at what cost."""
     from wall.processes.check import check as check_config

@@ -1,0 +1,263 @@
+"""The wall on a page, to scale: from the front and from above, with a scale bar in metres."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wall.data import Float64
+from wall.drawing.front import Front, Placed, front, meet, meeting
+from wall.drawing.ink import BLACK, BODY_PT, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, fitted, width_of
+from wall.drawing.model import MINUS, TIMES, Sketch
+from wall.drawing.overhead import Plan, plan
+from wall.drawing.palette import BEZEL, FRUSTUM, LIT, OVERLAP, Tint
+
+LINE_MM = 2.9
+HEADING_MM = 4.2  # from the top of a view's heading to its picture
+CAPTION_MM = 3.2
+BETWEEN_MM = 5.0  # the two views
+LABEL_ROOM = 0.94  # share of a panel that its label may take
+MOST_FRUSTA = 12  # more are drawn as one from edge to edge
+SMALL_PANEL_MM = 8.0  # below it lines become thinner with the panels
+EYE_MM = 0.75
+EYE_ROOM_MM = 3.8  # below an eye, for its name
+KINDS = {
+    "flat": "",
+    "unrolled": "unrolled: every panel in its true size",
+    "apart": "panels laid beside each other in their true sizes",
+}
+
+
+Lines = list[tuple[str, float, bool]]  # text, points, bold
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WallPart:
+    """A wall with its scale, ready to be drawn anywhere on a page."""
+
+    sketch: Sketch
+    tints: Mapping[str, Tint]
+    front: Front
+    plan: Plan
+    scale: float  # mm of paper a metre
+    width: float
+    height: float
+
+    def draw(self, page: Page, x: float, y: float) -> None:
+        """Draw it with its top left corner at (x, y), mm."""
+        _Drawing(self, page, x, y).draw()
+
+
+def wall_part(sketch: Sketch, tints: Mapping[str, Tint], *, width: float, height: float) -> WallPart:
+    """The largest drawing of both views at one scale in so many mm."""
+    seen, above = front(sketch.screens), plan(sketch.screens)
+    left, bottom, right, top = seen.bounds()
+    west, far, east, near = above.bounds()
+    room = height - 2 * HEADING_MM - CAPTION_MM - BETWEEN_MM - EYE_ROOM_MM - 2.4
+    scale = min(width / max(right - left, east - west), room / (top - bottom + near - far))
+    used = scale * (top - bottom + near - far) + height - room
+    return WallPart(sketch=sketch, tints=tints, front=seen, plan=above, scale=scale, width=width, height=used)
+
+
+def nice_length(most: float) -> float:
+    """The largest of 1, 2, 5 times a power of ten that is not above `most`."""
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9))
+
+
+def metres(value: float) -> str:
+    """A length for a reader: "2.5 m", "35 cm", "4 mm"."""
+    for unit, size in (("m", 1.0), ("cm", 1e-2)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value / 1e-3:.3g} mm"
+
+
+class _Drawing:
+    def __init__(self, part: WallPart, page: Page, x: float, y: float) -> None:
+        self._part, self._page, self._x, self._y = part, page, x, y
+
+    def draw(self) -> None:
+        part, page = self._part, self._page
+        left, bottom, right, top = part.front.bounds()
+        west, far, east, near = part.plan.bounds()
+        page.write(self._x, self._y + 2.4, "Front view", bold=True)
+        room = part.width - width_of("Front view", bold=True) - 1.4
+        page.write(self._x + part.width - room, self._y + 2.4, fitted(self._how(), BODY_PT, room), colour=GREY)
+        middle = self._x + part.width / 2
+        if part.front.kind == "flat":  # the same place above and below: both views have one x
+            low, high = min(left, west), max(right, east)
+            origin = plan_origin = middle - part.scale * (low + high) / 2
+        else:
+            origin, plan_origin = middle - part.scale * (left + right) / 2, middle - part.scale * (west + east) / 2
+        head = self._y + HEADING_MM
+        self._front(np.array([origin, head + part.scale * top]))
+        below = head + part.scale * (top - bottom) + CAPTION_MM
+        page.write(self._x, below, self._extent(), size=SMALL_PT, colour=GREY)
+        second = below + BETWEEN_MM
+        page.write(self._x, second + 1.0, "Top view", bold=True)
+        page.write(self._x + width_of("Top view", bold=True) + 1.4, second + 1.0, "viewer below", colour=GREY)
+        head = second + HEADING_MM - 1.2
+        self._plan(np.array([plan_origin, head - part.scale * far]))
+        self._scale_bar(head + part.scale * (near - far) + EYE_ROOM_MM + 2.4)
+
+    def _how(self) -> str:
+        """How the panels came to lie in one plane, and which they are where that cannot be written on them."""
+        ids = [placed.screen.id for placed in self._part.front.placed]
+        left_out = "" if all(self._labels) else f"{ids[0]} … {ids[-1]}"
+        return ", ".join(part for part in (KINDS[self._part.front.kind], left_out) if part)
+
+    def _extent(self) -> str:
+        left, bottom, right, top = self._part.front.bounds()
+        sizes = {screen.pixels for screen in self._part.sketch.screens}
+        count = len(self._part.sketch.screens)
+        each = "each " if count > 1 else ""
+        same = f", {each}{_pixels(next(iter(sizes)))} px" if len(sizes) == 1 else ""
+        panels = f"{count} panels" if count > 1 else "1 panel"
+        return f"{metres(right - left)} {TIMES} {metres(top - bottom)}, {panels}{same}"
+
+    def _front(self, origin: Float64) -> None:
+        """`origin`: where (0, 0) of the drawing's plane is on the page, mm."""
+        part, page = self._part, self._page
+
+        def on_page(points: Float64) -> Float64:
+            found: Float64 = origin + part.scale * points * np.array([1.0, -1.0])
+            return found
+
+        rects = np.array([placed.rect() for placed in part.front.placed])
+        for placed, rect in zip(part.front.placed, rects, strict=True):
+            screen, tint = placed.screen, part.tints.get(placed.screen.place)
+            if any(screen.bezel):
+                page.stroke(on_page(placed.rect(*screen.bezel)), closed=True, fill=BEZEL, line=None, level=-2)
+            fill = tint.fill if tint else LIT
+            width = THIN_PT * min(1.0, min(placed.size) * part.scale / SMALL_PANEL_MM)
+            name = f"panel-{screen.id}"
+            page.stroke(on_page(rect), closed=True, fill=fill, line=BLACK, width=width, gid=name, level=-1)
+        for i, j in meeting(rects):
+            shared = meet(rects[i], rects[j])
+            if shared is not None:
+                page.stroke(on_page(shared), closed=True, line=OVERLAP, hatch="//////", gid="overlap")
+        for rect, lines in zip(rects, self._labels, strict=True):
+            self._centred(on_page(rect).mean(axis=0), lines)
+
+    @cached_property
+    def _labels(self) -> list[Lines]:
+        """Lines for each panel; none where there is no room for its id."""
+        placed = self._part.front.placed
+        rooms = [self._room(one) for one in placed]
+        chosen = [_largest(one, room, (True, False)) for one, room in zip(placed, rooms, strict=True)]
+        if len({one.screen.pixels for one in placed}) == 1 and not all(map(_resolution_is_said, chosen)):
+            chosen = [
+                _largest(one, room, (False,)) for one, room in zip(placed, rooms, strict=True)
+            ]  # the caption says it
+        return chosen
+
+    def _room(self, placed: Placed) -> tuple[float, float]:
+        """Width and height on the page in which a level label may stand, mm."""
+        width, height = (LABEL_ROOM * self._part.scale * edge for edge in placed.size)
+        tilt = abs(float(placed.right[1]))
+        if tilt < 0.02:
+            return width, height
+        if tilt > 0.9998:
+            return height, width
+        return (min(width, height) * 0.7,) * 2
+
+    def _centred(self, middle: Float64, lines: Lines) -> None:
+        top = float(middle[1]) - len(lines) * LINE_MM / 2
+        for k, (text, size, bold) in enumerate(lines):
+            y, colour = top + (k + 0.78) * LINE_MM, BLACK if bold else "#4d4d4d"
+            self._page.write(float(middle[0]), y, text, size=size, bold=bold, colour=colour, align="center")
+
+    def _plan(self, origin: Float64) -> None:
+        """`origin`: where x = z = 0 is on the page, mm."""
+        part, page = self._part, self._page
+
+        def on_page(points: Float64) -> Float64:
+            found: Float64 = origin + part.scale * points
+            return found
+
+        wedges = part.plan.wedges
+        for wedge in wedges:
+            area = np.array([wedge.eye, *wedge.ends()])
+            page.stroke(on_page(area), closed=True, fill=FRUSTUM, line=None, alpha=0.09, level=-3)
+        for eye, end in part.plan.edges(most=2 * MOST_FRUSTA):
+            page.stroke(on_page(np.array([eye, end])), line=FRUSTUM, width=THIN_PT, level=-2)
+        for outline in part.plan.screens:
+            page.stroke(on_page(outline), closed=True, fill=LIT, line=BLACK, width=2 * LINE_PT)
+            normal = _across(outline)
+            if normal is not None:
+                for end in (outline[0], outline[1]):
+                    page.stroke(on_page(end) + np.outer([-0.8, 0.8], normal), line=BLACK, width=THIN_PT)
+        for eye in part.plan.eyes:
+            x, y = on_page(eye)
+            page.dot(x, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT, gid="eye", level=2)
+        x, y = on_page(np.mean(part.plan.eyes, axis=0))
+        text = self._eye_text()
+        half = width_of(text, SMALL_PT) / 2
+        x = min(max(x, self._x + half), self._x + part.width - half)
+        page.write(x, y + EYE_ROOM_MM - 0.4, text, align="center", size=SMALL_PT)
+
+    def _eye_text(self) -> str:
+        eyes = np.unique(np.round([eye for screen in self._part.sketch.screens for eye in screen.eyes], 6), axis=0)
+        if len(eyes) > 1:
+            return f"{len(eyes)} eyes"
+        place = ", ".join(f"{value:.3g}".replace("-", MINUS) for value in eyes[0] + 0.0)
+        return f"eye ({place}) m"
+
+    def _scale_bar(self, y: float) -> None:
+        length = nice_length(self._part.width / 4 / self._part.scale)
+        x, end = self._x, self._x + self._part.scale * length
+        self._page.stroke([(x, y), (end, y)], width=LINE_PT, gid="scale-bar")
+        for at in (x, end):
+            self._page.stroke([(at, y - 0.8), (at, y + 0.8)], width=LINE_PT)
+        self._page.write(end + 1.2, y + 0.8, metres(length))
+
+
+def _across(outline: Float64) -> Float64 | None:
+    """(2,) unit, across the line that an upright screen is from above; None for one that has an area there."""
+    along = outline[1] - outline[0]
+    length = float(np.linalg.norm(along))
+    if length < 1e-6 or float(np.linalg.norm(outline[3] - outline[0])) > 0.02 * length:
+        return None
+    return np.array([-along[1], along[0]]) / length
+
+
+def _largest(placed: Placed, room: tuple[float, float], with_resolution: tuple[bool, ...]) -> Lines:
+    """The first label that fits into so many mm: with the resolution, in larger type, with notes; [] if none does."""
+    screen = placed.screen
+    for resolution in with_resolution:
+        for size in (BODY_PT, SMALL_PT):
+            lines = [(part, size, True) for part in _broken(screen.id, size, room[0])]
+            if resolution:
+                lines.append((_pixels(screen.pixels), SMALL_PT, False))
+            for notes in (screen.notes, ()):
+                found = lines + [(note, SMALL_PT, False) for note in notes]
+                widest = max(width_of(text, size, bold=bold) for text, size, bold in found)
+                if widest <= room[0] and len(found) * LINE_MM <= room[1]:
+                    return found
+    return []
+
+
+def _resolution_is_said(lines: Lines) -> bool:
+    return any(TIMES in text for text, _, bold in lines if not bold)
+
+
+def _broken(text: str, size: float, room: float) -> list[str]:
+    """An id that is too wide, broken at its signs."""
+    if width_of(text, size, bold=True) <= room:
+        return [text]
+    lines = [""]
+    for part in re.findall(r"[^-_.]+[-_.]*|[-_.]+", text):
+        if lines[-1] and width_of(lines[-1] + part, size, bold=True) > room:
+            lines.append("")
+        lines[-1] += part
+    return lines
+
+
+def _pixels(pixels: tuple[int, int]) -> str:
+    return f"{pixels[0]} {TIMES} {pixels[1]}"
