@@ -11,7 +11,7 @@ from typing import Any
 from wall.errors import ConfigError
 
 
-class NotThisFormat(ConfigError):
+class NotThisFormat(ConfigError):  # noqa: N818  (says what the file is, beside what is wrong)
     """A file that is not of the format it was read as (exit code 2); the text says name:line:column."""
 
 
