@@ -160,7 +160,7 @@ def convert(
         markup=False,
     )
     for sentence in conversion.assumed:
-        console.print(f"note: {sentence}", markup=False)
+        console.print(f"note: {sentence}", markup=False, soft_wrap=True)
 
 
 @measure.command()

@@ -39,17 +39,21 @@ FORMATS = {
         Format(name="sage2", known_by="resolution, layout and displays in JSON5", module="wall.convert.sage2"),
     )
 }
+SUFFIXES = {".pvx": "paraview"}  # others are shared by many formats
 
 
 def detect(text: str, name: str) -> Format:
     """The format of a file. Raises NotThisFormat that says what was looked at."""
     if not text.strip():
         raise NotThisFormat(f"{name}:1:1: the file is empty; accepted: {known()}")
+    suffix = PurePath(name).suffix
+    if suffix.lower() in SUFFIXES:
+        return FORMATS[SUFFIXES[suffix.lower()]]
     seen = _json(text, name) if _looks_like_json(text) else _markup(text, name) if "<" in text[:4096] else _words(text)
     if seen in FORMATS:
         return FORMATS[seen]
-    suffix = PurePath(name).suffix or "no suffix"
-    raise NotThisFormat(f"{name}:1:1: {seen}, {suffix}: not a wall that is known here; accepted: {known()}")
+    looked_at = f"{seen}, suffix {suffix}" if suffix else seen
+    raise NotThisFormat(f"{name}:1:1: {looked_at}: not a wall that is known here; accepted: {known()}")
 
 
 def named(name: str) -> Format:

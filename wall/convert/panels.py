@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from wall.config.screens import MAX_PANELS, SQUARENESS
 from wall.convert.overlaps import declare_overlaps
 from wall.convert.source import Node, Source
-from wall.data import Float64
+from wall.data import Float64, Rect
+from wall.geometry.regions import MAX_EDGE, split
 
 METRES_A_PIXEL = 0.25e-3  # a desktop monitor of about 100 pixels an inch
 MOST_PIXELS = 16384
@@ -92,7 +93,7 @@ def configuration(
     eye_separation: float | None = None,
     refresh_hz: float | None = None,
 ) -> dict[str, Any]:
-    """The values of a whole configuration around the panels: the built-in courtyard, one view."""
+    """The values of a whole configuration around the panels: the built-in courtyard, one view, enough ranks."""
     view: dict[str, Any] = {"id": "main", "camera": "auto"}
     if eye is not None:
         view["eye"] = numbers(eye)
@@ -100,7 +101,17 @@ def configuration(
         view["eye_separation"] = eye_separation
     if refresh_hz is not None:
         view["refresh_hz"] = refresh_hz
-    return {"version": 1, "scene": {"source": "courtyard"}, "wall": {"panels": panels}, "views": [view]}
+    values = {"version": 1, "scene": {"source": "courtyard"}, "wall": {"panels": panels}, "views": [view]}
+    ranks = max(_ranks_for(panel["pixels"]) for panel in panels)
+    return values | ({"graph": {"preset": "sort-first", "ranks_per_panel": ranks}} if ranks > 1 else {})
+
+
+def _ranks_for(pixels: list[int]) -> int:
+    """How many ranks a panel needs, so that none has more pixels in a row than a rank can render."""
+    whole, ranks = Rect(x=0, y=0, width=pixels[0], height=pixels[1]), 1
+    while any(max(part.width, part.height) > MAX_EDGE for part in split(whole, ranks)):
+        ranks += 1
+    return ranks
 
 
 def numbers(values: Iterable[float]) -> list[float]:

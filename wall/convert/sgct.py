@@ -28,12 +28,14 @@ HEAD = "the head runs where the run is started, and ranks find it by themselves"
 PICTURES = "files of pictures are not read; blend, colour and warp of a panel do the same by numbers"
 TRACKING = "heads are not tracked: the eye stands still"
 REASONS = (
-    dict.fromkeys(("masteraddress", "port", "datatransferport", "externalcontrolport"), HEAD)
-    | dict.fromkeys(("blendmask", "blacklevelmask", "overlay", "mesh", "scalablemesh"), PICTURES)
+    {"blendmask": "masks are not read: blend: auto fades out where panels of one plane overlap"}
+    | dict.fromkeys(("masteraddress", "port", "datatransferport", "externalcontrolport"), HEAD)
+    | dict.fromkeys(("blacklevelmask", "overlay", "mesh", "scalablemesh"), PICTURES)
     | dict.fromkeys(("tracking", "trackers", "tracked", "matrix"), TRACKING)
     | dict.fromkeys(("msaa", "fxaa"), "the sampler decides how many rays a pixel gets")
     | dict.fromkeys(("swaplock", "firmsync"), "nothing waits for a frame here")
     | dict.fromkeys(("meta", "generator", "$schema"), "says who made the file")
+    | dict.fromkeys(("id", "name", "tags"), "windows are known by their panels' ids")
 )
 
 
@@ -153,6 +155,8 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
             stereo=_eye_of(source, viewport) or stereo,
             others=dict(others),
         )
+        if viewport.get("blendmask") is not None:
+            draft.others["blend"] = "auto"
         if place is not None or len(viewports) > 1:
             draft.others |= _window_of(place or (0, 0), size, low, pixels)
         found.append(draft)
@@ -180,7 +184,7 @@ def _place(source: Source, window: Node) -> tuple[int, int] | None:
         x, y = source.whole(node.get("x")), source.whole(node.get("y"))
         if x is not None and y is not None and max(abs(x), abs(y)) <= FARTHEST_PIXEL:
             source.carry(node, "window")
-            return (x, y)
+            return None if fullscreen and (x, y) == (0, 0) else (x, y)
         source.drop(node, "is not a place on a desktop")
     return None if fullscreen else (0, 0)
 
