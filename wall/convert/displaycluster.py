@@ -40,7 +40,7 @@ def convert(text: str, name: str) -> Conversion:
     panels = drafts(source, [surface], screens)
     if len(panels) > len(source.root.children("process")) > 0:
         source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
-    settled = settle(source, panels, None)
+    settled, _ = settle(source, panels, None)
     return source.close(configuration(settled), panels=len(panels), ranks=len(panels))
 
 

@@ -69,10 +69,11 @@ def upright(x: float, y: float, width: float, height: float) -> Float64:
     return np.array([[x, y, 0.0], [x + width, y, 0.0], [x, y + height, 0.0]])
 
 
-def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> list[dict[str, Any]]:
-    """The panels' values for YAML. Raises NotThisFormat for more panels than a configuration holds.
+def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> tuple[list[dict[str, Any]], Float64 | None]:
+    """The panels' values for YAML, and the view's eye, from which all of them are seen.
 
-    `eye` is the view's, (3,) metres, or None if the file has none.
+    `eye` is the file's, (3,) metres, or None if it has none. Raises NotThisFormat for more panels than a
+    configuration holds.
     """
     count = sum(2 if draft.stereo in PACKED else 1 for draft in drafts)
     if not drafts or count > MAX_PANELS:
@@ -81,9 +82,14 @@ def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> list
         _limit_pixels(source, draft)
         _square(source, draft)
         _turn_to(source, draft, draft.eye if draft.eye is not None else eye)
+        if draft.eye is not None:
+            draft.eye = _seeing(source, [draft], draft.eye)
+    if eye is not None:
+        eye = _seeing(source, drafts, eye)
     names = unique_names(draft.name for draft in drafts)
     overlaps = declare_overlaps([(draft.corners, draft.stereo) for draft in drafts])
-    return [_values(source, draft, name, overlap) for draft, name, overlap in zip(drafts, names, overlaps, strict=True)]
+    parts = zip(drafts, names, overlaps, strict=True)
+    return [_values(source, draft, name, overlap) for draft, name, overlap in parts], eye
 
 
 def configuration(
@@ -166,18 +172,30 @@ def _square(source: Source, draft: Draft) -> None:
 
 
 def _turn_to(source: Source, draft: Draft, eye: Float64 | None) -> None:
-    """Turn a panel's front to the eye; an eye in its plane is moved before it, for this panel."""
-    if eye is None:
-        return
-    before = float((eye - draft.corners[0]) @ draft.normal)
-    if before < -IN_PLANE_M:
+    """Turn a panel's front to the eye."""
+    if eye is not None and float((eye - draft.corners[0]) @ draft.normal) < -IN_PLANE_M:
         low, right, high = draft.corners
         draft.corners = np.array([right, low, high + right - low])
         source.remark(draft.node, "its corners show its back to the eye: left and right are exchanged")
-    elif before < IN_PLANE_M:
-        middle = (draft.corners[1] + draft.corners[2]) / 2
-        draft.eye = middle + max(draft.size) * draft.normal
-        source.remark(draft.node, "the eye is in its plane: it has an eye of its own, as far before it as it is wide")
+
+
+def _seeing(source: Source, drafts: Sequence[Draft], eye: Float64) -> Float64:
+    """(3,) metres: the eye, or a place near it if it sees a panel from the edge.
+
+    It is moved along the normals of such panels, as far as keeps it before all others.
+    """
+    places, normals = np.array([draft.corners[0] for draft in drafts]), np.array([draft.normal for draft in drafts])
+    beside = [k for k, before in enumerate(((eye - places) * normals).sum(axis=1)) if before < IN_PLANE_M]
+    if not beside:
+        return eye
+    way = normals[beside].sum(axis=0)
+    for distance in (max(max(draft.size) for draft in drafts) / 2**k for k in range(16)):
+        moved: Float64 = eye + distance * way / max(float(np.linalg.norm(way)), 1e-9)
+        if (((moved - places) * normals).sum(axis=1) >= IN_PLANE_M).all():
+            break
+    shown = f"[{', '.join(f'{value:g}' for value in moved)}]"
+    source.remark(drafts[beside[0]].node, f"the eye is in its plane and would see its edge: it is at {shown} now")
+    return moved
 
 
 def _values(source: Source, draft: Draft, name: str, overlap: dict[str, float]) -> dict[str, Any]:

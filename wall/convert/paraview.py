@@ -57,7 +57,7 @@ def convert(text: str, name: str) -> Conversion:
         _before_the_eye(source, drafts, screens)
     separation = _eye_separation(source, process)
     _options(source, process, machines)
-    panels = settle(source, drafts, eye)
+    panels, eye = settle(source, drafts, eye)
     values = configuration(panels, eye=eye, eye_separation=separation)
     return source.close(values, panels=len(drafts), ranks=len(machines))
 

@@ -65,7 +65,7 @@ def convert(text: str, name: str) -> Conversion:
     drafts = [_draft(source, tile, cell, rows=rows, columns=columns) for cell in cells]
     eye = _eye(source)
     source.assume("Every display is shown by this machine: SAGE2 does not say which one a display hangs on.")
-    panels = settle(source, drafts, eye)
+    panels, eye = settle(source, drafts, eye)
     return source.close(configuration(panels, eye=eye), panels=len(drafts), ranks=len(drafts))
 
 

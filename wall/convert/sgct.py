@@ -60,10 +60,10 @@ def convert(text: str, name: str) -> Conversion:
     if not drafts:
         raise source.refuse(nodes, "have no windows", '"windows": [{"size": ..., "viewports": [...]}]')
     source.carry(root.get("version"), "the version of the format")
-    panels = settle(source, drafts, users[0].eye)
+    panels, eye = settle(source, drafts, users[0].eye)
     values = configuration(
         panels,
-        eye=users[0].eye,
+        eye=eye,
         eye_separation=_eye_separation(source, users[0]),
         refresh_hz=_refresh(source),
     )

@@ -33,7 +33,7 @@ def convert(text: str, name: str) -> Conversion:
     processes = source.root.get("processes")
     if processes is not None and len(panels) > len(processes.items) > 0:
         source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
-    settled = settle(source, panels, None)
+    settled, _ = settle(source, panels, None)
     return source.close(configuration(settled), panels=len(panels), ranks=len(panels))
 
 
