@@ -177,6 +177,37 @@ def expand(
     console.print(f"wrote {output}")
 
 
+@app.command()
+def convert(
+    file: Annotated[Path, typer.Argument(help="A wall described for another system", show_default=False)],
+    output: Annotated[Path, typer.Option("-o", "--output", help="YAML file to write")],
+    report: Annotated[Path | None, typer.Option(help="JSON file for what was carried and what was not")] = None,
+    format_name: Annotated[
+        str | None, typer.Option("--format", help="Name of the format; told by the file itself if left out")
+    ] = None,
+) -> None:
+    """Convert a wall of ParaView, Tide, DisplayCluster, SGCT or SAGE2 to a configuration.
+
+    [bold]wall convert cave.pvx -o cave.yaml --report cave.json[/]
+    """
+    from wall.convert import command
+
+    chosen, conversion, yaml = command.convert_file(file, format_name)
+    command.write(output, yaml)
+    if report is not None:
+        command.write_report(report, conversion)
+    left_out = command.table(conversion)
+    if left_out is not None:
+        console.print(left_out)
+    console.print(
+        f"wrote {output} from {chosen.name}: {conversion.panels} panels, {conversion.ranks} ranks; "
+        f"{len(conversion.carried)} things carried, {len(conversion.not_carried)} not",
+        markup=False,
+    )
+    for sentence in conversion.assumed:
+        console.print(f"note: {sentence}", markup=False, soft_wrap=True)
+
+
 @measure.command()
 def speed(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the rows, JSON lines")] = None,

@@ -1,0 +1,107 @@
+"""XML text to a tree of nodes with lines, by expat. Entities of its own and external ones are refused."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+from xml.parsers import expat
+
+from wall.convert.report import NotThisFormat
+from wall.convert.source import Node
+
+MAX_DEPTH = 32  # the deepest known file has 7 levels
+
+_START_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
+_ATTRIBUTE = re.compile(r"""([^\s=<>/"']+)\s*=\s*(?:"[^"]*"|'[^']*')""")
+_ENCODING = re.compile(r"""^(\s*<\?xml[^>]*?)\s+encoding\s*=\s*(["'])[^"']*\2""")
+
+
+def parse(text: str, name: str) -> Node:
+    """The tree of one XML document: attributes are fields, elements items. Raises NotThisFormat only.
+
+    Text between elements becomes a field `#text` of its element.
+    """
+    reader = _Reader(text, name)
+    try:
+        return reader.read()
+    except expat.ExpatError as error:
+        what = expat.errors.messages.get(error.code, "cannot be read")
+        raise NotThisFormat(f"{name}:{error.lineno}:{error.offset + 1}: not valid XML ({what})") from None
+    except (ValueError, UnicodeError) as error:
+        raise NotThisFormat(f"{name}:1:1: not valid XML ({error})") from None
+
+
+class _Reader:
+    """What expat calls while it reads."""
+
+    def __init__(self, text: str, name: str) -> None:
+        self._data = _ENCODING.sub(r"\1", text).encode("utf-8")  # it is decoded already
+        self._name = name
+        self._parser = expat.ParserCreate("utf-8")
+        self._parser.buffer_text = True
+        self._parser.ordered_attributes = True
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text
+        self._parser.EntityDeclHandler = self._entity
+        self._open: list[Node] = []
+        self._root: Node | None = None
+
+    def read(self) -> Node:
+        self._parser.Parse(self._data, True)
+        assert self._root is not None  # expat refuses a document without an element
+        return self._root
+
+    def _start(self, tag: str, attributes: list[str]) -> None:
+        line, column = self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1
+        if len(self._open) >= MAX_DEPTH:
+            where = f"{self._name}:{line}:{column}"
+            raise NotThisFormat(f"{where}: nested too deeply; accepted: at most {MAX_DEPTH} levels")
+        parent = self._open[-1] if self._open else None
+        path = tag if parent is None else f"{parent.name}.{tag}[{len(parent.children(tag))}]"
+        node = Node(name=path, line=line, column=column, kind="object", key=tag)
+        source = self._start_tag()
+        for key, value in zip(attributes[::2], attributes[1::2], strict=True):
+            at_line, at_column = _attribute_place(source, key, line, column)
+            node.fields[key] = Node(
+                name=f"{path}.{key}", line=at_line, column=at_column, kind="value", key=key, value=value
+            )
+        if parent is None:
+            self._root = node
+        else:
+            parent.items.append(node)
+        self._open.append(node)
+
+    def _start_tag(self) -> str:
+        """The start tag that is being read, as it is written."""
+        found = _START_TAG.match(self._data, self._parser.CurrentByteIndex)
+        return found[0].decode("utf-8") if found else ""
+
+    def _end(self, _: str) -> None:
+        self._open.pop()
+
+    def _text(self, text: str) -> None:
+        if not (said := text.strip()) or not self._open:
+            return
+        node = self._open[-1]
+        line = self._parser.CurrentLineNumber
+        if (before := node.fields.get("#text")) is not None:
+            before.value = f"{before.value} {said}"
+            return
+        node.fields["#text"] = Node(
+            name=f"{node.name} text", line=line, column=1, kind="value", key="#text", value=said
+        )
+
+    def _entity(self, *_: Any) -> None:
+        line = self._parser.CurrentLineNumber
+        raise NotThisFormat(f"{self._name}:{line}:1: entities are not read; accepted: text written out")
+
+
+def _attribute_place(source: str, key: str, line: int, column: int) -> tuple[int, int]:
+    """Line and column of an attribute in the start tag `source`, which begins at line, column."""
+    for found in _ATTRIBUTE.finditer(source):
+        if found[1] == key:
+            lines = source.count("\n", 0, found.start())
+            after = found.start() - (source.rfind("\n", 0, found.start()) + 1)
+            return line + lines, after + 1 if lines else column + found.start()
+    return line, column
