@@ -10,7 +10,7 @@ import numpy as np
 from wall.compositing.graph import Graph, Layer, Step
 from wall.config.loading import Loaded
 from wall.config.schema import FrameSync, SinkNode
-from wall.config.screens import BezelConfig
+from wall.config.displays import SidesConfig
 from wall.config.views import DEFAULT_FOV_DEGREES
 from wall.data import Float64
 from wall.drawing.model import TIMES, TO, Box, Place, Role, Screen, Sketch, Wire
@@ -74,7 +74,7 @@ def _eye(loaded: Loaded, wall: Wall) -> Float64:
     return default_eye(wall, config.camera.fov or DEFAULT_FOV_DEGREES)
 
 
-def _sides(bezel: BezelConfig) -> tuple[float, float, float, float]:
+def _sides(bezel: SidesConfig) -> tuple[float, float, float, float]:
     return bezel.left, bezel.right, bezel.top, bezel.bottom
 
 
