@@ -13,8 +13,9 @@ from wall.config.schema import KeyframesPathConfig, OrbitPathConfig, PathConfig
 from wall.data import Camera, Event, Float64
 from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
-from wall.geometry.eyes import eye_of, standing_eye, window_ahead
+from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.frusta import cone_inside
+from wall.geometry.outlines import window_ahead
 from wall.geometry.panels import Panel, Wall
 
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides

@@ -12,6 +12,7 @@ from wall.config.yaml_text import YamlPath
 from wall.data import Float64
 from wall.errors import ConfigError
 from wall.geometry.frusta import distance_before
+from wall.geometry.outlines import outline
 from wall.geometry.panels import Panel, Wall
 
 NEAREST_EYE_M = 1e-6  # nearer to a panel's plane, its pixels have no directions
@@ -76,30 +77,3 @@ def default_eye(wall: Wall, fov_degrees: float) -> Float64:
     distance = height / 2 / math.tan(math.radians(fov_degrees) / 2)
     eye: Float64 = centre + distance * wall.panels[0].plane.normal
     return eye
-
-
-def outline(wall: Wall) -> Float64:
-    """(3, 3) lower left, lower right, upper left of the rectangle around a flat wall; metres, wall frame."""
-    first = wall.panels[0]
-    right = first.plane.per_x / np.linalg.norm(first.plane.per_x)
-    up = np.cross(first.plane.normal, right)
-    around = np.concatenate([panel.corners for panel in wall.panels] + [[_fourth(panel)] for panel in wall.panels])
-    x, y = (around - first.corners[0]) @ right, (around - first.corners[0]) @ up
-    low, high = first.corners[0] + y.min() * up, first.corners[0] + y.max() * up
-    return np.array([low + x.min() * right, low + x.max() * right, high + x.min() * right])
-
-
-def window_ahead(wall: Wall, eye: Float64) -> Float64:
-    """(3, 3) lower left, lower right, upper left of what the eye looks through; metres, wall frame.
-
-    All of a flat wall; of another the panel nearest to straight ahead (-z of the wall's frame).
-    """
-    if wall.flat:
-        return outline(wall)
-    middles = np.array([(panel.corners[1] + panel.corners[2]) / 2 - eye for panel in wall.panels])
-    return wall.panels[int(np.argmin(middles[:, 2] / np.linalg.norm(middles, axis=1)))].corners
-
-
-def _fourth(panel: Panel) -> Float64:
-    corner: Float64 = panel.corners[1] + panel.corners[2] - panel.corners[0]
-    return corner
