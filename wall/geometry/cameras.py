@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wall.config.loading import Loaded
 from wall.config.schema import KeyframesPathConfig, OrbitPathConfig, PathConfig
-from wall.config.views import DEFAULT_FOV_DEGREES
-from wall.data import Camera, Float64
+from wall.data import Camera, Event, Float64
 from wall.geometry.curves import catmull_rom
-from wall.geometry.frusta import cone_inside, distance_before
+from wall.geometry.eyes import default_eye as default_eye
+from wall.geometry.eyes import eye_of, standing_eye
+from wall.geometry.frusta import cone_inside
+from wall.geometry.outlines import window_ahead
 from wall.geometry.panels import Panel, Wall
 
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides
 AUTO_ELEVATION = math.radians(20.0)
-NEAREST_EYE_M = 1e-6  # nearer to a panel's plane, its pixels have no directions
 WIDEST_CONE = math.radians(80.0)  # beyond it the eye would stand inside the scene
 
 
@@ -36,6 +37,8 @@ class View:
     path: PathConfig | None
     predicted: bool  # to the moment of display
     display_delay_s: float  # from a refresh to its light
+    eye_separation: float  # metres from the left eye to the right one
+    scale: float  # world units a metre of the wall
 
     def camera_at(self, time: float) -> Camera:
         """The camera at a scene time (seconds). Pure: the same time gives the same camera.
@@ -56,6 +59,40 @@ class View:
             return _keyframed(self.path, time)[1]
         return self.target
 
+    def eye_of(self, panel: Panel) -> Float64:
+        """(3,) metres, wall frame: who looks at a panel. The view's own eye, unless the panel says otherwise."""
+        return eye_of(panel, self.eye, self.eye_separation)
+
+    def offset(self, panel: Panel) -> Float64:
+        """(3,) float64, world units, wall frame: from the view's eye in the world to the one that sees a panel."""
+        offset: Float64 = (self.eye_of(panel) - self.eye) * self.scale
+        return offset
+
+
+def seen_from(event: Event, offset: Float64) -> Event:
+    """The event as an eye sees it that stands `offset` (3,) from the camera: world units, wall frame.
+
+    The same object where it stands in the camera itself.
+    """
+    if not offset.any():
+        return event
+    x, y, z = (float(v) for v in event.camera.origin() + event.camera.rotation() @ offset)
+    return replace(event, camera=replace(event.camera, position=(x, y, z)))
+
+
+class Standpoint:
+    """Who sees one panel: an eye before the wall, and events as it sees them. The same event gives the same object."""
+
+    def __init__(self, view: View, panel: Panel) -> None:
+        self.eye = view.eye_of(panel)
+        self._offset = view.offset(panel)
+        self._newest: tuple[Event, Event] | None = None
+
+    def __call__(self, event: Event) -> Event:
+        if self._newest is None or self._newest[0] is not event:
+            self._newest = (event, seen_from(event, self._offset))
+        return self._newest[1]
+
 
 def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike) -> Camera:
     """The camera at `position` whose wall frame's -z points to `target`, its y as near to `up` as may be.
@@ -73,27 +110,6 @@ def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike) -> Camera:
     return _camera(eye, rotation)
 
 
-def default_eye(wall: Wall, fov_degrees: float) -> Float64:
-    """(3,) metres, wall frame: before a flat wall's centre, so far that its height spans `fov_degrees`."""
-    corners = outline(wall)
-    height = float(np.linalg.norm(corners[2] - corners[0]))
-    centre = (corners[1] + corners[2]) / 2
-    distance = height / 2 / math.tan(math.radians(fov_degrees) / 2)
-    eye: Float64 = centre + distance * wall.panels[0].plane.normal
-    return eye
-
-
-def outline(wall: Wall) -> Float64:
-    """(3, 3) lower left, lower right, upper left of the rectangle around a flat wall; metres, wall frame."""
-    first = wall.panels[0]
-    right = first.plane.per_x / np.linalg.norm(first.plane.per_x)
-    up = np.cross(first.plane.normal, right)
-    around = np.concatenate([panel.corners for panel in wall.panels] + [[_fourth(panel)] for panel in wall.panels])
-    x, y = (around - first.corners[0]) @ right, (around - first.corners[0]) @ up
-    low, high = first.corners[0] + y.min() * up, first.corners[0] + y.max() * up
-    return np.array([low + x.min() * right, low + x.max() * right, high + x.min() * right])
-
-
 def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *, view: int = 0) -> View:
     """Decide everything a view leaves open.
 
@@ -105,10 +121,10 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
 
     Raises
     ------
-    ConfigError : a wall that is not flat has no eye, or the eye is behind a panel
+    ConfigError : a wall that is not flat has no eye, or an eye is behind a panel
     """
     config = loaded.config.views[view]
-    eye = _eye(loaded, wall, view)
+    eye = standing_eye(loaded, wall, view)
     up = _unit(np.array(config.camera.up, dtype=np.float64), otherwise=(0.0, 1.0, 0.0))
     if config.camera.position is not None and config.camera.target is not None:
         target = np.array(config.camera.target, dtype=np.float64)
@@ -118,35 +134,24 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
         still = framed(wall, eye, target, radius=radius, up=up)
     for vector in (eye, target, up):
         vector.setflags(write=False)
-    return View(
+    window = window_ahead(wall, eye)
+    made = View(
         id=config.id,
         eye=eye,
         refresh_hz=config.refresh_hz,
         target=target,
         up=up,
-        spread=_spread(window_ahead(wall, eye), eye),
+        spread=_spread(window, eye),
         still=still,
         path=config.path,
         predicted=config.prediction == "velocity",
         display_delay_s=1.0 / config.refresh_hz if config.display_delay_s is None else config.display_delay_s,
+        eye_separation=config.eye_separation,
+        scale=1.0 if config.scale is None else config.scale,
     )
-
-
-def _eye(loaded: Loaded, wall: Wall, view: int) -> Float64:
-    config = loaded.config.views[view]
-    if config.eye is None and not wall.flat:
-        message = "the wall is not flat, so the eye's place is needed"
-        raise loaded.error(("views", view), message, "eye: [x, y, z] in metres")
-    if config.eye is None:
-        return default_eye(wall, config.camera.fov or DEFAULT_FOV_DEGREES)
-    eye = np.array(config.eye, dtype=np.float64)
-    for panel in wall.panels:
-        before = distance_before(panel, eye)
-        if before < NEAREST_EYE_M:
-            where = f"is {-before:.3g} m behind" if before < -NEAREST_EYE_M else "is in the plane of"
-            accepted = "a point that sees the front of every panel"
-            raise loaded.error(("views", view, "eye"), f"{where} panel {panel.id}", accepted)
-    return eye
+    if config.scale is None:
+        return replace(made, scale=_scale(window, eye, made.camera_at(0.0), made.target_at(0.0)))
+    return made
 
 
 def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Float64) -> Camera:
@@ -166,18 +171,6 @@ def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Floa
     return _camera(center - distance * (rotation @ axis), rotation)
 
 
-def window_ahead(wall: Wall, eye: Float64) -> Float64:
-    """(3, 3) lower left, lower right, upper left of what the eye looks through; metres, wall frame.
-
-    All of a flat wall; of another the panel nearest to straight ahead (-z of the wall's frame).
-    """
-    if wall.flat:
-        return outline(wall)
-    middles = [(panel.corners[1] + panel.corners[2]) / 2 - eye for panel in wall.panels]
-    ahead = int(np.argmin([_unit(middle, otherwise=(0.0, 0.0, -1.0))[2] for middle in middles]))
-    return wall.panels[ahead].corners
-
-
 def _spread(corners: Float64, eye: Float64) -> float:
     """Height of a rectangle over the eye's distance to its plane."""
     up, right = corners[2] - corners[0], corners[1] - corners[0]
@@ -185,16 +178,22 @@ def _spread(corners: Float64, eye: Float64) -> float:
     return float(np.linalg.norm(up) / abs((eye - corners[0]) @ normal))
 
 
+def _scale(corners: Float64, eye: Float64, camera: Camera, target: Float64) -> float:
+    """World units a metre, such that a target (3,) in the world stands in the plane of a rectangle before the eye.
+
+    A target that is not before the eye counts as one straight ahead, as far away.
+    """
+    normal = _unit(np.cross(corners[1] - corners[0], corners[2] - corners[0]), otherwise=(0.0, 0.0, 1.0))
+    away = camera.rotation().T @ (target - camera.origin())
+    distance, depth, length = float((eye - corners[0]) @ normal), float(-away @ normal), float(np.linalg.norm(away))
+    return (depth if depth > 1e-3 * length else length) / distance
+
+
 def _ground_axes(up: Float64) -> tuple[Float64, Float64]:
     """Two level unit vectors: ahead (-z where y is up) and right."""
     ahead = np.array([0.0, 0.0, -1.0]) if abs(up[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     ahead = _unit(ahead - (ahead @ up) * up, otherwise=(0.0, 0.0, -1.0))
     return ahead, np.cross(ahead, up)
-
-
-def _fourth(panel: Panel) -> Float64:
-    corner: Float64 = panel.corners[1] + panel.corners[2] - panel.corners[0]
-    return corner
 
 
 def _orbited(camera: Camera, target: Float64, up: Float64, *, turns: float) -> Camera:

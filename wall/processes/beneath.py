@@ -7,6 +7,7 @@ from itertools import pairwise
 from wall.config.schema import AdaptiveSampling
 from wall.data import Event, Float32, Rect, Region, Samples
 from wall.errors import RunError
+from wall.geometry.cameras import Standpoint
 from wall.geometry.prediction import foreseen
 from wall.processes.clock import Clock
 from wall.processes.plan import Plan, make_predictor
@@ -26,8 +27,9 @@ class LiveAdaptive:
 
     def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
         panel = plan.layout.wall.panels[region.panel]
+        self._seen = Standpoint(plan.view, panel)
         self.picture = Picture(
-            panel, plan.view.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
+            panel, self._seen.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
         )
         self._sampler = AdaptiveSampler(
             band, self.picture, batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
@@ -42,7 +44,7 @@ class LiveAdaptive:
     def choose(self, newest: Event) -> Targets | None:
         now = self._clock.now()
         if now >= self._due:
-            self.picture.refresh(self._expected(newest, now), now)
+            self.picture.refresh(self._seen(self._expected(newest, now)), now)
             self._sampler.replan()
             self._replanned = True
             took = self._clock.now() - now
@@ -61,7 +63,7 @@ class LiveAdaptive:
 
     def observe(self, samples: Samples) -> None:
         if self._event is not None:
-            self.picture.insert(samples, self._chosen_at, self._event)
+            self.picture.insert(samples, self._chosen_at, self._seen(self._event))
             self._sampler.observe(samples)
 
     def take_tiling(self) -> tuple[Event, float, Measured] | None:

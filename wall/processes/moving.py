@@ -6,6 +6,7 @@ import numpy as np
 
 from wall.compositing import kernels
 from wall.data import BLANK, Event, Framelet, Rect
+from wall.geometry.cameras import seen_from
 from wall.processes.plan import Plan
 from wall.reconstruction.pose import Pose
 
@@ -46,4 +47,5 @@ class Mover:
         panel = self._plan.layout.wall.panels[index]
         within = Rect(x=rect.x - panel.screen[0], y=rect.y - panel.screen[1], width=rect.width, height=rect.height)
         view = self._plan.view
-        return Pose(panel, view.eye, self._plan.scene, event.camera, event.scene_time, within)
+        event = seen_from(event, view.offset(panel))
+        return Pose(panel, view.eye_of(panel), self._plan.scene, event.camera, event.scene_time, within)

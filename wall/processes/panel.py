@@ -14,6 +14,7 @@ from wall.deepbuffer.buffer import DeepBuffer
 from wall.deepbuffer.kernels import TILE
 from wall.display.base import PanelPicture
 from wall.errors import RemoteProtocolError
+from wall.geometry.cameras import Standpoint
 from wall.processes.compared import Compared
 from wall.processes.plan import Plan
 from wall.processes.watching import survey_of
@@ -43,7 +44,7 @@ class PanelCompositor:
         self._plain = step.encoded and step.channels == {"colour"} and not self.layer.transparent
         self._wish: Wish = (reconstruction or plan.layout.config.reconstruction) if self._plain else "cpu"
         self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
-        self._plan = plan
+        self._plan, self._seen = plan, Standpoint(plan.view, panel)
         self._coverage: Coverage | None = None  # beside the reprojected picture of a transparent layer
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
         self._given_up = False
@@ -144,13 +145,11 @@ class PanelCompositor:
             self._reprojected.take_tiling(tiling)
 
     def _new_picture(self) -> Reprojected:
-        sampling, view = self._plan.layout.sampling, self._plan.view
+        sampling, eye = self._plan.layout.sampling, self._seen.eye
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self.layer.transparent:
-            self._coverage = Coverage(self.panel, view.eye, self._plan.scene, samples_per_pixel=kept)
-        made, self.reconstruction = make_picture(
-            self._wish, self.panel, view.eye, self._plan.scene, samples_per_pixel=kept
-        )
+            self._coverage = Coverage(self.panel, eye, self._plan.scene, samples_per_pixel=kept)
+        made, self.reconstruction = make_picture(self._wish, self.panel, eye, self._plan.scene, samples_per_pixel=kept)
         for tiling in self.tilings.values():
             made.take_tiling(tiling)
         return made
@@ -181,8 +180,8 @@ class PanelCompositor:
         """
         dirty = self.buffer.take_dirty()
         if self._adaptive and self._reprojected is not None:
-            self._shown = event
-            dirty = self._reproject(self._reprojected, event, now)
+            self._shown = self._seen(event)
+            dirty = self._reproject(self._reprojected, self._shown, now)
         elif dirty.any():
             self.framelet.advance(now)
             show_newest(self.buffer, dirty, self.layer.transparent, self.framelet)

@@ -12,6 +12,8 @@ import numpy as np
 from wall.config.loading import Loaded
 from wall.data import Event, Float32, Rect
 from wall.errors import ConfigError
+from wall.geometry.cameras import Standpoint
+from wall.geometry.outlines import whole
 from wall.geometry.panels import Panel, Plane
 from wall.processes.bootstrap import under_mpi
 from wall.processes.plan import Layout, Plan, first_event, make_layout, make_plan
@@ -30,8 +32,8 @@ def render(
 ) -> Float32 | None:
     """The picture at scene time `at` seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
 
-    A flat wall is drawn through its plane at `size` (width, height), keeping the wall's height in view; other walls
-    panel by panel at their own pixels. Raises ConfigError.
+    A flat wall that one eye sees is drawn through its plane at `size` (width, height), keeping the wall's height in
+    view; other walls panel by panel at their own pixels. Raises ConfigError.
     """
     plan = make_plan(make_layout(loaded))
     return render_plan(plan, spp=spp, seed=seed, size=size, at=at, progress=progress)
@@ -70,18 +72,17 @@ def render_plan(
 def _pieces(layout: Layout, size: tuple[int, int] | None) -> list[Panel]:
     """The rectangles to draw: one that is the whole flat wall at the wanted size, or the panels themselves."""
     wall = layout.wall
-    if wall.flat:
-        width, height = size or (wall.width, wall.height)
-        scale = wall.height / height
-        first = wall.panels[0].plane
-        left = wall.width / 2 - scale * width / 2
-        plane = Plane(origin=first.origin + left * first.per_x, per_x=first.per_x * scale, per_y=first.per_y * scale)
-        return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
-    if size is not None:
-        raise ConfigError(
-            f"{layout.loaded.path}: --size needs a flat wall, and these panels stand at angles; leave it out"
-        )
-    return list(wall.panels)
+    found = whole(wall)
+    if found is None and size is not None:
+        why = "are seen from several eyes" if wall.flat else "stand at angles"
+        raise ConfigError(f"{layout.loaded.path}: --size needs a flat wall, and these panels {why}; leave it out")
+    if found is None or (size is None and len(wall.faces) > 1):
+        return list(wall.panels)
+    width, height = size or (found.width, found.height)
+    scale, own = found.height / height, found.plane
+    left = found.width / 2 - scale * width / 2
+    plane = Plane(origin=own.origin + left * own.per_x, per_x=own.per_x * scale, per_y=own.per_y * scale)
+    return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
 
 
 def _bands(panel: Panel) -> list[Rect]:
@@ -110,8 +111,9 @@ def _render_bands(
         for k in share:
             panel, rect = bands[k]
             if tracer is None or drawn is not panel:
-                tracer, drawn = Tracer(resident, panel, plan.view.eye, coherent=True), panel
-                tracer.take(event)
+                seen, drawn = Standpoint(plan.view, panel), panel
+                tracer = Tracer(resident, panel, seen.eye, coherent=True)
+                tracer.take(seen(event))
             sampler = ProgressiveSampler(rect, seed=seed)
             for sample in range(spp):
                 sampler.add(tracer.trace(sampler.positions(sample))[0])

@@ -8,6 +8,7 @@ import numpy as np
 
 from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
 from wall.data import Batch, Event, Float32, Region, Tiling
+from wall.geometry.cameras import Standpoint
 from wall.packets.samples import Codec, encode
 from wall.packets.tiling import encode_tiling
 from wall.processes.beneath import LiveAdaptive, bands
@@ -37,8 +38,9 @@ class Worker:
         self._codec = Codec.named(layout.config.transport.codec)
         share = layout.layer(rank).range
         seen = objects_in(plan.scene, share) if share is not None else None
+        self._seen = Standpoint(plan.view, layout.panel(rank))
         self._tracers = {
-            coherent: Tracer(resident, layout.panel(rank), plan.view.eye, coherent=coherent, seen=seen)
+            coherent: Tracer(resident, layout.panel(rank), self._seen.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
         }
         self._relightable = resident.needs.relighting
@@ -58,7 +60,8 @@ class Worker:
         targets = self.sampler.choose(newest)
         if targets is None:
             return None
-        tracer = self._tracer_at(targets.event, self.sampler.coherent)
+        event = self._seen(targets.event)
+        tracer = self._tracer_at(event, self.sampler.coherent)
         began = self._clock.now()
         samples, cost = tracer.trace(targets.xy)
         step = max(0.0, self._clock.now() - began) / len(targets.xy)
@@ -71,21 +74,21 @@ class Worker:
         self.bad_samples += cost.bad
         self._sequence += self._workers
         batch = Batch(
-            view=targets.event.view,
+            view=event.view,
             panel=self._region.panel,
             rect=self._region.rect,
             rank=self._rank,
             sequence=self._sequence,
-            camera_event=targets.event.camera_event,
-            scene_event=targets.event.scene_event,
+            camera_event=event.camera_event,
+            scene_event=event.scene_event,
             base_time=began,
             samples=samples,
             frame=targets.frame,
             frame_samples=targets.frame_samples,
             skipped=cost.bad,
             blend=targets.blend,
-            camera=targets.event.camera,
-            scene_time=targets.event.scene_time,
+            camera=event.camera,
+            scene_time=event.scene_time,
             adaptive=isinstance(chosen, LiveAdaptive),
             relightable=self._relightable,
         )
