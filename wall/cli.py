@@ -145,6 +145,43 @@ def draw(
 
 
 @app.command()
+def screenshot(
+    config: ConfigArgument,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="wall.png or .tiff (8-bit sRGB), .exr (linear float32)")
+    ],
+    scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
+    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; flat walls only")] = None,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same picture")] = 1,
+    at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
+    panels: Annotated[bool, typer.Option("--panels", help="A file for each panel, wall-ID.png, instead")] = False,
+    bezels: Annotated[bool, typer.Option("--bezels", help="Dark bezels; else the scene goes on behind them")] = False,
+) -> None:
+    """Write the whole wall to a file, however large: it is drawn and written strip by strip.
+
+    [bold]wall screenshot configs/demo.yaml --scale 8 -o wall.png[/]
+    """
+    from wall.processes.screenshot import Shot
+    from wall.processes.screenshot import screenshot as take
+
+    shot = Shot(size=_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels)
+    columns = (
+        TextColumn("rendering"),
+        BarColumn(),
+        TextColumn("{task.completed} of {task.total} rows"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=errors) as bar:
+        task = bar.add_task("rendering")
+        written = take(
+            _load(config, None), output, shot, lambda done, total: bar.update(task, completed=done, total=total)
+        )
+    for one in written:
+        console.print(f"wrote {one.path}: {one.width}x{one.height}, {spp} samples a pixel, seed {seed}")
+
+
+@app.command()
 def check(config: ConfigArgument) -> None:
     """Check a configuration, and say what would run where, with what, at what cost."""
     from wall.processes.check import check as check_config

@@ -36,14 +36,14 @@ def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB
     return out
 
 
-def file_names(ids: list[str]) -> list[str]:
-    """One file name a panel: panel-ID.png, characters that a path could trip over replaced, all different."""
+def file_names(ids: list[str], *, stem: str = "panel", suffix: str = ".png") -> list[str]:
+    """One file name a panel: STEM-ID.png, characters that a path could trip over replaced, all different."""
     names: list[str] = []
     for panel_id in ids:
-        stem = "panel-" + (re.sub(r"[^A-Za-z0-9._-]", "_", panel_id)[:64] or "_")
+        own = f"{stem}-{re.sub(r'[^A-Za-z0-9._-]', '_', panel_id)[:64] or '_'}"
         taken = {name.lower() for name in names}  # some file systems do not tell upper from lower case
-        tries = (stem if n == 1 else f"{stem}~{n}" for n in range(1, len(ids) + 1))
-        names.append(next(f"{t}.png" for t in tries if f"{t}.png".lower() not in taken))
+        tries = (own if n == 1 else f"{own}~{n}" for n in range(1, len(ids) + 1))
+        names.append(next(t + suffix for t in tries if (t + suffix).lower() not in taken))
     return names
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from wall.compositing.graph import Graph, Layer, Step
+from wall.config.displays import SidesConfig
 from wall.config.loading import Loaded
 from wall.config.schema import FrameSync, SinkNode
-from wall.config.displays import SidesConfig
 from wall.config.views import DEFAULT_FOV_DEGREES
 from wall.data import Float64
 from wall.drawing.model import TIMES, TO, Box, Place, Role, Screen, Sketch, Wire

@@ -5,24 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 
 from wall.config.loading import Loaded
-from wall.data import Event, Float32, Rect
-from wall.errors import ConfigError
-from wall.geometry.cameras import Standpoint
-from wall.geometry.outlines import whole
-from wall.geometry.panels import Panel, Plane
+from wall.data import Float32, Rect
 from wall.processes.bootstrap import under_mpi
-from wall.processes.plan import Layout, Plan, first_event, make_layout, make_plan
-from wall.sampling.progressive import ProgressiveSampler
-from wall.tracing.resident import Resident, make_resident
-from wall.tracing.tracer import Tracer
+from wall.processes.pieces import Drawing, Piece, pieces, whole
+from wall.processes.plan import Plan, make_layout, make_plan
+from wall.tracing.resident import make_resident
 
 BAND_ROWS = 16  # rows of one piece of work
-FLOAT32_EXACT_PIXELS = 8192  # sub-pixel positions stay finer than 1/1024 pixel up to here
 
 Progress = Callable[[int, int], None]
 
@@ -32,8 +25,8 @@ def render(
 ) -> Float32 | None:
     """The picture at scene time `at` seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
 
-    A flat wall that one eye sees is drawn through its plane at `size` (width, height), keeping the wall's height in
-    view; other walls panel by panel at their own pixels. Raises ConfigError.
+    A flat wall is drawn through its plane at `size` (width, height), keeping the wall's height in view; other walls
+    panel by panel at their own pixels. Raises ConfigError.
     """
     plan = make_plan(make_layout(loaded))
     return render_plan(plan, spp=spp, seed=seed, size=size, at=at, progress=progress)
@@ -49,75 +42,39 @@ def render_plan(
     progress: Progress = lambda done, total: None,
 ) -> Float32 | None:
     """The same for a plan whose scene is loaded."""
-    resident = make_resident(plan.scene)
-    event = replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at))
-    pieces = _pieces(plan.layout, size)
-    bands = [(panel, band) for panel in pieces for band in _bands(panel)]
+    parts = pieces(whole(plan.layout, size), seed=seed)
+    drawing = Drawing(plan, make_resident(plan.scene), spp=spp, at=at)
+    bands = [(piece, band) for piece in parts for band in _bands(piece)]
     if not under_mpi():
-        rendered = _render_bands(plan, resident, event, bands, spp, seed, progress)
+        rendered = _render_bands(drawing, bands, progress)
     else:
         from wall.processes.bootstrap_mpi import MpiBootstrap
 
         world = MpiBootstrap()
-        mine = _render_bands(plan, resident, event, bands[world.rank :: world.size], spp, seed, progress, threads=1)
+        mine = _render_bands(drawing, bands[world.rank :: world.size], progress, threads=1)
         gathered = world.gather(b"".join(band.tobytes() for band in mine))
         if gathered is None:
             return None
         rendered = [np.zeros(0, np.float32)] * len(bands)
         for rank, data in enumerate(gathered):
             rendered[rank :: world.size] = _unpack(data, bands[rank :: world.size])
-    return _assemble(pieces, bands, rendered)
+    return _assemble(bands, rendered)
 
 
-def _pieces(layout: Layout, size: tuple[int, int] | None) -> list[Panel]:
-    """The rectangles to draw: one that is the whole flat wall at the wanted size, or the panels themselves."""
-    wall = layout.wall
-    found = whole(wall)
-    if found is None and size is not None:
-        why = "are seen from several eyes" if wall.flat else "stand at angles"
-        raise ConfigError(f"{layout.loaded.path}: --size needs a flat wall, and these panels {why}; leave it out")
-    if found is None or (size is None and len(wall.faces) > 1):
-        return list(wall.panels)
-    width, height = size or (found.width, found.height)
-    scale, own = found.height / height, found.plane
-    left = found.width / 2 - scale * width / 2
-    plane = Plane(origin=own.origin + left * own.per_x, per_x=own.per_x * scale, per_y=own.per_y * scale)
-    return [replace(wall.panels[0], pixels=(width, height), screen=(0, 0), plane=plane)]
-
-
-def _bands(panel: Panel) -> list[Rect]:
-    width, height = panel.pixels
-    if max(width, height) > FLOAT32_EXACT_PIXELS:
-        raise ConfigError(f"a picture of {width}x{height} pixels: at most {FLOAT32_EXACT_PIXELS} on an edge")
+def _bands(piece: Piece) -> list[Rect]:
+    width, height = piece.panel.pixels
     return [Rect(x=0, y=y, width=width, height=min(BAND_ROWS, height - y)) for y in range(0, height, BAND_ROWS)]
 
 
 def _render_bands(
-    plan: Plan,
-    resident: Resident,
-    event: Event,
-    bands: list[tuple[Panel, Rect]],
-    spp: int,
-    seed: int,
-    progress: Progress,
-    *,
-    threads: int | None = None,
+    drawing: Drawing, bands: list[tuple[Piece, Rect]], progress: Progress, *, threads: int | None = None
 ) -> list[Float32]:
     count = max(1, min(threads or len(os.sched_getaffinity(0)), len(bands)))
     rendered: dict[int, Float32] = {}
 
     def work(share: range) -> None:
-        tracer, drawn = None, None
         for k in share:
-            panel, rect = bands[k]
-            if tracer is None or drawn is not panel:
-                seen, drawn = Standpoint(plan.view, panel), panel
-                tracer = Tracer(resident, panel, seen.eye, coherent=True)
-                tracer.take(seen(event))
-            sampler = ProgressiveSampler(rect, seed=seed)
-            for sample in range(spp):
-                sampler.add(tracer.trace(sampler.positions(sample))[0])
-            rendered[k] = sampler.mean().astype(np.float32)
+            rendered[k] = drawing.band(*bands[k])
             progress(len(rendered), len(bands))
 
     with ThreadPoolExecutor(count) as pool:
@@ -126,7 +83,7 @@ def _render_bands(
     return [rendered[k] for k in range(len(bands))]
 
 
-def _unpack(data: bytes, bands: list[tuple[Panel, Rect]]) -> list[Float32]:
+def _unpack(data: bytes, bands: list[tuple[Piece, Rect]]) -> list[Float32]:
     values, parts, start = np.frombuffer(data, np.float32), [], 0
     for _, rect in bands:
         parts.append(values[start : start + 3 * rect.area].reshape(rect.height, rect.width, 3))
@@ -134,11 +91,10 @@ def _unpack(data: bytes, bands: list[tuple[Panel, Rect]]) -> list[Float32]:
     return parts
 
 
-def _assemble(pieces: list[Panel], bands: list[tuple[Panel, Rect]], rendered: list[Float32]) -> Float32:
-    width = max(p.screen[0] + p.pixels[0] for p in pieces)
-    height = max(p.screen[1] + p.pixels[1] for p in pieces)
+def _assemble(bands: list[tuple[Piece, Rect]], rendered: list[Float32]) -> Float32:
+    width, height = max(p.rect.right for p, _ in bands), max(p.rect.bottom for p, _ in bands)
     picture = np.zeros((height, width, 3), np.float32)
-    for (panel, rect), band in zip(bands, rendered, strict=True):
-        x, y = panel.screen[0] + rect.x, panel.screen[1] + rect.y
+    for (piece, rect), band in zip(bands, rendered, strict=True):
+        x, y = piece.rect.x + rect.x, piece.rect.y + rect.y
         picture[y : y + rect.height, x : x + rect.width] = band
     return picture

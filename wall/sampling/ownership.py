@@ -24,14 +24,10 @@ def hilbert_chunks(rect: Rect, *, chunk: int, worker: int, workers: int) -> list
 
 def block_order(rect: Rect, *, worker: int, workers: int) -> Pixels:
     """The worker's share of a region in raster order of 4 x 4 blocks, blocks dealt in bands of rows."""
-    rows = range(0, rect.height, BLOCK)
-    blocks = [_block(rect, x, y) for y in list(rows)[worker::workers] for x in range(0, rect.width, BLOCK)]
-    return np.concatenate(blocks) if blocks else np.zeros((0, 2), np.int32)
-
-
-def _block(rect: Rect, x: int, y: int) -> Pixels:
-    ys, xs = np.mgrid[y : min(y + BLOCK, rect.height), x : min(x + BLOCK, rect.width)]
-    return np.stack([xs.ravel() + rect.x, ys.ravel() + rect.y], axis=1).astype(np.int32)
+    rows = np.arange(rect.height, dtype=np.int32)
+    ys, xs = np.meshgrid(rows[rows // BLOCK % workers == worker], np.arange(rect.width, dtype=np.int32), indexing="ij")
+    order = np.lexsort((xs.ravel(), ys.ravel(), xs.ravel() // BLOCK, ys.ravel() // BLOCK))
+    return np.stack([xs.ravel()[order] + rect.x, ys.ravel()[order] + rect.y], axis=1).astype(np.int32)
 
 
 def slots_of(rect: Rect, pixels: Pixels) -> NDArray[np.int32]:

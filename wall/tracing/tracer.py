@@ -96,6 +96,11 @@ class Tracer:
         self.place(event.camera.origin(), self._resident.scene.at(event.scene_time))
         self._frame = ray_frame(self._panel, self._eye, event.camera)
 
+    def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:
+        """Trace for another panel from now on, under `event`: as a new Tracer would, without new trees."""
+        self._panel, self._eye, self._corner = panel, eye, np.array(panel.screen, np.float64)
+        self.take(event)
+
     def place(self, origin: Float64, moment: Moment) -> None:
         resident = self._resident
         self.singular = kernels.place_instances(
