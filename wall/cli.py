@@ -223,7 +223,7 @@ def convert(
         str | None, typer.Option("--format", help="Name of the format; told by the file itself if left out")
     ] = None,
 ) -> None:
-    """Convert a wall of ParaView, Tide, DisplayCluster, SGCT or SAGE2 to a configuration.
+    """Convert a wall of ParaView, Tide, DisplayCluster, SGCT, SAGE2 or Equalizer to a configuration.
 
     [bold]wall convert cave.pvx -o cave.yaml --report cave.json[/]
     """

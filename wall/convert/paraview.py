@@ -106,8 +106,8 @@ def _point(source: Source, node: Node) -> list[float]:
         if rest and not rest[0].isspace():
             break
     if len(found) < 3 or rest.strip():
-        read = " ".join(f"{value:g}" for value in found)
-        source.remark(node, f"is not three numbers; read as ParaView reads it: {read or 'nothing'}, what is missing 0")
+        read = " ".join(f"{value:g}" for value in [*found, 0.0, 0.0, 0.0][:3])
+        source.remark(node, f"is not three numbers: {read}, as ParaView reads it")
     return found + [0.0] * (3 - len(found))
 
 

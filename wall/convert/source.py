@@ -130,10 +130,10 @@ class Source:
         return int(found)
 
     def text(self, node: Node | None) -> str | None:
-        """A text without blanks around it; None where there is none, or only blanks."""
+        """A printable text without blanks around it; None where there is none, or only blanks."""
         if node is None or node.kind != "value" or node.value is None or isinstance(node.value, bool):
             return None
-        return str(node.value).strip()[:4096] or None
+        return "".join(ch for ch in str(node.value).strip()[:4096] if ch.isprintable()).strip() or None
 
     def flag(self, node: Node | None) -> bool | None:
         """true or false, also as 0, 1 or text; None where there is neither."""

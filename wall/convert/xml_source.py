@@ -35,7 +35,7 @@ class _Reader:
     """What expat calls while it reads."""
 
     def __init__(self, text: str, name: str) -> None:
-        self._data = _ENCODING.sub(r"\1", text).encode("utf-8")  # it is decoded already
+        self._data = _ENCODING.sub(r"\1", text).encode("utf-8", "replace")  # it is decoded already
         self._name = name
         self._parser = expat.ParserCreate("utf-8")
         self._parser.buffer_text = True
