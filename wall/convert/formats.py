@@ -37,9 +37,10 @@ FORMATS = {
         Format(name="displaycluster", known_by="<configuration> in XML", module="wall.convert.displaycluster"),
         Format(name="sgct", known_by="nodes and masteraddress in JSON, <Cluster> in XML", module="wall.convert.sgct"),
         Format(name="sage2", known_by="resolution, layout and displays in JSON5", module="wall.convert.sage2"),
+        Format(name="equalizer", known_by="server { config { (.eqc)", module="wall.convert.equalizer"),
     )
 }
-SUFFIXES = {".pvx": "paraview"}  # others are shared by many formats
+SUFFIXES = {".pvx": "paraview", ".eqc": "equalizer"}  # others are shared by many formats
 
 
 def detect(text: str, name: str) -> Format:
