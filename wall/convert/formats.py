@@ -38,6 +38,7 @@ FORMATS = {
         Format(name="sgct", known_by="nodes and masteraddress in JSON, <Cluster> in XML", module="wall.convert.sgct"),
         Format(name="equalizer", known_by="server, config, node in .eqc", module="wall.convert.equalizer"),
         Format(name="sage2", known_by="resolution, layout and displays in JSON5", module="wall.convert.sage2"),
+        Format(name="equalizer", known_by="server { config { (.eqc)", module="wall.convert.equalizer"),
     )
 }
 SUFFIXES = {".pvx": "paraview", ".eqc": "equalizer"}  # others are shared by many formats

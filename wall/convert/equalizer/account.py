@@ -49,7 +49,7 @@ def account(top: Statement) -> tuple[list[Item], list[Item]]:
     for one in top.walk():
         above = one.parent
         if above is not None and above.carried is False:
-            one.leave(one.why if one.carried is False else above.why)
+            one.leave(one.why if one.carried is False and one.why else above.why)
         elif one.carried is None:
             _decide(one)
         if one.carried:

@@ -140,18 +140,26 @@ class Destinations:
         """Leave out panels whose compounds draw nothing, unless there would be none left."""
         empty = [one for one in self.all if one.roots and not any(root.draws for root in one.roots)]
         empty = [one for one in empty if not any(_takes(root) for root in one.roots)]
-        if len(empty) == len(self.all):
+        self._drop(empty, "its compounds only clear it: nothing is shown there")
+        hidden = [one for one in self.all if one.channel.off_screen and any(_gives(root) for root in one.roots)]
+        self._drop(hidden, "off-screen: panels that take its frames render what they show themselves")
+
+    def _drop(self, some: list[Destination], why: str) -> None:
+        """Leave out some of the panels, unless none would be left."""
+        if len(some) == len(self.all):
             return
-        for one in empty:
-            one.statement.leave("its compounds only clear it: nothing is shown there")
+        for one in some:
             self.all.remove(one)
-            for root in one.roots:
-                for statement in root.statement.walk():
-                    statement.leave("it only clears: nothing is shown there")
+            for block in (one.statement, *(root.statement for root in one.roots)):
+                block.leave(why)
 
 
 def _takes(compound: Compound) -> bool:
     return any(one.statement.all("inputframe") for one in compound.below())
+
+
+def _gives(compound: Compound) -> bool:
+    return bool(compound.statement.all("outputframe"))
 
 
 def _above(compound: Compound) -> Iterator[Compound]:

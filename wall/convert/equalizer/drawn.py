@@ -190,7 +190,7 @@ class GraphValues:
                 return framelets[shape[1]]
             x, y = self.screens[name]
             node: dict[str, Any] = {"id": f"{name}.c{suffix}", "op": "crop", "input": framelets[shape[1]]}
-            node["rect"] = [x + rect[0], y + rect[1], rect[2], rect[3]]
+            node["area"] = [x + rect[0], y + rect[1], rect[2], rect[3]]
         else:
             inputs = [self._piece(one, framelets, part, rect, f"{suffix}.{i}") for i, part in enumerate(shape[2])]
             node = {"id": f"{name}.d{suffix}", "op": "depth", "inputs": inputs}

@@ -12,10 +12,12 @@ from dataclasses import dataclass, field
 from typing import NoReturn
 
 from wall.convert.equalizer.language import (
+    ALIASES,
     BLOCKS,
     COUNTED_SETTINGS,
     OPEN_BLOCKS,
     SETTINGS,
+    SWITCHES,
     Rule,
 )
 from wall.convert.report import NotThisFormat
@@ -179,14 +181,14 @@ class _Parser:
 
     def _statement(self, parent: Statement, rules: Mapping[str, Rule], *, open_block: bool) -> None:
         token = self._next
-        rule = rules.get(token.text) if token.kind == "word" else None
+        word = ALIASES.get(token.text, token.text)
+        rule = rules.get(word) if token.kind == "word" else None
         if rule is None and not (open_block and token.kind == "word" and _may_be(token.text, parent)):
             near = difflib.get_close_matches(token.text, rules, n=1)
             hint = f" (did you mean {near[0]}?)" if near else ""
             inside = f" in {parent.word} of line {parent.line}" if parent.word != "file" else ""
             self._refuse(f"{token.shown!r} came{inside}", ", ".join(sorted(rules) or ["nothing"]) + " or }" + hint)
         self._take()
-        word = "buffer" if token.text == "buffers" else token.text
         statement = Statement(word=word, line=token.line, column=token.column, parent=parent)
         assert parent.body is not None
         parent.body.append(statement)
@@ -275,12 +277,16 @@ class _Parser:
             statement.values.append(self._number(wanted))
         elif self._next.text in COUNTED_SETTINGS:
             statement.values.extend((self._take().text, self._number(wanted)))
+        elif self._next.text in SWITCHES:
+            statement.values.append(self._take().text.upper())
         else:
             statement.values.append(self._word(SETTINGS, wanted))
 
     def _any_value(self, statement: Statement) -> None:
         """The value of an attribute that this version of the language does not name."""
-        if self._next.text == "[":
+        if self._next.text == "{":
+            self._block(statement, "attributes", "{", "}")
+        elif self._next.text == "[":
             self._take()
             while self._next.kind in ("word", "number", "string"):
                 statement.values.append(self._take().text)

@@ -52,6 +52,7 @@ SETTINGS = (
     "window", "FBO", "pbuffer", "ASYNC", "async", "DRAW_SYNC", "draw_sync", "LOCAL_SYNC", "local_sync", "RGBA16F",
     "RGBA32F", "fixed", "relative_to_origin", "relative_to_observer",
 )  # fmt: skip
+SWITCHES = ("on", "off", "auto")  # older files write them small
 COUNTED_SETTINGS = ("CORE", "SOCKET")  # a number follows
 
 STRING, NUMBER, WHOLE = Rule("string"), Rule("number"), Rule("whole")
@@ -86,15 +87,16 @@ _LOAD = {
 }  # fmt: skip
 _FRAME = {
     "name": STRING, "type": Rule("word", words=("texture", "memory")), "viewport": VIEWPORT, "buffer": BUFFERS,
-    "buffers": BUFFERS, "zoom": PAIR,
+    "zoom": PAIR,
 }  # fmt: skip
 _COMPOUND = {
     "compound": _block("compound"), "name": STRING, "channel": Rule("channel", block="path"),
     "task": Rule("words", words=("CLEAR", "DRAW", "ASSEMBLE", "READBACK")), "eye": EYES,
-    "buffer": BUFFERS, "buffers": BUFFERS,  # the lexer reads buffers as buffer, and its own examples rely on it
+    "buffer": BUFFERS,
     "viewport": VIEWPORT, "range": PAIR, "period": WHOLE, "phase": WHOLE, "zoom": PAIR,
     "pixel": Rule("wholes", count=4), "subpixel": Rule("wholes", count=2), **_FRUSTUM, **_EQUALIZERS,
-    "swapbarrier": _block("swapbarrier"), "outputframe": _block("frame"), "inputframe": _block("frame"),
+    "mode": Rule("words", words=("SYNC",)), "swapbarrier": _block("swapbarrier"),
+    "outputframe": _block("frame"), "inputframe": _block("frame"),
     "outputtiles": _block("tiles"), "inputtiles": _block("tiles"), "attributes": _block("attributes"),
 }  # fmt: skip
 
@@ -176,4 +178,7 @@ BLOCKS: Mapping[str, Mapping[str, Rule]] = {
     },
 }  # fmt: skip
 
+ALIASES = {  # the lexer reads buffers as buffer and what is left over it prints: files of its own rely on that
+    "buffers": "buffer", "outputFrame": "outputframe", "inputFrame": "inputframe",
+}  # fmt: skip
 OPEN_BLOCKS = frozenset({"global", "attributes"})  # versions differ in their attributes: others are read and reported

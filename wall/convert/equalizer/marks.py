@@ -56,7 +56,9 @@ def _mark(compound: Compound, panel: str) -> None:
         _mark(child, panel)
     if block.carried is None:
         exchanges = block.all("inputframe", "outputframe")
-        if any(child.statement.carried for child in compound.children) or exchanges:
+        if compound.parent and compound.channel and not (compound.draws or block.all("outputframe")):
+            block.leave("a window that shows again what a panel shows" if exchanges else "it draws nothing")
+        elif any(child.statement.carried for child in compound.children) or exchanges:
             block.carry(f"a part of panel {panel}" if compound.parent else f"panel {panel}")
         else:
             block.leave("nothing takes what it draws" if compound.draws else "it draws nothing")

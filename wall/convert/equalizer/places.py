@@ -112,7 +112,7 @@ def _of_projection(projection: Statement) -> Float64:
     distance = abs((projection.numbers("distance") or [DEFAULT_DISTANCE])[0])
     half = distance * np.tan(np.radians(projection.numbers("fov") or DEFAULT_FOV) / 2)
     heading, pitch, roll = np.radians(projection.numbers("hpr") or (0.0, 0.0, 0.0))
-    turned = _turn(1, heading) @ _turn(0, pitch) @ _turn(2, -roll)
+    turned = _turn(2, -roll) @ _turn(1, heading) @ _turn(0, -pitch)
     flat = [(-half[0], -half[1], -distance), (half[0], -half[1], -distance), (-half[0], half[1], -distance)]
     found: Float64 = np.array(flat) @ turned.T + origin
     return found

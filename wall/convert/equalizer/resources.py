@@ -6,7 +6,6 @@ Pipes and windows count pixels from the top left; a channel's viewport in its wi
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from wall.convert.equalizer.grammar import Statement
@@ -31,6 +30,7 @@ class Channel:
     pixels: tuple[int, int]
     window: Rect | None  # on its display, from the top left; None: all of it
     assumed: bool  # whether the display's size had to be assumed
+    off_screen: bool  # its window says that nobody sees it
 
 
 @dataclass(slots=True)
@@ -56,7 +56,9 @@ def read_resources(config: Statement, fullscreen: bool, name: str) -> Resources:
                     place = _place(channel, window, size, fullscreen, name)
                     label = channel.text("name")
                     found.channels.append(
-                        Channel(label, unique(label or "channel", ids), channel, host, display, *place)
+                        Channel(
+                            label, unique(label or "channel", ids), channel, host, display, *place, _off_screen(window)
+                        )
                     )
     return found
 
@@ -138,9 +140,3 @@ def _switch(block: Statement, word: str, default: bool) -> bool:
 def _off_screen(window: Statement) -> bool:
     drawables = [one for attributes in window.all("attributes") for one in attributes.all("hint_drawable")]
     return any(one.values[0] in OFF_SCREEN for one in drawables)
-
-
-def hosts(config: Statement) -> Iterator[tuple[Statement, list[Statement]]]:
-    """Each node with its channels' statements."""
-    for node in config.all("appNode", "node"):
-        yield node, [one for one in node.walk() if one.word == "channel"]

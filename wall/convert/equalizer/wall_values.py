@@ -45,6 +45,7 @@ def wall_values(destinations: list[Destination], eye_base: float | None, name: s
     assumed: list[str] = []
     _place(destinations, assumed)
     eyes = [_eye(one.observer) for one in destinations]
+    _turn_to(destinations, eyes, assumed)
     separation = next((_separation(one.observer) for one in destinations if one.observer is not None), None)
     _step_back(destinations, eyes, assumed)
     panels, parts = [], []
@@ -72,6 +73,16 @@ def _place(destinations: list[Destination], assumed: list[str]) -> None:
         assumed.append(f"the file says no place of {names}: side by side, 1 m high, 1 m before the viewer")
 
 
+def _turn_to(destinations: list[Destination], eyes: list[list[float]], assumed: list[str]) -> None:
+    """Walls that face away from their viewer: left and right are exchanged, so that they face him."""
+    for one, eye in zip(destinations, eyes, strict=True):
+        corners = one.corners
+        assert corners is not None
+        if float((np.array(eye) - corners[0]) @ _normal(corners)) < -NEAREST:
+            one.corners = np.array([corners[1], corners[0], corners[1] + corners[2] - corners[0]])
+            assumed.append(f"the wall of panel {one.id} faces away from the viewer: its left and right are exchanged")
+
+
 def _eye(observer: Statement | None) -> list[float]:
     """Metres; an observer begins at the origin."""
     found = observer.numbers("eye_cyclop") if observer is not None else None
@@ -95,9 +106,9 @@ def _check_eye(one: Destination, eye: list[float], name: str) -> None:
     assert corners is not None
     away = float((np.array(eye) - corners[0]) @ _normal(corners))
     if away < NEAREST:
-        at, where = one.statement, "behind" if away < -NEAREST else "in the plane of"
+        at = one.statement
         raise ConfigError(
-            f"{name}:{at.line}:{at.column}: the viewer at {eye} is {where} panel {one.id}; "
+            f"{name}:{at.line}:{at.column}: the viewer at {eye} is in the plane of panel {one.id}; "
             "wanted: a wall that faces the viewer"
         )
 
