@@ -65,11 +65,11 @@ def applied(
 
 
 def by_regions(
-    operator: Operator, inputs: Sequence[Framelet], cuts: tuple[list[int], list[int]], whole: Framelet
+    operator: Operator, inputs: Sequence[Framelet], cuts: tuple[list[int], list[int]], whole: Framelet, folder: Path
 ) -> Framelet:
     """The output region by region, cut at the given columns and rows; every pixel must be written."""
     out = output_of(operator, inputs, encoded=whole.encoded)
-    out.moment, prepared, area = whole.moment, operator.prepare(Path()), out.rect
+    out.moment, prepared, area = whole.moment, operator.prepare(folder), out.rect
     xs, ys = (
         [start, *sorted({c for c in cut if start < c < end}), end]
         for start, end, cut in ((area.x, area.right, cuts[0]), (area.y, area.bottom, cuts[1]))

@@ -6,13 +6,24 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, get_args, get_origin
 
 from wall.errors import ConfigError
+from wall.operators.age_blend import AgeBlend
+from wall.operators.average import Average
 from wall.operators.base import Operator
+from wall.operators.blend_edges import BlendEdges
+from wall.operators.colour import Colour
 from wall.operators.crop import Crop
+from wall.operators.denoise import Denoise
 from wall.operators.depth import Depth
 from wall.operators.encode import Encode
+from wall.operators.mask import Mask
 from wall.operators.newest import Newest
 from wall.operators.over import Over
+from wall.operators.overlay import Overlay
+from wall.operators.scale import Scale
+from wall.operators.sources import Constant, Picture
 from wall.operators.tile import Tile
+from wall.operators.turns import Flip, Rotate
+from wall.operators.warp import Warp
 
 GROUP = "wall.operators"
 
@@ -26,9 +37,11 @@ def name_of(operator: type[Operator]) -> str | None:
     return words[0] if one_word else None
 
 
-OPERATORS: dict[str, type[Operator]] = {
-    str(name_of(operator)): operator for operator in (Crop, Depth, Encode, Newest, Over, Tile)
-}
+BUILT_IN: tuple[type[Operator], ...] = (
+    AgeBlend, Average, BlendEdges, Colour, Constant, Crop, Denoise, Depth, Encode,
+    Flip, Mask, Newest, Over, Overlay, Picture, Rotate, Scale, Tile, Warp,
+)  # fmt: skip
+OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}
 RESERVED = frozenset({"samples", "reconstruct", "sky", "sink"})  # nodes of a graph that are not operators
 
 

@@ -1,0 +1,49 @@
+"""`age_blend`: several pictures of one view, the older the paler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from wall.data import Channels, Float32, Framelet, Rect
+from wall.fields import Period
+from wall.operators.base import Inputs, Operator
+from wall.operators.means import Weighed, mean
+from wall.operators.parts import bands, later, part
+
+
+class AgeBlend(Operator):
+    """The mean with weights exp(-age / tau_s) of each pixel's age; what was never traced counts nothing.
+
+    Only differences of age matter, so they are taken against the newest input at each pixel: no clock is needed, and
+    its weight is 1 however old it is.
+    """
+
+    op: Literal["age_blend"]
+    inputs: Inputs
+    tau_s: Period = Field(description="age at which a value counts 1/e = 0.37 as much, seconds")
+
+    NEEDS: ClassVar[Channels] = frozenset({"colour", "time"})
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        for band in bands(region):
+            newest = np.full((band.height, band.width), -np.inf, np.float32)
+            parts = [(framelet, met) for framelet in inputs if (met := framelet.rect.meet(band))]
+            times = [part(framelet, "time", met) + later(framelet, out) for framelet, met in parts]
+            for (_, met), time in zip(parts, times, strict=True):
+                here = newest[met.inside(band)]
+                np.fmax(here, time, out=here)
+            weighed = [
+                Weighed(framelet, met, self._weight(time, newest[met.inside(band)]))
+                for (framelet, met), time in zip(parts, times, strict=True)
+            ]
+            mean(weighed, out, band)
+
+    def _weight(self, time: Float32, newest: Float32) -> Float32:
+        known = np.isfinite(time)
+        older = np.subtract(time, newest, out=np.zeros_like(time), where=known)
+        weight: Float32 = np.exp(older * np.float32(1.0 / self.tau_s), out=np.zeros_like(time), where=known)
+        return weight

@@ -1,0 +1,53 @@
+"""`average`: the mean of several pictures of one view, the better ones counting more.
+
+Where every input knows its variance v, weights are 1 / v: of all weighted means that has the least variance,
+1 / sum(1 / v) (Gauss-Markov). Else all count the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from wall.data import Float32, Framelet, Rect
+from wall.operators.base import Inputs, Operator
+from wall.operators.means import Weighed, mean
+from wall.operators.parts import bands, part
+
+SMALLEST = np.float32(1e-15)  # variance: of a thousand inputs, the square of the sum of 1 / it is finite in float32
+
+
+class Average(Operator):
+    """The mean of the inputs that cover a pixel, by running update, which cannot cancel.
+
+    Inputs whose variance is infinite or no number there are left out, unless all are.
+    """
+
+    op: Literal["average"]
+    inputs: Inputs
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        weighted = all(framelet.variance is not None for framelet in inputs)
+        for band in bands(region):
+            parts = [(framelet, met) for framelet in inputs if (met := framelet.rect.meet(band))]
+            weights = [_weight(framelet, met) if weighted else _ones(met) for framelet, met in parts]
+            total = np.zeros((band.height, band.width), np.float32)
+            for (_, met), weight in zip(parts, weights, strict=True):
+                total[met.inside(band)] += weight
+            for (_, met), weight in zip(parts, weights, strict=True):
+                weight[total[met.inside(band)] == 0.0] = 1.0
+            mean([Weighed(*each, weight) for each, weight in zip(parts, weights, strict=True)], out, band)
+
+
+def _ones(rect: Rect) -> Float32:
+    return np.ones((rect.height, rect.width), np.float32)
+
+
+def _weight(framelet: Framelet, rect: Rect) -> Float32:
+    """1 / variance, and 0 where that is infinite, negative or no number."""
+    variance = part(framelet, "variance", rect)
+    weight = np.zeros((rect.height, rect.width), np.float32)
+    np.divide(1.0, np.maximum(variance, SMALLEST), out=weight, where=variance >= 0.0)
+    return weight

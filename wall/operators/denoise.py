@@ -1,0 +1,56 @@
+"""`denoise`: Intel's Open Image Denoise, through the optional package pyoidn, which brings the library with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from wall.data import Channels, Float32, Framelet, Rect
+from wall.errors import ConfigError, RunError
+from wall.operators.base import Input, Operator
+from wall.operators.parts import copy, part
+
+INSTALL = "pip install 'pyoidn>=2.5'"
+Denoiser = Callable[..., Float32]
+
+
+class Denoise(Operator):
+    """A network guesses the picture behind the noise, from its colour alone. Every pixel may depend on every other.
+
+    Any change redoes the whole picture: for sinks that show few pictures a second. A region costs what the whole costs.
+    """
+
+    op: Literal["denoise"]
+    input: Input
+    quality: Literal["fast", "balanced", "high"] = Field(default="balanced", description="the faster, the coarser")
+
+    def gives(self, inputs: Sequence[Channels]) -> Channels:
+        """Without variance: nobody knows that of the guess."""
+        return inputs[0] - {"variance"}
+
+    def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
+        return inputs[0]
+
+    def prepare(self, folder: Path) -> Denoiser:
+        """Raises ConfigError saying what to install if pyoidn is missing, too old, or cannot load its library."""
+        try:
+            from pyoidn import denoise
+        except (ImportError, OSError) as error:
+            raise ConfigError(
+                f"denoise '{self.id}': cannot use pyoidn ({error}), wanted it installed: {INSTALL}"
+            ) from error
+        return denoise  # type: ignore[no-any-return]
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Denoiser) -> None:
+        """Raises RunError when the library fails."""
+        source = inputs[0]
+        copy(source, out, region, but=frozenset({"colour"}))
+        try:
+            colour = prepared(np.maximum(source.colour, np.float32(0.0)), hdr=True, quality=self.quality)
+        except RuntimeError as error:
+            raise RunError(f"denoise '{self.id}': {error}") from error
+        part(out, "colour", region)[...] = colour[region.inside(source.rect)]

@@ -1,0 +1,83 @@
+"""`mask`: parts of a picture taken away, by a rectangle or by the luminance of a picture file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from wall.data import BLANK, Channels, Float32, Framelet, Rect
+from wall.errors import ConfigError
+from wall.fields import Flag, Text, refusal
+from wall.operators import files
+from wall.operators.base import Area, Input, Operator
+from wall.operators.parts import bands, copy, part
+
+
+class Mask(Operator):
+    """Colour and alpha times the mask; where that is 0 nothing is left, so what is behind shows.
+
+    The mask is 1 inside an area and 0 outside, or a file's linear luminance, clipped to 0..1; the file must be as large
+    as the input.
+    """
+
+    op: Literal["mask"]
+    input: Input
+    area: Area | None = Field(default=None, description="x, y, width, height in the frame: what is kept")
+    file: Text | None = Field(default=None, description="PNG or EXR: what is kept, instead of an area")
+    invert: Flag = Field(default=False, description="keep the rest instead")
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Mask:
+        if (self.area is None) == (self.file is None):
+            raise refusal("needs either an area or a file", accepted="area: [x, y, width, height] or file: NAME")
+        return self
+
+    def gives(self, inputs: Sequence[Channels]) -> Channels:
+        """With alpha, for what it takes away becomes transparent."""
+        return inputs[0] | {"alpha"}
+
+    def prepare(self, folder: Path) -> Float32 | None:
+        """(h, w) float32, the file's mask."""
+        if self.file is None:
+            return None
+        kept: Float32 = np.clip(files.read(folder / self.file).luminance(), np.float32(0.0), np.float32(1.0))
+        return kept
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Float32 | None) -> None:
+        """Raises ConfigError when the file's size is not the input's."""
+        source = inputs[0]
+        if prepared is not None and prepared.shape != (source.rect.height, source.rect.width):
+            came, wanted = prepared.shape[::-1], (source.rect.width, source.rect.height)
+            raise ConfigError(
+                f"mask '{self.id}': {self.file} is {came[0]} x {came[1]} pixels, wanted {wanted[0]} x {wanted[1]}"
+            )
+        if source.alpha is None and out.alpha is not None:
+            part(out, "alpha", region)[...] = 1.0
+        copy(source, out, region, but=frozenset({"alpha"} if source.alpha is None else ()))
+        for band in bands(region):
+            kept = self._rectangle(band) if prepared is None else prepared[band.inside(source.rect)]
+            _keep(out, band, np.float32(1.0) - kept if self.invert else kept)
+
+    def _rectangle(self, band: Rect) -> Float32:
+        x, y, width, height = self.area or (0, 0, 1, 1)
+        kept = np.zeros((band.height, band.width), np.float32)
+        if met := Rect(x=x, y=y, width=width, height=height).meet(band):
+            kept[met.inside(band)] = 1.0
+        return kept
+
+
+def _keep(out: Framelet, band: Rect, share: Float32) -> None:
+    gone = share == 0.0
+    part(out, "colour", band)[...] *= share[..., None]
+    part(out, "colour", band)[gone] = 0.0  # NaN times 0 is not
+    for name in out.channels - {"colour"}:
+        here = part(out, name, band)
+        if name == "alpha":
+            here *= share
+        if name == "variance":
+            np.multiply(here, share * share, out=here, where=~gone)
+        here[gone] = BLANK[name][0]
