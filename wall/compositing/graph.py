@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
-from wall.compositing.covering import Covering, panels_shown
+from wall.compositing.covering import Covering, panel_rect, panels_shown
 from wall.compositing.places import Places
 from wall.compositing.presets import expanded
 from wall.compositing.ranks import number_ranks
 from wall.compositing.refusals import Refusals
-from wall.compositing.structure import check_structure, in_order
+from wall.compositing.structure import check_structure, in_order, input_path
+from wall.compositing.windows import with_windows
 from wall.config.loading import Loaded, nearest
 from wall.config.schema import (
     FrameSync,
@@ -26,12 +27,12 @@ from wall.config.schema import (
     ReconstructNode,
     SamplesNode,
     SinkNode,
-    SkyNode,
 )
 from wall.data import Channels, Rect
 from wall.geometry.panels import Wall
 from wall.geometry.regions import Source
 from wall.operators.base import Operator
+from wall.operators.crop import Crop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,16 +153,23 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     refusals.raise_any()
     graph = _planned(config, wall, refusals)
     _sync_fits(loaded, config, refusals)
+    _compares_panels(graph, refusals)
     refusals.raise_any()
-    return graph
+    if not graph.has_sink("window"):
+        return graph
+    rects = {step.node.id: step.rect for step in graph.steps}
+    shown = {step.node.id: tuple(wall.panels[k] for k in step.panels) for step in graph.steps}
+    config = with_windows(config, wall, rects, shown)
+    return _planned(config, wall, Refusals(loaded, config.nodes, written=False))
 
 
 def _panels_exist(nodes: Sequence[NodeConfig], wall: Wall, refusals: Refusals) -> None:
     panels = [panel.id for panel in wall.panels]
     for node in nodes:
-        if isinstance(node, SamplesNode | SkyNode) and node.panel not in panels:
+        panel = getattr(node, "panel", None)
+        if panel is not None and panel not in panels:
             some = ", ".join(panels[:16]) + (" ..." if len(panels) > 16 else "")
-            refusals.add(node, ["panel"], "there is no such panel", some + nearest(node.panel, panels))
+            refusals.add(node, ["panel"], "there is no such panel", some + nearest(panel, panels))
 
 
 def _sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
@@ -171,8 +179,19 @@ def _sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
         refusals.add(None, ["sync"], came, "sampling: {method: framed}, or sync: none")
 
 
+def _compares_panels(graph: Graph, refusals: Refusals) -> None:
+    """Depths of different moments can be brought to one moment panel by panel only."""
+    for step in graph.steps:
+        if graph.sync == "none" and isinstance(step.node, Operator) and step.node.COMMON_TIME:
+            for k, source in enumerate(step.inputs):
+                held = graph.steps[source].panels
+                if len(held) > 1:
+                    came = f"holds {len(held)} panels, and without lock step depths are compared panel by panel"
+                    refusals.add(step.node, input_path(step.node, k), came, "a node of one panel, or sync: frame")
+
+
 def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
-    order = in_order(config.nodes)
+    order = in_order([_with_area(node, wall) for node in config.nodes])
     index = {panel.id: panel.index for panel in wall.panels}
     samples = [node for node in config.nodes if isinstance(node, SamplesNode)]
     samples.sort(key=lambda node: index[node.panel])
@@ -213,6 +232,14 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     layers = _layers(config, samples, steps, ranks, index)
     hosts = dict(sorted(places.hosts.items()))
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
+
+
+def _with_area(node: NodeConfig, wall: Wall) -> NodeConfig:
+    """A crop that names a panel, as one that names its pixels."""
+    if not isinstance(node, Crop) or node.panel is None:
+        return node
+    rect = panel_rect(wall.panel(node.panel))
+    return node.model_copy(update={"area": (rect.x, rect.y, rect.width, rect.height), "panel": None})
 
 
 def _layers(

@@ -14,12 +14,14 @@ class Refusals:
         """`written`: the nodes stand in the file; else they come from a preset, and errors point to `graph`."""
         self._loaded, self._written = loaded, written
         self._index = {id(node): i for i, node in enumerate(nodes)}
+        self._named = {node.id: i for i, node in enumerate(nodes)}
         self.found: list[ConfigError] = []
 
     def add(self, node: NodeConfig | None, at: Sequence[str | int], message: str, accepted: str = "") -> None:
         """`at` leads from the node (from `graph` without one) to the culprit inside it."""
         if node is not None and self._written:
-            path: tuple[str | int, ...] = ("graph", "nodes", self._index[id(node)], *at)
+            index = self._index.get(id(node), self._named[node.id])
+            path: tuple[str | int, ...] = ("graph", "nodes", index, *at)
         elif node is not None:
             path, message = ("graph",), f"node {node.id}: {message}"
         else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,14 @@ import numpy as np
 from wall.config.schema import METHODS
 from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status
+from wall.display.window import WindowSink
 from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
 from wall.processes.manager import Manager
 from wall.processes.plan import HEAD, Plan, make_predictor
-from wall.processes.sinks import show_all
+from wall.processes.sinks import distinct, show_all
 from wall.processes.usage import cpu_seconds, peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
@@ -39,13 +40,13 @@ class Head:
         clock: Clock,
         links: Mapping[int, Link],
         sinks: list[Sink | None],
-        commands: Callable[[], list[dict[str, Any]]],
+        hands: Sequence[Callable[[], list[dict[str, Any]]]],
         *,
         still: bool,
     ) -> None:
         self._plan, self._bootstrap, self._clock, self._sinks = plan, bootstrap, clock, sinks
         self._compositor = Compositor(plan, HEAD, hub, links)
-        self.manager = Manager(plan, control_hub, clock, commands, still=still)
+        self.manager = Manager(plan, control_hub, clock, lambda: [c for hand in hands for c in hand()], still=still)
         self._predictor, self._event = make_predictor(plan), self.manager.event
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
@@ -72,12 +73,18 @@ class Head:
                 due = max(due + period, now)
                 self._refresh(now, event, self._predictor.at(now))
                 self._watch(now)
-                if seconds is not None and now - self._began >= seconds:
+                if closed := self._closed():
+                    self.stopping = closed
+                elif seconds is not None and now - self._began >= seconds:
                     self.stopping = "time is up"
                 elif until_complete and self._complete(now, event):
                     self.stopping = "complete"
             if not taken:
                 self._compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
+
+    def _closed(self) -> str:
+        """Why a hand at a window ended the run; "" if none did."""
+        return next((s.finished for s in self._sinks if isinstance(s, WindowSink) and s.finished), "")
 
     def finish(self) -> None:
         """Complete the last view if that takes no time, stop everyone, show what came in, close the sinks."""
@@ -90,7 +97,7 @@ class Head:
             pass
         self._refresh(self._clock.now(), event, event, force=True)
         failures = []
-        for sink in (sink for sink in self._sinks if sink is not None):
+        for sink in distinct(self._sinks):
             try:
                 sink.close()
             except RunError as error:  # one full disk must not keep the others from closing
@@ -224,8 +231,8 @@ class Head:
         beats = {rank: beat for rank, (_, beat) in manager.heartbeats.items()}
         dropped = compositor.drops()
         dropped.merge(manager.counters.counts)
-        for sink in self._sinks:
-            dropped.merge(sink.dropped() if sink is not None else {})
+        for sink in distinct(self._sinks):
+            dropped.merge(sink.dropped())
         for beat in beats.values():
             dropped.merge(beat.dropped)
         seconds = self._clock.now() - self._began

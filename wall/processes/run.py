@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from types import FrameType
 from typing import Any
 
 from wall.config.loading import Loaded
+from wall.display.browser import Browser
+from wall.display.window import WindowSink
 from wall.errors import ConfigError
 from wall.processes.bootstrap import Bootstrap, under_mpi
 from wall.processes.bootstrap_local import LocalBootstrap
@@ -25,9 +28,10 @@ from wall.processes.control import Control
 from wall.processes.edges import targets_of
 from wall.processes.further import FurtherCompositor
 from wall.processes.head import Head
+from wall.processes.hosts import Renumbered, assign
 from wall.processes.plan import HEAD, Layout, Plan, make_layout, make_plan
 from wall.processes.renderer import Renderer
-from wall.processes.sinks import make_sinks
+from wall.processes.sinks import distinct, make_sinks
 from wall.processes.warm import warm_up
 from wall.tracing.resident import Resident, make_resident
 from wall.transport.base import Hub, Link
@@ -77,7 +81,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
     plan, resident = _prepare(layout, say)
 
     def main(bootstrap: Bootstrap) -> None:
-        serve(plan, resident, bootstrap)
+        serve(plan, resident, bootstrap, headless=options.headless)
 
     bootstrap: Bootstrap
     if layout.config.transport.kind == "loopback":
@@ -97,16 +101,28 @@ def _run_mpi(
 ) -> Outcome | None:
     from wall.processes.bootstrap_mpi import MpiBootstrap
 
-    bootstrap = MpiBootstrap()
-    check_size(layout, bootstrap.size, tell=bootstrap.rank == HEAD)
+    launched = MpiBootstrap()
+    check_size(layout, launched.size, tell=launched.rank == HEAD)
+    bootstrap = _placed(layout, launched)
     if layout.config.transport.kind == "loopback":
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     plan, resident = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
     if bootstrap.rank != HEAD:
-        serve(plan, resident, bootstrap)
+        serve(plan, resident, bootstrap, headless=options.headless)
         bootstrap.finish()
         return None
     return lead(plan, resident, bootstrap, options, opened)
+
+
+def _placed(layout: Layout, launched: Bootstrap) -> Bootstrap:
+    """The launched processes under the ranks that suit their machines; one of them tells why that cannot be."""
+    machines = launched.allgather(socket.gethostname())
+    try:
+        return Renumbered(launched, assign(layout.graph.hosts, machines, config=layout.loaded.name))
+    except ConfigError:
+        if launched.rank == HEAD:
+            raise
+        raise SystemExit(2) from None
 
 
 def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
@@ -134,7 +150,7 @@ def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, Resident
     return plan, resident
 
 
-def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
+def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap, *, headless: bool) -> None:
     """Be a rank other than the head, until it says stop."""
     layout, rank = plan.layout, bootstrap.rank
     hub = _hub(plan) if layout.role(rank) == "compositor" else None
@@ -143,7 +159,7 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
     link = connect(endpoints[HEAD]["control"], rank=rank)
     control = Control(link, plan, rank, same_clock=endpoints[HEAD]["machine"] == machine_id())
     if hub is not None:
-        _compose(plan, rank, hub, control, [about["data"] for about in endpoints])
+        _compose(plan, rank, hub, control, [about["data"] for about in endpoints], headless=headless)
         _close(link)
         return
     outbox = connect(endpoints[layout.target_of(rank)]["data"], rank=rank)
@@ -157,14 +173,14 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap) -> None:
         _close(outbox, link)
 
 
-def _compose(plan: Plan, rank: int, hub: Hub, control: Control, endpoints: list[str]) -> None:
+def _compose(plan: Plan, rank: int, hub: Hub, control: Control, endpoints: list[str], *, headless: bool) -> None:
     """Be a compositor beside the head."""
     links = _links(plan, rank, endpoints, {HEAD})
-    sinks, _ = make_sinks(plan, rank, Path(), headless=True)
+    sinks, _ = make_sinks(plan, rank, Path(), headless=headless)
     try:
         FurtherCompositor(plan, rank, hub, control, links, sinks).run()
     finally:
-        _close(*(sink for sink in sinks if sink is not None), *links.values(), hub)
+        _close(*distinct(sinks), *links.values(), hub)
 
 
 def _links(plan: Plan, rank: int, endpoints: list[str], more: set[int]) -> dict[int, Link]:
@@ -201,8 +217,8 @@ def lead(
         about = {"data": hub.endpoint, "control": control_hub.endpoint, "machine": machine_id()}
         endpoints = [json.loads(text)["data"] for text in bootstrap.allgather(json.dumps(about))]
         links = _links(plan, HEAD, endpoints, set())
-        commands = browser.commands if browser else list
-        head = Head(plan, bootstrap, hub, control_hub, HeadClock(), links, sinks, commands, still=options.still)
+        hands = [sink.commands for sink in distinct(sinks) if isinstance(sink, Browser | WindowSink)]
+        head = Head(plan, bootstrap, hub, control_hub, HeadClock(), links, sinks, hands, still=options.still)
         with _signals(head):
             opened(browser.address if browser else "")
             head.run(seconds=options.seconds, until_complete=options.until_complete)
@@ -210,7 +226,7 @@ def lead(
         if head is not None:
             head.finish()
         else:
-            _close(*(sink for sink in sinks if sink is not None))
+            _close(*distinct(sinks))
         bootstrap.finish(1 if head is None or head.lost else 0)
         _close(*links.values(), hub, control_hub)
     summary = head.summary()

@@ -11,6 +11,7 @@ from wall.display.base import Sink, Status, WallPicture
 from wall.display.browser import Browser
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
+from wall.display.window import WindowSink
 from wall.processes.plan import Plan
 from wall.processes.showing import Shown
 
@@ -21,8 +22,13 @@ STILL = Status(
 
 
 def make_sinks(plan: Plan, place: int, out: Path, *, headless: bool) -> tuple[list[Sink | None], Browser | None]:
-    """The sinks of a place in the order of the graph, and the page among them; None where `headless` leaves one out."""
+    """The sinks of a place in the order of the graph, and the page among them; None where `headless` leaves one out.
+
+    All windows of a place are one sink, which stands in the list for each of them. Raises RunError where a display
+    cannot be reached.
+    """
     output, layout = plan.layout.config.output, plan.layout
+    windows = None if headless else _windows(plan, place)
     sinks: list[Sink | None] = []
     browser: Browser | None = None
     for step in layout.graph.steps:
@@ -34,10 +40,28 @@ def make_sinks(plan: Plan, place: int, out: Path, *, headless: bool) -> tuple[li
             sink = PngSink(_folder(plan, step, out))
         elif kind == "recorder":
             sink = Recorder(_folder(plan, step, out / "recording"), hz=output.record_hz)
+        elif kind == "window":
+            sink = windows
         elif kind == "browser" and not headless:
             sink = browser = Browser(output.browser.host, output.browser.port, layout.wall)
         sinks.append(sink)
     return sinks, browser
+
+
+def _windows(plan: Plan, place: int) -> WindowSink | None:
+    graph, wall = plan.layout.graph, plan.layout.wall
+    panels = [
+        wall.panels[k]
+        for step in graph.steps
+        if step.place == place and isinstance(step.node, SinkNode) and step.node.kind == "window"
+        for k in step.panels
+    ]
+    return WindowSink(panels, refresh_hz=plan.view.refresh_hz) if panels else None
+
+
+def distinct(sinks: list[Sink | None]) -> list[Sink]:
+    """Each sink once."""
+    return list({id(sink): sink for sink in sinks if sink is not None}.values())
 
 
 def _folder(plan: Plan, step: Step, folder: Path) -> Path:

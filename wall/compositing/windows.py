@@ -1,0 +1,75 @@
+"""Nodes that the planner adds: what a panel's own display needs between the picture and its window.
+
+A window sink shows each panel by itself: its pixels cut out, then its colour, blending and warp, as the wall says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from wall.compositing.covering import panel_rect
+from wall.config.schema import NodeConfig, NodeGraph, SinkNode, WarpFileConfig
+from wall.data import Rect
+from wall.geometry.panels import Panel, Wall
+from wall.operators.blend_edges import BlendEdges
+from wall.operators.colour import Colour
+from wall.operators.crop import Crop
+from wall.operators.warp import Mesh, Warp
+
+MAX_STEM = 48  # characters of a node's id that added nodes begin with
+
+
+def with_windows(
+    config: NodeGraph, wall: Wall, rects: Mapping[str, Rect], shown: Mapping[str, tuple[Panel, ...]]
+) -> NodeGraph:
+    """The same graph with a window sink for each panel, fitted to its display.
+
+    rects : of every node; shown : of every sink the panels that it shows whole
+    """
+    nodes: list[NodeConfig] = []
+    for node in config.nodes:
+        if not isinstance(node, SinkNode) or node.kind != "window":
+            nodes.append(node)
+            continue
+        panels = shown[node.id]
+        for panel in panels:
+            name = node.id if len(panels) == 1 else f"{node.id[:MAX_STEM]}.{panel.index}"
+            nodes += _window(node, name, panel, rects[node.input])
+    return config.model_copy(update={"nodes": tuple(nodes)})
+
+
+def _window(node: SinkNode, name: str, panel: Panel, given: Rect) -> list[NodeConfig]:
+    """What leads from the sink's input to the panel's window, and that."""
+    chain: list[NodeConfig] = []
+    stem, rect = name[:MAX_STEM], panel_rect(panel)
+
+    def link(what: str) -> dict[str, Any]:
+        return {"id": f"{stem}.{what}", "input": chain[-1].id if chain else node.input, "on": node.on}
+
+    if given != rect:
+        chain.append(Crop(op="crop", area=(rect.x, rect.y, rect.width, rect.height), **link("crop")))
+    if panel.colour is not None:
+        c = panel.colour
+        chain.append(Colour(op="colour", gain=c.gain, gamma=c.gamma, lut=c.lut, **link("colour")))
+    if (ramps := _ramps(panel)) is not None:
+        chain.append(BlendEdges(op="blend_edges", **ramps, **link("blend")))
+    if isinstance(panel.warp, WarpFileConfig):
+        chain.append(Warp(op="warp", file=panel.warp.file, **link("warp")))
+    elif panel.warp is not None:
+        mesh = Mesh(columns=panel.warp.columns, rows=panel.warp.rows, points=panel.warp.points)
+        chain.append(Warp(op="warp", mesh=mesh, **link("warp")))
+    last = chain[-1].id if chain else node.input
+    return [*chain, SinkNode(op="sink", id=name, kind="window", input=last, on=node.on)]
+
+
+def _ramps(panel: Panel) -> dict[str, Any] | None:
+    """Widths of the ramps in pixels, and the display's gamma; None where there are none."""
+    if panel.blend is None:
+        return None
+    (across, down), b = panel.pitch, panel.blend
+    ramps = {
+        "left": round(b.left / across), "right": round(b.right / across),
+        "top": round(b.top / down), "bottom": round(b.bottom / down),
+    }  # fmt: skip
+    return {**ramps, "gamma": b.gamma} if any(ramps.values()) else None
