@@ -19,6 +19,7 @@ from wall.compositing.graph import Graph, Step
 from wall.data import Event, Framelet, Rect
 from wall.operators import kernels
 from wall.operators.base import Operator
+from wall.operators.overlay import Board, Overlay
 
 Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
 Changes: TypeAlias = dict[int, Regions]  # by step
@@ -53,6 +54,7 @@ class Executor:
                 light = np.zeros((s.rect.height, s.rect.width, 3), np.float32)
                 self._light[s.index] = replace(shown, colour=light)
         self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
+        self._redrawn: dict[int, Rect] = {}  # by step: where an overlay's text has changed
         self.pixels = 0  # written so far
 
     def step(self, changed: Mapping[int, Regions], event: Event | None) -> Changes:
@@ -79,7 +81,10 @@ class Executor:
             for k, source in enumerate(s.inputs)
             for region in found.get(source, ())
         )
-        return merged([region for region in touched if region is not None])
+        regions = [region for region in touched if region is not None]
+        if s.index in self._redrawn:
+            regions.append(self._redrawn.pop(s.index))
+        return merged(regions)
 
     def _apply(self, s: Step, regions: Regions, event: Event | None) -> None:
         assert isinstance(s.node, Operator)
@@ -111,12 +116,13 @@ class Executor:
             for f, panel in zip(inputs, panels, strict=True)
         ]
 
-    def fill(self, node_id: str, values: Any) -> None:
-        """Hand a node what it shows beside pixels: statistics, for an overlay."""
+    def say(self, statistics: Mapping[str, float]) -> None:
+        """Let overlays show these numbers at the next step."""
         for s in self._steps:
-            if s.node.id == node_id:
-                self._prepared[s.index] = values
-                self._fresh.add(s.index)
+            board = self._prepared[s.index]
+            if isinstance(s.node, Overlay) and isinstance(board, Board) and board.statistics != statistics:
+                board.statistics = statistics
+                self._redrawn[s.index] = s.node.box(s.rect)
 
 
 def same_moment(a: Event, b: Event) -> bool:

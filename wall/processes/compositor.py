@@ -162,6 +162,10 @@ class Compositor:
             self._pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")
         return list(self._pool.map(work, layers))
 
+    def say(self, statistics: Mapping[str, float]) -> None:
+        """Tell the overlays of this place how the run is doing."""
+        self._pictures.executor.say(statistics)
+
     def send(self) -> None:
         """Send to other places what changed for them, as far as there is credit."""
         for pictures in (self._pictures, self._compared):

@@ -143,6 +143,7 @@ class Head:
         if now >= self._status_due or self._status is None:
             self._status_due = now + STATUS_PERIOD_S
             self._status = self._status_at(now, event)
+            compositor.say(_statistics(self._status))
         show_all(
             self._plan, self._sinks, compositor.shown(), event, now, status=self._status,
             compared=compositor.compared(), surveys=self._surveys,
@@ -278,3 +279,13 @@ def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
         return (0.0, 0.0, 0.0)
     p50, p95, p99 = np.percentile(np.array(seconds), [50, 95, 99]) * 1000.0
     return (round(float(p50), 3), round(float(p95), 3), round(float(p99), 3))
+
+
+def _statistics(status: Status) -> dict[str, float]:
+    """What an `overlay` node may show."""
+    return {
+        "fps": round(status.refresh_hz, 1),
+        "samples_per_s": float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
+        "latency_ms": round(status.latency_ms[0]),
+        "ranks": sum(rank.alive for rank in status.ranks),
+    }
