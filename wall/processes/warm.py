@@ -12,11 +12,13 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 from wall.config.schema import METHODS
-from wall.data import Rect, Region
+from wall.data import Framelet, Rect, Region
 from wall.jit import cache_folder, compiled_kernels
+from wall.operators.base import Operator
 from wall.packets.samples import decode
 from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
+from wall.processes.moving import Mover
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, first_event
 from wall.processes.worker import Worker, make_samplers
@@ -33,6 +35,9 @@ def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
         for method in METHODS:
             say(f"{doing} kernels ({method})")
             _one_pixel_block(plan, resident, method)
+        say(f"{doing} kernels (compositing)")
+        _layers(plan, resident)
+        _operators(plan)
 
 
 def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
@@ -59,6 +64,48 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
         panel.take_tiling(decode_tiling(tiling))
     panel.buffer.oldest_sample(0.0)
     panel.surveys(0.0)
+
+
+def _layers(plan: Plan, resident: Resident) -> None:
+    """Layers that bring more than display bytes, one of each kind, and their way from one moment to another."""
+    layout, known = plan.layout, set()
+    for layer in layout.graph.layers:
+        step = layout.graph.step(layer.node)
+        kind = (step.channels, step.encoded, layer.transparent, layer.reprojects)
+        if kind in known or (step.encoded and step.channels == {"colour"}):
+            continue
+        known.add(kind)
+        panel = PanelCompositor(plan, layer.index, reconstruction="cpu")
+        tiny = Region(layer=layer.index, panel=layer.panel, rect=TINY)
+        rank = layer.ranks[0]
+        regions = tuple(tiny if k == rank else layout.region(k) for k in layout.renderers())
+        small = replace(plan, layout=replace(layout, regions=regions))
+        clock = ManualClock()
+        event = first_event(plan, 0.0)
+        worker = Worker(small, resident, rank, clock, make_samplers(small, "", tiny, clock), 0)
+        panel.follow(event)
+        if (packet := worker.step(event)) is not None:
+            panel.insert(decode(packet))
+        panel.refresh(event, 0.0)
+        if panel.framelet.depth is not None:
+            Mover(plan)(panel.framelet, event, layer.panel)
+
+
+def _operators(plan: Plan) -> None:
+    """Each kind of node of the graph on a few pixels, where that says anything about the whole."""
+    graph, known = plan.layout.graph, set()
+    for step in graph.steps:
+        inputs = [graph.steps[k] for k in step.inputs]
+        kind = (type(step.node), step.channels, step.encoded, *((i.channels, i.encoded) for i in inputs[:2]))
+        if not isinstance(step.node, Operator) or kind in known:
+            continue
+        known.add(kind)
+        rect = replace(step.rect, width=min(8, step.rect.width), height=min(8, step.rect.height))
+        if not all(i.rect.holds(rect) for i in inputs):
+            continue
+        given = [Framelet.blank(rect, i.channels, encoded=i.encoded, order=i.order) for i in inputs]
+        out = Framelet.blank(rect, step.channels, encoded=step.encoded and not step.computes)
+        step.node.apply(given, out, rect, step.node.prepare(plan.layout.loaded.folder))
 
 
 @contextmanager

@@ -80,7 +80,9 @@ def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray
         depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
         picture.find_nearest()
         pose, alpha = picture.pose, out.alpha if coverage is not None else None
-        kernels.channels_of_nearest(picture.nearest, pose.frame, pose.corner, alpha, dirty, depth, out.object)
+        kernels.channels_of_nearest(
+            picture.nearest, pose.frame, pose.corner, out.colour, alpha, dirty, depth, out.object
+        )
     if out.time is not None:
         kernels.newest_times(state, screen, count, epoch - out.moment, out.time)
 

@@ -48,17 +48,18 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
 
 
 @kernel
-def channels_of_nearest(nearest, frame, corner, alpha, dirty, depth, thing):
+def channels_of_nearest(nearest, frame, corner, colour, alpha, dirty, depth, thing):
     """Depth and object of a picture of reprojected samples, in the dirty tiles.
 
     A pixel has those of its nearest sample; without a sample of an object, where it is covered all the same, those of
-    the nearest among its eight neighbours.
+    the nearest among its eight neighbours. A pixel that shows the background, and so do its neighbours, is not covered,
+    whatever was filled in from afar.
 
     Parameters
     ----------
     nearest : (h, w, 4) float32, see kernels_visible.keep_nearest
     frame : (3, 3) float64, see geometry.frusta.ray_frame; corner : (2,) float64, of the picture in the virtual screen
-    alpha : (h, w) float32 coverage | None: all is covered
+    colour : (h, w, 3), times alpha; alpha : (h, w) float32 coverage | None: all is covered; both cleared where nothing is
     dirty : (rows, columns) bool
     depth : (h, w) float32, written: distance from the eye, inf = background; thing : (h, w) uint32 | None, written
     """
@@ -78,6 +79,10 @@ def channels_of_nearest(nearest, frame, corner, alpha, dirty, depth, thing):
                                 for dj in range(max(j - 1, 0), min(j + 2, width)):
                                     if nearest[di, dj, 3] > ZERO and nearest[di, dj, 0] < near:
                                         near, name = nearest[di, dj, 0], nearest[di, dj, 3]
+                    if alpha is not None and near == INFINITE and nearest[i, j, 3] == ZERO:
+                        alpha[i, j] = ZERO
+                        for c in range(3):
+                            colour[i, j, c] = 0
                     if not near < FAR:
                         depth[i, j] = INFINITE
                     else:
