@@ -227,10 +227,10 @@ def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[Wanted
     """A window for each physical panel, and where each panel's picture goes."""
     physical: dict[str, list[Panel]] = {}
     for panel in panels:
-        physical.setdefault(getattr(panel, "of", "") or panel.id, []).append(panel)
+        physical.setdefault(panel.of or panel.id, []).append(panel)
     wanted, parts = [], {}
     for k, (name, halves) in enumerate(physical.items()):
-        places = {panel.id: _Part(k, getattr(panel, "at", (0, 0)), panel.pixels) for panel in halves}
+        places = {panel.id: _Part(k, panel.at, panel.pixels) for panel in halves}
         pixels = (max(p.at[0] + p.size[0] for p in places.values()), max(p.at[1] + p.size[1] for p in places.values()))
         wanted.append(replace(wanted_of(halves[0], refresh_hz), id=name, pixels=pixels))
         parts.update(places)

@@ -65,15 +65,15 @@ class Place:
 
 def wanted_of(panel: Panel, refresh_hz: float) -> Wanted:
     """What a panel of the wall says about its window."""
-    window = getattr(panel, "window", None)
+    window = panel.window
     return Wanted(
         id=panel.id,
         pixels=panel.pixels,
         screen=panel.screen,
-        rotation=getattr(panel, "rotation", 0),
-        monitor=getattr(panel, "monitor", None),
+        rotation=panel.rotation,
+        monitor=panel.monitor,
         window=None if window is None else (window.x, window.y, window.width, window.height),
-        refresh_hz=getattr(panel, "refresh_hz", None) or refresh_hz,
+        refresh_hz=panel.refresh_hz or refresh_hz,
     )
 
 

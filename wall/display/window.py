@@ -91,10 +91,10 @@ class WindowSink:
 
 
 def _display_of(panel: Panel) -> str:
-    display = getattr(panel, "display", None) or os.environ.get("DISPLAY", "")
+    display = panel.display or os.environ.get("DISPLAY", "")
     if not display:
         raise RunError(
             f"panel {panel.id}: no X display to show it on: the configuration names none and DISPLAY is not set; "
             "wanted `display` at the panel, such as ':0', or DISPLAY"
         )
-    return str(display)
+    return display

@@ -148,18 +148,13 @@ def _size(panels: list[Panel]) -> tuple[int, int]:
 
 
 def _lit(layout: Layout, panels: list[Panel], size: tuple[int, int]) -> list[Rect]:
-    """Which pixels of the picture panels show."""
-    wall = layout.wall
-    if not wall.flat:
-        return [Rect(x=p.screen[0], y=p.screen[1], width=p.pixels[0], height=p.pixels[1]) for p in panels]
-    scale = size[1] / wall.height
-    left = size[0] / 2 - scale * wall.width / 2
+    """Which pixels of the picture panels light: of one plane, or of the panels themselves."""
     lit = []
-    for panel in wall.panels:
-        (x, y), (width, height) = panel.screen, panel.pixels
-        x0, y0 = max(0, round(left + scale * x)), round(scale * y)
-        x1, y1 = min(size[0], round(left + scale * (x + width))), round(scale * (y + height))
-        lit.append(Rect(x=x0, y=y0, width=max(0, x1 - x0), height=y1 - y0))
+    for k, panel in enumerate(layout.wall.panels):
+        plane = panels[k if len(panels) > 1 else 0].plane
+        places = [(panel.lit - plane.origin) @ per / (per @ per) for per in (plane.per_x, plane.per_y)]
+        (x0, x1), (y0, y1) = ((max(0, round(v.min())), round(v.max())) for v in places)
+        lit.append(Rect(x=x0, y=y0, width=max(0, min(size[0], x1) - x0), height=max(0, min(size[1], y1) - y0)))
     return lit
 
 

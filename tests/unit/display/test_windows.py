@@ -7,8 +7,8 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,11 +19,12 @@ from Xlib import XK, X
 from Xlib.display import Display
 from Xlib.ext import xtest
 
+from wall.config.displays import WindowConfig
 from wall.config.schema import GridConfig, WallConfig
 from wall.display.base import PanelPicture
 from wall.display.window import WindowSink
 from wall.errors import LocalProtocolError, RunError
-from wall.geometry.panels import expand
+from wall.geometry.panels import Panel, expand
 
 RGB = NDArray[np.uint8]
 SETTLED_S = 20.0
@@ -36,25 +37,20 @@ def screens() -> Iterator[tuple[str, str]]:
         yield f"{name}.0", f"{name}.1"
 
 
-def panels(*pixels: tuple[int, int], **changes: Any) -> list[Any]:
+def panels(*pixels: tuple[int, int], **changes: Any) -> list[Panel]:
     """Panels in a row; a change is a list of what each of them has, or what all of them have."""
-    made, x = [], 0
+    made, x = list[Panel](), 0
     for k, (width, height) in enumerate(pixels):
         own = {name: value[k] if isinstance(value, list) else value for name, value in changes.items()}
         grid = GridConfig(columns=1, rows=1, pixels=(width, height), size=(width / 100, height / 100), id=f"p{k}")
         panel = expand(WallConfig(grid=grid)).panels[0]
-        made.append(changed(panel, screen=(x, 0), index=k, **own))
+        made.append(replace(panel, **({"screen": (x, 0), "index": k, "of": f"p{k}"} | own)))
         x += width
     return made
 
 
-def changed(panel: Any, **changes: Any) -> Any:
-    names = ("id", "index", "pixels", "screen")
-    return SimpleNamespace(**{name: getattr(panel, name) for name in names} | changes)
-
-
-def window(x: int, y: int, width: int, height: int) -> Any:
-    return SimpleNamespace(x=x, y=y, width=width, height=height)
+def window(x: int, y: int, width: int, height: int) -> WindowConfig:
+    return WindowConfig(x=x, y=y, width=width, height=height)
 
 
 def noise(width: int, height: int, seed: int = 1) -> RGB:

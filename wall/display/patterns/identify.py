@@ -37,8 +37,7 @@ def _own_rows(panel: Panel, sheet: Sheet) -> list[tuple[str, str]]:
         ("pixels", f"{width} x {height} at {panel.screen[0]}, {panel.screen[1]}"),
         ("size", f"{width * pitch[0]:.3f} x {height * pitch[1]:.3f} m, {1000 * sheet.pitch:.3g} mm a pixel"),
     ]
-    rotation = getattr(panel, "rotation", 0)
-    return [*rows, ("mounted", f"turned {rotation}° clockwise")] if rotation else rows
+    return [*rows, ("mounted", f"turned {panel.rotation}° clockwise")] if panel.rotation else rows
 
 
 def _table(picture: NDArray[np.uint8], rows: Sequence[tuple[str, str]], *, top: float, bottom: float) -> None:
