@@ -36,7 +36,6 @@ FORMATS = {
         Format(name="tide", known_by="surfaces and processes in JSON", module="wall.convert.tide"),
         Format(name="displaycluster", known_by="<configuration> in XML", module="wall.convert.displaycluster"),
         Format(name="sgct", known_by="nodes and masteraddress in JSON, <Cluster> in XML", module="wall.convert.sgct"),
-        Format(name="equalizer", known_by="server, config, node in .eqc", module="wall.convert.equalizer"),
         Format(name="sage2", known_by="resolution, layout and displays in JSON5", module="wall.convert.sage2"),
         Format(name="equalizer", known_by="server { config { (.eqc)", module="wall.convert.equalizer"),
     )

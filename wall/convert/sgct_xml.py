@@ -1,7 +1,8 @@
 """SGCT's earlier XML, given the shape of its JSON: same keys, the XML's own lines and names.
 
 <Cluster><Node><Window><Viewport> become nodes, windows, viewports; <Viewplane> with its three <Pos> becomes the
-projection ProjectionPlane; heading and azimuth are yaw, elevation is pitch, bank is roll.
+projection ProjectionPlane; heading and azimuth are yaw, elevation is pitch, bank is roll. In the oldest files a node's one window has its
+<Viewport> or <Viewplane> beside it.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ RENAMED = {
     "elevation": "pitch",
     "bank": "roll",
     "numberofsamples": "msaa",
+    "mask": "blendmask",
     "blendmasktexture": "blendmask",
     "overlaytexture": "overlay",
     "blacklevelmasktexture": "blacklevelmask",
@@ -65,7 +67,8 @@ def _add(parent: Node, child: Node) -> None:
         if listed is None:
             listed = Node(name=child.name, line=child.line, column=child.column, kind="list", key=LISTS[tag])
             parent.fields[LISTS[tag]] = listed
-        listed.items.append(_shaped(child))
+        shaped = _shaped(child)
+        listed.items.append(_with_window(shaped) if tag == "node" else shaped)
     elif tag in PLANE:
         _put(parent, "projection", _plane(child))
     elif tag in PROJECTIONS:
@@ -74,8 +77,25 @@ def _add(parent: Node, child: Node) -> None:
         _put(parent, "projection", projection)
     elif tag == "stereo" and (kind := child.get("type")) is not None:
         _put(parent, "stereo", kind)
+    elif set(child.fields) == {"value"} and not child.items:
+        _put(parent, _key(tag), child.fields["value"])
     else:
         _put(parent, _key(tag), _shaped(child))
+
+
+def _with_window(node: Node) -> Node:
+    """A node of the oldest files, its viewports put into its first window."""
+    windows = node.fields.get("windows")
+    if windows is None:
+        return node
+    window = windows.items[0]
+    if "viewports" not in window.fields and "viewports" in node.fields:
+        window.fields["viewports"] = node.fields.pop("viewports")
+    if "viewports" not in window.fields and "projection" in node.fields:
+        plane = node.fields.pop("projection")
+        around = replace(plane, kind="object", key="viewport", fields={"projection": plane}, items=[])
+        window.fields["viewports"] = replace(plane, kind="list", key="viewports", fields={}, items=[around])
+    return node
 
 
 def _plane(element: Node) -> Node:

@@ -269,6 +269,23 @@ def test_earlier_xml_reads_like_the_json_with_its_own_lines() -> None:
     assert (4, "Cluster.Node[0].Window[0].numberOfSamples = '4'") in {(i.line, i.what) for i in made.not_carried}
 
 
+@pytest.mark.parametrize("around", ["{}", "<Viewport mask='b.png'>{}</Viewport>"])
+def test_in_the_oldest_xml_a_window_has_its_viewplane_beside_it(around: str) -> None:
+    plane = '<Viewplane><Pos x="-1" y="0" z="0"/><Pos x="-1" y="1" z="0"/><Pos x="1" y="1" z="0"/></Viewplane>'
+    window = '<Window fullscreen="true"><Size x="728" y="210"/></Window>'
+    user = '<User><Pos x="0" y="0" z="3"/></User>'
+    scene = '<Scene><Scale value="1.0"/><Offset x="0" y="0" z="0"/></Scene>'
+
+    made = convert(
+        f'<Cluster>{scene}<Node ip="10.0.0.1">{window}{around.format(plane)}</Node>{user}</Cluster>', "s.xml"
+    )
+
+    found = made.values["wall"]["panels"][0]
+    assert found["corners"] == {"lower_left": [-1, 0, 0], "lower_right": [1, 0, 0], "upper_left": [-1, 1, 0]}
+    assert (found["host"], found["pixels"]) == ("10.0.0.1", [728, 210])
+    assert {item.what.split(" = ")[0] for item in made.not_carried} <= {"Cluster.Node[0].Viewport[0].mask"}
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
