@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from equalizer_texts import BINARY_SWAP, DIRECT_SEND, HYBRID, STREAM, WALL, draws, one_panel, pipes, server, takes
 
@@ -173,6 +175,14 @@ def test_sort_last_for_two_eyes_is_cut_where_each_eyes_panel_lies() -> None:
     for panel in expand(config.wall).panels:
         (x, y), (w, h) = panel.screen, panel.pixels
         assert {(x, y, w, h // 2), (x, y + h // 2, w, h // 2)} <= areas
+
+
+@pytest.mark.parametrize("name", ["direct-send", "binary-swap", "stream", "hybrid"])
+def test_channels_that_draw_or_join_are_carried(name: str) -> None:
+    carried = convert(FILES[name], "f.eqc").carried
+    told = {item.what[-3:]: item.why for item in carried if re.fullmatch(r'appNode / .* / channel "."', item.what)}
+    used = "ab" if name == "direct-send" else "abcd"
+    assert told == {f'"{one}"': "panel a" if one == "a" else "a renderer" for one in used}
 
 
 @pytest.mark.parametrize("text", [FILES["sort-first"], FILES["sort-first"].split("\n", 1)[1]])

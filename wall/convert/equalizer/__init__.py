@@ -49,7 +49,7 @@ def convert(text: str, name: str) -> Conversion:
     mark_nodes(config, resources, _used(panels))
     mark_compounds(panels)
     carried, left = account(top)
-    assumed = ["the scene: an Equalizer file names none", *wall.assumed]
+    assumed = ["an Equalizer file names no scene: this one shows the courtyard", *wall.assumed]
     return Conversion(
         values=values, carried=carried, not_carried=left, panels=len(wall.panels), ranks=graph.renderers,
         assumed=assumed,
@@ -92,11 +92,6 @@ def _eye_base(top: Statement) -> float | None:
 
 
 def _used(panels: list[Drawn]) -> set[int]:
-    """Identities of the channels that draw for a panel."""
-    return {
-        id(draw.leaf.channel)
-        for one in panels
-        for draws in one.leaves.values()
-        for draw in draws
-        if draw.leaf.channel is not None
-    }
+    """Identities of the channels that draw for a panel, or join what others drew."""
+    drawing = {id(draw.where) for one in panels for draws in one.leaves.values() for draw in draws}
+    return drawing.union(*(one.joiners for one in panels))

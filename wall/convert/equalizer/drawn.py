@@ -25,6 +25,17 @@ class Drawn:
     leaves: dict[Range, list[Draw]]
 
     @property
+    def joiners(self) -> set[int]:
+        """Identities of the channels that compare what others drew."""
+        found, shapes = set(), [shape for _, shape in self.areas]
+        while shapes:
+            shape = shapes.pop()
+            if shape[0] == "join":
+                found.add(id(shape[1]))
+                shapes.extend(shape[2])
+        return found
+
+    @property
     def plain(self) -> bool:
         """Whether it shows samples of the whole scene, as they are."""
         return [shape for _, shape in self.areas] == [("part", EVERYTHING)]
@@ -87,8 +98,8 @@ def share_channels(panels: list[Drawn]) -> None:
     for one in panels:
         for part, leaves in one.leaves.items():
             for draw in leaves:
-                channel = one.part.destination.channel if draw.where == "panel" else draw.leaf.channel
-                if channel is not None and _balanced(draw.leaf):
+                channel = draw.where if isinstance(draw.where, Channel) else one.part.destination.channel
+                if _balanced(draw.leaf):
                     users.setdefault(channel, []).append((one, part, draw))
     for uses in (uses for uses in users.values() if len({id(one) for one, _, _ in uses}) > 1):
         keeper = next((use for use in uses if use[2].where == "panel"), None)
