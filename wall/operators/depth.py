@@ -36,9 +36,9 @@ class Depth(Operator):
         return not any("alpha" in channels for channels in inputs)
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """What all have, and alpha if any has: the others' is 1."""
-        covered = frozenset({"alpha"}) if any("alpha" in channels for channels in inputs) else frozenset()
-        return frozenset.intersection(*inputs) | covered
+        """What all have. Alpha if any has, the others' is 1; then no times and variances: pixels are of several."""
+        given = frozenset.intersection(*inputs)
+        return given if self.moves(inputs) else given - {"time", "variance"} | {"alpha"}
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
         if any(framelet.alpha is not None for framelet in inputs):
@@ -76,5 +76,5 @@ def _fill_band(inputs: Sequence[Framelet], out: Framelet, band: Rect) -> None:
         filled.colour.reshape(pixels, 3), *(None if c is None else c.reshape(pixels) for c in (
             filled.depth, filled.alpha, filled.object)),
     )  # fmt: skip
-    for name in out.channels - {"time", "variance"}:
+    for name in out.channels:
         part(out, name, band)[...] = filled.channel(name)

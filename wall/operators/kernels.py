@@ -127,16 +127,27 @@ def lay_under(source, source_alpha, sx, sy, colour, alpha, x, y, width, height):
     Source: Porter and Duff, Compositing digital images, SIGGRAPH 1984. What is fully hidden has no influence, not even
     if it is infinite or NaN.
     """
-    one, coverage, out, total = source.reshape(-1), source_alpha.reshape(-1), colour.reshape(-1), alpha.reshape(-1)
+    share = np.empty(3 * width, np.float32)
+    coverage, total = source_alpha.reshape(-1), alpha.reshape(-1)
     for row in range(height):
-        s, o = uint((sy + row) * source_alpha.shape[1] + sx), uint((y + row) * alpha.shape[1] + x)
+        s, o = (sy + row) * source_alpha.shape[1] + sx, (y + row) * alpha.shape[1] + x
         for j in range(width):
-            through, a = ONE - total[o + uint(j)], coverage[s + uint(j)]
-            if through > ZERO and a == a:
-                p, q = uint(3) * (s + uint(j)), uint(3) * (o + uint(j))
-                total[o + uint(j)] += through * min(max(a, ZERO), ONE)
-                for c in range(3):
-                    out[q + uint(c)] += through * one[p + uint(c)]
+            through, a = ONE - total[uint(o) + uint(j)], coverage[uint(s) + uint(j)]
+            there = (through > ZERO) & (a == a)
+            a = min(max(a, ZERO), ONE)
+            total[uint(o) + uint(j)] += through * a if there else ZERO
+            for c in range(3):
+                share[uint(3) * uint(j) + uint(c)] = through if there else ZERO
+        add_shares(source, 3 * s, share, colour, 3 * o, 3 * width)
+
+
+@inline_kernel
+def add_shares(source, s, share, colour, o, n):
+    """colour += share * source, n values in a row; where the share is 0, the source may be anything."""
+    one, out = source.reshape(-1), colour.reshape(-1)
+    for k in range(n):
+        value, w = one[uint(s) + uint(k)], share[k]
+        out[uint(o) + uint(k)] += w * (value if w > ZERO else ZERO)
 
 
 @kernel
@@ -153,15 +164,19 @@ def gather(source, weight, sx, sy, colour, total, x, y, width, height):
 
     Source: West, Updating mean and variance estimates, CACM 22(9), 1979.
     """
+    channels = colour.shape[2]
+    one, out, share = source.reshape(-1), colour.reshape(-1), np.empty(channels * width, np.float32)
     for i in range(height):
         for j in range(width):
-            w = weight[i, j]
-            if w > ZERO:
-                total[i, j] += w
-                share = w / total[i, j]
-                for c in range(colour.shape[2]):
-                    mean = colour[y + i, x + j, c]
-                    colour[y + i, x + j, c] = mean + (source[sy + i, sx + j, c] - mean) * share
+            w = weight[i, j] if weight[i, j] > ZERO else ZERO
+            total[i, j] += w
+            for c in range(channels):
+                share[uint(channels) * uint(j) + uint(c)] = w / total[i, j] if w > ZERO else ZERO
+        s, o = channels * ((sy + i) * source.shape[1] + sx), channels * ((y + i) * colour.shape[1] + x)
+        for k in range(channels * width):
+            mean, w = out[uint(o) + uint(k)], share[k]
+            value = one[uint(s) + uint(k)] if w > ZERO else mean
+            out[uint(o) + uint(k)] = mean + (value - mean) * w
 
 
 @inline_kernel

@@ -44,6 +44,13 @@ class Over(Operator):
 
 
 def _lay_under(framelet: Framelet, out: Framelet, rect: Rect) -> None:
+    if out.channels - {"colour", "alpha"}:
+        _other_channels(framelet, out, rect)
+    source = (framelet.colour, framelet.channel("alpha"), *corner(framelet, rect))
+    kernels.lay_under(*source, out.colour, out.channel("alpha"), *corner(out, rect), rect.width, rect.height)
+
+
+def _other_channels(framelet: Framelet, out: Framelet, rect: Rect) -> None:
     before, alpha = part(out, "alpha", rect), part(framelet, "alpha", rect)
     seen = (before == 0.0) & (alpha > 0.0)
     for name in out.channels - {"colour", "alpha", "variance"}:
@@ -51,8 +58,6 @@ def _lay_under(framelet: Framelet, out: Framelet, rect: Rect) -> None:
         np.copyto(part(out, name, rect), there + later(framelet, out) if name == "time" else there, where=seen)
     if out.variance is not None:
         _add_variance(part(out, "variance", rect), part(framelet, "variance", rect), 1.0 - before, alpha > 0.0, seen)
-    source = (framelet.colour, framelet.channel("alpha"), *corner(framelet, rect))
-    kernels.lay_under(*source, out.colour, out.channel("alpha"), *corner(out, rect), rect.width, rect.height)
 
 
 def _add_variance(total: Any, variance: Any, through: Any, visible: Any, first: Any) -> None:

@@ -18,7 +18,7 @@ from wall.operators.parts import blank, part
 
 Distance = Annotated[Number, Gt(0.0), Le(FARTHEST)]
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
-Order = Annotated[Whole, Ge(-(1 << 30)), Le(1 << 30)]
+Order = Annotated[Whole, Ge(-1000), Le(1000)]
 
 
 class Placed(Operator):
@@ -26,7 +26,7 @@ class Placed(Operator):
 
     area: Area | None = Field(default=None, description="x, y, width, height in the frame, pixels")
     panel: Name | None = Field(default=None, description="id of the panel that it covers, instead of an area")
-    order: Order = Field(default=0, description="for `over`: the smaller is the nearer")
+    order: Order | None = Field(default=None, description="for `over`: the smaller is the nearer")
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "nothing"
     NEEDS: ClassVar[Channels] = frozenset()

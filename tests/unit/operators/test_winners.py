@@ -13,6 +13,8 @@ from wall.operators.depth import Depth
 from wall.operators.newest import Newest
 from wall.operators.parts import BAND_PIXELS
 
+OPAQUE = EVERY - {"alpha"}  # pixels that are covered in part have a test of their own
+COVERAGE_LEFT = 1e-3  # of a pixel, above which no farther surface is looked for
 OPERATORS: dict[str, Operator] = {
     "depth": made(Depth, inputs=("a", "b")),
     "time": made(Newest, inputs=("a", "b")),
@@ -54,12 +56,42 @@ def winners_one_by_one(inputs: list[Framelet], out: Framelet, key: str) -> Frame
 def test_the_winner_of_every_pixel_is_the_twins(
     key: str, encoded: bool, places: list[tuple[int, int, int, int]], random_numbers: np.random.Generator
 ) -> None:
-    inputs = [random_framelet(random_numbers, rect(*place), encoded=encoded) for place in places]
+    inputs = [random_framelet(random_numbers, rect(*place), channels=OPAQUE, encoded=encoded) for place in places]
     for k, framelet in enumerate(inputs):
         framelet.moment = 0.5 * k  # exact in float32 with the times at hand
         framelet.channel(key)[random_numbers.random(framelet.channel(key).shape) < 0.2] = np.nan
     twin = winners_one_by_one(inputs, output_of(OPERATORS[key], inputs), key)
     assert_equal(applied(OPERATORS[key], *inputs), twin)
+
+
+def test_with_alpha_each_surface_fills_what_nearer_ones_left_of_a_pixel(random_numbers: np.random.Generator) -> None:
+    """The twin takes the surfaces of a pixel in order and gives each its alpha, until they sum to 1."""
+    inputs = [random_framelet(random_numbers, rect(0, 0, 13, 9), channels=OPAQUE | {"alpha"}) for _ in range(3)]
+    inputs.append(random_framelet(random_numbers, rect(4, 3, 9, 9), channels=OPAQUE))  # opaque, and only there
+    inputs[0].channel("depth")[random_numbers.random((9, 13)) < 0.2] = np.nan
+    out = applied(OPERATORS["depth"], *inputs)
+    assert out.channels == {"colour", "depth", "object", "alpha"}
+    for y in range(out.rect.height):
+        for x in range(out.rect.width):
+            layers = []
+            for k, framelet in enumerate(inputs):
+                there = (y - framelet.rect.y, x - framelet.rect.x)
+                if framelet.rect.holds(rect(x, y, 1, 1)) and not np.isnan(framelet.channel("depth")[there]):
+                    alpha = 1.0 if framelet.alpha is None else float(framelet.alpha[there])
+                    if alpha > 0.0:
+                        layers.append((float(framelet.channel("depth")[there]), k, alpha, there))
+            layers.sort()
+            colour, covered = np.zeros(3), 0.0
+            for _, k, alpha, there in layers:
+                share = min(alpha, 1.0 - covered)
+                colour += share / alpha * inputs[k].colour[there]
+                covered += share
+            np.testing.assert_allclose(out.colour[y, x], colour, atol=COVERAGE_LEFT)
+            assert out.channel("alpha")[y, x] == pytest.approx(covered, abs=COVERAGE_LEFT)
+            assert out.channel("depth")[y, x] == (layers[0][0] if layers else np.inf)
+            assert out.channel("object")[y, x] == (
+                inputs[layers[0][1]].channel("object")[layers[0][3]] if layers else 0
+            )
 
 
 def test_of_equally_far_surfaces_the_earlier_input_is_seen() -> None:
@@ -83,10 +115,10 @@ def test_bands_of_a_large_picture_meet(compiled_only: None, random_numbers: np.r
 
 
 def test_nothing_outside_the_region_is_written(random_numbers: np.random.Generator) -> None:
-    inputs = [random_framelet(random_numbers, rect(0, 0, 12, 8)) for _ in range(2)]
+    inputs = [random_framelet(random_numbers, rect(0, 0, 12, 8), channels=OPAQUE) for _ in range(2)]
     out = output_of(OPERATORS["depth"], inputs)
     winners.choose(inputs, out, rect(3, 2, 5, 4), key="depth", sign=1)
     outside = np.ones((8, 12), np.bool_)
     outside[2:6, 3:8] = False
-    assert all((out.channel(name)[outside] == 77).all() for name in EVERY)
+    assert all((out.channel(name)[outside] == 77).all() for name in OPAQUE)
     assert (out.colour[~outside] != 77).all()
