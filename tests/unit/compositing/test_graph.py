@@ -52,8 +52,8 @@ def changed(*pairs: tuple[str, str]) -> str:
 def test_preset_gives_each_panel_its_ranks_and_one_picture() -> None:
     graph = built("graph: {preset: sort-first, ranks_per_panel: 3, sinks: [png, recorder]}\n")
 
-    assert graph.sources == (Source(panel=0, ranks=3), Source(panel=1, ranks=3))
-    assert (graph.compositors, graph.renderers, graph.ranks_needed, graph.first_renderer) == (1, 6, 7, 1)
+    assert graph.sources == (Source(layer=0, panel=0, ranks=(1, 2, 3)), Source(layer=1, panel=1, ranks=(4, 5, 6)))
+    assert (graph.compositors, graph.renderers, graph.ranks_needed) == (1, 6, 7)
     assert [sink.kind for sink in graph.sinks] == ["png", "recorder"]
     assert graph.has_sink("png")
     assert not graph.has_sink("browser")
@@ -66,8 +66,8 @@ def test_absent_graph_is_the_plain_preset() -> None:
 def test_preset_deals_panels_to_compositors() -> None:
     graph = built("graph: {compositors: 2}\n")
 
-    assert [graph.compositor_of(panel) for panel in (0, 1)] == [0, 1]
-    assert (graph.panels_of(0), graph.panels_of(1)) == ((0,), (1,))
+    assert [layer.place for layer in graph.layers] == [0, 1]
+    assert [[layer.panel for layer in graph.layers_on(place)] for place in (0, 1)] == [[0], [1]]
     assert graph.ranks_needed == 4
 
 
@@ -107,7 +107,7 @@ def test_written_out_preset_is_the_preset() -> None:
     preset = built("graph: {compositors: 2, sinks: [png]}\n")
 
     assert written.sources == preset.sources
-    assert written.compositor_of_panel == preset.compositor_of_panel
+    assert [layer.place for layer in written.layers] == [layer.place for layer in preset.layers]
     assert written.ranks_needed == preset.ranks_needed
 
 
@@ -129,26 +129,45 @@ def test_written_out_preset_is_the_preset() -> None:
         (
             "input: w",
             "input: p0",
-            "graph.nodes[0].input = 'p0': sink needs a picture, reconstruct gives a framelet; accepted: w",
+            "a.yaml:9:12: graph.nodes[1].id = 'w': nobody uses what this node gives: tile is done in vain; accepted: a",
         ),
-        ("input: w", "input: out", "sink needs a picture, sink gives nothing"),
+        (
+            "input: w",
+            "input: out",
+            "a.yaml:8:45: graph.nodes[0].input = 'out': sink needs a framelet, sink gives nothing",
+        ),
         (
             "panel: r0c1",
             "panel: r0cl",
             "graph.nodes[4].panel = 'r0cl': there is no such panel; accepted: r0c0, r0c1; did",
         ),
-        ("panel: r0c1", "panel: r0c0", "graph.nodes[5].panel = 'r0c0': node s1 covers this panel already"),
-        ("panel: r0c1", "panel: r0c0", "nobody renders panel r0c1; accepted: a samples node for every panel"),
+        (
+            "panel: r0c1",
+            "panel: r0c0",
+            "a.yaml:9:38: graph.nodes[1].inputs[1] = 'p1': pixels 8x6+0+0 come from p0 already; accepted: depth, over",
+        ),
         ("id: p1", "id: p0", "graph.nodes[3].id = 'p0': nodes[2] has this id already"),
         (
             "input: s1}",
             "input: s1, on: 1}",
-            "graph.nodes[3].on = 1: there is only compositor 0 (the head); accepted: 0 to 0",
+            "a.yaml:11:48: graph.nodes[3].on = 1: there is only compositor 0 (the head); accepted: compositor 0 to 0",
         ),
-        ("compositors: 1", "compositors: 3", "a.yaml:6:16: graph.compositors = 3: compositor 1, 2 has nothing to do"),
-        ("[p0, p1]", "[p0]", "graph.nodes[3].id = 'p1': nobody uses a framelet of this node"),
-        ("[p0, p1]", "[p0, p1, p1]", "graph.nodes[3].id = 'p1': is used more than once (w, w)"),
-        ("input: s1}", "input: s0}", "graph.nodes[5].id = 's0': is used more than once (p0, p1)"),
+        ("compositors: 1", "compositors: 3", "a.yaml:6:16: graph.compositors = 3: compositor 2 has nothing to do"),
+        (
+            "[p0, p1]",
+            "[p0]",
+            "graph.nodes[3].id = 'p1': nobody uses what this node gives: reconstruct is done in vain",
+        ),
+        (
+            "[p0, p1]",
+            "[p0, p1, p1]",
+            "a.yaml:9:42: graph.nodes[1].inputs[2] = 'p1': pixels 8x6+8+0 come from p1 already",
+        ),
+        (
+            "input: s1}",
+            "input: s0}",
+            "graph.nodes[5].id = 's0': samples are used more than once (p0, p1); accepted: one",
+        ),
         (
             "    - {id: out, op: sink, kind: png, input: w}\n",
             "",
@@ -157,7 +176,7 @@ def test_written_out_preset_is_the_preset() -> None:
         (
             "    - {id: w,",
             "    - {id: v, op: tile, inputs: [p0]}\n    - {id: w,",
-            "several pictures of one wall are not",
+            "a.yaml:9:12: graph.nodes[1].id = 'v': nobody uses what this node gives: tile is done in vain",
         ),
     ],
 )
@@ -174,4 +193,8 @@ def test_cycle_is_refused_before_anything_follows_it() -> None:
 def test_all_that_is_wrong_with_a_graph_is_said_at_once() -> None:
     message = refusal(changed(("input: s0", "input: s9"), ("panel: r0c1", "panel: r9c9"), ("[p0, p1]", "[p0, q]")))
 
-    assert len(message.splitlines()) == 4
+    assert [line.split(": ")[1] for line in message.splitlines()] == [
+        "graph.nodes[1].inputs[1] = 'q'",
+        "graph.nodes[2].input = 's9'",
+        "graph.nodes[4].panel = 'r9c9'",
+    ], "what follows from these (nobody uses p1) is not said"
