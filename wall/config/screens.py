@@ -28,7 +28,7 @@ MAX_PANELS = 1024
 SQUARENESS = 0.01  # cosine of the corner angle: half a degree off is a typing error, not a panel
 LONGEST_ID = 64
 SHORTEST_M = 1e-4
-ROUNDED = 1.0 + 1e-9  # corners that were worked out are not exact
+ROUNDED = 1.0 + 1e-6  # widths and corners that were worked out are not exact
 
 Metres = Annotated[Number, Ge(SHORTEST_M), Le(1e4)]
 Rotation = Literal[0, 90, 180, 270]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from rich.table import Table
 
 from wall.config.loading import Loaded
+from wall.geometry.panels import Wall
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
 from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan, first_event, make_layout, make_plan
@@ -27,13 +28,15 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     scene, wall, sampling = plan.scene, layout.wall, layout.sampling
     yield f"{loaded.path}: ok"
     yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
+    if table := _displays(wall):
+        yield table
     yield (
         f"scene: {loaded.config.scene.source}, {scene.triangles:,} triangles in {len(scene.instances):,} objects of "
         f"{len(scene.meshes):,} meshes, "
         f"{len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
     )
     yield f"tracer: {describe(needs(scene))}"
-    for note in scene.notes:
+    for note in (*layout.notes, *scene.notes):
         yield f"note: {note}"
     table = Table(title=f"{layout.size} ranks (mpirun -n {layout.size} wall run {loaded.path})", title_justify="left")
     for column in ("rank", "role", "region", "sends to"):
@@ -50,6 +53,20 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
         f"{rate * packet / 1e6:.0f} MB/s before compression ({packet:.1f} bytes a sample)"
     )
+
+
+def _displays(wall: Wall) -> Table | None:
+    """Panels and the displays that show them, where the configuration names any."""
+    rows = [(p, p.host or "", p.display or "", "" if p.monitor is None else str(p.monitor)) for p in wall.panels]
+    if not any(any(names) for _, *names in rows):
+        return None
+    table = Table(title="displays", title_justify="left")
+    for column in ("panel", "pixels", "host", "display", "monitor"):
+        table.add_column(column)
+    for panel, *names in rows:
+        turned = f", turned {panel.rotation}" if panel.rotation else ""
+        table.add_row(panel.id, f"{panel.pixels[0]}x{panel.pixels[1]}{turned}", *names)
+    return table
 
 
 def probe(plan: Plan) -> float:

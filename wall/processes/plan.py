@@ -14,6 +14,7 @@ from wall.config.schema import AnySampling, Config
 from wall.data import Event, Region
 from wall.errors import SceneError
 from wall.geometry.cameras import View, resolve_view
+from wall.geometry.checks import check_wall
 from wall.geometry.panels import Panel, Wall, expand
 from wall.geometry.prediction import Predictor
 from wall.geometry.regions import regions
@@ -32,6 +33,7 @@ class Layout:
     wall: Wall
     graph: Graph
     regions: tuple[Region, ...]  # of each renderer, in rank order
+    notes: tuple[str, ...] = ()  # of the wall, for `wall check`
 
     @property
     def config(self) -> Config:
@@ -96,8 +98,9 @@ class Plan:
 def make_layout(loaded: Loaded) -> Layout:
     """Everything that can be refused before a scene is loaded. Raises ConfigError."""
     wall = expand(loaded.config.wall)
+    notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
-    return Layout(loaded=loaded, wall=wall, graph=graph, regions=regions(graph, wall))
+    return Layout(loaded=loaded, wall=wall, graph=graph, regions=regions(graph, wall), notes=notes)
 
 
 def make_plan(layout: Layout) -> Plan:

@@ -1,0 +1,134 @@
+"""What can be wrong with where panels stand, and what is only odd. Each with its place in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+from wall.config.loading import Loaded
+from wall.errors import ConfigError
+from wall.geometry.eyes import panel_path, standing_eye
+from wall.geometry.layout import Overlap
+from wall.geometry.outlines import whole
+from wall.geometry.panels import Panel, Wall
+
+SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched picture
+SAID = 3  # panels that a note names
+REFUSED = 8  # overlaps that are told one by one
+
+
+def check_wall(loaded: Loaded, wall: Wall) -> tuple[str, ...]:
+    """Notes for a reader: what is odd, but may be meant.
+
+    Raises ConfigError with all that is wrong: panels that cover each other without saying so, eyes behind panels.
+    """
+    problems = list(_undeclared(loaded, wall))
+    for view in range(len(loaded.config.views)):
+        try:
+            standing_eye(loaded, wall, view)
+        except ConfigError as error:
+            problems.append(str(error))
+    if problems:
+        raise ConfigError("\n".join(problems))
+    return tuple(note for question in NOTES for note in question(loaded, wall))
+
+
+def _undeclared(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    wrong = [overlap for overlap in wall.overlaps if not overlap.allowed]
+    for overlap in wrong[:REFUSED]:
+        first, second = wall.panels[overlap.first], wall.panels[overlap.second]
+        message = (
+            f"pixels covered twice: panels {first.id} and {second.id} share {_metres(overlap.size)} "
+            f"({_pixels(overlap, second)} of {second.id}'s pixels), {_declared(overlap)}"
+        )
+        accepted = "corners that meet, or `overlap` of both where they share light"
+        yield str(loaded.error(panel_path(loaded, second), message, accepted))
+    if len(wrong) > REFUSED:
+        yield f"{loaded.name}: {len(wrong) - REFUSED} more pairs of panels cover each other"
+
+
+def _declared(overlap: Overlap) -> str:
+    if not any(overlap.declared):
+        return "and do not both declare it"
+    return f"and declare {overlap.declared[0]:.4g} m side by side, {overlap.declared[1]:.4g} m above each other"
+
+
+def _metres(size: tuple[float, float]) -> str:
+    return f"{size[0]:.4g} x {size[1]:.4g} m"
+
+
+def _pixels(overlap: Overlap, panel: Panel) -> str:
+    across, down = (max(1, round(size / pitch)) for size, pitch in zip(overlap.size, panel.pitch, strict=True))
+    return f"{across} x {down}"
+
+
+def _stretched(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    found = [panel for panel in wall.panels if panel.of == panel.id and abs(_aspect(panel) - 1.0) > SQUARE]
+    if found:
+        across, down = (1000.0 * pitch for pitch in found[0].pitch)
+        yield _note(loaded, found, f"pixels are not square: {across:.4g} mm wide, {down:.4g} mm high")
+
+
+def _aspect(panel: Panel) -> float:
+    return panel.pitch[0] / panel.pitch[1]
+
+
+def _unblended(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    """Light that is there twice, where nothing fades out."""
+    found: dict[int, Overlap] = {}
+    for overlap in wall.overlaps:
+        if not all(_fades(wall.panels[k]) for k in (overlap.first, overlap.second)):
+            found.setdefault(overlap.second, overlap)
+    if found:
+        pair = next(iter(found.values()))
+        message = f"shares {_metres(pair.size)} of light with panel {wall.panels[pair.first].id}, and not both fade out"
+        yield _note(loaded, [wall.panels[k] for k in found], message, "blend: auto")
+
+
+def _fades(panel: Panel) -> bool:
+    return panel.blend is not None and max(panel.blend.across, panel.blend.down) > 0.0
+
+
+def _needless(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    sides = [panel for panel in wall.panels if panel.blend is not None and not _fades(panel)]
+    if sides and not any(panel.overlap.across or panel.overlap.down for panel in wall.panels):
+        yield _note(loaded, sides, "blend: auto is as wide as the overlap, and there is none")
+
+
+def _unaligned(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    """Overlaps in which two panels' pixels are not the same ones."""
+    pairs = [(wall.panels[o.first], wall.panels[o.second]) for o in wall.overlaps]
+    found = {second.index: (first, second) for first, second in pairs if first.plane is not second.plane}
+    if found:
+        first = next(iter(found.values()))[0]
+        what = (
+            f"its pixels lie between those of panel {first.id}, whose light it shares: the picture is less sharp there"
+        )
+        yield _note(loaded, [second for _, second in found.values()], what)
+
+
+def _one_eyed(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    eyes = {panel.shift for panel in wall.panels}
+    for one, other, names in ((-0.5, 0.5, ("left", "right")), (0.5, -0.5, ("right", "left"))):
+        if one in eyes and other not in eyes:
+            found = [panel for panel in wall.panels if panel.shift == one]
+            yield _note(loaded, found, f"shows the {names[0]} eye's picture, and no panel the {names[1]} one's")
+
+
+def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    if len(wall.faces) > 1 and whole(wall) is not None:
+        found = [wall.panels[face[0]] for face in wall.faces[1:]]
+        why = "in the picture of the wall it stands beside the panels before it, not where it is: too far off, or rounding"
+        yield _note(loaded, found, why)
+
+
+Question = Callable[[Loaded, Wall], Iterator[str]]
+NOTES: tuple[Question, ...] = (_stretched, _unblended, _needless, _unaligned, _one_eyed, _scattered)
+
+
+def _note(loaded: Loaded, panels: Sequence[Panel], message: str, wanted: str = "") -> str:
+    """A note at the first of some panels, which names the others."""
+    path = panel_path(loaded, panels[0])
+    others = [panel.id for panel in panels[1:]]
+    rest = f", and {len(others) - SAID} more" if len(others) > SAID else ""
+    also = f" (so {', '.join(others[:SAID])}{rest})" if others else ""
+    return str(loaded.error(path, f"panel {panels[0].id}: {message}{also}", wanted))
