@@ -61,10 +61,9 @@ class Coverage:
         return self._picture.take_dirty()
 
     @property
-    def alpha(self) -> Float32:
-        """(h, w) float32, a view."""
-        covered: Float32 = self._picture.radiance[..., 0]
-        return covered
+    def radiance(self) -> Float32:
+        """(h, w, 3) float32: the share of each pixel that objects cover, three times."""
+        return self._picture.radiance
 
 
 def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet) -> None:
@@ -73,15 +72,13 @@ def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray
         update_display(picture.radiance, dirty, TILE, out.colour)
     else:
         kernels.copy_tiles(picture.radiance, dirty, out.colour)
-    if out.alpha is not None:
-        out.alpha[...] = np.clip(coverage.alpha, 0.0, 1.0) if coverage is not None else 1.0
     state, screen, count, epoch = picture.stored()
-    if out.depth is not None or out.object is not None:
-        depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
+    if out.channels & {"depth", "object", "alpha"}:
         picture.find_nearest()
-        pose, alpha = picture.pose, out.alpha if coverage is not None else None
+        pose, covered = picture.pose, None if coverage is None else coverage.radiance
+        depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
         kernels.channels_of_nearest(
-            picture.nearest, pose.frame, pose.corner, out.colour, alpha, dirty, depth, out.object
+            picture.nearest, pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object
         )
     if out.time is not None:
         kernels.newest_times(state, screen, count, epoch - out.moment, out.time)

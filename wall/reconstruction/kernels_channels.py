@@ -48,7 +48,7 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
 
 
 @kernel
-def channels_of_nearest(nearest, frame, corner, colour, alpha, dirty, depth, thing):
+def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, depth, thing):
     """Depth and object of a picture of reprojected samples, in the dirty tiles.
 
     A pixel has those of its nearest sample; without a sample of an object, where it is covered all the same, those of
@@ -59,8 +59,9 @@ def channels_of_nearest(nearest, frame, corner, colour, alpha, dirty, depth, thi
     ----------
     nearest : (h, w, 4) float32, see kernels_visible.keep_nearest
     frame : (3, 3) float64, see geometry.frusta.ray_frame; corner : (2,) float64, of the picture in the virtual screen
-    colour : (h, w, 3), times alpha; alpha : (h, w) float32 coverage | None: all is covered; both cleared where nothing is
+    covered : (h, w, 3) float32, share of each pixel that objects cover, first of three | None: all is covered
     dirty : (rows, columns) bool
+    colour : (h, w, 3), times coverage, cleared where nothing is; alpha : (h, w) float32 | None, written
     depth : (h, w) float32, written: distance from the eye, inf = background; thing : (h, w) uint32 | None, written
     """
     height, width = nearest.shape[0], nearest.shape[1]
@@ -70,19 +71,23 @@ def channels_of_nearest(nearest, frame, corner, colour, alpha, dirty, depth, thi
                 continue
             for i in range(row * TILE, min((row + 1) * TILE, height)):
                 for j in range(column * TILE, min((column + 1) * TILE, width)):
-                    near, name = INFINITE, np.float32(0.0)
-                    if alpha is None or alpha[i, j] > ZERO:
-                        if nearest[i, j, 3] > ZERO or (nearest[i, j, 3] == ZERO and alpha is None):
+                    near, name, share = INFINITE, np.float32(0.0), ONE
+                    if covered is not None:
+                        share = min(max(covered[i, j, 0], ZERO), ONE)
+                    if share > ZERO:
+                        if nearest[i, j, 3] > ZERO or (nearest[i, j, 3] == ZERO and covered is None):
                             near, name = nearest[i, j, 0], nearest[i, j, 3]
                         else:
                             for di in range(max(i - 1, 0), min(i + 2, height)):
                                 for dj in range(max(j - 1, 0), min(j + 2, width)):
                                     if nearest[di, dj, 3] > ZERO and nearest[di, dj, 0] < near:
                                         near, name = nearest[di, dj, 0], nearest[di, dj, 3]
-                    if alpha is not None and near == INFINITE and nearest[i, j, 3] == ZERO:
-                        alpha[i, j] = ZERO
+                    if covered is not None and near == INFINITE and nearest[i, j, 3] == ZERO:
+                        share = ZERO
                         for c in range(3):
                             colour[i, j, c] = 0
+                    if alpha is not None:
+                        alpha[i, j] = share
                     if not near < FAR:
                         depth[i, j] = INFINITE
                     else:
