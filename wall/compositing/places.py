@@ -123,15 +123,19 @@ class Places:
 
 
 def deal(wall: Wall, compositors: int) -> tuple[int, ...]:
-    """A place for every panel, in the order of the panels; panels of different hosts share none if that can be."""
+    """A place for every panel, in the order of the panels; panels of different hosts share none if that can be.
+
+    With more compositors than hosts the head takes none of those panels.
+    """
     hosts = list(dict.fromkeys(panel.host for panel in wall.panels))
     count = len(wall.panels)
     if None in hosts or not 1 < len(hosts) <= compositors:
         return tuple(panel.index * compositors // count for panel in wall.panels)
-    places = [0] * count
+    head = int(len(hosts) < compositors)
+    share, places = compositors - head, [0] * count
     for g, host in enumerate(hosts):
         mine = [panel.index for panel in wall.panels if panel.host == host]
-        first, last = g * compositors // len(hosts), (g + 1) * compositors // len(hosts)
+        first, last = head + g * share // len(hosts), head + (g + 1) * share // len(hosts)
         for i, panel in enumerate(mine):
             places[panel] = first + i * (last - first) // len(mine)
     return tuple(places)

@@ -17,7 +17,8 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
             if preset.preset == "sort-last"
             else _sort_first(panel, preset.ranks_per_panel)
         )
-    nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{panel.index}" for panel in wall.panels)))
+    if set(preset.sinks) != {"window"}:
+        nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{panel.index}" for panel in wall.panels)))
     for kind in dict.fromkeys(preset.sinks):
         if kind == "window":
             for panel in wall.panels:

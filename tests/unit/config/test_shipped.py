@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,14 @@ RANKS = {
     "demo": 5,
     "forest": 3,
     "four_by_two_bezels": 9,
+    "graphs/compositor_a_panel": 5,
+    "graphs/compositor_tree": 11,
+    "graphs/hybrid": 5,
+    "graphs/lock_step": 5,
+    "graphs/mixed_sinks": 3,
+    "graphs/see_through": 3,
+    "graphs/sort_last_direct_send": 4,
+    "graphs/sort_last_tree": 6,
     "measure/cuts": 2,
     "measure/jerky": 2,
     "measure/light": 2,
@@ -35,6 +44,10 @@ RANKS = {
     "two_by_two": 9,
     "two_compositors": 5,
     "two_panels": 3,
+    "walls/large": 90,
+    "walls/mixed_densities": 4,
+    "walls/projectors": 4,
+    "walls/stereo": 5,
 }
 
 
@@ -62,7 +75,8 @@ def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) ->
     view = resolve_view(loaded, wall, (0.0, 0.0, 0.0), 6.0)
 
     assert graph.ranks_needed == RANKS[shipped_name(path)]
-    pixels = sum(panel.pixels[0] * panel.pixels[1] for panel in wall.panels)
+    pixels = sum(math.prod(wall.panels[layer.panel].pixels) for layer in graph.layers)
+    assert {layer.panel for layer in graph.layers} == set(range(len(wall.panels)))
     assert sum(region.rect.area for region in regions(graph, wall)) == pixels
     assert view.camera_at(1.5) == view.camera_at(1.5)
 
