@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
+
 from wall.config.loading import Loaded
 from wall.errors import ConfigError
 from wall.geometry.eyes import panel_path, standing_eye
@@ -64,12 +66,20 @@ def _pixels(overlap: Overlap, panel: Panel) -> str:
 def _stretched(loaded: Loaded, wall: Wall) -> Iterator[str]:
     found = [panel for panel in wall.panels if panel.of == panel.id and abs(_aspect(panel) - 1.0) > SQUARE]
     if found:
-        across, down = (1000.0 * pitch for pitch in found[0].pitch)
+        across, down = (1000.0 * side for side in _pixel(found[0]))
         yield _note(loaded, found, f"pixels are not square: {across:.4g} mm wide, {down:.4g} mm high")
 
 
 def _aspect(panel: Panel) -> float:
-    return panel.pitch[0] / panel.pitch[1]
+    across, down = _pixel(panel)
+    return across / down
+
+
+def _pixel(panel: Panel) -> tuple[float, float]:
+    """Width and height of what shines, metres."""
+    lower_left, lower_right, upper_left = panel.lit
+    w, h = panel.pixels
+    return float(np.linalg.norm(lower_right - lower_left)) / w, float(np.linalg.norm(upper_left - lower_left)) / h
 
 
 def _unblended(loaded: Loaded, wall: Wall) -> Iterator[str]:
@@ -117,7 +127,7 @@ def _one_eyed(loaded: Loaded, wall: Wall) -> Iterator[str]:
 def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
     if len(wall.faces) > 1 and whole(wall) is not None:
         found = [wall.panels[face[0]] for face in wall.faces[1:]]
-        why = "in the picture of the wall it stands beside the panels before it, not where it is: too far off, or rounding"
+        why = "in the wall's picture it stands beside the panels before it, not where it is: too far off, or rounding"
         yield _note(loaded, found, why)
 
 

@@ -1,0 +1,93 @@
+"""A wall for two eyes, from rays to pictures: each eye's panel shows what that eye sees, at rest and after a move."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.config.loading import load
+from wall.data import Float32
+from wall.geometry.cameras import look_at, resolve_view, seen_from
+from wall.processes.plan import Plan, first_event, make_layout
+from wall.processes.reference import render_plan
+from wall.processes.single_process import SingleProcess
+from wall.scene.build import Scene
+from wall.tracing.resident import make_resident
+
+RMSE = 0.01  # display values; see test_adaptive; measured 0.0044
+OTHER_EYE = 5.0  # times the error, at least, against what the other eye sees; measured 10
+CONFIG = """\
+version: 1
+scene: {{source: courtyard}}
+wall: {{grid: {{columns: 1, rows: 1, {shown}}}}}
+views: [{{camera: {{position: [0, 2.2, 5], target: [0, 0.6, 0]}}, refresh_hz: 30, eye_separation: 0.065, scale: 12}}]
+sampling: {{method: {method}, threads: 1, samples_per_batch: 256}}
+graph: {{preset: sort-first, sinks: [png]}}
+"""
+
+
+def plan_of(folder: Path, scene: Scene, method: str, *, eyes: int = 2) -> Plan:
+    path = folder / "wall.yaml"
+    shown = "pixels: [40, 15], size: [0.48, 0.36], stereo: side_by_side"
+    path.write_text(CONFIG.format(method=method, shown=shown if eyes == 2 else "pixels: [20, 15], size: [0.48, 0.36]"))
+    layout = make_layout(load(path))
+    return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+
+
+def display(radiance: Float32) -> Float32:
+    """sRGB, 0..1; IEC 61966-2-1."""
+    clipped = np.clip(radiance, 0.0, 1.0)
+    shown: Float32 = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    return shown
+
+
+def references(plan: Plan) -> list[Float32]:
+    """Of the left and the right eye: they lie beside each other in the virtual screen."""
+    both = render_plan(plan, spp=64, seed=7, at=0.0)
+    assert both is not None
+    assert both.shape == (15, 40, 3)
+    return [display(both[:, :20]), display(both[:, 20:])]
+
+
+def error(one: Float32, other: Float32) -> float:
+    return float(np.sqrt(((one - other) ** 2).mean()))
+
+
+def assert_shown(chain: SingleProcess, expected: list[Float32]) -> None:
+    left, right = (picture.rgb.astype(np.float32) / 255.0 for picture in chain.until_complete())
+    for own, reference, other in ((left, expected[0], expected[1]), (right, expected[1], expected[0])):
+        assert error(own, reference) < RMSE
+        assert error(own, other) > OTHER_EYE * error(own, reference)
+
+
+def test_each_eye_is_shown_what_it_sees_before_and_after_a_move(tmp_path: Path, tiny_scene: Scene) -> None:
+    plan = plan_of(tmp_path, tiny_scene, "adaptive")
+    chain = SingleProcess(plan, make_resident(tiny_scene))
+    assert_shown(chain, references(plan))
+
+    camera = look_at((0.7, 2.0, 4.8), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0))
+    moved = replace(plan, view=replace(plan.view, still=camera))
+    chain.event = replace(first_event(moved, chain.clock.now()), camera_event=1)
+    chain.clock.advance(1.0)  # samplers look at their pictures at every refresh, not at every event
+    assert_shown(chain, references(moved))
+
+
+@pytest.mark.parametrize("method", ["adaptive", "framed", "frameless", "hilbert"])
+def test_left_eye_s_picture_is_that_of_a_wall_for_one_eye_that_stands_there(
+    tmp_path: Path, tiny_scene: Scene, method: str
+) -> None:
+    plan, resident = plan_of(tmp_path, tiny_scene, method), make_resident(tiny_scene)
+    left, right = SingleProcess(plan, resident).until_complete()
+    view, panel = plan.view, plan.layout.wall.panels[0]
+    still = seen_from(first_event(plan, 0.0), view.offset(panel)).camera
+    mono = plan_of(tmp_path, tiny_scene, method, eyes=1)
+
+    (alone,) = SingleProcess(
+        replace(mono, view=replace(view, eye=view.eye_of(panel), still=still)), resident
+    ).until_complete()
+
+    np.testing.assert_array_equal(left.rgb, alone.rgb)
+    assert (right.rgb != alone.rgb).any()

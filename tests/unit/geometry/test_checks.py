@@ -1,0 +1,132 @@
+"""A wall that cannot be meant is refused at its place in the file; one that is only odd is noted."""
+
+from __future__ import annotations
+
+import pytest
+
+from wall.config.loading import loads
+from wall.errors import ConfigError
+from wall.geometry.checks import check_wall
+from wall.geometry.panels import expand
+
+HEAD = "version: 1\nscene: {source: x}\nviews: [{id: main}]\nwall:\n"
+
+
+def checked(wall: str) -> tuple[str, ...]:
+    loaded = loads(HEAD + wall + "\n", name="a.yaml")
+    return check_wall(loaded, expand(loaded.config.wall))
+
+
+def refusal(wall: str) -> list[str]:
+    with pytest.raises(ConfigError) as caught:
+        checked(wall)
+    return str(caught.value).splitlines()
+
+
+def panels(*entries: tuple[str, float, str]) -> str:
+    """0.4 x 0.3 m, 40 x 30 pixels unless an entry says otherwise: id, x, other keys."""
+    lines = []
+    for name, x, keys in entries:
+        pixels = "" if "pixels" in keys else "pixels: [40, 30], "
+        corners = f"{{lower_left: [{x}, 0, 0], lower_right: [{x + 0.4}, 0, 0], upper_left: [{x}, 0.3, 0]}}"
+        lines.append(f"    - {{id: {name}, {pixels}corners: {corners}{keys}}}")
+    return "  panels:\n" + "\n".join(lines)
+
+
+def grid(keys: str) -> str:
+    return f"  grid: {{columns: 2, rows: 2, pixels: [40, 30], size: [0.4, 0.3]{keys}}}"
+
+
+@pytest.mark.parametrize(
+    "wall",
+    [
+        grid(""),
+        grid(", bezel: 0.02"),
+        grid(", overlap: 0.05, blend: auto"),
+        grid(", stereo: side_by_side, pixels: [80, 30]").replace("pixels: [40, 30], ", ""),
+        panels(("a", 0.0, ""), ("b", 0.4, "")),
+        panels(("a", 0.0, ", stereo: left"), ("b", 0.0, ", stereo: right")),
+        "  bezel: skip\n" + grid(", bezel: 0.02"),
+    ],
+)
+def test_wall_as_it_should_be_gives_no_notes(wall: str) -> None:
+    assert checked(wall) == ()
+
+
+def test_pixels_covered_twice_are_refused_with_both_panels_and_what_was_declared() -> None:
+    (said,) = refusal(panels(("a", 0.0, ""), ("b", 0.35, "")))
+
+    assert said == (
+        "a.yaml:7:7: wall.panels[1]: pixels covered twice: panels a and b share 0.05 x 0.3 m (5 x 30 of b's pixels), "
+        "and do not both declare it; accepted: corners that meet, or `overlap` of both where they share light"
+    )
+
+
+def test_overlap_wider_than_declared_is_refused_with_both_widths() -> None:
+    sides = ", overlap: {left: 0.03, right: 0.03}"
+    (said,) = refusal(panels(("a", 0.0, sides), ("b", 0.35, sides)))
+
+    assert "share 0.05 x 0.3 m (5 x 30 of b's pixels), and declare 0.03 m side by side, 0 m above each other" in said
+
+
+def test_many_covered_panels_are_not_told_one_by_one() -> None:
+    said = refusal(panels(*((f"p{k}", 0.0, "") for k in range(5))))
+
+    assert len(said) == 9
+    assert said[-1] == "a.yaml: 2 more pairs of panels cover each other"
+
+
+def test_all_that_is_wrong_with_a_wall_is_said_at_once() -> None:
+    said = refusal(panels(("a", 0.0, ""), ("b", 0.35, ", eye: [0, 0, -1]"), ("c", 0.3, "")))
+
+    assert len(said) == 2
+    assert "pixels covered twice: panels a and c" in said[0]
+    assert "wall.panels[1].eye = [0, 0, -1]: is 1 m behind panel b" in said[1]
+
+
+@pytest.mark.parametrize(
+    ("wall", "expected"),
+    [
+        (
+            panels(("a", 0.0, ", pixels: [40, 30]"), ("b", 0.4, ", pixels: [80, 30]")),
+            "a.yaml:7:7: wall.panels[1]: panel b: pixels are not square: 5 mm wide, 10 mm high",
+        ),
+        (
+            grid(", overlap: 0.05"),
+            "a.yaml:5:9: wall.grid: panel r0c1: shares 0.05 x 0.3 m of light with panel r0c0, and not both fade out "
+            "(so r1c0, r1c1); accepted: blend: auto",
+        ),
+        (grid(", blend: auto"), "blend: auto is as wide as the overlap, and there is none (so r0c1, r1c0, r1c1)"),
+        (panels(("a", 0.0, ", stereo: left")), "panel a: shows the left eye's picture, and no panel the right one's"),
+        (panels(("a", 0.0, ", stereo: right")), "panel a: shows the right eye's picture, and no panel the left one's"),
+        (
+            panels(("a", 0.0, ""), ("b", 9.0, "")),
+            "panel b: in the wall's picture it stands beside the panels before it",
+        ),
+        (
+            panels(
+                ("a", 0.0, ", overlap: 0.06, blend: auto"),
+                ("b", 0.35, ", overlap: 0.06, blend: auto, pixels: [400, 300]"),
+            ),
+            "panel b: its pixels lie between those of panel a, whose light it shares",
+        ),
+    ],
+)
+def test_what_is_odd_is_noted_at_its_place(wall: str, expected: str) -> None:
+    (note,) = checked(wall)
+
+    assert expected in note
+    assert note.startswith("a.yaml:")
+
+
+def test_note_of_many_panels_names_a_few() -> None:
+    entries = [(f"p{k}", 0.4 * k, ", pixels: [40, 60]") for k in range(9)]
+
+    (note,) = checked(panels(*entries))
+
+    assert note.endswith("5 mm high (so p1, p2, p3, and 5 more)")
+
+
+def test_pixels_a_percent_from_square_are_square() -> None:
+    assert checked(panels(("a", 0.0, ", pixels: [4000, 3020]"))) == ()
+    assert len(checked(panels(("a", 0.0, ", pixels: [4000, 3040]")))) == 1
