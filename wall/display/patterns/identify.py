@@ -57,7 +57,7 @@ def _table(picture: NDArray[np.uint8], rows: Sequence[tuple[str, str]], *, top: 
     """Names to the left of a line, texts to its right."""
     width, step = picture.shape[1], (bottom - top) / max(4, len(rows))
     tall = max(0.62 * step, min(SMALLEST + 1, 0.9 * step))  # on a small panel rows move together before they shrink
-    size = max(1, min(*(fitting(text, (0.62 * width, step)) for _, text in rows), int(tall)))
+    size = max(1, min(*(fitting(text, (0.6 * width, step)) for _, text in rows), int(tall)))
     for k, (name, text) in enumerate(rows):
         y = top + (k + 0.5) * step
         write(picture, name, (0.33 * width, y), size, PLAIN, anchor="rm")
