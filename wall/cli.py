@@ -182,6 +182,31 @@ def screenshot(
 
 
 @app.command()
+def identify(
+    config: ConfigArgument,
+    kind: Annotated[
+        str, typer.Option("--pattern", help="identify: which panel; grid: geometry; seam: edges; gamma: greys")
+    ] = "identify",
+    seconds: Annotated[float | None, typer.Option(min=0.1, help="Stop after so many seconds")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for panel-ID.png and wall.png, instead of windows")
+    ] = None,
+) -> None:
+    """Show a test pattern on every panel of this machine, or write them all to files.
+
+    [bold]wall identify configs/demo.yaml --pattern grid[/]
+    """
+    from wall.processes.identify import kind_of, show_patterns, write_patterns
+
+    pattern = kind_of(kind)
+    if output is not None:
+        files = write_patterns(_load(config, None), pattern, output)
+        console.print(f"wrote {len(files)} files to {output}/")
+        return
+    show_patterns(_load(config, None), pattern, seconds=seconds, say=lambda line: console.print(line, markup=False))
+
+
+@app.command()
 def check(config: ConfigArgument) -> None:
     """Check a configuration, and say what would run where, with what, at what cost."""
     from wall.processes.check import check as check_config

@@ -8,7 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from wall.display.patterns.ink import AMBER, BRIGHT, CYAN, GREEN, PLAIN, ROSE, VIOLET, fitting, mix, paper, write
+from wall.display.patterns.ink import (
+    AMBER,
+    BRIGHT,
+    CYAN,
+    GREEN,
+    PLAIN,
+    ROSE,
+    SMALLEST,
+    VIOLET,
+    fitting,
+    mix,
+    paper,
+    write,
+)
 from wall.display.patterns.sheet import Sheet
 from wall.geometry.panels import Panel
 
@@ -26,7 +39,7 @@ def identify(panel: Panel, sheet: Sheet, about: Sequence[tuple[str, str]]) -> ND
     size = fitting(panel.id, (0.7 * width, 0.2 * height))
     write(picture, panel.id, (0.5 * width, 0.36 * height), size, BRIGHT, anchor="mm")
     rows = [*about, *_own_rows(panel, sheet)]
-    _table(picture, rows, top=0.53 * height, bottom=0.86 * height)
+    _table(picture, rows, top=0.52 * height, bottom=0.88 * height)
     _corners(picture, panel, edge)
     return picture
 
@@ -43,12 +56,12 @@ def _own_rows(panel: Panel, sheet: Sheet) -> list[tuple[str, str]]:
 def _table(picture: NDArray[np.uint8], rows: Sequence[tuple[str, str]], *, top: float, bottom: float) -> None:
     """Names to the left of a line, texts to its right."""
     width, step = picture.shape[1], (bottom - top) / max(4, len(rows))
-    size = min(fitting(text, (0.56 * width, 0.62 * step)) for _, text in rows)
-    size = min(size, int(0.62 * step)) or 1
+    tall = max(0.62 * step, min(SMALLEST + 1, 0.9 * step))  # on a small panel rows move together before they shrink
+    size = max(1, min(*(fitting(text, (0.6 * width, step)) for _, text in rows), int(tall)))
     for k, (name, text) in enumerate(rows):
         y = top + (k + 0.5) * step
-        write(picture, name, (0.32 * width, y), size, PLAIN, anchor="rm")
-        write(picture, text, (0.35 * width, y), size, BRIGHT, anchor="lm")
+        write(picture, name, (0.33 * width, y), size, PLAIN, anchor="rm")
+        write(picture, text, (0.36 * width, y), size, BRIGHT, anchor="lm")
 
 
 def _corners(picture: NDArray[np.uint8], panel: Panel, edge: int) -> None:

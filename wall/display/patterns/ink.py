@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -33,11 +34,17 @@ def paper(pixels: tuple[int, int]) -> NDArray[np.uint8]:
     return picture
 
 
-def mix(picture: NDArray[np.uint8], coverage: Field | NDArray[np.bool_], colour: Rgb) -> None:
-    """Lay a colour over a picture, as much of it as `coverage` (h, w) says."""
-    touched = coverage > 0
+def mix(
+    picture: NDArray[np.uint8],
+    coverage: Field | NDArray[np.bool_],
+    colour: Rgb | Sequence[Rgb],
+    which: Field | None = None,
+) -> None:
+    """Lay a colour over a picture, as much of it as `coverage` (h, w) says; of several, the one of `which` (h, w)."""
+    touched = np.nonzero(coverage)
     part = coverage[touched].astype(np.float32)[:, None]
-    picture[touched] = np.rint(picture[touched] * (1 - part) + np.array(colour, np.float32) * part).astype(np.uint8)
+    ink = np.array(colour, np.float32) if which is None else np.array(colour, np.float32)[which[touched].astype(int)]
+    picture[touched] = np.rint(picture[touched] * (1 - part) + ink * part).astype(np.uint8)
 
 
 def stroke(distance: Field, width: float) -> Field:

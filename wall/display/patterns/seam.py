@@ -39,8 +39,7 @@ def _hairs(picture: NDArray[np.uint8], along: Field, near: Field, sheet: Sheet, 
     step = every * sheet.step
     number = np.rint(along / step)
     coverage = ink.stroke((along - number * step) / (sheet.pitch * float(np.hypot(1.0, slant))), HAIR_PX) * near
-    for k, colour in enumerate(COLOURS):
-        ink.mix(picture, np.where(number % len(COLOURS) == k, strength * coverage, 0.0), colour)
+    ink.mix(picture, strength * coverage, COLOURS, number % len(COLOURS))
 
 
 def _near(distance: Field, reach: float) -> Field:

@@ -7,7 +7,8 @@ own size: what runs over the fold of two panels that meet runs on.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,35 +51,40 @@ class Sheet:
 
 def sheet_of(panel: Panel, wall: Wall) -> Sheet:
     """The sheet of a wall, as one of its panels is on it."""
-    boxes = {each.id: _box(each, wall) for each in wall.panels}
+    boxes, first, size, step = _laid(wall)
+    origin, per_x, per_y = boxes[panel.index]
+    return Sheet(origin=origin - first, per_x=per_x, per_y=per_y, pixels=panel.pixels, size=size, step=step)
+
+
+_Box: TypeAlias = tuple[Float64, Float64, Float64]  # (2,) metres: top left corner, steps of a pixel right and down
+
+
+@lru_cache(maxsize=2)
+def _laid(wall: Wall) -> tuple[list[_Box], Float64, tuple[float, float], float]:
+    """Every panel's box, then the sheet's top left corner, its size and its step."""
+    boxes = _flat_boxes(wall) if wall.flat else _unfolded_boxes(wall)
     corners, sides = [], []
-    for each in wall.panels:
-        corner, per_x, per_y = boxes[each.id]
-        across, along = each.pixels[0] * per_x, each.pixels[1] * per_y
+    for panel, (corner, per_x, per_y) in zip(wall.panels, boxes, strict=True):
+        across, along = panel.pixels[0] * per_x, panel.pixels[1] * per_y
         corners += [corner, corner + across, corner + along, corner + across + along]
         sides.append(min(np.linalg.norm(across), np.linalg.norm(along)))
     first, last = np.min(corners, axis=0), np.max(corners, axis=0)
-    origin, per_x, per_y = boxes[panel.id]
-    return Sheet(
-        origin=origin - first,
-        per_x=per_x,
-        per_y=per_y,
-        pixels=panel.pixels,
-        size=(float(last[0] - first[0]), float(last[1] - first[1])),
-        step=round_number(float(np.median(sides)) / 10),
-    )
+    size = (float(last[0] - first[0]), float(last[1] - first[1]))
+    return boxes, first, size, round_number(float(np.median(sides)) / 10)
 
 
-def _box(panel: Panel, wall: Wall) -> tuple[Float64, Float64, Float64]:
-    """Top left corner, and the steps of a pixel to the right and down, (2,) each; the sheet has no corner yet."""
-    first, plane = wall.panels[0].plane, panel.plane
-    if wall.flat:
-        right, down = (v / np.linalg.norm(v) for v in (first.per_x, first.per_y))
-        flat = [np.array([v @ right, v @ down]) for v in (plane.point(*panel.screen), plane.per_x, plane.per_y)]
-        return flat[0], flat[1], flat[2]
-    common = np.linalg.norm(first.per_x), np.linalg.norm(first.per_y)
-    own = np.linalg.norm(plane.per_x), np.linalg.norm(plane.per_y)
-    return np.array(panel.screen) * common, np.array([own[0], 0.0]), np.array([0.0, own[1]])
+def _flat_boxes(wall: Wall) -> list[_Box]:
+    plane = wall.panels[0].plane
+    right = plane.per_x / np.linalg.norm(plane.per_x)
+    axes = np.array([right, np.cross(right, plane.normal)])  # to the right and down
+    return [(axes @ p.plane.point(*p.screen), axes @ p.plane.per_x, axes @ p.plane.per_y) for p in wall.panels]
+
+
+def _unfolded_boxes(wall: Wall) -> list[_Box]:
+    common = np.array(wall.panels[0].pitch)
+    return [
+        (np.array(p.screen) * common, np.array([p.pitch[0], 0.0]), np.array([0.0, p.pitch[1]])) for p in wall.panels
+    ]
 
 
 def round_number(about: float) -> float:
