@@ -35,7 +35,7 @@ REASONS = (
     | dict.fromkeys(("msaa", "fxaa"), "the sampler decides how many rays a pixel gets")
     | dict.fromkeys(("swaplock", "firmsync"), "nothing waits for a frame here")
     | dict.fromkeys(("meta", "generator", "$schema"), "says who made the file")
-    | dict.fromkeys(("id", "name", "tags"), "windows are known by their panels' ids")
+    | dict.fromkeys(("id", "tags"), "windows are known by their panels' ids")
 )
 
 
@@ -140,6 +140,7 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
     others |= _mirrored(source, window)
     listed = window.get("viewports")
     viewports = listed.items if listed is not None and listed.items else [window]
+    label = _label(source, window)
     found = []
     for k, viewport in enumerate(viewports):
         low, share = _share(source, viewport) if viewport is not window else (np.zeros(2), np.ones(2))
@@ -148,7 +149,8 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
         corners, _ = corners_of_projection(source, viewport, pixels, user.eye)
         draft = Draft(
             node=viewport,
-            name=name + (f"v{k}" if len(viewports) > 1 else ""),
+            name=(viewport is not window and _label(source, viewport))
+            or (label or name) + (f"-v{k}" if len(viewports) > 1 else ""),
             pixels=pixels,
             corners=corners,
             eye=None if user is users[0] else user.eye,
@@ -161,6 +163,12 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
             draft.others |= _window_of(place or (0, 0), size, low, pixels)
         found.append(draft)
     return found
+
+
+def _label(source: Source, node: Node) -> str | None:
+    """What a window or viewport is called, for its panel's id."""
+    source.carry(node.get("name"), "id")
+    return source.text(node.get("name"))
 
 
 def _pixels(source: Source, window: Node) -> tuple[int, int]:
