@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.table import Table
@@ -71,21 +72,36 @@ def header(conversion: Conversion, chosen: Format, name: str) -> str:
 
 
 def table(conversion: Conversion) -> Table | None:
-    """What was not carried, equal things in one row, with their lines; None if all was."""
+    """What was not carried, with its lines; None if all was.
+
+    What is inside another thing that was not is in its row, and equal things are in one.
+    """
     if not conversion.not_carried:
         return None
     rows = Table(title="not carried", title_justify="left")
     for name in ("line", "what", "why"):
         rows.add_column(name, justify="left", overflow="fold")
     groups: dict[tuple[str, str], list[Item]] = {}
-    for item in conversion.not_carried:
+    for item in _outermost(conversion.not_carried):
         groups.setdefault((_without_indices(item.what), item.why), []).append(item)
     for (_, why), items in groups.items():
         lines = [str(line) for line in sorted({item.line for item in items})]
-        shown = ", ".join(lines[:LINES_SHOWN]) + (f" and {len(lines) - LINES_SHOWN} more" if len(lines) > 8 else "")
+        more = f" and {len(lines) - LINES_SHOWN} more" if len(lines) > LINES_SHOWN else ""
         what = items[0].what if len(items) == 1 else f"{items[0].what} and {len(items) - 1} like it"
-        rows.add_row(shown, _escaped(what), _escaped(why))
+        rows.add_row(", ".join(lines[:LINES_SHOWN]) + more, _escaped(what), _escaped(why))
     return rows
+
+
+def _outermost(items: Sequence[Item]) -> list[Item]:
+    """The items that are in no other one that has the same reason."""
+    named = {(item.what, item.why) for item in items}
+    return [item for item in items if not any((head, item.why) in named for head in _around(item.what))]
+
+
+def _around(what: str) -> Iterator[str]:
+    """The names of all that something is inside of: a, a.b for a.b[2]."""
+    name = what.split(" = ")[0]
+    return (name[:k] for k, ch in enumerate(name) if ch in ".[")
 
 
 def write_report(path: Path, conversion: Conversion) -> None:

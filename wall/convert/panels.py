@@ -79,6 +79,7 @@ def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> tupl
     if not drafts or count > MAX_PANELS:
         raise source.refuse(source.root, f"has {count} panels", f"1 to {MAX_PANELS}")
     for draft in drafts:
+        draft.node.panel = True
         _limit_pixels(source, draft)
         _square(source, draft)
         _turn_to(source, draft, draft.eye if draft.eye is not None else eye)

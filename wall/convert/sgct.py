@@ -15,7 +15,7 @@ import numpy as np
 from wall.convert import json_source, sgct_xml
 from wall.convert.panels import FARTHEST_PIXEL, MOST_PIXELS, Draft, configuration, settle
 from wall.convert.report import Conversion
-from wall.convert.sgct_projection import corners_of_projection, is_unit
+from wall.convert.sgct_projection import corners_of_projection, is_unit, vector
 from wall.convert.source import Node, Source
 from wall.data import Float64
 
@@ -35,7 +35,7 @@ REASONS = (
     | dict.fromkeys(("msaa", "fxaa"), "the sampler decides how many rays a pixel gets")
     | dict.fromkeys(("swaplock", "firmsync"), "nothing waits for a frame here")
     | dict.fromkeys(("meta", "generator", "$schema"), "says who made the file")
-    | dict.fromkeys(("id", "name", "tags"), "windows are known by their panels' ids")
+    | dict.fromkeys(("id", "tags"), "windows are known by their panels' ids")
 )
 
 
@@ -77,7 +77,7 @@ def _users(source: Source) -> list[User]:
     found = []
     for node in listed.items if listed is not None else []:
         place = node.get("pos")
-        eye = read_point(source, place)
+        eye = vector(source, place)
         if eye is not None:
             source.carry(place, "eye")
         label = source.text(node.get("name"))
@@ -88,14 +88,6 @@ def _users(source: Source) -> list[User]:
         return [User(node=None, name=None, eye=np.zeros(3))]
     first = next((k for k, user in enumerate(found) if user.name is None), 0)
     return [found[first], *found[:first], *found[first + 1 :]]
-
-
-def read_point(source: Source, node: Node | None) -> Float64 | None:
-    """(3,) float64 of {x, y, z}; what is missing is 0. None if there is no node, or a number that is none."""
-    if node is None or node.kind != "object":
-        return None
-    parts = [source.number(node.get(axis)) if node.get(axis) is not None else 0.0 for axis in "xyz"]
-    return None if any(part is None for part in parts) else np.array(parts, dtype=np.float64)
 
 
 def _eye_separation(source: Source, user: User) -> float | None:
@@ -140,15 +132,17 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
     others |= _mirrored(source, window)
     listed = window.get("viewports")
     viewports = listed.items if listed is not None and listed.items else [window]
+    label = _label(source, window)
     found = []
     for k, viewport in enumerate(viewports):
         low, share = _share(source, viewport) if viewport is not window else (np.zeros(2), np.ones(2))
         pixels = max(1, round(float(share[0]) * size[0])), max(1, round(float(share[1]) * size[1]))
         user = _user_of(source, viewport, users)
-        corners, _ = corners_of_projection(source, viewport, pixels, user.eye)
+        corners = corners_of_projection(source, viewport, pixels, user.eye)
         draft = Draft(
             node=viewport,
-            name=name + (f"v{k}" if len(viewports) > 1 else ""),
+            name=(viewport is not window and _label(source, viewport))
+            or (label or name) + (f"-v{k}" if len(viewports) > 1 else ""),
             pixels=pixels,
             corners=corners,
             eye=None if user is users[0] else user.eye,
@@ -161,6 +155,12 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
             draft.others |= _window_of(place or (0, 0), size, low, pixels)
         found.append(draft)
     return found
+
+
+def _label(source: Source, node: Node) -> str | None:
+    """What a window or viewport is called, for its panel's id."""
+    source.carry(node.get("name"), "id")
+    return source.text(node.get("name"))
 
 
 def _pixels(source: Source, window: Node) -> tuple[int, int]:

@@ -21,10 +21,8 @@ WIDEST_STAND_IN = 120.0
 PLANES = ("planarprojection", "texturemappedprojection")
 
 
-def corners_of_projection(
-    source: Source, viewport: Node, pixels: tuple[int, int], eye: Float64
-) -> tuple[Float64, bool]:
-    """(3, 3) corners (metres, wall frame) of a viewport, and whether they are what the file says.
+def corners_of_projection(source: Source, viewport: Node, pixels: tuple[int, int], eye: Float64) -> Float64:
+    """(3, 3) corners (metres, wall frame) of a viewport.
 
     A projection by field of view has no place: it stands DISTANCE_M, or its own distance, before `eye`.
     """
@@ -33,18 +31,18 @@ def corners_of_projection(
     if node is not None and kind == "projectionplane":
         corners = _plane(source, node)
         if corners is not None:
-            return corners, True
+            return corners
         source.drop(node, "its corners span no rectangle: a flat panel of 90 degrees instead")
     elif node is not None and kind in PLANES:
         corners = _by_field_of_view(source, node, eye, kind)
         if corners is not None:
-            return corners, True
+            return corners
         source.drop(node, "has no field of view that can be used: a flat panel of 90 degrees instead")
-    return _stand_in(source, viewport, node, pixels, eye), False
+    return _stand_in(source, node, pixels, eye)
 
 
 def _plane(source: Source, node: Node) -> Float64 | None:
-    points = [_vector(source, node.get(key)) for key in ("lowerleft", "upperleft", "upperright")]
+    points = [vector(source, node.get(key)) for key in ("lowerleft", "upperleft", "upperright")]
     if points[0] is None or points[1] is None or points[2] is None:
         return None
     low, high, right = points[0], points[1], points[2]
@@ -63,7 +61,7 @@ def _by_field_of_view(source: Source, node: Node, eye: Float64, kind: str) -> Fl
     left, right, down, up = (math.tan(math.radians(angle)) for angle in angles)
     distance = _distance(source, node)
     turn = _orientation(source, node.get("orientation"))
-    offset = _vector(source, node.get("offset"))
+    offset = vector(source, node.get("offset"))
     source.carry(node.get("offset"), "corners")
     flat = distance * np.array([[-left, -down, -1.0], [right, -down, -1.0], [right, up, -1.0]])
     placed = eye + (np.zeros(3) if offset is None else offset) + flat @ turn.T
@@ -150,7 +148,7 @@ def _of_quaternion(quaternion: Float64) -> Float64:
     return turn
 
 
-def _stand_in(source: Source, viewport: Node, node: Node | None, pixels: tuple[int, int], eye: Float64) -> Float64:
+def _stand_in(source: Source, node: Node | None, pixels: tuple[int, int], eye: Float64) -> Float64:
     """A flat panel with square pixels 1 m before the eye, its longer side as wide as is plausible."""
     wanted = source.number(node.get("fov")) if node is not None and _has_one_fov(node) else None
     fov = STAND_IN_FOV if wanted is None or wanted <= 0 else min(wanted, WIDEST_STAND_IN)
@@ -171,7 +169,7 @@ def _has_one_fov(node: Node) -> bool:
     return fov is not None and fov.kind == "value"
 
 
-def _vector(source: Source, node: Node | None) -> Float64 | None:
+def vector(source: Source, node: Node | None) -> Float64 | None:
     """(3,) of {x, y, z}; what is missing is 0. None if there is no node or something in it is no number."""
     if node is None or node.kind != "object":
         return None

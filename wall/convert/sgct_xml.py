@@ -1,8 +1,8 @@
 """SGCT's earlier XML, given the shape of its JSON: same keys, the XML's own lines and names.
 
 <Cluster><Node><Window><Viewport> become nodes, windows, viewports; <Viewplane> with its three <Pos> becomes the
-projection ProjectionPlane; heading and azimuth are yaw, elevation is pitch, bank is roll. In the oldest files a node's one window has its
-<Viewport> or <Viewplane> beside it.
+projection ProjectionPlane; heading and azimuth are yaw, elevation is pitch, bank is roll. In the oldest files a
+node's one window has its <Viewport> or <Viewplane> beside it.
 """
 
 from __future__ import annotations

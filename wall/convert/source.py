@@ -33,6 +33,7 @@ class Node:
     fields: dict[str, Node] = field(default_factory=dict)  # members by key; XML attributes
     items: list[Node] = field(default_factory=list)  # of a list; XML child elements
     settled: bool = False  # carried, or listed as not carried
+    panel: bool = False  # became a panel, whatever it holds
 
     def get(self, key: str) -> Node | None:
         """A member, if there is one that says something (null and absent are the same)."""
@@ -72,10 +73,19 @@ class Source:
             _settle(node)
 
     def drop(self, node: Node | None, why: str = NO_COUNTERPART) -> None:
-        """Note that a node, with all inside it, is not in the configuration, and why."""
+        """Note that a node is not in the configuration, and why; so is every value inside it that was not carried."""
         if node is not None and not node.settled:
             self._not_carried.append(Item(what=_shown(node), line=node.line, why=why))
-            _settle(node)
+            node.settled = True
+            for inner in node.inside():
+                self._drop_values(inner, why)
+
+    def _drop_values(self, node: Node, why: str) -> None:
+        if not node.settled and node.kind == "value":
+            self._not_carried.append(Item(what=_shown(node), line=node.line, why=why))
+        node.settled = True
+        for inner in node.inside():
+            self._drop_values(inner, why)
 
     def remark(self, node: Node, why: str) -> None:
         """Note that a node was carried only in part: what is missing."""
@@ -104,7 +114,7 @@ class Source:
                 continue
             if _touched(inner):
                 self._leftovers(inner)
-            elif inner.kind == "value" or inner.fields or inner.items or inner.key:
+            else:
                 self.drop(inner, self._reasons.get(inner.key, NO_COUNTERPART))
 
     def number(self, node: Node | None) -> float | None:
@@ -175,10 +185,11 @@ def _settle(node: Node) -> None:
 
 
 def _touched(node: Node) -> bool:
-    return any(inner.settled or _touched(inner) for inner in node.inside())
+    return node.panel or any(inner.settled or _touched(inner) for inner in node.inside())
 
 
 def _shown(node: Node) -> str:
+    """A node by name, and a value by what it says."""
     if node.kind != "value" or _SECRET.search(node.key):
         return node.name
     text = {True: "true", False: "false"}.get(node.value, "") if isinstance(node.value, bool) else repr(node.value)

@@ -12,7 +12,7 @@ import pytest
 
 from wall import cli
 from wall.config.loading import loads
-from wall.convert.command import convert_text, read
+from wall.convert.command import convert_text, read, table
 from wall.convert.formats import FORMATS, detect
 from wall.errors import ConfigError
 from wall.geometry.cameras import resolve_view
@@ -196,6 +196,18 @@ def test_a_file_that_is_no_wall_is_refused_with_exit_code_2_and_writes_nothing(
     assert code == 2
     assert says in capsys.readouterr().err
     assert not Path("wall.yaml").exists()
+
+
+def test_the_terminal_shows_equal_things_once_and_not_what_is_inside_them() -> None:
+    machine = f'<Machine Name="m" Typo="1" {SCREEN}/>\n'
+    _, made, _ = convert_text(f'<pvx>\n{machine}{machine}<other a="1"/></pvx>', "w.pvx")
+
+    shown = table(made)
+
+    assert shown is not None
+    lines, what = ([*column.cells] for column in shown.columns[:2])
+    assert lines == ["2, 3", "4"]
+    assert what == ["pvx.Machine\\[0].Typo = '1' and 1 like it", "pvx.other\\[0]"]
 
 
 def test_a_refusal_names_the_formats_that_are_known() -> None:

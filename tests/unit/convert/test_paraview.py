@@ -62,13 +62,18 @@ def test_the_eye_is_at_the_origin_with_the_eye_separation_of_the_file() -> None:
 
 
 def test_what_paraview_passes_over_or_means_otherwise_is_listed_with_its_line() -> None:
-    left_out = {item.line: item for item in convert(CAVE, "cave.pvx").not_carried}
+    items = convert(CAVE, "cave.pvx").not_carried
+    left_out = {item.line: item for item in items}
 
-    assert left_out[3].what == "pvx.Process[0]"
+    assert [item.what for item in items if item.line == 3] == [
+        "pvx.Process[0]",
+        "pvx.Process[0].Type = 'client'",
+        "pvx.Process[0].Machine[0].Name = 'console'",
+    ]
     assert "LANG=C" in left_out[7].why
     assert left_out[10].what == "pvx.Process[1].Machine[0].StereoType = 'Crystal Eyes'"
     assert left_out[15].what == "pvx.Process[1].Machine[1].Typo = 'garbage'"
-    assert left_out[21].what == "pvx.Process[1].machine[0]"
+    assert left_out[21].what == "pvx.Process[1].machine[0].Name = 'ignored'"
     assert 9 not in left_out  # ShowBorders="0": windows have none
 
 

@@ -56,7 +56,7 @@ def test_the_servers_desktop_is_listed_without_its_secrets() -> None:
     left_out = {item.line: item for item in convert(CONFIG.replace("BORDERS", ARRAY), "lab.json").not_carried}
 
     assert {5, 13, 14} == set(left_out)
-    assert left_out[14].what == "apis"
+    assert left_out[14].what == "apis.twitter.consumerSecret"
     assert not any("abc" in item.what + item.why for item in left_out.values())
 
 

@@ -109,7 +109,7 @@ def test_more_brackets_than_any_wall_has_are_refused_before_they_are_read() -> N
         json_source.parse("[" * 60_000, "w.json")
 
 
-def test_what_nobody_looked_at_is_listed_once_at_its_outermost_node() -> None:
+def test_what_nobody_looked_at_is_listed_with_every_value_inside_it() -> None:
     source = Source(
         "w.json", json_source.parse("{a: 1,\n b: {c: 2,\n d: {e: 3}},\n f: {g: [4, 5]}}", "w.json"), {"f": "why not"}
     )
@@ -118,7 +118,14 @@ def test_what_nobody_looked_at_is_listed_once_at_its_outermost_node() -> None:
     made = source.close({}, panels=0, ranks=0)
 
     assert [(item.what, item.line, item.why) for item in made.carried] == [("b.c", 2, "there")]
-    assert [(item.what, item.line) for item in made.not_carried] == [("a = 1", 1), ("b.d", 3), ("f", 4)]
+    assert [(item.what, item.line) for item in made.not_carried] == [
+        ("a = 1", 1),
+        ("b.d", 3),
+        ("b.d.e = 3", 3),
+        ("f", 4),
+        ("f.g[0] = 4", 4),
+        ("f.g[1] = 5", 4),
+    ]
     assert made.not_carried[-1].why == "why not"
 
 
