@@ -199,3 +199,14 @@ def test_a_file_with_this_suffix_that_is_none_is_refused(text: str) -> None:
 def test_a_mistake_keeps_its_place_on_the_way_out() -> None:
     with pytest.raises(ConfigError, match=r"^wall\.eqc:2:8: 'confg' came"):
         convert_text("server {\n       confg { } }", "wall.eqc")
+
+
+def test_strips_are_joined_on_the_machines_that_the_file_names() -> None:
+    nodes = (f'node {{ host "node{one}" pipe {{ window {{ channel {{ name "{one}" }} }} }} }}' for one in "abcd")
+    frame = f'layout {{ view {{}} }} canvas {{ layout 0 {WALL} segment {{ channel "a" }} }}'
+    text = server(*nodes, frame, f"compound {{ channel ( segment 0 ) {BINARY_SWAP} }}")
+    _, conversion, _ = convert_text(text, "f.eqc")
+    depths = [node for node in conversion.values["graph"]["nodes"] if node["op"] == "depth"]
+    assert {node["on"] for node in depths} == {"head", "host nodeb", "host nodec", "host noded"}
+    assert conversion.values["wall"]["panels"][0]["host"] == "nodea"
+    assert not any('host "' in item.what for item in conversion.not_carried)

@@ -46,7 +46,7 @@ def convert(text: str, name: str) -> Conversion:
         "views": [view],
         "graph": graph.values(),
     }
-    mark_nodes(config, resources, _used(panels))
+    mark_nodes(config, resources, _used(panels), graph.hosts)
     mark_compounds(panels)
     carried, left = account(top)
     assumed = ["an Equalizer file names no scene: this one shows the courtyard", *wall.assumed]
@@ -93,5 +93,5 @@ def _eye_base(top: Statement) -> float | None:
 
 def _used(panels: list[Drawn]) -> set[int]:
     """Identities of the channels that draw for a panel, or join what others drew."""
-    drawing = {id(draw.where) for one in panels for draws in one.leaves.values() for draw in draws}
+    drawing = {id(draw.where) for one in panels for draw in one.draws}
     return drawing.union(*(one.joiners for one in panels))

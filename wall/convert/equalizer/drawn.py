@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +12,7 @@ from wall.convert.equalizer.resources import Channel, Rect
 from wall.convert.equalizer.wall_values import PanelPart
 
 SINKS = ["browser", "png"]
+LOCAL = (None, "localhost", "127.0.0.1")  # names of no machine in particular
 
 Shape = tuple[Any, ...]  # ("part", range) or ("join", channel, shapes): what pixels show, whoever drew it
 
@@ -23,6 +24,12 @@ class Drawn:
     part: PanelPart
     areas: list[tuple[Rect, Shape]]  # pixels from the panel's top left
     leaves: dict[Range, list[Draw]]
+
+    @property
+    def draws(self) -> Iterator[Draw]:
+        """All that is drawn for it."""
+        for draws in self.leaves.values():
+            yield from draws
 
     @property
     def joiners(self) -> set[int]:
@@ -130,7 +137,8 @@ class GraphValues:
     screens: dict[str, tuple[int, int]]  # top left pixel of each panel in the virtual screen
     nodes: list[dict[str, Any]] = field(default_factory=list)
     pieces: list[str] = field(default_factory=list)  # what the picture of the wall is made of
-    compositors: dict[tuple[str, int], int] = field(default_factory=dict)
+    compositors: dict[tuple[str, int], str] = field(default_factory=dict)  # where a channel's joins run
+    hosts: set[str] = field(default_factory=set)  # machines that joins are placed on
 
     @property
     def renderers(self) -> int:
@@ -144,6 +152,7 @@ class GraphValues:
             return {"preset": "sort-first", **({"ranks_per_panel": ranks} if ranks > 1 else {}), "sinks": SINKS}
         for one in self.panels:
             self._name_compositors(one, (shape for _, shape in one.areas))
+        self._name_hosts()
         for one in self.panels:
             self._panel(one)
         self.nodes.append({"id": "wall", "op": "tile", "inputs": self.pieces})
@@ -157,8 +166,18 @@ class GraphValues:
         for shape in shapes:
             if shape[0] == "join":
                 if shape[1] != "panel":
-                    self.compositors.setdefault(self._key(one, shape[1]), len(self.compositors) + 1)
+                    self.compositors.setdefault(self._key(one, shape[1]), f"compositor {len(self.compositors) + 1}")
                 self._name_compositors(one, shape[2])
+
+    def _name_hosts(self) -> None:
+        """Joins of one panel run on their channels' machines, if each has one of its own."""
+        channels = {id(draw.where): draw.where for one in self.panels for draw in one.draws}
+        joining = [channels.get(where) for _, where in self.compositors]
+        hosts = [channel.host for channel in joining if isinstance(channel, Channel) and channel.host not in LOCAL]
+        apart = {*hosts, *(one.part.destination.channel.host for one in self.panels)}
+        if len(self.panels) == 1 and len(hosts) == len(joining) and len(apart) == len(hosts) + 1:
+            self.hosts = {str(host) for host in hosts}
+            self.compositors = {key: f"host {host}" for key, host in zip(self.compositors, hosts, strict=True)}
 
     @staticmethod
     def _key(one: Drawn, where: object) -> tuple[str, int]:
@@ -169,9 +188,9 @@ class GraphValues:
             node["on"] = "head"
 
     def _place(self, node: dict[str, Any], one: Drawn, where: object) -> None:
-        number = self.compositors.get(self._key(one, where))
-        if number is not None:
-            node["on"] = f"compositor {number}"
+        place = self.compositors.get(self._key(one, where))
+        if place is not None:
+            node["on"] = place
         else:
             self._on_head(node)
 

@@ -10,8 +10,11 @@ from wall.convert.equalizer.resources import Resources
 SOURCE_ONLY = "its channels only draw: which machine a renderer runs on is said to mpirun (a hostfile), not here"
 
 
-def mark_nodes(config: Statement, resources: Resources, used: set[int]) -> None:
-    """Nodes, pipes and windows live in their channels; a channel is a panel, a rank, or nothing."""
+def mark_nodes(config: Statement, resources: Resources, used: set[int], hosts: set[str]) -> None:
+    """Nodes, pipes and windows live in their channels; a channel is a panel, a rank, or nothing.
+
+    `used`: identities of the channels that draw or join; `hosts`: machines that the graph names.
+    """
     for channel in resources.channels:
         if channel.statement.carried is None and id(channel) in used:
             channel.statement.carry("a renderer")
@@ -26,16 +29,18 @@ def mark_nodes(config: Statement, resources: Resources, used: set[int]) -> None:
         else:
             block.leave("none of its channels is used" if channels else "it has no channel")
         if block.word in ("appNode", "node"):
-            _mark_host(block, any(one.why.startswith("panel ") for one in channels))
+            _mark_host(block, any(one.why.startswith("panel ") for one in channels), hosts)
 
 
-def _mark_host(node: Statement, shows: bool) -> None:
-    if node.carried and not shows:
-        for one in node.walk():
-            if one.word in ("host", "hostname"):
-                one.leave(SOURCE_ONLY)
-            elif one.word == "connection":
-                one.carried = None
+def _mark_host(node: Statement, shows: bool, hosts: set[str]) -> None:
+    """A machine is carried with its panels, or with the joins that run there."""
+    for one in node.walk() if node.carried and not shows else ():
+        if one.word in ("host", "hostname") and one.carried and one.values[0] in hosts:
+            one.carry("where nodes of the graph run")
+        elif one.word in ("host", "hostname"):
+            one.leave(SOURCE_ONLY)
+        elif one.word == "connection" and not any(field.values[0] in hosts for field in one.all("hostname")):
+            one.carried = None
 
 
 def mark_compounds(panels: list[Drawn]) -> None:
