@@ -9,12 +9,16 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wall.data import Channels, Framelet, Rect
+from wall.data import BLANK, Channels, Framelet, Rect
 from wall.operators import kernels_depth
 from wall.operators.base import Inputs, Operator
-from wall.operators.parts import BAND_PIXELS, part
-from wall.operators.winners import choose
+from wall.operators.parts import bands, blank, corner, part
+from wall.operators.winners import bits, choose
+
+DENSE = 0.1  # share of a band: above it, taking all of it costs less than picking pixels
+EVERY: Channels = frozenset({"colour", "depth", "alpha", "object"})
 
 
 class Depth(Operator):
@@ -48,33 +52,66 @@ class Depth(Operator):
 
 
 def _fill(inputs: Sequence[Framelet], out: Framelet, region: Rect) -> None:
-    rows = max(1, BAND_PIXELS // (region.width * len(inputs)))
-    for y in range(region.y, region.bottom, rows):
-        band = Rect(x=region.x, y=y, width=region.width, height=min(rows, region.bottom - y))
+    for band in bands(region):
         _fill_band([framelet for framelet in inputs if framelet.rect.meets(band)], out, band)
 
 
 def _fill_band(inputs: Sequence[Framelet], out: Framelet, band: Rect) -> None:
-    size = (len(inputs), band.height, band.width)
-    colour, depth = np.zeros((*size, 3), np.float32), np.full(size, np.inf, np.float32)
-    alpha = np.zeros(size, np.float32)
-    thing = np.zeros(size, np.uint32) if out.object is not None else None
-    for k, framelet in enumerate(inputs):
+    """Nearest wins; then again, exactly, the few pixels that something covers in part."""
+    size = (band.height, band.width)
+    near, covered = np.full(size, np.inf, np.float32), np.zeros(size, np.float32)
+    partial, taken = np.zeros(size, np.uint8), np.empty(size, np.uint8)
+    blank(out, band)
+    for framelet in inputs:
         met = framelet.rect.meet(band)
         assert met is not None
-        here = (k, *met.inside(band))
-        colour[here], depth[here] = part(framelet, "colour", met), part(framelet, "depth", met)
-        alpha[here] = part(framelet, "alpha", met) if framelet.alpha is not None else 1.0
-        if thing is not None and framelet.object is not None:
-            thing[here] = part(framelet, "object", met)
+        source = (bits(framelet.colour), framelet.channel("depth"), framelet.alpha, *corner(framelet, met))
+        target, within = (bits(out.colour), *corner(out, met)), (met.x - band.x, met.y - band.y)
+        kernels_depth.put_before(*source, *target, near, covered, partial, taken, *within, met.width, met.height)
+        if out.object is not None:
+            won = taken[met.inside(band)].view(np.bool_)
+            np.copyto(part(out, "object", met), part(framelet, "object", met), where=won)
+    for name, values in (("depth", near), ("alpha", covered)):
+        if name in out.channels:
+            part(out, name, band)[...] = values
+    count = int(np.count_nonzero(partial))
+    if count > band.area * DENSE:
+        _fill_pixels(inputs, out, band, np.s_[:, :])
+    elif count:
+        _fill_pixels(inputs, out, band, np.nonzero(partial))
+
+
+def _fill_pixels(inputs: Sequence[Framelet], out: Framelet, band: Rect, some: Any) -> None:
+    """Those pixels of a band that `some` picks of its array."""
+    pixels = np.empty((band.height, band.width), np.bool_)[some].size
+    size = (len(inputs), pixels)
+    colour, depth, alpha = np.empty((*size, 3), np.float32), np.empty(size, np.float32), np.empty(size, np.float32)
+    thing = np.zeros(size, np.uint32)
+    for k, framelet in enumerate(inputs):
+        colour[k] = _picked(framelet, "colour", band, some).reshape(pixels, 3)
+        depth[k] = _picked(framelet, "depth", band, some).ravel()
+        alpha[k] = _picked(framelet, "alpha", band, some).ravel()
+        if out.object is not None:
+            thing[k] = _picked(framelet, "object", band, some).ravel()
     alpha[np.isnan(depth)] = 0.0
-    pixels = band.area
-    filled = Framelet.blank(band, out.channels)
-    kernels_depth.fill_by_depth(
-        colour.reshape(-1, pixels, 3), depth.reshape(-1, pixels), alpha.reshape(-1, pixels),
-        None if thing is None else thing.reshape(-1, pixels),
-        filled.colour.reshape(pixels, 3), *(None if c is None else c.reshape(pixels) for c in (
-            filled.depth, filled.alpha, filled.object)),
-    )  # fmt: skip
+    filled = Framelet.blank(Rect(x=0, y=0, width=pixels, height=1), EVERY)
+    result = (filled.colour[0], filled.channel("depth")[0], filled.channel("alpha")[0], filled.channel("object")[0])
+    kernels_depth.fill_by_depth(colour, depth, alpha, thing, *result)
     for name in out.channels:
-        part(out, name, band)[...] = filled.channel(name)
+        here = part(out, name, band)
+        here[some] = filled.channel(name)[0].reshape(here[some].shape)
+
+
+def _picked(framelet: Framelet, name: str, band: Rect, some: Any) -> NDArray[Any]:
+    """A channel's pixels of a band; blank where the framelet is not, alpha 1 where it is and has none."""
+    met = framelet.rect.meet(band)
+    opaque = name == "alpha" and framelet.alpha is None
+    if met == band and not opaque:
+        values: NDArray[Any] = part(framelet, name, band)[some]
+        return values
+    assert met is not None
+    value, kind = BLANK.get(name, (0.0, np.float32))
+    whole = np.full((band.height, band.width, *([3] if name == "colour" else [])), value, kind)
+    whole[met.inside(band)] = 1.0 if opaque else part(framelet, name, met)
+    picked: NDArray[Any] = whole[some]
+    return picked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -42,6 +43,7 @@ class Crop(Operator):
 class Unnamed(Operator):
     input: Input
 '''
+DOCUMENT = Path(__file__).parents[3] / "docs" / "operators.md"
 Installed = Callable[..., None]
 
 
@@ -49,11 +51,11 @@ Installed = Callable[..., None]
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Installed:
     """Installs a package whose entry points of `wall.operators` are the given ones, until the test ends."""
 
-    def install(*points: str, package: str = "greywall") -> None:
+    def install(*points: str, package: str = "greywall", name: str = "", module: str = MODULE) -> None:
         folder = tmp_path / package
         info = folder / f"{package}-1.2.dist-info"
         info.mkdir(parents=True)
-        (folder / f"{package}_operators.py").write_text(MODULE)
+        (folder / f"{name or package + '_operators'}.py").write_text(module)
         (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.2\n")
         (info / "entry_points.txt").write_text("[wall.operators]\n" + "\n".join(points) + "\n")
         monkeypatch.syspath_prepend(str(folder))
@@ -68,6 +70,28 @@ def test_an_installed_operator_is_found_and_works(installed: Installed, random_n
     source = random_framelet(random_numbers, rect(0, 0, 4, 3))
     operator = negative.model_validate({"id": "n", "op": "negative", "input": "a"})
     np.testing.assert_array_equal(applied(operator, source).colour, 1.0 - source.colour)
+
+
+def test_the_documented_operator_works(installed: Installed, random_numbers: np.random.Generator) -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    (module,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    (point,) = re.findall(r'```toml\n\[project\.entry-points\."wall\.operators"\]\ngrey = "(.*)"\n```', text)
+    installed(f"grey = {point}", module=module, name="grey")
+    source = random_framelet(random_numbers, rect(0, 0, 4, 3))
+    out = applied(plugins()["grey"].model_validate({"id": "g", "op": "grey", "input": "w", "share": 0.5}), source)
+    grey = source.colour @ np.float32([0.2126, 0.7152, 0.0722])
+    np.testing.assert_allclose(out.colour, (source.colour + grey[..., None]) / 2, atol=1e-6)
+
+
+def test_every_operator_and_its_keys_are_documented() -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` (\|.*)$", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE))
+    assert rows.keys() - {"op"} == OPERATORS.keys()
+    for word, operator in OPERATORS.items():
+        for key in operator.model_fields.keys() - {"id", "on", "op", "input", "inputs"}:
+            assert re.search(rf"`{key}\b", rows[word]), f"{word}: {key}"
+        assert ("| any |" in rows[word]) == ("inputs" in operator.model_fields)
+        assert ("| one |" in rows[word]) == ("input" in operator.model_fields)
+        assert all(f"`{channel}`" in rows[word] for channel in operator.NEEDS - {"colour"})
 
 
 def test_without_packages_there_are_no_plugins() -> None:
