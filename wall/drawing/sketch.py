@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,15 +56,22 @@ def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float
     places = {_maker(layout.graph, panel.index) for panel in panels}
     hung = dict.fromkeys(" ".join(filter(None, (panel.host, panel.display))) for panel in panels)
     return Screen(
-        id=" + ".join(names),
+        id=_together(names),
         pixels=first.pixels,
         corners=first.lit,
         bezel=(first.bezel.left, first.bezel.right, first.bezel.top, first.bezel.bottom),
         eyes=tuple(np.array(one) for one in sorted(eyes)),
-        notes=(*_peculiar(panels, len(eyes)), *filter(None, hung)),
+        notes=(*_peculiar(panels, len(eyes)), *(host for host in hung if host not in ("", first.id))),
         place=places.pop() if len(places) == 1 else "",
         panels=tuple(panel.id for panel in panels) if len(panels) > 1 else (),
     )
+
+
+def _together(names: list[str]) -> str:
+    """left-eye + right-eye, or wall-left + right: what their beginnings share is said once."""
+    beginning = re.match(r".*[-_.]", names[0])
+    shared = beginning[0] if beginning and all(name.startswith(beginning[0]) for name in names) else ""
+    return " + ".join([names[0], *(name.removeprefix(shared) for name in names[1:])])
 
 
 def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
@@ -127,8 +135,7 @@ def _samples_box(layout: Layout, layer: Layer) -> Box:
 def _step_box(step: Step) -> Box:
     node, place = step.node, _rank_key(step.place)
     if isinstance(node, SinkNode):
-        op = "sink" if node.kind == node.id else f"{node.kind} sink"
-        return Box(id=node.id, op=op, detail="", place=place, sink=True)
+        return Box(id=node.id, op=f"{node.kind} sink", detail="", place=place, sink=True)
     size = f"{step.rect.width} {TIMES} {step.rect.height} px"
     return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, place=place, source=not node.sources)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from wall.data import Float64
 from wall.drawing.front import Front, front, meet, meeting
-from wall.drawing.ink import BLACK, BODY_PT, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, fitted, width_of
+from wall.drawing.ink import BLACK, BODY_PT, EYE_MM, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, fitted, width_of
 from wall.drawing.labels import labels, pixels
 from wall.drawing.model import MINUS, TIMES, Sketch
 from wall.drawing.overhead import Plan, plan
@@ -21,12 +21,11 @@ CAPTION_MM = 3.2
 BETWEEN_MM = 5.0  # the two views
 MOST_FRUSTA = 12  # more are drawn as one from edge to edge
 SMALL_PANEL_MM = 8.0  # below it lines become thinner with the panels
-EYE_MM = 0.75
-EYE_ROOM_MM = 3.8  # below an eye, for its name
+BAR_MM = 5.0  # from the lowest point of the plan to the scale bar
 KINDS = {
     "flat": "",
-    "unrolled": "unrolled: every panel in its true size",
-    "apart": "panels laid beside each other in their true sizes",
+    "unrolled": "unrolled, in true sizes",
+    "apart": "laid apart, in true sizes",
 }
 
 
@@ -52,7 +51,7 @@ def wall_part(sketch: Sketch, tints: Mapping[str, Tint], *, width: float, height
     seen, above = front(sketch.screens), plan(sketch.screens)
     left, bottom, right, top = seen.bounds()
     west, far, east, near = above.bounds()
-    room = height - 2 * HEADING_MM - CAPTION_MM - BETWEEN_MM - EYE_ROOM_MM - 2.4
+    room = height - 2 * HEADING_MM - CAPTION_MM - BETWEEN_MM - BAR_MM
     scale = min(width / max(right - left, east - west), room / (top - bottom + near - far))
     used = scale * (top - bottom + near - far) + height - room
     return WallPart(sketch=sketch, tints=tints, front=seen, plan=above, scale=scale, width=width, height=used)
@@ -96,10 +95,10 @@ class _Drawing:
         page.write(self._x, below, self._extent(), size=SMALL_PT, colour=GREY)
         second = below + BETWEEN_MM
         page.write(self._x, second + 1.0, "Top view", bold=True)
-        page.write(self._x + width_of("Top view", bold=True) + 1.4, second + 1.0, "viewer below", colour=GREY)
+        page.write(self._x + width_of("Top view", bold=True) + 1.4, second + 1.0, self._eye_text(), colour=GREY)
         head = second + HEADING_MM - 1.2
         self._plan(np.array([plan_origin, head - part.scale * far]))
-        self._scale_bar(head + part.scale * (near - far) + EYE_ROOM_MM + 2.4)
+        self._scale_bar(head + part.scale * (near - far) + BAR_MM - 1.2)
 
     def _how(self) -> str:
         """How the panels came to lie in one plane, and which they are where that cannot be written on them."""
@@ -157,26 +156,24 @@ class _Drawing:
         for eye, end in part.plan.edges(most=2 * MOST_FRUSTA):
             page.stroke(on_page(np.array([eye, end])), line=FRUSTUM, width=THIN_PT, level=-2)
         for outline in part.plan.screens:
-            page.stroke(on_page(outline), closed=True, fill=LIT, line=BLACK, width=2 * LINE_PT)
             normal = _across(outline)
-            if normal is not None:
-                for end in (outline[0], outline[1]):
-                    page.stroke(on_page(end) + np.outer([-0.8, 0.8], normal), line=BLACK, width=THIN_PT)
+            if normal is None:  # a floor, or tilted
+                page.stroke(on_page(outline), closed=True, fill=BEZEL, line=None, alpha=0.15, level=-1)
+                page.stroke(on_page(outline), closed=True, width=LINE_PT)
+                continue
+            page.stroke(on_page(outline[:2]), width=2 * LINE_PT, level=1)
+            for end in outline[:2]:
+                page.stroke(on_page(end) + np.outer([-0.8, 0.8], normal), width=THIN_PT)
         for eye in part.plan.eyes:
             x, y = on_page(eye)
             page.dot(x, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT, gid="eye", level=2)
-        x, y = on_page(np.mean(part.plan.eyes, axis=0))
-        text = self._eye_text()
-        half = width_of(text, SMALL_PT) / 2
-        x = min(max(x, self._x + half), self._x + part.width - half)
-        page.write(x, y + EYE_ROOM_MM - 0.4, text, align="center", size=SMALL_PT)
 
     def _eye_text(self) -> str:
         eyes = np.unique(np.round([eye for screen in self._part.sketch.screens for eye in screen.eyes], 6), axis=0)
         if len(eyes) > 1:
             return f"{len(eyes)} eyes"
         place = ", ".join(f"{value:.3g}".replace("-", MINUS) for value in eyes[0] + 0.0)
-        return f"eye ({place}) m"
+        return f"eye at ({place}) m"
 
     def _scale_bar(self, y: float) -> None:
         length = nice_length(self._part.width / 4 / self._part.scale)
