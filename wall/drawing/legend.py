@@ -55,7 +55,7 @@ class Legend:
             entries.append(("bezel", _area(BEZEL, None)))
         if self._overlaps:
             entries.append(("lit by two panels", _hatched))
-        entries.append(("eye and what it sees of a panel", _frustum))
+        entries.append(("eye, its view of a panel", _frustum))
         return entries
 
 
@@ -71,11 +71,12 @@ def _hatched(page: Page, x: float, y: float) -> None:
 
 
 def _frustum(page: Page, x: float, y: float) -> None:
-    ends = [(x, y), (x + KEY_MM[0], y - KEY_MM[1] / 2), (x + KEY_MM[0], y + KEY_MM[1] / 2)]
+    tip = x + EYE_MM
+    ends = [(tip, y), (x + KEY_MM[0], y - KEY_MM[1] / 2), (x + KEY_MM[0], y + KEY_MM[1] / 2)]
     page.stroke(ends, closed=True, fill=FRUSTUM, line=None, alpha=0.09)
     for end in ends[1:]:
         page.stroke([ends[0], end], line=FRUSTUM, width=THIN_PT)
-    page.dot(x, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT)
+    page.dot(tip, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT)
 
 
 def _wire(colour: str, width: float) -> Callable[[Page, float, float], None]:
