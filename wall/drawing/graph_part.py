@@ -103,7 +103,8 @@ def _name_width(name: tuple[str, str]) -> float:
 def _lines(box: Box, *, narrow: bool) -> list[Line]:
     """Name and operator, then the detail; on a narrow page each below the other."""
     times = f"{box.count} {TIMES} " if box.count > 1 else ""
-    op = times + box.op if times or box.op != box.id else ""
+    alone = box.op.removeprefix(box.id).strip()  # `browser sink` named browser is a sink
+    op = times + box.op if times else alone
     room = WIDEST_TEXT - (0.0 if narrow or not op else 1.0 + width_of(op, BODY_PT))
     name = (fitted(box.title or box.id, BODY_PT, room, bold=True), BODY_PT, True)
     lines = [[name], [(op, BODY_PT, False)]] if narrow else [[name, (op, BODY_PT, False)]]

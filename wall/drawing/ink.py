@@ -31,6 +31,7 @@ MM_A_POINT = 25.4 / 72
 PNG_DPI = 300
 BODY_PT, SMALL_PT = 7.0, 6.0  # nothing smaller: it must be read at the printed size
 THIN_PT, LINE_PT = 0.4, 0.8
+EYE_MM = 0.75  # radius of an eye
 BLACK, GREY = "#1a1a1a", "#767676"
 # DejaVu Sans comes with matplotlib, so a page looks the same on every machine; text of an SVG stays text
 _STYLE: dict[Any, Any] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from wall.drawing.graph_part import ARROW, arrow_head
-from wall.drawing.ink import BLACK, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, width_of
+from wall.drawing.ink import BLACK, EYE_MM, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, width_of
 from wall.drawing.model import Sketch
 from wall.drawing.palette import BEZEL, FRUSTUM, OVERLAP, RENDERER, Tint
 
@@ -55,7 +55,7 @@ class Legend:
             entries.append(("bezel", _area(BEZEL, None)))
         if self._overlaps:
             entries.append(("lit by two panels", _hatched))
-        entries.append(("view frustum", _frustum))
+        entries.append(("eye, its view of a panel", _frustum))
         return entries
 
 
@@ -71,10 +71,12 @@ def _hatched(page: Page, x: float, y: float) -> None:
 
 
 def _frustum(page: Page, x: float, y: float) -> None:
-    ends = [(x, y), (x + KEY_MM[0], y - KEY_MM[1] / 2), (x + KEY_MM[0], y + KEY_MM[1] / 2)]
+    tip = x + EYE_MM
+    ends = [(tip, y), (x + KEY_MM[0], y - KEY_MM[1] / 2), (x + KEY_MM[0], y + KEY_MM[1] / 2)]
     page.stroke(ends, closed=True, fill=FRUSTUM, line=None, alpha=0.09)
     for end in ends[1:]:
         page.stroke([ends[0], end], line=FRUSTUM, width=THIN_PT)
+    page.dot(tip, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT)
 
 
 def _wire(colour: str, width: float) -> Callable[[Page, float, float], None]:

@@ -16,7 +16,7 @@ Role = Literal["head", "compositor", "renderer"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Screen:
-    """One panel, or two that show both eyes in the same place."""
+    """One panel, or several that light the same place, such as those of both eyes."""
 
     id: str
     pixels: tuple[int, int]
@@ -25,6 +25,11 @@ class Screen:
     eyes: tuple[Float64, ...]  # (3,) metres, wall frame: from where it is seen
     notes: tuple[str, ...] = ()  # further lines of its label
     place: str = ""  # where its picture is made; "" = several places or none
+    panels: tuple[str, ...] = ()  # ids of all that light it, where they are more than its own
+
+    def shares_eye(self, other: Screen) -> bool:
+        """Whether one eye looks at both."""
+        return any(bool((a == b).all()) for a in self.eyes for b in other.eyes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

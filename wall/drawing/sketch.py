@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from wall.compositing.graph import Graph, Layer, Step
-from wall.config.displays import SidesConfig
-from wall.config.loading import Loaded
 from wall.config.schema import FrameSync, SinkNode
-from wall.config.views import DEFAULT_FOV_DEGREES
 from wall.data import Float64
 from wall.drawing.model import TIMES, TO, Box, Place, Role, Screen, Sketch, Wire
 from wall.drawing.traffic import bytes_a_sample, framelet_traffic, samples_traffic, si
-from wall.geometry.cameras import default_eye
-from wall.geometry.panels import Wall
+from wall.geometry.eyes import eye_of, standing_eye
+from wall.geometry.panels import Panel
 from wall.processes.plan import HEAD, Layout
+
+SAME_M = 1e-5  # panels whose corners agree so far light one place
 
 
 def sketch(layout: Layout, *, samples_per_s: float) -> Sketch:
@@ -40,42 +40,53 @@ def sketch(layout: Layout, *, samples_per_s: float) -> Sketch:
 
 
 def _screens(layout: Layout) -> tuple[Screen, ...]:
-    config = layout.config.wall
-    bezels = [config.grid.bezel] * len(layout.wall.panels) if config.grid else [p.bezel for p in config.panels or ()]
-    eye = _eye(layout.loaded, layout.wall)
-    return tuple(
-        Screen(
-            id=panel.id,
-            pixels=panel.pixels,
-            corners=panel.corners,
-            bezel=_sides(bezel),
-            eyes=(eye,),
-            notes=(panel.host,) if panel.host else (),
-            place=_maker(layout.graph, panel.index),
-        )
-        for panel, bezel in zip(layout.wall.panels, bezels, strict=True)
+    """What hangs on the wall: panels that light the same place are one."""
+    together: dict[tuple[int, ...], list[Panel]] = {}
+    for panel in layout.wall.panels:
+        key = tuple(int(value) for value in np.round(panel.lit.ravel() / SAME_M))
+        together.setdefault(key, []).append(panel)
+    eye, separation = standing_eye(layout.loaded, layout.wall, 0), layout.config.views[0].eye_separation
+    return tuple(_screen(layout, panels, eye, separation) for panels in together.values())
+
+
+def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float) -> Screen:
+    first = panels[0]
+    names = list(dict.fromkeys(panel.of or panel.id for panel in panels))
+    eyes = {tuple(eye_of(panel, eye, separation)) for panel in panels}
+    places = {_maker(layout.graph, panel.index) for panel in panels}
+    hung = dict.fromkeys(" ".join(filter(None, (panel.host, panel.display))) for panel in panels)
+    return Screen(
+        id=_together(names),
+        pixels=first.pixels,
+        corners=first.lit,
+        bezel=(first.bezel.left, first.bezel.right, first.bezel.top, first.bezel.bottom),
+        eyes=tuple(np.array(one) for one in sorted(eyes)),
+        notes=(*_peculiar(panels, len(eyes)), *(host for host in hung if host not in ("", first.id))),
+        place=places.pop() if len(places) == 1 else "",
+        panels=tuple(panel.id for panel in panels) if len(panels) > 1 else (),
     )
+
+
+def _together(names: list[str]) -> str:
+    """left-eye + right-eye, or wall-left + right: what their beginnings share is said once."""
+    beginning = re.match(r".*[-_.]", names[0])
+    shared = beginning[0] if beginning and all(name.startswith(beginning[0]) for name in names) else ""
+    return " + ".join([names[0], *(name.removeprefix(shared) for name in names[1:])])
+
+
+def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
+    """What a viewer would not see from the outline."""
+    first = panels[0]
+    said = [first.stereo.replace("_", " ")] if first.stereo != "mono" and len(panels) == 1 else []
+    if len(panels) > 1:
+        said.append("stereo" if eyes == len(panels) else f"{len(panels)} in one place")
+    return [*said, f"turned {first.rotation}°"] if first.rotation else said
 
 
 def _maker(graph: Graph, panel: int) -> str:
     """The place that takes a panel's samples in; "" if there are several."""
     places = {layer.place for layer in graph.layers if layer.panel == panel}
     return _rank_key(places.pop()) if len(places) == 1 else ""
-
-
-def _eye(loaded: Loaded, wall: Wall) -> Float64:
-    config = loaded.config.views[0]
-    if config.eye is not None:
-        return np.array(config.eye, dtype=np.float64)
-    if not wall.flat:
-        raise loaded.error(
-            ("views", 0), "the wall is not flat, so the eye's place is needed", "eye: [x, y, z] in metres"
-        )
-    return default_eye(wall, config.camera.fov or DEFAULT_FOV_DEGREES)
-
-
-def _sides(bezel: SidesConfig) -> tuple[float, float, float, float]:
-    return bezel.left, bezel.right, bezel.top, bezel.bottom
 
 
 def _places(layout: Layout) -> dict[str, Place]:
@@ -124,8 +135,7 @@ def _samples_box(layout: Layout, layer: Layer) -> Box:
 def _step_box(step: Step) -> Box:
     node, place = step.node, _rank_key(step.place)
     if isinstance(node, SinkNode):
-        op = "sink" if node.kind == node.id else f"{node.kind} sink"
-        return Box(id=node.id, op=op, detail="", place=place, sink=True)
+        return Box(id=node.id, op=f"{node.kind} sink", detail="", place=place, sink=True)
     size = f"{step.rect.width} {TIMES} {step.rect.height} px"
     return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, place=place, source=not node.sources)
 

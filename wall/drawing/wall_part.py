@@ -3,37 +3,30 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from wall.data import Float64
-from wall.drawing.front import Front, Placed, front, meet, meeting
-from wall.drawing.ink import BLACK, BODY_PT, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, fitted, width_of
+from wall.drawing.front import Front, front, meet, meeting
+from wall.drawing.ink import BLACK, BODY_PT, EYE_MM, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, fitted, width_of
+from wall.drawing.labels import labels, pixels
 from wall.drawing.model import MINUS, TIMES, Sketch
 from wall.drawing.overhead import Plan, plan
 from wall.drawing.palette import BEZEL, FRUSTUM, LIT, OVERLAP, Tint
 
-LINE_MM = 2.9
 HEADING_MM = 4.2  # from the top of a view's heading to its picture
 CAPTION_MM = 3.2
 BETWEEN_MM = 5.0  # the two views
-LABEL_ROOM = 0.94  # share of a panel that its label may take
 MOST_FRUSTA = 12  # more are drawn as one from edge to edge
 SMALL_PANEL_MM = 8.0  # below it lines become thinner with the panels
-EYE_MM = 0.75
-EYE_ROOM_MM = 3.8  # below an eye, for its name
+BAR_MM = 5.0  # from the lowest point of the plan to the scale bar
 KINDS = {
     "flat": "",
-    "unrolled": "unrolled: every panel in its true size",
-    "apart": "panels laid beside each other in their true sizes",
+    "unrolled": "unrolled, in true sizes",
+    "apart": "laid apart, in true sizes",
 }
-
-
-Lines = list[tuple[str, float, bool]]  # text, points, bold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,7 +51,7 @@ def wall_part(sketch: Sketch, tints: Mapping[str, Tint], *, width: float, height
     seen, above = front(sketch.screens), plan(sketch.screens)
     left, bottom, right, top = seen.bounds()
     west, far, east, near = above.bounds()
-    room = height - 2 * HEADING_MM - CAPTION_MM - BETWEEN_MM - EYE_ROOM_MM - 2.4
+    room = height - 2 * HEADING_MM - CAPTION_MM - BETWEEN_MM - BAR_MM
     scale = min(width / max(right - left, east - west), room / (top - bottom + near - far))
     used = scale * (top - bottom + near - far) + height - room
     return WallPart(sketch=sketch, tints=tints, front=seen, plan=above, scale=scale, width=width, height=used)
@@ -81,6 +74,7 @@ def metres(value: float) -> str:
 class _Drawing:
     def __init__(self, part: WallPart, page: Page, x: float, y: float) -> None:
         self._part, self._page, self._x, self._y = part, page, x, y
+        self._labels = labels(part.front, part.scale)
 
     def draw(self) -> None:
         part, page = self._part, self._page
@@ -101,10 +95,10 @@ class _Drawing:
         page.write(self._x, below, self._extent(), size=SMALL_PT, colour=GREY)
         second = below + BETWEEN_MM
         page.write(self._x, second + 1.0, "Top view", bold=True)
-        page.write(self._x + width_of("Top view", bold=True) + 1.4, second + 1.0, "viewer below", colour=GREY)
+        page.write(self._x + width_of("Top view", bold=True) + 1.4, second + 1.0, self._eye_text(), colour=GREY)
         head = second + HEADING_MM - 1.2
         self._plan(np.array([plan_origin, head - part.scale * far]))
-        self._scale_bar(head + part.scale * (near - far) + EYE_ROOM_MM + 2.4)
+        self._scale_bar(head + part.scale * (near - far) + BAR_MM - 1.2)
 
     def _how(self) -> str:
         """How the panels came to lie in one plane, and which they are where that cannot be written on them."""
@@ -115,9 +109,9 @@ class _Drawing:
     def _extent(self) -> str:
         left, bottom, right, top = self._part.front.bounds()
         sizes = {screen.pixels for screen in self._part.sketch.screens}
-        count = len(self._part.sketch.screens)
+        count = sum(len(screen.panels) or 1 for screen in self._part.sketch.screens)
         each = "each " if count > 1 else ""
-        same = f", {each}{_pixels(next(iter(sizes)))} px" if len(sizes) == 1 else ""
+        same = f", {each}{pixels(next(iter(sizes)))} px" if len(sizes) == 1 else ""
         panels = f"{count} panels" if count > 1 else "1 panel"
         return f"{metres(right - left)} {TIMES} {metres(top - bottom)}, {panels}{same}"
 
@@ -136,42 +130,16 @@ class _Drawing:
                 page.stroke(on_page(placed.rect(*screen.bezel)), closed=True, fill=BEZEL, line=None, level=-2)
             fill = tint.fill if tint else LIT
             width = THIN_PT * min(1.0, min(placed.size) * part.scale / SMALL_PANEL_MM)
-            name = f"panel-{screen.id}"
-            page.stroke(on_page(rect), closed=True, fill=fill, line=BLACK, width=width, gid=name, level=-1)
+            for k, panel in enumerate(screen.panels or (screen.id,)):
+                drawn = {"fill": fill, "line": BLACK} if k == 0 else {"line": None}
+                page.stroke(on_page(rect), closed=True, width=width, gid=f"panel-{panel}", level=-1, **drawn)
         for i, j in meeting(rects):
-            shared = meet(rects[i], rects[j])
+            one, other = (part.front.placed[k].screen for k in (i, j))
+            shared = meet(rects[i], rects[j]) if one.shares_eye(other) else None
             if shared is not None:
                 page.stroke(on_page(shared), closed=True, line=OVERLAP, hatch="//////", gid="overlap")
-        for rect, lines in zip(rects, self._labels, strict=True):
-            self._centred(on_page(rect).mean(axis=0), lines)
-
-    @cached_property
-    def _labels(self) -> list[Lines]:
-        """Lines for each panel; none where there is no room for its id."""
-        placed = self._part.front.placed
-        rooms = [self._room(one) for one in placed]
-        chosen = [_largest(one, room, (True, False)) for one, room in zip(placed, rooms, strict=True)]
-        if len({one.screen.pixels for one in placed}) == 1 and not all(map(_resolution_is_said, chosen)):
-            chosen = [
-                _largest(one, room, (False,)) for one, room in zip(placed, rooms, strict=True)
-            ]  # the caption says it
-        return chosen
-
-    def _room(self, placed: Placed) -> tuple[float, float]:
-        """Width and height on the page in which a level label may stand, mm."""
-        width, height = (LABEL_ROOM * self._part.scale * edge for edge in placed.size)
-        tilt = abs(float(placed.right[1]))
-        if tilt < 0.02:
-            return width, height
-        if tilt > 0.9998:
-            return height, width
-        return (min(width, height) * 0.7,) * 2
-
-    def _centred(self, middle: Float64, lines: Lines) -> None:
-        top = float(middle[1]) - len(lines) * LINE_MM / 2
-        for k, (text, size, bold) in enumerate(lines):
-            y, colour = top + (k + 0.78) * LINE_MM, BLACK if bold else "#4d4d4d"
-            self._page.write(float(middle[0]), y, text, size=size, bold=bold, colour=colour, align="center")
+        for label in filter(None, self._labels):
+            label.write(page, *(float(v) for v in on_page(label.middle / part.scale)))
 
     def _plan(self, origin: Float64) -> None:
         """`origin`: where x = z = 0 is on the page, mm."""
@@ -188,26 +156,24 @@ class _Drawing:
         for eye, end in part.plan.edges(most=2 * MOST_FRUSTA):
             page.stroke(on_page(np.array([eye, end])), line=FRUSTUM, width=THIN_PT, level=-2)
         for outline in part.plan.screens:
-            page.stroke(on_page(outline), closed=True, fill=LIT, line=BLACK, width=2 * LINE_PT)
             normal = _across(outline)
-            if normal is not None:
-                for end in (outline[0], outline[1]):
-                    page.stroke(on_page(end) + np.outer([-0.8, 0.8], normal), line=BLACK, width=THIN_PT)
+            if normal is None:  # a floor, or tilted
+                page.stroke(on_page(outline), closed=True, fill=BEZEL, line=None, alpha=0.15, level=-1)
+                page.stroke(on_page(outline), closed=True, width=LINE_PT)
+                continue
+            page.stroke(on_page(outline[:2]), width=2 * LINE_PT, level=1)
+            for end in outline[:2]:
+                page.stroke(on_page(end) + np.outer([-0.8, 0.8], normal), width=THIN_PT)
         for eye in part.plan.eyes:
             x, y = on_page(eye)
             page.dot(x, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT, gid="eye", level=2)
-        x, y = on_page(np.mean(part.plan.eyes, axis=0))
-        text = self._eye_text()
-        half = width_of(text, SMALL_PT) / 2
-        x = min(max(x, self._x + half), self._x + part.width - half)
-        page.write(x, y + EYE_ROOM_MM - 0.4, text, align="center", size=SMALL_PT)
 
     def _eye_text(self) -> str:
         eyes = np.unique(np.round([eye for screen in self._part.sketch.screens for eye in screen.eyes], 6), axis=0)
         if len(eyes) > 1:
             return f"{len(eyes)} eyes"
         place = ", ".join(f"{value:.3g}".replace("-", MINUS) for value in eyes[0] + 0.0)
-        return f"eye ({place}) m"
+        return f"eye at ({place}) m"
 
     def _scale_bar(self, y: float) -> None:
         length = nice_length(self._part.width / 4 / self._part.scale)
@@ -225,39 +191,3 @@ def _across(outline: Float64) -> Float64 | None:
     if length < 1e-6 or float(np.linalg.norm(outline[3] - outline[0])) > 0.02 * length:
         return None
     return np.array([-along[1], along[0]]) / length
-
-
-def _largest(placed: Placed, room: tuple[float, float], with_resolution: tuple[bool, ...]) -> Lines:
-    """The first label that fits into so many mm: with the resolution, in larger type, with notes; [] if none does."""
-    screen = placed.screen
-    for resolution in with_resolution:
-        for size in (BODY_PT, SMALL_PT):
-            lines = [(part, size, True) for part in _broken(screen.id, size, room[0])]
-            if resolution:
-                lines.append((_pixels(screen.pixels), SMALL_PT, False))
-            for notes in (screen.notes, ()):
-                found = lines + [(note, SMALL_PT, False) for note in notes]
-                widest = max(width_of(text, size, bold=bold) for text, size, bold in found)
-                if widest <= room[0] and len(found) * LINE_MM <= room[1]:
-                    return found
-    return []
-
-
-def _resolution_is_said(lines: Lines) -> bool:
-    return any(TIMES in text for text, _, bold in lines if not bold)
-
-
-def _broken(text: str, size: float, room: float) -> list[str]:
-    """An id that is too wide, broken at its signs."""
-    if width_of(text, size, bold=True) <= room:
-        return [text]
-    lines = [""]
-    for part in re.findall(r"[^-_.]+[-_.]*|[-_.]+", text):
-        if lines[-1] and width_of(lines[-1] + part, size, bold=True) > room:
-            lines.append("")
-        lines[-1] += part
-    return lines
-
-
-def _pixels(pixels: tuple[int, int]) -> str:
-    return f"{pixels[0]} {TIMES} {pixels[1]}"

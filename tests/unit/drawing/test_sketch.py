@@ -51,11 +51,13 @@ def test_streams_carry_the_samples_of_all_their_ranks(sort_last: Sketch) -> None
     assert wire(sort_last, "b", "fb").bytes_per_s == pytest.approx(2 * of_a_rank)
 
 
-def test_a_framelet_that_depth_needs_carries_display_bytes_and_depth(sort_last: Sketch) -> None:
-    """100 x 50 pixels, 10 a second, 3 bytes of colour, since depth only moves it, and a float32."""
+def test_a_framelet_that_depth_needs_carries_all_that_the_plan_sends(sort_last: Sketch) -> None:
+    """100 x 50 pixels, 10 a second: three floats or bytes of colour, four bytes for every other channel."""
+    step = make_layout(loads(SORT_LAST, name="sort_last.yaml")).graph.step("fa")
+    assert {"colour", "depth"} <= step.channels
     found = wire(sort_last, "fa", "near")
     assert found.crosses
-    assert found.bytes_per_s == 100 * 50 * 10 * 7
+    assert found.bytes_per_s == 100 * 50 * 10 * ((3 if step.encoded else 12) + 4 * (len(step.channels) - 1))
 
 
 def test_a_framelet_that_is_only_shown_is_sent_encoded(sort_last: Sketch) -> None:
