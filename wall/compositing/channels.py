@@ -19,7 +19,8 @@ def find_channels(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, 
     """What every node's framelet holds: what it can give, as far as somebody after it needs it."""
     given = _given(order, refusals)
     wanted = _wanted(order)
-    return {name: given[name] & (wanted[name] | COLOUR) for name in given}
+    made = {node.id: node.MAKES if isinstance(node, Operator) else frozenset() for node in order}
+    return {name: given[name] & (wanted[name] | made[name] | COLOUR) for name in given}
 
 
 def _given(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, Channels]:

@@ -55,6 +55,7 @@ class Operator(Node):
 
     NEEDS: ClassVar[Channels] = frozenset({"colour"})  # of every input
     USES: ClassVar[Channels] = frozenset()  # of any input that has them
+    MAKES: ClassVar[Channels] = frozenset()  # that its output holds whoever needs them: it works by them
     MOVES: ClassVar[bool] = False  # values come out as they went in: it takes linear and encoded colour alike
     COMMON_TIME: ClassVar[bool] = False  # it compares values, which must show one moment
 

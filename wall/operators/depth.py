@@ -33,6 +33,7 @@ class Depth(Operator):
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "depth"})
     USES: ClassVar[Channels] = frozenset({"alpha", "object"})
+    MAKES: ClassVar[Channels] = frozenset({"depth"})
     COMMON_TIME: ClassVar[bool] = True
 
     def moves(self, inputs: Sequence[Channels]) -> bool:

@@ -17,6 +17,7 @@ class Newest(Operator):
     inputs: Inputs
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "time"})
+    MAKES: ClassVar[Channels] = frozenset({"time"})
     MOVES: ClassVar[bool] = True
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:

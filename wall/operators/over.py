@@ -27,6 +27,7 @@ class Over(Operator):
     inputs: Inputs
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "alpha"})
+    MAKES: ClassVar[Channels] = frozenset({"alpha"})
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
         return super().gives(inputs) | {"alpha"}
