@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wall.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
 from wall.errors import RemoteProtocolError
+from wall.packets import kernels_bytes
 
 HEAD = struct.Struct("<HiiIIBBBqqddI3d9d")
 MAX_AREA = 1 << 25  # pixels: 8K UHD
@@ -133,10 +134,15 @@ def parse_part(body: bytes) -> FrameletPart:
 def _bytes(pixels: NDArray[np.generic]) -> bytes:
     if pixels.dtype == np.uint8:
         return pixels.tobytes()
-    return np.ascontiguousarray(pixels).view(np.uint8).reshape(-1, 4).T.tobytes()
+    numbers = np.ascontiguousarray(pixels).reshape(-1).view(np.uint32)
+    planes = np.empty((4, len(numbers)), np.uint8)
+    kernels_bytes.apart(numbers, planes)
+    return planes.tobytes()
 
 
 def _values(raw: NDArray[np.uint8], shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
     if dtype == np.uint8:
         return raw.reshape(shape)
-    return np.ascontiguousarray(raw.reshape(4, -1).T).view(dtype).reshape(shape)
+    numbers = np.empty(raw.size // 4, np.uint32)
+    kernels_bytes.together(raw.reshape(4, -1), numbers)
+    return numbers.view(dtype).reshape(shape)
