@@ -64,7 +64,9 @@ def _quotient(sketch: Sketch, kinds: dict[str, int], *, whole_roles: bool) -> Sk
         )
         for (start, end, crosses), every in sums.items()
     ]
-    return replace(sketch, boxes=tuple(together), wires=tuple(wires), places=places)
+    moved = {box.place: one.place for boxes, one in zip(members.values(), together, strict=True) for box in boxes}
+    screens = tuple(replace(screen, place=moved.get(screen.place, "")) for screen in sketch.screens)
+    return replace(sketch, screens=screens, boxes=tuple(together), wires=tuple(wires), places=places)
 
 
 def _alike_in_one_place(sketch: Sketch) -> dict[str, int]:

@@ -43,7 +43,8 @@ def compose(shown: Sketch, *, width: float = TEXT_WIDTH_MM) -> Page:
     Type keeps its printed size, so a graph that needs more than `width` makes the page wider.
     """
     together = bundled(shown)
-    colours = tints(together.places)
+    used = {box.place for box in together.boxes}
+    colours = tints({key: place for key, place in together.places.items() if key in used})
     beside = width >= SIDE_BY_SIDE_MM
     room, (least, most) = width - 2 * MARGIN_MM, WALL_MM
     graph = graph_part(together, colours)
@@ -51,7 +52,7 @@ def compose(shown: Sketch, *, width: float = TEXT_WIDTH_MM) -> Page:
         graph = graph_part(together, colours, narrow=True)
     wall_width = min(max(room - BETWEEN_MM - graph.width, least), most) if beside else max(room, graph.width)
     wall_height = min(max(graph.height + HEADING_MM, WALL_HEIGHT_MM[0]), WALL_HEIGHT_MM[1]) if beside else most
-    wall = wall_part(shown, tints(shown.places), width=wall_width, height=wall_height)
+    wall = wall_part(together, colours, width=wall_width, height=wall_height)
     left = wall_width + BETWEEN_MM if beside else 0.0
     top = 0.0 if beside else wall.height + BETWEEN_MM
     page = Page(width=2 * MARGIN_MM + max(wall_width, left + graph.width))

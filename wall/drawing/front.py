@@ -171,9 +171,14 @@ def _edge_on(placed: list[Placed], edge: int) -> Float64:
 
 def _facet_gaps(edges: list[Float64]) -> Float64:
     """(n, n) distances in metres between facets whose edges could be a hinge, inf for others."""
-    starts = np.cumsum([0] + [len(own) for own in edges[:-1]])
-    every = np.concatenate(edges)
-    found: Float64 = np.array([np.minimum.reduceat(_gaps(own, every).min(axis=0), starts) for own in edges])
+    low = np.array([own.min(axis=(0, 1)) for own in edges])
+    high = np.array([own.max(axis=(0, 1)) for own in edges])
+    reach = np.array([NEIGHBOUR_GAP * np.linalg.norm(own[:, 1] - own[:, 0], axis=1).max() for own in edges])
+    found = np.full((len(edges), len(edges)), np.inf)
+    for i in range(len(edges)):
+        near = ((low[i] - reach[i] <= high[i + 1 :]) & (low[i + 1 :] <= high[i] + reach[i])).all(axis=1)
+        for j in i + 1 + np.flatnonzero(near):
+            found[i, j] = found[j, i] = _gaps(edges[i], edges[j]).min()
     return found
 
 

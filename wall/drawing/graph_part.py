@@ -56,13 +56,14 @@ def graph_part(sketch: Sketch, tints: Mapping[str, Tint], *, narrow: bool = Fals
     heights = {
         box.id: max(_text_height(lines[box.id]), min(fan_in[box.id], 14) * PORT_STEP + 1.0) for box in sketch.boxes
     }
-    rooms = {box.id: heights[box.id] + (4 * STACKED if box.count > 1 else 0.0) for box in sketch.boxes}
+    rooms = {box.id: heights[box.id] + 2 * _behind(box) for box in sketch.boxes}
     names = _names(sketch)
     framed = {key: (sum(map(bool, name)) * LINE_MM - 0.4 + HULL_PAD / 2, HULL_PAD) for key, name in names.items()}
     stacked = stack(sketch.boxes, sketch.wires, rooms, lambda place: framed.get(place, (0.0, 0.0)))
     last = max(stacked.level.values())
     widths = [
-        max(_text_width(lines[box.id]) for box in sketch.boxes if stacked.level[box.id] == k) for k in range(last + 1)
+        max(_text_width(lines[box.id]) + _behind(box) for box in sketch.boxes if stacked.level[box.id] == k)
+        for k in range(last + 1)
     ]
     gaps = [_gap(sketch, stacked, k) for k in range(last)]
     for lane in stacked.lanes:
@@ -87,11 +88,12 @@ def graph_part(sketch: Sketch, tints: Mapping[str, Tint], *, narrow: bool = Fals
 def _names(sketch: Sketch) -> dict[str, tuple[str, str]]:
     """Two lines over every process but renderers of sample streams alone, whose boxes say it all."""
     incoming = sketch.incoming()
-    more = {box.place for box in sketch.boxes if not box.source}
+    more = {box.place for box in sketch.boxes if not box.source or sketch.places[box.place].role != "renderer"}
     named = {}
     for key, place in sketch.places.items():
         if key in more:
-            total = f"in {si(incoming[key], 'B/s')}" if incoming.get(key) else ""
+            together = " together" if place.count > 1 else ""
+            total = f"in {si(incoming[key], 'B/s')}{together}" if incoming.get(key) else ""
             named[key] = (place.label, ", ".join(part for part in (place.detail, total) if part))
     return named
 
@@ -103,7 +105,7 @@ def _name_width(name: tuple[str, str]) -> float:
 def _lines(box: Box, *, narrow: bool) -> list[Line]:
     """Name and operator, then the detail; on a narrow page each below the other."""
     times = f"{box.count} {TIMES} " if box.count > 1 else ""
-    alone = box.op.removeprefix(box.id).strip()  # `browser sink` named browser is a sink
+    alone = f"{box.op} ".removeprefix(f"{box.id} ").strip()  # `browser sink` named browser is a sink
     op = times + box.op if times else alone
     room = WIDEST_TEXT - (0.0 if narrow or not op else 1.0 + width_of(op, BODY_PT))
     name = (fitted(box.title or box.id, BODY_PT, room, bold=True), BODY_PT, True)
@@ -119,6 +121,11 @@ def _line_width(line: Line) -> float:
 
 def _text_width(lines: list[Line]) -> float:
     return max(_line_width(line) for line in lines) + 2 * BOX_PAD
+
+
+def _behind(box: Box) -> float:
+    """By how much the boxes behind a bundle stand out, mm."""
+    return 2 * STACKED if box.count > 1 else 0.0
 
 
 def _text_height(lines: list[Line]) -> float:
@@ -186,7 +193,7 @@ class _Drawing:
 
     def _draw_box(self, box: Box) -> None:
         level, tint = self._part.stacked.level[box.id], self._part.tints[box.place]
-        x, height, width = self._left(level), self._part.heights[box.id], self._part.widths[level]
+        x, height, width = self._left(level), self._part.heights[box.id], self._part.widths[level] - _behind(box)
         y = self._middle(box.id) - height / 2
         lone = box.place not in _names(self._part.sketch)
         style = {"fill": tint.fill if lone else "#ffffff", "line": tint.line, "width": THIN_PT}

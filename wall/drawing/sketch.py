@@ -69,8 +69,8 @@ def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float
 
 def _together(names: list[str]) -> str:
     """left-eye + right-eye, or wall-left + right: what their beginnings share is said once."""
-    beginning = re.match(r".*[-_.]", names[0])
-    shared = beginning[0] if beginning and all(name.startswith(beginning[0]) for name in names) else ""
+    beginnings = [names[0][: sign.end()] for sign in re.finditer(r"[-_.]", names[0])]
+    shared = max((own for own in beginnings if all(name.startswith(own) for name in names)), key=len, default="")
     return " + ".join([names[0], *(name.removeprefix(shared) for name in names[1:])])
 
 

@@ -24,8 +24,8 @@ SMALL_PANEL_MM = 8.0  # below it lines become thinner with the panels
 BAR_MM = 5.0  # from the lowest point of the plan to the scale bar
 KINDS = {
     "flat": "",
-    "unrolled": "unrolled, in true sizes",
-    "apart": "laid apart, in true sizes",
+    "unrolled": "unrolled",
+    "apart": "laid apart",
 }
 
 
@@ -103,8 +103,9 @@ class _Drawing:
     def _how(self) -> str:
         """How the panels came to lie in one plane, and which they are where that cannot be written on them."""
         ids = [placed.screen.id for placed in self._part.front.placed]
-        left_out = "" if all(self._labels) else f"{ids[0]} … {ids[-1]}"
-        return ", ".join(part for part in (KINDS[self._part.front.kind], left_out) if part)
+        kind = KINDS[self._part.front.kind]
+        left_out = f"{ids[0]} … {ids[-1]}" if not all(self._labels) else "in true sizes" if kind else ""
+        return ", ".join(part for part in (kind, left_out) if part)
 
     def _extent(self) -> str:
         left, bottom, right, top = self._part.front.bounds()
@@ -159,7 +160,7 @@ class _Drawing:
             normal = _across(outline)
             if normal is None:  # a floor, or tilted
                 page.stroke(on_page(outline), closed=True, fill=BEZEL, line=None, alpha=0.15, level=-1)
-                page.stroke(on_page(outline), closed=True, width=LINE_PT)
+                page.stroke(on_page(outline), closed=True, width=LINE_PT if len(wedges) <= MOST_FRUSTA else THIN_PT / 2)
                 continue
             page.stroke(on_page(outline[:2]), width=2 * LINE_PT, level=1)
             for end in outline[:2]:

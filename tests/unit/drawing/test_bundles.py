@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
-from small_sketches import binary_tree, sort_first
+from small_sketches import binary_tree, sort_first, upright
 
 from wall.drawing.bundles import MOST_ROWS, bundled
 from wall.drawing.model import Sketch
@@ -51,6 +53,13 @@ def test_many_compositors_become_one() -> None:
         ("compositor 1 … compositor 49", 98),
     ]
     assert found.places["compositor 1 … compositor 49"].detail == "49 processes"
+
+
+def test_panels_take_the_tint_of_the_bundle_that_composites_them() -> None:
+    sketch = sort_first(100, compositors=50)
+    screens = [replace(upright(f"p{k}", k, 0.0), place=place) for k, place in enumerate(("head", "compositor 7", ""))]
+    found = bundled(replace(sketch, screens=tuple(screens)))
+    assert [screen.place for screen in found.screens] == ["head", "compositor 1 … compositor 49", ""]
 
 
 @pytest.mark.parametrize(

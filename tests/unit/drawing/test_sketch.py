@@ -114,3 +114,52 @@ def test_screens_have_their_bezels_and_the_eye_that_sees_them() -> None:
     assert {tuple(eye) for screen in shown.screens for eye in screen.eyes} == {(0.0, -0.25, 1.1)}
     wide = sketch(make_layout(load(CONFIGS / "four_by_two_bezels.yaml")), samples_per_s=1e6)
     assert {screen.bezel for screen in wide.screens} == {(0.015, 0.015, 0.015, 0.03)}
+
+
+STEREO = """
+version: 1
+scene: {source: courtyard}
+wall:
+  panels:
+    - id: both
+      pixels: [200, 100]
+      stereo: side_by_side
+      corners: {lower_left: [0, 0, 0], lower_right: [1, 0, 0], upper_left: [0, 0.5, 0]}
+    - id: wall-left
+      pixels: [100, 50]
+      stereo: left
+      host: a
+      corners: {lower_left: [1.2, 0, 0], lower_right: [2.2, 0, 0], upper_left: [1.2, 0.5, 0]}
+    - id: wall-right
+      pixels: [100, 50]
+      stereo: right
+      host: b
+      corners: {lower_left: [1.2, 0, 0], lower_right: [2.2, 0, 0], upper_left: [1.2, 0.5, 0]}
+    - id: own
+      pixels: [50, 100]
+      eye: [2.6, 0.2, 0.9]
+      rotation: 90
+      host: own
+      corners: {lower_left: [2.4, 0, 0], lower_right: [2.9, 0, 0], upper_left: [2.4, 1, 0]}
+views: [{eye: [1, 0.5, 2], eye_separation: 0.07}]
+"""
+
+
+def test_panels_of_both_eyes_in_one_place_are_one_screen_with_two_eyes() -> None:
+    both, passive, own = sketch(make_layout(loads(STEREO, name="stereo.yaml")), samples_per_s=1e6).screens
+    assert (both.id, both.panels, both.notes) == ("both", ("both.left", "both.right"), ("stereo",))
+    assert (passive.id, passive.panels) == ("wall-left + right", ("wall-left", "wall-right"))
+    assert passive.notes == ("stereo", "a", "b")
+    for screen in (both, passive):
+        assert [tuple(eye) for eye in screen.eyes] == [pytest.approx((0.965, 0.5, 2)), pytest.approx((1.035, 0.5, 2))]
+    assert [tuple(eye) for eye in own.eyes] == [(2.6, 0.2, 0.9)]
+    assert own.notes == ("turned 90°",)  # its host is said by its id
+
+
+def test_skipped_bezels_are_left_out_of_the_lit_area() -> None:
+    text = SORT_LAST.replace("wall: {grid", "wall: {bezel: skip, grid")
+    screens = sketch(make_layout(loads(text, name="skip.yaml")), samples_per_s=1e6).screens
+    for shown in screens:
+        assert shown.corners[1][0] - shown.corners[0][0] == pytest.approx(1.0)
+        assert shown.corners[2][1] - shown.corners[0][1] == pytest.approx(0.5)
+    assert screens[1].corners[0][0] - screens[0].corners[1][0] == pytest.approx(0.04)
