@@ -106,8 +106,9 @@ def _filled(grid: GridConfig, row: int, column: int) -> dict[str, Any]:
 
 
 def _moved(point: Float64, right: float, up: float) -> tuple[float, float, float]:
-    x, y, z = (float(value) for value in point)
-    return x + right, y + up, z
+    """As people would write it: 14 digits, far finer than the hundredth of a pixel within which planes are shared."""
+    x, y, z = (float(f"{value:.14g}") for value in point + np.array([right, up, 0.0]))
+    return x, y, z
 
 
 def eyes(panel: PanelConfig) -> tuple[Eye, ...]:

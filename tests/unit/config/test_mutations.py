@@ -15,7 +15,8 @@ from wall.config.sampling import METHODS, FramelessSampling, switched
 from wall.errors import ConfigError
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-TEXTS = [(CONFIGS / f"{name}.yaml").read_text() for name in ("demo", "two_compositors", "cave_corner", "two_panels")]
+NAMES = ("demo", "two_compositors", "cave_corner", "two_panels", "walls/projectors", "walls/stereo")
+TEXTS = [(CONFIGS / f"{name}.yaml").read_text() for name in NAMES]
 TREES: list[Any] = [yaml_text.parse(text).values for text in TEXTS]
 PIECES = [
     "",

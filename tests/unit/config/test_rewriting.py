@@ -16,7 +16,7 @@ from wall.geometry.panels import Wall, expand, expanded_config
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = sorted(CONFIGS.rglob("*.yaml"))
-ROUNDING = 1e-12  # of what a pixel spans; corners are written with all their digits
+ROUNDING = 1e-10  # of what a pixel spans; corners are written with 14 digits
 SHORT = """\
 # what it is
 version: 1
