@@ -1,0 +1,91 @@
+"""Where windows go: pure, for monitors that no X server of a test has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from wall.display.placing import TURNS, Box, Monitor, Wanted, places
+from wall.errors import RunError
+
+LEFT = Monitor("DP-1", Box(0, 0, 1920, 1080), 60)
+RIGHT = Monitor("HDMI-1", Box(1920, 0, 1280, 1024), 120)
+
+
+def wanted(name: str = "p", **changes: Any) -> Wanted:
+    plain = Wanted(id=name, pixels=(1920, 1080), screen=(0, 0), rotation=0, monitor=None, window=None, refresh_hz=60.0)
+    return replace(plain, **changes)
+
+
+def test_a_panel_fills_the_monitor_that_it_names_by_index_or_by_name() -> None:
+    for monitor in (1, "HDMI-1"):
+        [place] = places([wanted(monitor=monitor, pixels=(1280, 1024))], [LEFT, RIGHT], display=":0")
+        assert (place.box, place.monitor, place.note) == (RIGHT.box, 1, "")
+
+
+def test_a_single_panel_that_names_nothing_fills_the_first_monitor() -> None:
+    [place] = places([wanted()], [LEFT, RIGHT], display=":0")
+    assert (place.box, place.monitor) == (LEFT.box, 0)
+
+
+def test_a_window_is_counted_from_its_monitor_or_from_the_whole_screen() -> None:
+    near, far = places(
+        [wanted("a", window=(10, 20, 300, 200)), wanted("b", window=(10, 20, 300, 200), monitor=1)],
+        [LEFT, RIGHT],
+        display=":0",
+    )
+    assert (near.box, near.monitor) == (Box(10, 20, 300, 200), None)
+    assert (far.box, far.monitor) == (Box(1930, 20, 300, 200), None)
+
+
+def test_a_turned_panel_fills_its_monitor_with_width_and_height_exchanged() -> None:
+    [place] = places([wanted(pixels=(1080, 1920), rotation=90)], [LEFT], display=":0")
+    assert (place.rotation, place.note) == (90, "")
+    [place] = places([wanted(pixels=(1920, 1080), rotation=90)], [LEFT], display=":0")
+    assert place.note == "panel p: 1080x1920 pixels are scaled to the 1920x1080 of monitor DP-1"
+
+
+def test_panels_on_a_desk_keep_their_shape_and_stay_on_the_monitor() -> None:
+    """A wall of 4 x 2 panels of 1920 x 1080 with gaps of 40 pixels, on a monitor of 1920 x 1080."""
+    panels = [wanted(f"{x}{y}", screen=(1960 * x, 1120 * y), rotation=180) for y in range(2) for x in range(4)]
+    found = places(panels, [LEFT], display=":0")
+    scale = 1920 / (4 * 1960 - 40)
+    assert (found[0].box.x, found[3].box.x + found[3].box.width) == (0, 1920)
+    middle = (1080 - round(scale * 2200)) // 2
+    assert found[0].box.y == middle
+    for place in found:
+        assert abs(place.box.width - 1920 * scale) <= 1
+        assert abs(place.box.height - 1080 * scale) <= 1
+        assert (place.monitor, place.rotation) == (None, 0)  # nothing is mounted turned on a desk
+    assert found[1].box.x - (found[0].box.x + found[0].box.width) == pytest.approx(40 * scale, abs=1)
+
+
+def test_a_slower_panel_is_shown_at_every_second_blank() -> None:
+    intervals = [
+        places([wanted(monitor=k, refresh_hz=hz)], [LEFT, RIGHT], display=":0")[0].interval
+        for k, hz in ((0, 60.0), (1, 60.0), (0, 30.0), (0, 240.0))
+    ]
+    assert intervals == [1, 2, 2, 1]
+    assert places([wanted()], [LEFT._replace(refresh_hz=0)], display=":0")[0].interval == 1
+
+
+def test_a_monitor_cannot_be_filled_twice() -> None:
+    both = [wanted("a", monitor=0), wanted("b", monitor="DP-1")]
+    with pytest.raises(RunError, match="panel b: monitor DP-1 of display :0 is filled by panel a; wanted another"):
+        places(both, [LEFT, RIGHT], display=":0")
+
+
+def test_a_monitor_that_there_is_not_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(RunError, match=r"no monitor 2; it has 0 \(DP-1, 1920x1080\), 1 \(HDMI-1, 1280x1024\)"):
+        places([wanted(monitor=2)], [LEFT, RIGHT], display=":0")
+    with pytest.raises(RunError, match="panel p: display :0 has no monitor that is switched on"):
+        places([wanted()], [], display=":0")
+
+
+def test_four_quarter_turns_are_none() -> None:
+    for angle, (a, b, c, d) in TURNS.items():
+        assert (a * d - b * c, a * a + b * b) == (1, 1)
+        twice = (a * a + b * c, a * b + b * d, c * a + d * c, c * b + d * d)
+        assert twice == TURNS[2 * angle % 360]
