@@ -20,7 +20,7 @@ ALL_EYES = frozenset({"CYCLOP", "LEFT", "RIGHT"})
 ALL_TASKS = frozenset({"CLEAR", "DRAW", "ASSEMBLE", "READBACK"})
 SHARING = ("pixel", "subpixel", "period")  # ways to share a panel that are ranks of one region each here
 BALANCERS = ("load_equalizer", "tree_equalizer", "loadBalancer")
-MOST_QUESTIONS = 1_000_000  # frames may go through each other, in files that nobody would write by hand
+MOST_QUESTIONS = 100_000  # frames may go through each other, in files that nobody would write by hand
 
 Range = tuple[float, float]
 EVERYTHING: Range = (0.0, 1.0)
