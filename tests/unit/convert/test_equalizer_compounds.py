@@ -9,6 +9,7 @@ from equalizer_texts import BINARY_SWAP, DIRECT_SEND, HYBRID, STREAM, WALL, draw
 
 from wall.convert.equalizer import convert
 from wall.convert.report import Conversion
+from wall.errors import ConfigError
 
 SIZE = (400, 300)  # pixels of the panel in one_panel
 RANGES = "buffer [ COLOR DEPTH ] compound { range [ 0 .5 ] } " + draws("b", "range [ .5 1 ]") + takes("b")
@@ -249,3 +250,14 @@ def test_a_panel_that_is_only_cleared_is_left_out() -> None:
     conversion = made(server(pipes("ab"), f'compound {{ channel "a" {WALL} }}', only))
     assert [panel["id"] for panel in conversion.values["wall"]["panels"]] == ["a"]
     assert any("nothing is shown there" in item.why for item in conversion.not_carried)
+
+
+def test_frames_that_go_through_each_other_without_end_are_refused() -> None:
+    """Each channel takes all before it twice: 3 ^ 40 ways through them."""
+    names = [f"n{k}" for k in range(40)]
+    tree = "".join(
+        draws(name, *(f'inputframe {{ name "frame.{other}" }}' for other in names[max(0, k - 2) : k] * 2))
+        for k, name in enumerate(names)
+    )
+    with pytest.raises(ConfigError, match=r"^f\.eqc:\d+:1: .* in too many ways"):
+        made(one_panel("buffer [ COLOR DEPTH ] compound {}" + tree + takes(names[-1]), ["a", *names]))

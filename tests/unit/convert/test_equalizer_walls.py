@@ -238,3 +238,21 @@ def test_an_odd_picture_for_two_eyes_is_cut_to_one_that_can_be_halved() -> None:
     ):
         panel = panels(convert(text.replace("400 300", size), "f.eqc"))["a"]
         assert (panel["stereo"], panel["pixels"]) == (stereo, pixels)
+
+
+def test_segments_and_compounds_that_nothing_shows_say_why() -> None:
+    text = server(
+        pipes("abc"), f"layout {{ view {{ viewport [ 0 0 .5 1 ] }} }} canvas {{ layout 0 {WALL}",
+        'segment { channel "a" viewport [ 0 0 .5 1 ] } segment { channel "b" viewport [ .5 0 .5 1 ] }',
+        'segment { channel "c" eye [ LEFT ] viewport [ 0 0 .5 1 ] } }', "compound { channel ( segment 2 ) }",
+    )  # fmt: skip
+    why = {
+        item.what: item.why
+        for item in convert(text, "f.eqc").not_carried
+        if item.what in ("canvas / segment", "compound")
+    }
+    assert why == {
+        "canvas / segment": "it shows eyes that the view's mode does not use",
+        "compound": "no panel shows this view on this segment",
+    }
+    assert "no view of the layout lies on it" in {item.why for item in convert(text, "f.eqc").not_carried}

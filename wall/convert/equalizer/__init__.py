@@ -34,7 +34,7 @@ def convert(text: str, name: str) -> Conversion:
     destinations = Destinations(config, resources, shown, name).read()
     leave_other_layouts(config, shown)
     wall = wall_values(destinations, _eye_base(top), name)
-    panels = [drawn(part) for part in wall.parts]
+    panels = [drawn(part, name) for part in wall.parts]
     share_channels(panels)
     screens = {panel.id: panel.screen for panel in expand(WallConfig.model_validate({"panels": wall.panels})).panels}
     graph = GraphValues(panels, screens)

@@ -31,11 +31,12 @@ class Shown:
 
 def read_canvases(config: Statement, resources: Resources, name: str) -> list[Shown]:
     """All that the canvases show, in the order of the file. Raises ConfigError for a name that is not there."""
-    found = []
+    found: list[Shown] = []
     for canvas in config.all("canvas"):
         views = _views(config, canvas, name)
         whole = frustum_of(canvas, name)
         for segment in canvas.all("segment"):
+            before = len(found)
             channel = _channel(segment, resources, name)
             own, place = frustum_of(segment, name), viewport_of(segment)
             for view, seen in views if channel is not None else ():
@@ -52,6 +53,8 @@ def read_canvases(config: Statement, resources: Resources, name: str) -> list[Sh
                 observer = _observer(config, view, name) if view is not None else None
                 part = relative(overlap, place)
                 found.append(Shown(segment, view, channel, part, corners, eyes, observer))
+            if len(found) == before and channel is not None:
+                segment.leave("no view of the layout lies on it")
     return _awake(found)
 
 

@@ -14,11 +14,13 @@ from itertools import pairwise
 from wall.convert.equalizer.grammar import Statement
 from wall.convert.equalizer.places import WHOLE, View, viewport_of, within
 from wall.convert.equalizer.resources import Channel, Rect
+from wall.errors import ConfigError
 
 ALL_EYES = frozenset({"CYCLOP", "LEFT", "RIGHT"})
 ALL_TASKS = frozenset({"CLEAR", "DRAW", "ASSEMBLE", "READBACK"})
 SHARING = ("pixel", "subpixel", "period")  # ways to share a panel that are ranks of one region each here
 BALANCERS = ("load_equalizer", "tree_equalizer", "loadBalancer")
+MOST_QUESTIONS = 100_000  # frames may go through each other, in files that nobody would write by hand
 
 Range = tuple[float, float]
 EVERYTHING: Range = (0.0, 1.0)
@@ -149,8 +151,12 @@ class _Inherited:
 class Trace:
     """What a panel of `pixels` shows to one eye, by the compounds of its destination."""
 
-    def __init__(self, roots: list[Compound], *, label: str, eye: str, pixels: tuple[int, int]) -> None:
-        self._eye, self._pixels = eye, pixels
+    def __init__(self, roots: list[Compound], *, label: str, eye: str, pixels: tuple[int, int], name: str) -> None:
+        self._eye, self._pixels, self._questions = eye, pixels, 0
+        self._refusal = (
+            f"{name}:{roots[0].statement.line if roots else 1}:1: compounds take each other's frames in too many ways; "
+            f"wanted: at most {MOST_QUESTIONS} ways through them"
+        )
         self._own = {root.channel for root in roots if root.channel is not None}
         self._steps: dict[object, list[_Step]] = {}
         self._frames: dict[str, list[_Frame]] = {}
@@ -223,7 +229,10 @@ class Trace:
         return x0, y0, x1 - x0, y1 - y0
 
     def _at(self, where: object, count: int, point: tuple[int, int], asked: frozenset[object]) -> list[Part]:
-        """What a channel's buffer holds at a pixel after so many steps."""
+        """What a channel's buffer holds at a pixel after so many steps. Raises ConfigError where it never ends."""
+        self._questions += 1
+        if self._questions > MOST_QUESTIONS:
+            raise ConfigError(self._refusal)
         if (where, count) in asked:  # frames in a circle: what was there before they came
             return []
         asked, shown = asked | {(where, count)}, list[Part]()

@@ -12,6 +12,7 @@ from wall.convert.equalizer.places import WHOLE, Frustum, View, frustum_of, with
 from wall.convert.equalizer.resources import Channel, Resources, unique
 from wall.data import Float64
 
+UNSHOWN = "no panel shows this view on this segment"
 SWITCHED = "layouts are not switched as it runs, and no canvas begins with this one"
 
 
@@ -112,8 +113,10 @@ class Destinations:
             if own is not None:
                 compound.target.corners = own[0].part(compound.target.part)
         elif compound.target is not None:
+            view = compound.target
+            begun = isinstance(view, Statement) and view.parent is not None and view.parent.carried
             for one in compound.statement.walk():
-                one.leave(SWITCHED)
+                one.leave(UNSHOWN if begun else SWITCHED)
         else:
             self._of_compound(compound)
 

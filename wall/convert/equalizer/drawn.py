@@ -48,10 +48,10 @@ class Drawn:
         return [shape for _, shape in self.areas] == [("part", EVERYTHING)]
 
 
-def drawn(part: PanelPart) -> Drawn:
-    """What a panel shows by its compounds; its own channel draws it where they say nothing."""
+def drawn(part: PanelPart, name: str) -> Drawn:
+    """What a panel shows by its compounds; its own channel draws it where they say nothing. Raises ConfigError."""
     roots = part.destination.roots
-    trace = Trace(roots, label=part.destination.channel.name, eye=part.eye, pixels=part.pixels)
+    trace = Trace(roots, label=part.destination.channel.name, eye=part.eye, pixels=part.pixels, name=name)
     for block in trace.unknown:
         block.leave("its frame comes from outside this panel, which renders all it shows itself")
     cells = trace.cells()

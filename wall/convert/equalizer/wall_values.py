@@ -122,16 +122,16 @@ def _normal(corners: Float64) -> Float64:
 def _step_back(destinations: list[Destination], eyes: list[list[float]], assumed: list[str]) -> None:
     """Panels that show the same place stand behind each other, so that each covers the same directions."""
     for i, one in enumerate(destinations):
-        first, steps = one.corners, 0
+        first, steps, hidden = one.corners, 0, ""
         assert first is not None
         while (other := _covers(destinations, eyes, i)) is not None and steps < len(destinations):
             steps += 1
             eye = np.array(eyes[i])
             one.corners = eye + (first - eye) * (1 + steps * BEHIND)
-            hidden = other
+            hidden = hidden or other.id
         if steps:
             assumed.append(
-                f"panel {one.id} shows the place of panel {hidden.id}: it stands {steps * BEHIND * 100:g} % "
+                f"panel {one.id} shows the place of panel {hidden}: it stands {steps * BEHIND * 100:g} % "
                 "farther from the viewer, and is seen under the same angles"
             )
 
