@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from wall.data import Float32, Framelet, Rect
 from wall.operators.base import Inputs, Operator
@@ -25,7 +26,7 @@ class Average(Operator):
     Inputs whose variance is infinite or no number there are left out, unless all are.
     """
 
-    op: Literal["average"]
+    op: Literal["average"] = Field(description="the mean, better ones counting more")
     inputs: Inputs
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
