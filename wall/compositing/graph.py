@@ -33,6 +33,7 @@ from wall.geometry.panels import Wall
 from wall.geometry.regions import Source
 from wall.operators.base import Operator
 from wall.operators.crop import Crop
+from wall.operators.sources import Placed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,8 +236,8 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
 
 
 def _with_area(node: NodeConfig, wall: Wall) -> NodeConfig:
-    """A crop that names a panel, as one that names its pixels."""
-    if not isinstance(node, Crop) or node.panel is None:
+    """A crop, constant or picture that names a panel, as one that names its pixels."""
+    if not isinstance(node, Crop | Placed) or node.panel is None:
         return node
     rect = panel_rect(wall.panel(node.panel))
     return node.model_copy(update={"area": (rect.x, rect.y, rect.width, rect.height), "panel": None})

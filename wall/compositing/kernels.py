@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from wall.deepbuffer.kernels_reproject import FAR, pixel_of, place_of
-from wall.jit import kernel
+from wall.jit import inline_kernel, kernel
 
 INFINITE = np.float32(np.inf)
 ZERO = np.float32(0.0)
+MOST = 5  # of eight neighbours
 
 
 @kernel
 def move_pixels(depth, thing, frame, corner, object_from_eye, panel_from_object, near, source):
     """Which pixel of the old picture is seen at each pixel of the new one.
 
-    Each pixel's centre goes where its object is; what falls on one pixel is decided by depth. A pixel that nothing
-    reached takes its nearest neighbour's (of eight) source: cracks of one pixel close.
+    Each pixel's centre goes where its object is; what falls on one pixel is decided by depth. Cracks of one pixel
+    close, see between: surfaces stay whole until they are seen twice as large.
 
     Parameters
     ----------
@@ -43,21 +44,47 @@ def move_pixels(depth, thing, frame, corner, object_from_eye, panel_from_object,
                 source[y, x] = i * width + j
     for i in range(height):
         for j in range(width):
-            if source[i, j] >= 0:
-                continue
-            best, found = INFINITE, -1
-            for di in range(max(i - 1, 0), min(i + 2, height)):
-                for dj in range(max(j - 1, 0), min(j + 2, width)):
-                    if source[di, dj] >= 0 and near[di, dj] < best:
-                        best, found = near[di, dj], source[di, dj]
-            if found >= 0:
-                near[i, j] = -best  # not a neighbour's source for others
-                source[i, j] = -2 - found
+            if source[i, j] == -1:
+                far, found = between(near, source, i, j)
+                if found >= 0:
+                    near[i, j] = -far  # not a neighbour's source for others
+                    source[i, j] = -2 - found
     for i in range(height):
         for j in range(width):
             if source[i, j] < -1:
                 source[i, j] = -2 - source[i, j]
                 near[i, j] = -near[i, j]
+
+
+@inline_kernel
+def between(near, source, i, j):
+    """What a pixel lies amidst: of opposite neighbours that were both reached the farther, of such pairs the nearest.
+
+    A crack in a surface has that surface on both sides. A gap that opened behind a silhouette has it on one side only,
+    and where it is one pixel wide, what is behind belongs there. At the border of the picture, where pixels have one
+    side only, and amidst five others, it is the farthest neighbour.
+    """
+    height, width = source.shape
+    best, found = INFINITE, -1
+    for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        a, b, c, d = i - di, j - dj, i + di, j + dj
+        inside = a >= 0 and 0 <= b < width and c < height and 0 <= d < width
+        if inside and source[a, b] >= 0 and source[c, d] >= 0:
+            if near[c, d] < near[a, b]:
+                c, d = a, b
+            if near[c, d] < best:
+                best, found = near[c, d], source[c, d]
+    if found >= 0:
+        return best, found
+    best, reached = ZERO, 0
+    for a in range(max(i - 1, 0), min(i + 2, height)):
+        for b in range(max(j - 1, 0), min(j + 2, width)):
+            if source[a, b] >= 0:
+                reached += 1
+                if near[a, b] > best:
+                    best, found = near[a, b], source[a, b]
+    border = i == 0 or j == 0 or i == height - 1 or j == width - 1
+    return best, found if border or reached >= MOST else -1
 
 
 @kernel

@@ -59,7 +59,7 @@ Gains = Annotated[
 
 
 class ColourConfig(Model):
-    """How one display differs from the others: out = lut(gain * in ^ gamma), on what is sent to it."""
+    """How one display differs from the others: lut(gain * light ^ gamma), the table on display values."""
 
     gain: Gains = Field(default=(1.0, 1.0, 1.0), description="one factor, or red, green, blue")
     gamma: Gamma = Field(default=1.0, description="exponent, 1 = as it comes")

@@ -22,7 +22,7 @@ class AgeBlend(Operator):
     its weight is 1 however old it is.
     """
 
-    op: Literal["age_blend"]
+    op: Literal["age_blend"] = Field(description="the older the paler")
     inputs: Inputs
     tau_s: Period = Field(description="age at which a value counts 1/e = 0.37 as much, seconds")
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from wall.data import Float32, Framelet, Rect
 from wall.operators.base import Inputs, Operator
@@ -25,7 +26,7 @@ class Average(Operator):
     Inputs whose variance is infinite or no number there are left out, unless all are.
     """
 
-    op: Literal["average"]
+    op: Literal["average"] = Field(description="the mean, better ones counting more")
     inputs: Inputs
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
@@ -33,12 +34,18 @@ class Average(Operator):
         for band in bands(region):
             parts = [(framelet, met) for framelet in inputs if (met := framelet.rect.meet(band))]
             weights = [_weight(framelet, met) if weighted else _ones(met) for framelet, met in parts]
-            total = np.zeros((band.height, band.width), np.float32)
-            for (_, met), weight in zip(parts, weights, strict=True):
-                total[met.inside(band)] += weight
-            for (_, met), weight in zip(parts, weights, strict=True):
-                weight[total[met.inside(band)] == 0.0] = 1.0
+            if weighted:
+                _use_all_where_none_counts(parts, weights, band)
             mean([Weighed(*each, weight) for each, weight in zip(parts, weights, strict=True)], out, band)
+
+
+def _use_all_where_none_counts(parts: Sequence[tuple[Framelet, Rect]], weights: Sequence[Float32], band: Rect) -> None:
+    none = np.ones((band.height, band.width), np.bool_)
+    for (_, met), weight in zip(parts, weights, strict=True):
+        none[met.inside(band)] &= weight == 0.0
+    if none.any():
+        for (_, met), weight in zip(parts, weights, strict=True):
+            weight[none[met.inside(band)]] = 1.0
 
 
 def _ones(rect: Rect) -> Float32:

@@ -32,7 +32,7 @@ Ramp = Annotated[Whole, Ge(0), Le(16384)]
 class BlendEdges(Operator):
     """Fades to black towards the edges that other projectors light too."""
 
-    op: Literal["blend_edges"]
+    op: Literal["blend_edges"] = Field(description="ramps for projectors that overlap")
     input: Input
     left: Ramp = Field(default=0, description="width of the ramp, pixels; as wide as the overlap")
     right: Ramp = Field(default=0, description="likewise")

@@ -29,7 +29,7 @@ class Colour(Operator):
     the colour that is not yet multiplied by alpha; opacity scales premultiplied colour and alpha.
     """
 
-    op: Literal["colour"]
+    op: Literal["colour"] = Field(description="gain, gamma, 3D table, opacity")
     input: Input
     gain: Gain | tuple[Gain, Gain, Gain] = Field(default=1.0, description="factor of light: one, or red, green, blue")
     gamma: Gamma = Field(default=1.0, description="exponent of linear light, 1: as it comes; above 1 darkens")

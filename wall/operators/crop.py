@@ -16,7 +16,7 @@ from wall.operators.parts import blank, copy
 class Crop(Operator):
     """Nothing but the pixels of an area, at the place where they were."""
 
-    op: Literal["crop"]
+    op: Literal["crop"] = Field(description="a rectangle of a framelet")
     input: Input
     area: Area | None = Field(default=None, description="x, y, width, height in the frame, pixels")
     panel: Name | None = Field(default=None, description="id of the panel whose pixels are kept, instead of an area")

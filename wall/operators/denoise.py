@@ -24,7 +24,7 @@ class Denoise(Operator):
     Any change redoes the whole picture: for sinks that show few pictures a second. A region costs what the whole costs.
     """
 
-    op: Literal["denoise"]
+    op: Literal["denoise"] = Field(description="Open Image Denoise")
     input: Input
     quality: Literal["fast", "balanced", "high"] = Field(default="balanced", description="the faster, the coarser")
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from wall.data import BLANK, Channels, Framelet, Rect
 from wall.operators import kernels_depth
@@ -28,7 +29,7 @@ class Depth(Operator):
     are opaque.
     """
 
-    op: Literal["depth"]
+    op: Literal["depth"] = Field(description="nearest wins")
     inputs: Inputs
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "depth"})

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Literal
 
+from pydantic import Field
+
 from wall.colour import srgb_curve
 from wall.data import Framelet, Rect
 from wall.operators import kernels
@@ -17,7 +19,7 @@ _CURVE = srgb_curve()
 class Encode(Operator):
     """8-bit sRGB, at most one code from its exact rounding; a quarter of the bytes. Other channels stay."""
 
-    op: Literal["encode"]
+    op: Literal["encode"] = Field(description="linear light to 8-bit sRGB")
     input: Input
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:

@@ -24,7 +24,7 @@ class Mask(Operator):
     as the input.
     """
 
-    op: Literal["mask"]
+    op: Literal["mask"] = Field(description="parts taken away")
     input: Input
     area: Area | None = Field(default=None, description="x, y, width, height in the frame: what is kept")
     file: Text | None = Field(default=None, description="PNG or EXR: what is kept, instead of an area")

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wall.data import Float32, Framelet, Rect
+from wall.data import Channels, Float32, Framelet, Rect
 from wall.operators import kernels
 from wall.operators.parts import blank, corner, later, part
+
+OF_THE_HEAVIEST: Channels = frozenset({"depth", "time", "object"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,18 +41,19 @@ def mean(inputs: Sequence[Weighed], out: Framelet, band: Rect) -> None:
             kernels.gather(planes[0], each.weight, *source, planes[1], total[here].copy(), *target, *size)
         total[here] = sums
         if out.variance is not None:
-            seen = each.weight > 0.0
-            variance[here][seen] += each.weight[seen] ** 2 * part(each.framelet, "variance", each.rect)[seen]
-        _take_the_heavier(each, out, heaviest[here])
+            squared = each.weight * each.weight
+            there = part(each.framelet, "variance", each.rect)
+            variance[here] += np.multiply(squared, there, out=np.zeros_like(squared), where=squared > 0.0)
+        if out.channels & OF_THE_HEAVIEST:
+            _take_the_heavier(each, out, heaviest[here])
     if out.variance is not None:
-        seen = total > 0.0
-        part(out, "variance", band)[seen] = variance[seen] / total[seen] ** 2
+        np.divide(variance, total * total, out=part(out, "variance", band), where=total > 0.0)
 
 
 def _take_the_heavier(each: Weighed, out: Framelet, heaviest: Float32) -> None:
     heavier = each.weight > heaviest
     np.copyto(heaviest, each.weight, where=heavier)
-    for name in out.channels & {"depth", "time", "object"}:
+    for name in out.channels & OF_THE_HEAVIEST:
         there = part(each.framelet, name, each.rect)
         there = there + later(each.framelet, out) if name == "time" else there
         np.copyto(part(out, name, each.rect), there, where=heavier)

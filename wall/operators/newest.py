@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
+from pydantic import Field
+
 from wall.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.winners import choose
@@ -13,7 +15,7 @@ from wall.operators.winners import choose
 class Newest(Operator):
     """The newest `moment` + `time` wins; of equals the earlier input; NaN never."""
 
-    op: Literal["newest"]
+    op: Literal["newest"] = Field(description="what was traced last")
     inputs: Inputs
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "time"})

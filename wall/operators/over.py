@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 import numpy as np
+from pydantic import Field
 
 from wall.data import Channels, Framelet, Rect
 from wall.operators import kernels
@@ -23,7 +24,7 @@ class Over(Operator):
     the squared share that each input has in the colour.
     """
 
-    op: Literal["over"]
+    op: Literal["over"] = Field(description="transparent layers in order")
     inputs: Inputs
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "alpha"})

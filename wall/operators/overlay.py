@@ -47,7 +47,7 @@ class Board:
 class Overlay(Operator):
     """White text on a darkened box in a corner. {fps} {samples_per_s} {latency_ms} {ranks} stand for numbers."""
 
-    op: Literal["overlay"]
+    op: Literal["overlay"] = Field(description="text and numbers in a corner")
     input: Input
     text: Annotated[Text, AfterValidator(_known)] = Field(
         default="{fps} fps  {samples_per_s} samples/s  {latency_ms} ms", description="lines, with placeholders"

@@ -35,7 +35,7 @@ class Scale(Operator):
     at the new one's centre: a mean of two surfaces would be of neither.
     """
 
-    op: Literal["scale"]
+    op: Literal["scale"] = Field(description="more or fewer pixels")
     input: Input
     factor: Factor | tuple[Factor, Factor] | None = Field(default=None, description="of both axes, or across and down")
     size: tuple[Extent, Extent] | None = Field(default=None, description="width and height, pixels; or a factor")

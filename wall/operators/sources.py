@@ -48,7 +48,7 @@ class Placed(Operator):
 class Constant(Placed):
     """One colour."""
 
-    op: Literal["constant"]
+    op: Literal["constant"] = Field(description="one colour")
     colour: Color = Field(description="linear RGB, not yet times alpha")
     alpha: Share = Field(default=1.0, description="0..1")
     depth: Distance | None = Field(default=None, description="distance from the eye, world units; absent: no depth")
@@ -68,7 +68,7 @@ class Constant(Placed):
 class Picture(Placed):
     """A PNG or EXR file, as large as its area."""
 
-    op: Literal["picture"]
+    op: Literal["picture"] = Field(description="a PNG or EXR file")
     file: Text = Field(description="PNG, or EXR with R, G, B or Y, and A, Z")
     depth: Distance | Literal["file"] | None = Field(
         default=None, description="distance from the eye, world units, of all pixels; file: the EXR's channel Z"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
+from pydantic import Field
+
 from wall.data import Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.parts import blank, copy, covered
@@ -13,7 +15,7 @@ from wall.operators.parts import blank, copy, covered
 class Tile(Operator):
     """Every input at its place in the frame; where nothing lies, blank; where two lie, the later input."""
 
-    op: Literal["tile"]
+    op: Literal["tile"] = Field(description="framelets side by side")
     inputs: Inputs
 
     MOVES: ClassVar[bool] = True

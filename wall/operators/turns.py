@@ -17,7 +17,7 @@ from wall.operators.parts import later
 class Flip(Operator):
     """Mirrored in its own rectangle."""
 
-    op: Literal["flip"]
+    op: Literal["flip"] = Field(description="mirrored")
     input: Input
     axis: Literal["horizontal", "vertical"] = Field(description="horizontal: left becomes right; vertical: top, bottom")
 
@@ -38,7 +38,7 @@ class Flip(Operator):
 class Rotate(Operator):
     """Turned clockwise, its top left corner where it was."""
 
-    op: Literal["rotate"]
+    op: Literal["rotate"] = Field(description="turned clockwise")
     input: Input
     degrees: Literal[90, 180, 270] = Field(description="clockwise, as the viewer sees it")
 

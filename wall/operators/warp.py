@@ -77,7 +77,7 @@ class Warp(Operator):
     Where it shrinks the picture much below half, detail may alias: scale it first.
     """
 
-    op: Literal["warp"]
+    op: Literal["warp"] = Field(description="bent by a mesh")
     input: Input
     mesh: Mesh | None = Field(default=None, description="where the picture's places go")
     file: Text | None = Field(default=None, description="YAML or JSON with columns, rows and points, instead of a mesh")

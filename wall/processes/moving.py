@@ -21,7 +21,7 @@ class Mover:
         """A framelet of `panel` as it looks under `event`.
 
         Where nothing of the old picture is seen now, there is nothing: no colour, infinite depth, alpha 0. Positions
-        are exact to half a pixel, as pixels move whole.
+        are exact to half a pixel, as pixels move whole; to one and a half where a crack closed.
         """
         assert framelet.event is not None
         assert framelet.depth is not None

@@ -150,6 +150,9 @@ def test_red_varies_fastest(tmp_path: Path) -> None:
         ("LUT_3D_SIZE 2\n0 0\n", ":2: '0 0', wanted 3 numbers"),
         ("LUT_3D_SIZE 2\n0 0 x\n", ":2: '0 0 x', wanted 3 numbers"),
         ("LUT_3D_SIZE 2\n0 0 1e999\n", ":2: '0 0 1e999', wanted 3 numbers"),
+        ("LUT_3D_SIZE 2\n0 0 1e31\n", ":2: '0 0 1e31', wanted 3 numbers"),
+        ("LUT_3D_SIZE 2\nnan 0 0\n", ":2: nan, wanted LUT_3D_SIZE"),
+        ("\0\0\x1f\x8b", ":1: a colour before LUT_3D_SIZE"),
         (f"LUT_3D_SIZE 2\nDOMAIN_MIN 0 0 1\n{rows(8)}", "DOMAIN_MAX [1.0, 1.0, 1.0] is not above DOMAIN_MIN"),
     ],
 )
