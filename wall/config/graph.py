@@ -139,7 +139,7 @@ class NodeGraph(Model):
     groups: dict[Name, Annotated[tuple[Rank, ...], Field(min_length=1, max_length=1024)]] = Field(
         default={}, description="renderers by number, under a name"
     )
-    nodes: Annotated[tuple[_AnyNode, ...], Field(min_length=1, max_length=4096)] = Field(
+    nodes: Annotated[tuple[_AnyNode, ...], Field(min_length=1, max_length=65535)] = Field(
         description="nodes in any order"
     )
 
