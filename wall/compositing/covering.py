@@ -120,10 +120,10 @@ class Covering:
             self._once(node, covers)
         if op == "crop" and not inputs[0].holds(rect):
             came = f"{said(rect)} reaches outside what it is cut from, {said(inputs[0])}"
-            self._refusals.add(node, ["rect"], came, f"a rectangle inside {said(inputs[0])}")
+            self._refusals.add(node, _area_path(node), came, f"a rectangle inside {said(inputs[0])}")
         elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).holds(rect):
             came = f"{said(rect)} reaches outside the wall of {self._wall.width}x{self._wall.height} pixels"
-            self._refusals.add(node, ["rect"], came, "a rectangle inside the wall")
+            self._refusals.add(node, _area_path(node), came, "a rectangle inside the wall")
         self._set(node, rect, union(covers))
 
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
@@ -171,6 +171,12 @@ class Covering:
                 came = f"nobody covers pixels {said(left[0])} of panel {name}"
                 self._refusals.add(node, ["input"], came, "whole panels")
         return shown
+
+
+def _area_path(node: NodeConfig) -> list[str | int]:
+    """Where in a node its rectangle stands, as it was written."""
+    written = node.model_fields_set
+    return next(([name] for name in ("panel", "area") if name in written), [])
 
 
 def panels_shown(wall: Wall, cover: Cover) -> tuple[Panel, ...]:
