@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, plain_samples, resealed
 
-from wall.data import Batch, Camera, Event, Rect, Survey, Tiling
+from wall.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Survey, Tiling
 from wall.errors import RemoteProtocolError
-from wall.packets.control import Framelet, Heartbeat, Hello, Message, Ping, parse_control, serialise
+from wall.packets.control import Heartbeat, Hello, Message, Ping, parse_control, serialise
+from wall.packets.framelets import FrameletPart
 from wall.packets.samples import Codec, decode, encode
 from wall.packets.tiling import HEADER_BYTES, MEASURES, decode_tiling, encode_tiling, grid
 
@@ -24,17 +27,22 @@ EVENT = Event(
     view=0, camera_event=7, scene_event=1, scene_time=2.0, input_time=3.0,
     camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
 )  # fmt: skip
+
+
+def framelet(*channels: str, encoded: bool) -> bytes:
+    whole = Framelet.blank(RECT, frozenset({"colour", *channels}), encoded=encoded)
+    whole.event = EVENT if channels else None
+    return serialise(FrameletPart.of(2, whole, Rect(x=5, y=6, width=4, height=3)))
+
+
 CONTROL = [
     serialise(EVENT),
     serialise(Hello(rank=1, role="renderer", region="panel 0", pid=4, host="h")),
     serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
     serialise(Ping(sent=1.0)),
-    serialise(
-        Framelet.of(
-            panel=1, rect=Rect(x=0, y=0, width=4, height=4), rgb=np.zeros((4, 4, 3), np.uint8), camera_event=1,
-            scene_event=1,
-        )
-    ),
+    framelet(encoded=True),
+    framelet("depth", "alpha", encoded=False),
+    framelet(*CHANNELS, encoded=False),
     serialise(
         Survey(
             panel=1, compared=True, age=np.ones((2, 3), np.uint8), density=np.ones((2, 3), np.uint8),
@@ -86,7 +94,7 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
         return False
     if isinstance(value, Batch):
         check_sane(value)
-    elif isinstance(value, Framelet):
+    elif isinstance(value, FrameletPart):
         with_pixels(value)
     elif isinstance(value, Survey):
         assert value.age.shape == value.density.shape
@@ -99,11 +107,16 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
     return True
 
 
-def with_pixels(framelet: Framelet) -> None:
-    try:
-        assert framelet.pixels().shape == (framelet.rect.height, framelet.rect.width, 3)
-    except RemoteProtocolError:
+def with_pixels(part: FrameletPart) -> None:
+    """A part that was parsed fits a framelet of its own kind, or is refused; nothing outside of it is written."""
+    if part.rect.area > 1 << 16:
         return
+    out = Framelet.blank(part.rect, part.channels, encoded=part.encoded)
+    with contextlib.suppress(RemoteProtocolError):
+        part.write(out)
+    beside = Framelet.blank(replace(part.rect, x=part.rect.x + 1), part.channels, encoded=part.encoded)
+    with pytest.raises(RemoteProtocolError, match="wanted: inside"):
+        part.write(beside)
 
 
 @pytest.mark.parametrize("parse", [decode, decode_tiling, parse_control])

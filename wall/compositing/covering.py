@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
 from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode, SkyNode
@@ -38,20 +40,35 @@ def less(cover: Sequence[Rect], taken: Rect) -> Cover:
     return tuple(left)
 
 
+class Rects:
+    """Many rectangles, to find quickly those that meet one."""
+
+    def __init__(self, rects: Sequence[Rect]) -> None:
+        self._rects = rects
+        self._x, self._y, self._right, self._bottom = (
+            np.array([(r.x, r.y, r.right, r.bottom) for r in rects], np.int64).reshape(-1, 4).T.copy()
+        )
+
+    def meeting(self, rect: Rect, before: int | None = None) -> list[int]:
+        """Indices of those that have a pixel in common with it; only of the first `before`."""
+        n = slice(before)
+        across = (self._x[n] < rect.right) & (rect.x < self._right[n])
+        found: list[int] = np.flatnonzero(across & (self._y[n] < rect.bottom) & (rect.y < self._bottom[n])).tolist()
+        return found
+
+    def left_of(self, rect: Rect, before: int | None = None) -> Cover:
+        """What of a rectangle none of them holds."""
+        left: Cover = (rect,)
+        for k in self.meeting(rect, before):
+            left = less(left, self._rects[k])
+        return left
+
+
 def union(covers: Sequence[Cover]) -> Cover:
     """Every pixel of any of them once."""
-    found: Cover = ()
-    for rect in (rect for cover in covers for rect in cover):
-        fresh: Cover = (rect,)
-        for known in found:
-            fresh = less(fresh, known)
-        found += fresh
-    return found
-
-
-def common(first: Cover, second: Cover) -> Rect | None:
-    """The first rectangle that two covers share."""
-    return next((both for a in first for b in second if (both := a.meet(b)) is not None), None)
+    rects = [rect for cover in covers for rect in cover]
+    known = Rects(rects)
+    return tuple(fresh for i, rect in enumerate(rects) for fresh in known.left_of(rect, i))
 
 
 def said(rect: Rect) -> str:
@@ -69,7 +86,10 @@ class Covering:
         self.rect: dict[str, Rect] = {}
         self.cover: dict[str, Cover] = {}
         self.panels: dict[str, frozenset[int]] = {}  # whose pixels, or what was made of them
-        self._twice = [a.meet(b) for i, a in enumerate(self._panels.values()) for b in list(self._panels.values())[:i]]
+        rects = list(self._panels.values())
+        known = Rects(rects)
+        self._twice = [both for i, a in enumerate(rects) for j in known.meeting(a, i) if (both := a.meet(rects[j]))]
+        self._shared = Rects(self._twice)
 
     def find(self, order: Sequence[NodeConfig]) -> None:
         for node in order:
@@ -100,10 +120,10 @@ class Covering:
             self._once(node, covers)
         if op == "crop" and not inputs[0].holds(rect):
             came = f"{said(rect)} reaches outside what it is cut from, {said(inputs[0])}"
-            self._refusals.add(node, ["rect"], came, f"a rectangle inside {said(inputs[0])}")
+            self._refusals.add(node, _area_path(node), came, f"a rectangle inside {said(inputs[0])}")
         elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).holds(rect):
             came = f"{said(rect)} reaches outside the wall of {self._wall.width}x{self._wall.height} pixels"
-            self._refusals.add(node, ["rect"], came, "a rectangle inside the wall")
+            self._refusals.add(node, _area_path(node), came, "a rectangle inside the wall")
         self._set(node, rect, union(covers))
 
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
@@ -114,13 +134,21 @@ class Covering:
 
     def _once(self, node: Operator, covers: Sequence[Cover]) -> None:
         """Framelets side by side must not meet, but where panels of the wall share light themselves."""
-        for k, cover in enumerate(covers):
-            for j in range(k):
-                both = common(covers[j], cover)
-                if both is not None and not any(shared is not None and shared.holds(both) for shared in self._twice):
-                    came = f"pixels {said(both)} come from {node.sources[j]} already"
-                    accepted = "depth, over, newest, age_blend or average, which say how"
-                    self._refusals.add(node, input_path(node, k), came, accepted)
+        rects = [(k, rect) for k, cover in enumerate(covers) for rect in cover]
+        known, told = Rects([rect for _, rect in rects]), set[tuple[int, int]]()
+        for i, (k, rect) in enumerate(rects):
+            for j, other in (rects[m] for m in known.meeting(rect, i)):
+                both = other.meet(rect)
+                if both is None or (j, k) in told or self._is_shared(both):
+                    continue
+                told.add((j, k))
+                came = f"pixels {said(both)} come from {node.sources[j]} already"
+                accepted = "depth, over, newest, age_blend or average, which say how"
+                self._refusals.add(node, input_path(node, k), came, accepted)
+
+    def _is_shared(self, rect: Rect) -> bool:
+        """Whether several panels of the wall light those pixels."""
+        return any(self._twice[k].holds(rect) for k in self._shared.meeting(rect))
 
     def check_sinks(self, order: Sequence[NodeConfig]) -> None:
         """Every panel is shown somewhere, and nowhere a part of one."""
@@ -134,11 +162,9 @@ class Covering:
             self._refusals.add(None, ["nodes"], f"nobody covers panel {which}", "nodes that lead from it to a sink")
 
     def _shown(self, node: SinkNode) -> set[str]:
-        shown = set()
+        shown, cover = set(), Rects(self.cover[node.id])
         for name, panel in self._panels.items():
-            left: Cover = (panel,)
-            for rect in self.cover[node.id]:
-                left = less(left, rect)
+            left = cover.left_of(panel)
             if not left:
                 shown.add(name)
             elif sum(rect.area for rect in left) < panel.area and self.rect[node.id].holds(panel):
@@ -147,13 +173,13 @@ class Covering:
         return shown
 
 
+def _area_path(node: NodeConfig) -> list[str | int]:
+    """Where in a node its rectangle stands, as it was written."""
+    written = node.model_fields_set
+    return next(([name] for name in ("panel", "area") if name in written), [])
+
+
 def panels_shown(wall: Wall, cover: Cover) -> tuple[Panel, ...]:
     """The panels of which a cover holds every pixel."""
-    found = []
-    for panel in wall.panels:
-        left: Cover = (panel_rect(panel),)
-        for rect in cover:
-            left = less(left, rect)
-        if not left:
-            found.append(panel)
-    return tuple(found)
+    rects = Rects(cover)
+    return tuple(panel for panel in wall.panels if not rects.left_of(panel_rect(panel)))

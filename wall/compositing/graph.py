@@ -18,6 +18,7 @@ from wall.compositing.ranks import number_ranks
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import check_structure, in_order, input_path
 from wall.compositing.windows import with_windows
+from wall.config.graph import MAX_NODES
 from wall.config.loading import Loaded, nearest
 from wall.config.schema import (
     FrameSync,
@@ -32,8 +33,6 @@ from wall.data import Channels, Rect
 from wall.geometry.panels import Wall
 from wall.geometry.regions import Source
 from wall.operators.base import Operator
-from wall.operators.crop import Crop
-from wall.operators.sources import Placed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +146,10 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
                 f"{config.compositors} compositors cannot share {len(wall.panels)} panels",
                 f"1 to {len(wall.panels)}",
             )
+        nodes = len(wall.panels) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
+        if nodes > MAX_NODES:
+            came = f"{len(wall.panels)} panels with {config.ranks_per_panel} ranks each take {nodes} nodes"
+            raise loaded.error(("graph", "ranks_per_panel"), came, f"fewer ranks: at most {MAX_NODES} nodes")
         config = expanded(config, wall)
     refusals = Refusals(loaded, config.nodes, written=written)
     check_structure(config.nodes, refusals)
@@ -236,10 +239,11 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
 
 
 def _with_area(node: NodeConfig, wall: Wall) -> NodeConfig:
-    """A crop, constant or picture that names a panel, as one that names its pixels."""
-    if not isinstance(node, Crop | Placed) or node.panel is None:
+    """A crop, a constant or a picture that names a panel, as one that names its pixels."""
+    panel = getattr(node, "panel", None)
+    if not isinstance(node, Operator) or panel is None:
         return node
-    rect = panel_rect(wall.panel(node.panel))
+    rect = panel_rect(wall.panel(panel))
     return node.model_copy(update={"area": (rect.x, rect.y, rect.width, rect.height), "panel": None})
 
 

@@ -47,13 +47,15 @@ def input_path(node: NodeConfig, k: int) -> list[str | int]:
 
 def _inputs_exist_and_fit(nodes: Sequence[NodeConfig], by_id: dict[str, NodeConfig], refusals: Refusals) -> None:
     for node in nodes:
-        fitting = [n.id for n in nodes if n.GIVES == node.TAKES and n is not node]
         for k, name in enumerate(node.sources):
             at, giver = input_path(node, k), by_id.get(name)
+            if giver is not None and giver.GIVES == node.TAKES:
+                continue
+            fitting = [n.id for n in nodes if n.GIVES == node.TAKES and n is not node]
             accepted = ", ".join(fitting) or f"a node that gives {WORDS[node.TAKES]}"
             if giver is None:
                 refusals.add(node, at, "there is no such node", accepted + nearest(name, fitting))
-            elif giver.GIVES != node.TAKES:
+            else:
                 came = f"{_op(node)} needs {WORDS[node.TAKES]}, {_op(giver)} gives {WORDS[giver.GIVES]}"
                 refusals.add(node, at, came, accepted)
 

@@ -17,6 +17,7 @@ from wall.operators.base import Input, Node
 from wall.operators.registry import OPERATORS, plugins
 
 SinkKind = Literal["browser", "png", "recorder", "window"]
+MAX_NODES = 65535  # their numbers travel as two bytes
 Ranks = Annotated[Whole, Ge(1), Le(1024)]
 Rank = Annotated[Whole, Ge(0), Le(65535)]
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
@@ -139,7 +140,7 @@ class NodeGraph(Model):
     groups: dict[Name, Annotated[tuple[Rank, ...], Field(min_length=1, max_length=1024)]] = Field(
         default={}, description="renderers by number, under a name"
     )
-    nodes: Annotated[tuple[_AnyNode, ...], Field(min_length=1, max_length=4096)] = Field(
+    nodes: Annotated[tuple[_AnyNode, ...], Field(min_length=1, max_length=MAX_NODES)] = Field(
         description="nodes in any order"
     )
 

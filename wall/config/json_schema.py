@@ -20,6 +20,9 @@ def schema() -> dict[str, Any]:
         "title": "wall configuration",
         "description": "A scene on a tiled display wall.",
     }
+    for model in document["$defs"].values():
+        if "op" in model["properties"]:  # an operator says in its docstring what it does
+            model["properties"]["op"].setdefault("description", model.get("description", "").partition("\n")[0])
     return {**document, **head}
 
 

@@ -1,4 +1,4 @@
-"""What compositing costs: `depth` against a copy of as many bytes, an input that never changes, a tree of compositors."""
+"""What compositing costs: `depth` against a copy of as many bytes, an unchanged input, a tree of compositors."""
 
 from __future__ import annotations
 

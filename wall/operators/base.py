@@ -17,8 +17,8 @@ from wall.data import Channels, Framelet, Rect
 from wall.fields import Model, Name, Text, Whole
 
 Input = Annotated[Name, Field(description="id of the node whose framelet it takes")]
-Inputs = Annotated[tuple[Name, ...], Field(min_length=1, max_length=1024, description="ids of nodes")]
-Several = Annotated[tuple[Name, ...], Field(min_length=2, max_length=1024, description="ids of nodes, two or more")]
+Inputs = Annotated[tuple[Name, ...], Field(min_length=1, max_length=4096, description="ids of nodes")]
+Several = Annotated[tuple[Name, ...], Field(min_length=2, max_length=4096, description="ids of nodes, two or more")]
 Coordinate = Annotated[Whole, Ge(-(1 << 20)), Le(1 << 20)]
 Extent = Annotated[Whole, Ge(1), Le(1 << 20)]
 Area = tuple[Coordinate, Coordinate, Extent, Extent]  # x, y, width, height in the frame, pixels

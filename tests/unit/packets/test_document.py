@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from packet_examples import batch_of
 
-from wall.data import SAMPLE, Camera, Event, Rect, Samples, Survey, Tiling
+from wall.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, Survey, Tiling
 from wall.packets import control
 from wall.packets import tiling as tiling_packets
 from wall.packets.compact.kernels import CHANGED, FLAG_BITS, LIT_FLAG_BITS, MIXED_OBJECTS, MIXED_TIMES
 from wall.packets.facing.kernels import RELIT, TURNED
+from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletPart
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
 from wall.packets.tiling import MEASURES, encode_tiling, grid
 
@@ -145,6 +146,8 @@ def test_the_control_header_s_table_reads_the_ping() -> None:
     assert control.serialise(control.Ping(sent=1.5)) == data
     assert fields["size"] == control.HEADER_BYTES
     assert (fields["magic"], fields["kind"], fields["length"]) == (b"WALL", control.KIND_PING, len(data) - 16)
+    assert fields["version"] == control.VERSION
+    assert f"| 4 | B | version | {control.VERSION} |" in PAGE
 
 
 def test_the_event_table_reads_an_event() -> None:
@@ -167,14 +170,29 @@ def camera_fields(camera: Camera) -> dict[str, Any]:
 
 
 def test_the_framelet_table_reads_a_framelet() -> None:
-    rect = Rect(x=5, y=6, width=7, height=8)
-    rgb = np.zeros((8, 7, 3), np.uint8)
-    framelet = control.Framelet.of(panel=4, rect=rect, rgb=rgb, camera_event=9, scene_event=10, compared=True)
-    body = control.serialise(framelet)[control.HEADER_BYTES :]
+    rect = Rect(x=-5, y=6, width=7, height=8)
+    camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
+    event = Event(view=0, camera_event=9, scene_event=10, scene_time=2.5, input_time=0.0, camera=camera)
+    framelet = Framelet.blank(rect, frozenset({"colour", "depth", "time"}), encoded=True)
+    framelet.event, framelet.moment = event, 4.5
+    part = FrameletPart.of(4, framelet, rect, compared=True)
+    body = control.serialise(part)[control.HEADER_BYTES :]
     fields = read(table("Framelet, a rectangle"), body)
-    assert fields.pop("size") == 23
-    numbers = {"camera_event": 9, "scene_event": 10, "compared": 1}
-    assert fields == {"panel": 4, **asdict(rect), **numbers, "length": len(framelet.data)}
+    assert fields.pop("size") == 153 == len(body) - len(part.data)
+    assert fields.pop("") == (), "reserved"
+    channels = 1 << CHANNELS.index("colour") | 1 << CHANNELS.index("depth") | 1 << CHANNELS.index("time")
+    numbers = {"camera_event": 9, "scene_event": 10, "scene_time": 2.5, "moment": 4.5}
+    flags = {"channels": channels, "flags": ENCODED | COMPARED | POSED}
+    assert fields == {"step": 4, **asdict(rect), **flags, **numbers, **camera_fields(camera), "length": len(part.data)}
+
+
+def test_the_framelet_s_bits_are_the_document_s() -> None:
+    row = next(line for line in PAGE.splitlines() if "| channels |" in line)
+    assert re.findall(r"bit \d (\w+)", row) == list(CHANNELS)
+    row = next(line for line in PAGE.splitlines() if "| flags | 1:" in line)
+    assert [int(k) for k in re.findall(r"(\d): ", row)] == [ENCODED, COMPARED, POSED]
+    assert MAX_AREA == 1 << 25
+    assert "width · height at most 2^25" in PAGE
 
 
 def test_the_survey_table_reads_a_survey() -> None:

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
 
-from wall.data import Batch, Event, Rect, Tiling
+from wall.data import Batch, Event, Framelet, Rect, Tiling
 from wall.errors import RemoteProtocolError
-from wall.packets.control import Framelet, parse_control, serialise
+from wall.packets.control import parse_control, serialise
+from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, encode
-from wall.processes.compositor import Compositor, FurtherCompositor
+from wall.processes.compositor import Compositor
 from wall.processes.control import Control
+from wall.processes.further import FurtherCompositor
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import HEAD, Plan, first_event
 from wall.processes.single_process import SingleProcess
@@ -117,9 +119,8 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
         single.event = replace(single.event, camera_event=k + 1)  # it moves: nobody is ever done
         single.step()
     assert worker.samples_compared == pytest.approx(worker.samples_traced / 2, abs=128)
-    for panel in single.panels:
-        refresh(panel, single.event)
-    (panel,) = single.panels
+    (panel,) = single.compositor.layers.values()
+    refresh(panel, single.event)
     assert second(panel).rgb.std() > 10
     assert panel.picture().rgb.std() > 10
 
@@ -141,7 +142,7 @@ def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int
     compared.event = replace(compared.event, compare="framed", camera_event=1)
     for _ in range(30):
         compared.step()
-    assert np.isfinite(compared.panels[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
+    assert np.isfinite(compared.compositor.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
 
     pictures = []
     for single in (compared, fresh):
@@ -157,7 +158,7 @@ def test_lost_samples_come_back_to_the_sampler_that_chose_them(
 ) -> None:
     """Both are traced to the end of a still view, every third packet is lost: framed shows every pixel all the same."""
     single = SingleProcess(plan, resident)
-    (worker,), (panel,) = single.workers, single.panels
+    (worker,), (panel,) = single.workers, single.compositor.layers.values()
     single.event = replace(single.event, compare="framed", camera_event=1)
     single.step()
     for k in range(400):
@@ -173,38 +174,53 @@ def test_lost_samples_come_back_to_the_sampler_that_chose_them(
     assert np.isfinite(panel.compared.buffer.records["time"]).all()
 
 
+ELSEWHERE = """\
+graph:
+  compositors: 2
+  nodes:
+    - {id: s, op: samples, panel: r0c0}
+    - {id: p, op: reconstruct, input: s, on: compositor 1}
+    - {id: png, op: sink, kind: png, input: p}
+"""
+
+
 class Pair:
     """A further compositor that has the only panel, and the head that hears of it."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self) -> None:
+        plan = plan_of(TEXT + ELSEWHERE)
         self.head_hub, control_hub = LoopbackHub(credit_bytes=1 << 20), LoopbackHub(credit_bytes=1 << 20)
         self.samples = LoopbackHub(credit_bytes=1 << 20)
         control = Control(LoopbackLink(control_hub.endpoint), plan, 1, same_clock=True)
-        self.further = FurtherCompositor(plan, HEAD, self.samples, control, LoopbackLink(self.head_hub.endpoint))
+        links = {HEAD: LoopbackLink(self.head_hub.endpoint)}
+        self.further = FurtherCompositor(plan, 1, self.samples, control, links, [])
         self.renderer = LoopbackLink(self.samples.endpoint)
-        self.head = Compositor(plan, 1, self.head_hub)  # rank 1 has no panel: all are another's
+        self.head = Compositor(plan, HEAD, self.head_hub, {})
+        self.rank = plan.layout.renderers()[0]
 
     def show(self, event: Event, *batches: Batch) -> None:
         self.further._compositor.follow(event)
         self.head.follow(event)
         for batch in batches:
-            self.renderer.offer(encode(batch))
+            self.renderer.offer(encode(replace(batch, rank=self.rank)))
         while self.further._compositor.take_in():
             pass
-        self.further._refresh(event, 1.0)
+        self.further._refresh(event, event, 1.0)
+        self.further._compositor.send()
         while self.head.take_in():
             pass
+        self.head.refresh(event, 1.0)
 
 
 def test_a_further_compositor_sends_both_pictures_and_surveys_only_while_asked(plan: Plan) -> None:
-    pair, event = Pair(plan), first_event(plan, 0.0)
+    pair, event = Pair(), first_event(plan, 0.0)
     pair.show(event, flat(1.0, event, adaptive=True))
     assert pair.head.surveys(0.0, comparing=False) == ()
 
     both = replace(event, compare="frameless", camera_event=1, survey=True)
     pair.show(both, flat(1.0, both, adaptive=True), flat(0.0031308, both, adaptive=False, sequence=2))
 
-    (first,), (other,) = pair.head.pictures(), pair.head.compared()
+    (first,), (other,) = (shown[0].pictures() for shown in (pair.head.shown(), pair.head.compared()))
     assert grey(first) == pytest.approx(255, abs=1)
     assert grey(other) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
     surveys = pair.head.surveys(0.0, comparing=True)
@@ -216,17 +232,15 @@ def test_a_further_compositor_sends_both_pictures_and_surveys_only_while_asked(p
 def test_a_survey_of_other_tiles_is_refused(plan: Plan) -> None:
     panel = PanelCompositor(plan, 0)
     good = panel.surveys(1.0)[0]
-    head = Compositor(plan, 1, LoopbackHub(credit_bytes=1 << 16))
-    head._insert(serialise(good))
+    head = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
+    head.insert(serialise(good))
     for wrong in (replace(good, age=good.age[:1], density=good.density[:1]), replace(good, rects=good.rects + 9)):
         with pytest.raises(RemoteProtocolError, match="survey"):
-            head._insert(serialise(wrong))
+            head.insert(serialise(wrong))
 
 
 def test_a_framelet_keeps_whether_it_is_of_the_second_picture() -> None:
-    rgb = np.zeros((4, 4, 3), np.uint8)
+    black = Framelet.blank(Rect(x=0, y=0, width=4, height=4), frozenset({"colour"}), encoded=True)
     for compared in (False, True):
-        sent = Framelet.of(
-            panel=0, rect=Rect(x=0, y=0, width=4, height=4), rgb=rgb, camera_event=1, scene_event=1, compared=compared
-        )
+        sent = FrameletPart.of(0, black, black.rect, compared=compared)
         assert parse_control(serialise(sent)) == sent

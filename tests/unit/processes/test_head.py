@@ -21,7 +21,7 @@ version: 1
 scene: {source: courtyard}
 wall: {grid: {columns: 2, rows: 1, pixels: [32, 24], size: [0.4, 0.3]}}
 views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
-graph: {compositors: 2}
+graph: {compositors: 2, sinks: [png]}
 sampling: {method: adaptive}
 """
 
@@ -57,7 +57,7 @@ def head(plan: Plan, kept: Kept, manual_clock: ManualClock) -> Iterator[Head]:
     """One whose manager's thread does not run: what it publishes between two steps, a test decides."""
     hubs = [LoopbackHub(credit_bytes=1 << 16) for _ in range(2)]
     bootstrap = ThreadBootstrap.start(1, lambda _: None)
-    yield Head(plan, bootstrap, hubs[0], hubs[1], manual_clock, [kept], list, still=True)
+    yield Head(plan, bootstrap, hubs[0], hubs[1], manual_clock, {}, [kept], list, still=True)
     for hub in hubs:
         hub.close()
 
@@ -101,9 +101,10 @@ def test_each_event_is_taken_once_and_the_newest_stays(head: Head) -> None:
 def test_second_pictures_come_of_all_panels_or_of_none(head: Head) -> None:
     """The head's own panel begins a comparison with `follow`; framelets of the other compositor's may come sooner."""
     compositor = head._compositor
-    (own,) = compositor.panels.values()
-    assert compositor.compared() == ()
+    (own,) = compositor.layers.values()
+    assert compositor.compared() == []
     publish(head, parse({"kind": "compare", "value": "framed"}))
     head._newest()
     assert own.compared is not None
-    assert len(compositor.compared()) == 2
+    (shown,) = compositor.compared()
+    assert len(shown.pictures()) == 2

@@ -79,7 +79,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
         plan = plan_of(wish)
         chain = SingleProcess(plan, make_resident(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
-        assert str(chain.panels[0].reconstruction).startswith(wish)
+        assert str(chain.compositor.layers[0].reconstruction).startswith(wish)
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 
@@ -89,15 +89,15 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
     shown = {}
     for wish in ("cpu", "gpu"):
         plan = plan_of(wish, columns=2)
-        compositor = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16))
+        compositor = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
         event = first_event(plan, 0.0)
         for number in range(3):
-            for index, panel in compositor.panels.items():
+            for index, panel in compositor.layers.items():
                 panel.insert(batch_of(plan, moved(event, number), index))
             compositor.refresh(moved(event, number), 0.02 * number)
         assert len(compositor.surveys(0.1, comparing=False)) == 2
-        assert {panel.on_gpu for panel in compositor.panels.values()} == {wish == "gpu"}
-        shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.pictures()])
+        assert {panel.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
+        shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.shown()[0].pictures()])
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 

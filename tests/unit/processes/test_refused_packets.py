@@ -43,11 +43,11 @@ def batch_of(plan: Plan) -> Batch:
 def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, change: dict[str, object]) -> None:
     hub = LoopbackHub(credit_bytes=1 << 20)
     link = LoopbackLink(hub.endpoint)
-    compositor, event = Compositor(plan, HEAD, hub), first_event(plan, NOW)
+    compositor, event = Compositor(plan, HEAD, hub, {}), first_event(plan, NOW)
     link.offer(encode(batch_of(plan)))
     assert compositor.take_in() == 1
     compositor.refresh(event, NOW)
-    before = compositor.pictures()[0].rgb.copy()
+    before = compositor.shown()[0].pictures()[0].rgb.copy()
     assert before.min() > 100
 
     link.offer(encode(replace(batch_of(plan), **change)))  # type: ignore[arg-type]
@@ -57,6 +57,6 @@ def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, c
     compositor.refresh(replace(event, scene_event=1, scene_time=0.5), NOW + 0.1)
 
     assert compositor.counters.counts == {"bad_packet": 1}
-    assert np.abs(compositor.pictures()[0].rgb.astype(int) - before).max() <= 1
+    assert np.abs(compositor.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1
     link.close()
     hub.close()

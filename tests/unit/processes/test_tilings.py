@@ -183,10 +183,10 @@ def test_tiles_go_before_the_samples_of_their_step_and_reach_the_panel(
     kinds = [(is_tiling(packet), is_samples(packet)) for packet in offered(renderer, plan)]
     assert kinds == [(True, False), (False, True)]
 
-    compositor = Compositor(plan, 0, hub)
+    compositor = Compositor(plan, 0, hub, {})
     assert compositor.take_in() == 2
 
-    assert [rank for rank, _ in compositor.panels[0].tilings] == [FIRST]
+    assert [rank for rank, _ in compositor.layers[0].tilings] == [FIRST]
     assert not compositor.counters.counts
     assert compositor.bytes == renderer._bytes, "tiles are paid for like samples"
 
@@ -214,7 +214,7 @@ def test_a_compositor_counts_tiles_of_a_panel_it_has_not_got(plan: Plan) -> None
     hub = LoopbackHub(credit_bytes=1 << 16)
     link = LoopbackLink(hub.endpoint)
     link.offer(encode_tiling(replace(tiling_of(), panel=5)))
-    compositor = Compositor(plan, 0, hub)
+    compositor = Compositor(plan, 0, hub, {})
     assert compositor.take_in() == 1
     assert compositor.counters.counts == {"bad_packet": 1}
     link.close()
