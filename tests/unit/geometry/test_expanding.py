@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wall.config.loading import loads
@@ -215,3 +217,41 @@ def test_grid_with_gaps_wider_than_its_panels_lies_as_it_stands() -> None:
     wall = wall_of(grid=grid(pixels=[4, 3], size=[0.04, 0.03], bezel=0.03))
 
     assert [p.screen for p in wall.panels[:2]] == [(0, 0), (10, 0)]
+
+
+METRES = st.floats(1e-3, 5.0)
+
+
+@st.composite
+def grids(draw: st.DrawFn) -> dict[str, Any]:
+    """Any grid that the schema takes, and some that it does not."""
+    size = [draw(METRES), draw(METRES)]
+    stereo = draw(st.sampled_from(["mono", "left", "side_by_side", "top_bottom"]))
+    pixels = [2 * draw(st.integers(1, 40)), 2 * draw(st.integers(1, 40))]
+    keys = {"columns": draw(st.integers(1, 5)), "rows": draw(st.integers(1, 4)), "pixels": pixels, "size": size}
+    if draw(st.booleans()):
+        overlap = [draw(st.floats(0, 0.5)) * side for side in size]
+        return {**keys, "stereo": stereo, "overlap": overlap, "blend": "auto"}
+    sides = ("left", "right", "top", "bottom")
+    bezel = {side: draw(st.floats(0, 1)) * size[k // 2] for k, side in enumerate(sides)}
+    return {**keys, "stereo": stereo, "bezel": bezel}
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(grids(), st.sampled_from(["hide", "skip"]))
+def test_any_grid_spelled_out_in_yaml_is_the_same_wall(keys: dict[str, Any], bezel: str) -> None:
+    config = loads(text_of(bezel=bezel, grid=keys)).config.wall
+    short = expand(config)
+    values = expanded_config(config).model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+
+    spelled = expand(loads(text_of(**values)).config.wall)
+
+    assert all(overlap.allowed for overlap in short.overlaps)
+    assert [o.allowed for o in short.overlaps] == [o.allowed for o in spelled.overlaps]
+    if short.width * short.height > 4 * sum(p.pixels[0] * p.pixels[1] for p in short.panels):
+        return  # gaps wider than panels: one by one they stand beside each other
+    assert (short.width, short.height, short.faces) == (spelled.width, spelled.height, spelled.faces)
+    for a, b in zip(short.panels, spelled.panels, strict=True):
+        assert (a.id, a.screen, a.pixels) == (b.id, b.screen, b.pixels)
+        assert_allclose((b.corners - a.corners)[:, :2] / a.pitch, 0.0, atol=1e-9)  # pixels
+    assert len({id(p.plane) for p in spelled.panels}) == len(spelled.faces)
