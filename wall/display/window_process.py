@@ -21,6 +21,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -32,6 +33,7 @@ from wall.display.placing import TURNS, Box, Monitor, Place, Wanted, places
 from wall.errors import RunError, WallError
 
 START_WAIT_S = 15.0  # for all windows to be there; llvmpipe compiles its shaders in a tenth of a second
+OPEN_WAIT_S = 1.5  # for an X server to take a client
 END_WAIT_S = 0.5  # for a window to finish its swap
 MAX_PACKET = 1 << 20
 BLACK = (0.0, 0.0, 0.0)
@@ -239,15 +241,25 @@ def _wanted(values: dict[str, Any]) -> Wanted:
 
 
 def _init(panel: str, display: str) -> None:
+    """Reach the X server; one that is just starting anew, as it does after its last client has left, gets a moment."""
     glfw.ERROR_REPORTING = "raise"
+    limit = time.monotonic() + OPEN_WAIT_S
+    while (error := _refused()) is not None:
+        if time.monotonic() > limit:
+            raise RunError(
+                f"panel {panel}: display {display} cannot be opened ({_text(error)}); wanted an X server that is "
+                f"running and lets this user in (XAUTHORITY: {os.environ.get('XAUTHORITY', 'not set')})"
+            ) from error
+        time.sleep(0.1)
+
+
+def _refused() -> Exception | None:
     try:
         glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
         glfw.init()
     except glfw.GLFWError as error:
-        raise RunError(
-            f"panel {panel}: display {display} cannot be opened ({_text(error)}); wanted an X server that is running "
-            f"and lets this user in (XAUTHORITY: {os.environ.get('XAUTHORITY', 'not set')})"
-        ) from error
+        return error  # type: ignore[no-any-return]
+    return None
 
 
 def _text(error: Exception) -> str:
