@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from typing import Literal
 
 from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
@@ -158,6 +159,7 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     graph = _planned(config, wall, refusals)
     _sync_fits(loaded, config, refusals)
     _compares_panels(graph, refusals)
+    _waits_one_way(graph, refusals)
     refusals.raise_any()
     if not graph.has_sink("window"):
         return graph
@@ -181,6 +183,22 @@ def _sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
     if isinstance(config.sync, FrameSync) and method != "framed":
         came = f"frames in lock step are made of whole frames, and the sampling method is {method}"
         refusals.add(None, ["sync"], came, "sampling: {method: framed}, or sync: none")
+
+
+def _waits_one_way(graph: Graph, refusals: Refusals) -> None:
+    """In lock step a place waits for those before it; two that are before each other would wait for ever."""
+    if graph.sync == "none":
+        return
+    before: dict[int, set[int]] = {}
+    for step in graph.steps:
+        places = {graph.steps[k].place for k in step.inputs} - {step.place}
+        before.setdefault(step.place, set()).update(places)
+    try:
+        TopologicalSorter(before).prepare()
+    except CycleError as error:
+        circle = " -> ".join("the head" if place == 0 else f"compositor {place}" for place in error.args[1])
+        came = f"in lock step {circle} would wait for each other"
+        refusals.add(None, ["sync"], came, "`on` so that framelets go one way between compositors, or sync: none")
 
 
 def _compares_panels(graph: Graph, refusals: Refusals) -> None:

@@ -258,7 +258,7 @@ def _refused() -> Exception | None:
         glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
         glfw.init()
     except glfw.GLFWError as error:
-        return error  # type: ignore[no-any-return]
+        return error
     return None
 
 
