@@ -104,6 +104,9 @@ def _operators(plan: Plan) -> None:
         if not all(i.rect.holds(rect) for i in inputs):
             continue
         given = [Framelet.blank(rect, i.channels, encoded=i.encoded, order=i.order) for i in inputs]
+        for framelet in given:
+            if framelet.alpha is not None:
+                framelet.alpha[...] = 0.5  # covered in part: what `depth` does with that too
         out = Framelet.blank(rect, step.channels, encoded=step.encoded and not step.computes)
         step.node.apply(given, out, rect, step.node.prepare(plan.layout.loaded.folder))
 
