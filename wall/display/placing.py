@@ -49,7 +49,7 @@ class Wanted:
     rotation: int  # degrees clockwise that the display is mounted turned
     monitor: int | str | None  # index or name
     window: tuple[int, int, int, int] | None  # x, y, width, height
-    refresh_hz: float
+    most_hz: float | None  # pictures a second that it shows at most; None: as they come
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class Place:
 
 
 def wanted_of(panel: Panel, refresh_hz: float) -> Wanted:
-    """What a panel of the wall says about its window."""
+    """What a panel of the wall says about its window, to which `refresh_hz` pictures come a second."""
     window = panel.window
     return Wanted(
         id=panel.id,
@@ -73,7 +73,7 @@ def wanted_of(panel: Panel, refresh_hz: float) -> Wanted:
         rotation=panel.rotation,
         monitor=panel.monitor,
         window=None if window is None else (window.x, window.y, window.width, window.height),
-        refresh_hz=panel.refresh_hz or refresh_hz,
+        most_hz=None if panel.refresh_hz is None or panel.refresh_hz >= refresh_hz else panel.refresh_hz,
     )
 
 
@@ -135,7 +135,7 @@ def _place(panel: Wanted, box: Box, fills: int | None, monitor: Monitor, *, rota
         box=box,
         monitor=fills,
         rotation=rotation,
-        interval=max(1, round(monitor.refresh_hz / panel.refresh_hz)),
+        interval=max(1, round(monitor.refresh_hz / panel.most_hz)) if panel.most_hz else 1,
         note=note,
     )
 

@@ -30,7 +30,7 @@ class WindowSink:
 
         panels : those that this machine shows, of one wall. Their `display`, `monitor`, `window` and `rotation` say
             where and how; display None is that of DISPLAY
-        refresh_hz : of panels that say none of their own
+        refresh_hz : pictures that come a second; a panel whose own `refresh_hz` is lower lets vertical blanks pass
 
         To be called by a thread that lives as long as the sink, for the windows die with it. Raises RunError naming
         the panel, the display and what was tried.

@@ -7,15 +7,17 @@ from typing import Any
 
 import pytest
 
-from wall.display.placing import TURNS, Box, Monitor, Wanted, places
+from wall.config.schema import GridConfig, WallConfig
+from wall.display.placing import TURNS, Box, Monitor, Wanted, places, wanted_of
 from wall.errors import RunError
+from wall.geometry.panels import expand
 
 LEFT = Monitor("DP-1", Box(0, 0, 1920, 1080), 60)
 RIGHT = Monitor("HDMI-1", Box(1920, 0, 1280, 1024), 120)
 
 
 def wanted(name: str = "p", **changes: Any) -> Wanted:
-    plain = Wanted(id=name, pixels=(1920, 1080), screen=(0, 0), rotation=0, monitor=None, window=None, refresh_hz=60.0)
+    plain = Wanted(id=name, pixels=(1920, 1080), screen=(0, 0), rotation=0, monitor=None, window=None, most_hz=None)
     return replace(plain, **changes)
 
 
@@ -64,11 +66,17 @@ def test_panels_on_a_desk_keep_their_shape_and_stay_on_the_monitor() -> None:
 
 def test_a_slower_panel_is_shown_at_every_second_blank() -> None:
     intervals = [
-        places([wanted(monitor=k, refresh_hz=hz)], [LEFT, RIGHT], display=":0")[0].interval
-        for k, hz in ((0, 60.0), (1, 60.0), (0, 30.0), (0, 240.0))
+        places([wanted(monitor=k, most_hz=hz)], [LEFT, RIGHT], display=":0")[0].interval
+        for k, hz in ((0, None), (1, None), (0, 30.0), (1, 30.0), (0, 59.0))
     ]
-    assert intervals == [1, 2, 2, 1]
-    assert places([wanted()], [LEFT._replace(refresh_hz=0)], display=":0")[0].interval == 1
+    assert intervals == [1, 1, 2, 4, 1]
+    assert places([wanted(most_hz=30.0)], [LEFT._replace(refresh_hz=0)], display=":0")[0].interval == 1
+
+
+def test_a_panel_that_is_not_slower_than_its_pictures_waits_for_no_more_than_one_blank() -> None:
+    [panel] = expand(WallConfig(grid=GridConfig(columns=1, rows=1, pixels=(64, 48), size=(0.4, 0.3)))).panels
+    rates = [wanted_of(replace(panel, refresh_hz=hz), 60.0).most_hz for hz in (None, 30.0, 60.0, 120.0)]
+    assert rates == [None, 30.0, None, None]
 
 
 def test_a_monitor_cannot_be_filled_twice() -> None:

@@ -264,6 +264,20 @@ def ask_to_close(display: str, title: str) -> None:
     server.close()
 
 
+def test_an_x_server_that_dies_takes_only_its_own_windows(screens: tuple[str, str]) -> None:
+    with x_server("64x48") as other:
+        two = panels((120, 90), (64, 48), display=[screens[1], other])
+        sink = WindowSink(two, refresh_hz=60)
+    try:
+        assert comes_true(lambda: sink.dropped() == {"window_display_lost": 1})
+        sink.put([shown(two[0], noise(120, 90)), shown(two[1], noise(64, 48))])
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[1], noise(120, 90))
+        assert sink.finished == ""
+    finally:
+        sink.close()
+
+
 ALONE = """\
 import sys, time
 from test_windows import *
