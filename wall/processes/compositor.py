@@ -19,7 +19,7 @@ from wall.packets.control import parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
 from wall.packets.tiling import decode_tiling, is_tiling
-from wall.processes.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
+from wall.processes.edges import NEVER, Number, Outlets, RemoteFramelet, checked_step, needed_from_others
 from wall.processes.lockstep import Lockstep
 from wall.processes.moving import Mover
 from wall.processes.panel import PanelCompositor
@@ -29,6 +29,7 @@ from wall.processes.sky import PanelSky
 from wall.transport.base import Hub, Link
 
 MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
+MOST_NAMES = 32  # of late inputs that are counted each by itself: a heartbeat holds 64 counts
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 
 
@@ -127,7 +128,8 @@ class Compositor:
                 return {}
             late = done
         for name in late:
-            self.counters.add(f"late {name}")
+            counted = len(self.counters.counts) < MOST_NAMES or f"late {name}" in self.counters.counts
+            self.counters.add(f"late {name}" if counted else "late others")
         refreshed = self._in_threads(lambda layer: layer.refresh(event, now))
         fresh: Changes = {}
         for layer, dirty in zip(self.layers.values(), refreshed, strict=True):
@@ -168,9 +170,17 @@ class Compositor:
 
     def send(self) -> None:
         """Send to other places what changed for them, as far as there is credit."""
-        for pictures in (self._pictures, self._compared):
-            if pictures is not None:
-                pictures.send()
+        both = [pictures for pictures in (self._pictures, self._compared) if pictures is not None]
+        for pictures in both:
+            pictures.send()
+        outlets = {pictures.outlets.compared: pictures.outlets for pictures in both}
+        for target, part in [stray for each in outlets.values() for stray in each.take_strays()]:
+            if part.compared in outlets:
+                outlets[part.compared].lose(target, part)
+
+    def offer(self, target: int, packet: bytes) -> None:
+        """Send another packet to another place; parts of framelets that give way to it are sent again."""
+        self._pictures.outlets.offer(target, packet)
 
     def surveys(self, now: float, *, comparing: bool) -> tuple[Survey, ...]:
         """Of every picture of every panel: made now for own ones, the newest of the others.
@@ -256,10 +266,7 @@ class _Pictures:
         self.shown = owner.shown_of()
 
     def insert(self, part: FrameletPart) -> None:
-        remote = self.remote.get(part.step)
-        if remote is None:
-            raise RemoteProtocolError(f"a framelet of step {part.step}, which nobody needs here")
-        remote.insert(part)
+        checked_step(part, self.remote).insert(part)
 
     def step(self, fresh: Changes, event: Event) -> Changes:
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}

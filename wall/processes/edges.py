@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from wall.compositing.executor import Changes, Regions, merged
 from wall.compositing.graph import Graph, Step
-from wall.data import Framelet, Rect
+from wall.data import STILL, Event, Framelet, Rect
 from wall.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart, bands
@@ -18,6 +18,7 @@ from wall.transport.base import Link
 
 Number = tuple[int, int]  # of an event: camera, scene
 NEVER: Number = (-1, -1)
+NOWHERE = Event(view=0, camera_event=-1, scene_event=-1, scene_time=0.0, input_time=0.0, camera=STILL)
 
 
 class RemoteFramelet:
@@ -52,6 +53,7 @@ class Outlets:
         self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
         self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
         self.packets = self.bytes = 0
+        self._strays: list[tuple[int, FrameletPart]] = []  # targets and parts of other pictures
 
     def add(self, changes: Changes, *, all_due: bool = False) -> None:
         """Note what changed. `all_due`: everybody waits for a word, even that nothing did."""
@@ -81,6 +83,8 @@ class Outlets:
     def _send(self, key: tuple[int, int], framelet: Framelet, box: Rect, number: Number) -> None:
         step, target = key
         event = framelet.event
+        if event is None and self._graph.sync != "none":
+            event = NOWHERE  # whoever waits for the frame must hear its number, of what no camera sees too
         told = None if event is None else replace(event, camera_event=number[0], scene_event=number[1])
         for rect in bands(box, framelet.channels, encoded=framelet.encoded):
             part = FrameletPart.of(step, framelet, rect, compared=self.compared)
@@ -93,7 +97,18 @@ class Outlets:
         for dropped in self._links[target].offer(packet):
             lost = parse_control(dropped)
             if isinstance(lost, FrameletPart) and lost.compared == self.compared:
-                self._pending.setdefault((lost.step, target), []).append(lost.rect)
+                self.lose(target, lost)
+            elif isinstance(lost, FrameletPart):
+                self._strays.append((target, lost))
+
+    def lose(self, target: int, part: FrameletPart) -> None:
+        """A part did not get there: its pixels are pending again."""
+        self._pending.setdefault((part.step, target), []).append(part.rect)
+
+    def take_strays(self) -> list[tuple[int, FrameletPart]]:
+        """What gave way, of other pictures than these."""
+        strays, self._strays = self._strays, []
+        return strays
 
     @property
     def idle(self) -> bool:

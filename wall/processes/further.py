@@ -65,7 +65,7 @@ class FurtherCompositor:
             self._control.beat(self._heartbeat(event, last=False))
         if event.survey and self._links[HEAD].ready() and self._survey_due.now(now):
             for survey in compositor.surveys(now, comparing=True):
-                self._links[HEAD].offer(serialise(survey))
+                compositor.offer(HEAD, serialise(survey))
 
     def _heartbeat(self, event: Event | None, *, last: bool) -> Heartbeat:
         c = self._compositor
