@@ -7,7 +7,6 @@ slow display gets fewer pictures, never older ones, and never holds anybody up.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 from wall.data import Counters
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.glass import Glass
-from wall.errors import RunError
+from wall.display.x_server import display_of
 from wall.geometry.panels import Panel
 
 
@@ -37,7 +36,7 @@ class WindowSink:
         """
         by_display: dict[str, list[Panel]] = {}
         for panel in panels:
-            by_display.setdefault(_display_of(panel), []).append(panel)
+            by_display.setdefault(display_of(panel), []).append(panel)
         height = max(panel.screen[1] + panel.pixels[1] for panel in panels)
         self._glasses: list[Glass] = []
         try:
@@ -88,13 +87,3 @@ class WindowSink:
             glass.end()
         for glass in self._glasses:
             glass.join()
-
-
-def _display_of(panel: Panel) -> str:
-    display = panel.display or os.environ.get("DISPLAY", "")
-    if not display:
-        raise RunError(
-            f"panel {panel.id}: no X display to show it on: the configuration names none and DISPLAY is not set; "
-            "wanted `display` at the panel, such as ':0', or DISPLAY"
-        )
-    return display

@@ -11,7 +11,7 @@ from wall.config.loading import Loaded
 from wall.geometry.panels import Wall
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
 from wall.processes.clock import HeadClock
-from wall.processes.plan import Plan, first_event, make_layout, make_plan
+from wall.processes.plan import Plan, check_files, first_event, make_layout, make_plan
 from wall.processes.warm import warm_up
 from wall.processes.worker import Worker, make_samplers
 from wall.reconstruction.choice import choose
@@ -24,6 +24,7 @@ PROBE_S = 0.3
 def check(loaded: Loaded) -> Iterator[str | Table]:
     """Lines and tables for a reader. Raises ConfigError where the configuration is refused."""
     layout = make_layout(loaded)
+    check_files(layout)
     plan = make_plan(layout)
     scene, wall, sampling = plan.scene, layout.wall, layout.sampling
     yield f"{loaded.path}: ok"

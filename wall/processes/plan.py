@@ -10,9 +10,9 @@ from pathlib import Path
 
 from wall.compositing.graph import Graph, Layer, build
 from wall.config.loading import Loaded
-from wall.config.schema import AnySampling, Config
+from wall.config.schema import AnySampling, Config, NodeGraph
 from wall.data import Event, Region
-from wall.errors import SceneError
+from wall.errors import ConfigError, SceneError
 from wall.geometry.cameras import View, resolve_view
 from wall.geometry.checks import check_wall
 from wall.geometry.panels import Panel, Wall, expand
@@ -101,6 +101,19 @@ def make_layout(loaded: Loaded) -> Layout:
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
     return Layout(loaded=loaded, wall=wall, graph=graph, regions=regions(graph, wall), notes=notes)
+
+
+def check_files(layout: Layout) -> None:
+    """Read the files that nodes name. Raises ConfigError at the node that cannot have its own."""
+    graph = layout.config.graph
+    places = {node.id: k for k, node in enumerate(graph.nodes)} if isinstance(graph, NodeGraph) else {}
+    for node in layout.graph.nodes:
+        if isinstance(node, Operator):
+            try:
+                node.prepare(layout.loaded.folder)
+            except ConfigError as error:
+                path = ("graph", "nodes", places[node.id]) if node.id in places else ("graph",)
+                raise layout.loaded.error(path, str(error)) from error
 
 
 def make_plan(layout: Layout) -> Plan:

@@ -9,6 +9,7 @@ import json
 import os
 import signal
 import socket
+import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from typing import Any
 from wall.config.loading import Loaded
 from wall.display.browser import Browser
 from wall.display.window import WindowSink
+from wall.display.x_server import check_displays
 from wall.errors import ConfigError
 from wall.processes.bootstrap import Bootstrap, under_mpi
 from wall.processes.bootstrap_local import LocalBootstrap
@@ -29,9 +31,9 @@ from wall.processes.edges import targets_of
 from wall.processes.further import FurtherCompositor
 from wall.processes.head import Head
 from wall.processes.hosts import Renumbered, assign
-from wall.processes.plan import HEAD, Layout, Plan, make_layout, make_plan
+from wall.processes.plan import HEAD, Layout, Plan, check_files, make_layout, make_plan
 from wall.processes.renderer import Renderer
-from wall.processes.sinks import distinct, make_sinks
+from wall.processes.sinks import distinct, make_sinks, notes_of, window_panels
 from wall.processes.warm import warm_up
 from wall.tracing.resident import Resident, make_resident
 from wall.transport.base import Hub, Link
@@ -63,6 +65,7 @@ def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Ca
     `say` shows a line of progress; `opened` is called with the page's address. Raises ConfigError, RunError.
     """
     layout = make_layout(loaded)
+    check_files(layout)
     check_folder(options.out)
     return _run_mpi(layout, options, say, opened) if under_mpi() else _run_local(layout, options, say, opened)
 
@@ -78,6 +81,8 @@ def check_folder(folder: Path) -> None:
 
 
 def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
+    if not options.headless:
+        check_displays(window_panels(layout, range(layout.size)))
     plan, resident = _prepare(layout, say)
 
     def main(bootstrap: Bootstrap) -> None:
@@ -91,7 +96,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         say(f"starting {layout.size} processes")
         bootstrap = LocalBootstrap.start(layout.size, main)
     try:
-        return lead(plan, resident, bootstrap, options, opened)
+        return lead(plan, resident, bootstrap, options, say, opened)
     finally:
         bootstrap.finish()
 
@@ -106,12 +111,14 @@ def _run_mpi(
     bootstrap = _placed(layout, launched)
     if layout.config.transport.kind == "loopback":
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
+    if not options.headless:
+        check_displays(window_panels(layout, (bootstrap.rank,)))
     plan, resident = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
     if bootstrap.rank != HEAD:
         serve(plan, resident, bootstrap, headless=options.headless)
         bootstrap.finish()
         return None
-    return lead(plan, resident, bootstrap, options, opened)
+    return lead(plan, resident, bootstrap, options, say, opened)
 
 
 def _placed(layout: Layout, launched: Bootstrap) -> Bootstrap:
@@ -177,6 +184,8 @@ def _compose(plan: Plan, rank: int, hub: Hub, control: Control, endpoints: list[
     """Be a compositor beside the head."""
     links = _links(plan, rank, endpoints, {HEAD})
     sinks, _ = make_sinks(plan, rank, Path(), headless=headless)
+    for note in notes_of(sinks):
+        print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
     try:
         FurtherCompositor(plan, rank, hub, control, links, sinks).run()
     finally:
@@ -205,12 +214,19 @@ def _close(*things: Any) -> None:
 
 
 def lead(
-    plan: Plan, resident: Resident, bootstrap: Bootstrap, options: Options, opened: Callable[[str], None]
+    plan: Plan,
+    resident: Resident,
+    bootstrap: Bootstrap,
+    options: Options,
+    say: Callable[[str], None],
+    opened: Callable[[str], None],
 ) -> Outcome:
     """Be the head: serve the page, run the wall, write what is asked for at the end."""
     hub = _hub(plan)
     control_hub = _hub(plan)
     sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
+    for note in notes_of(sinks):
+        say(f"note: {note}")
     head: Head | None = None
     links: dict[int, Link] = {}
     try:

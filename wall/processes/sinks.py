@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 
 from wall.compositing.graph import Step
@@ -12,7 +13,8 @@ from wall.display.browser import Browser
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
-from wall.processes.plan import Plan
+from wall.geometry.panels import Panel
+from wall.processes.plan import Layout, Plan
 from wall.processes.showing import Shown
 
 STILL = Status(
@@ -48,20 +50,29 @@ def make_sinks(plan: Plan, place: int, out: Path, *, headless: bool) -> tuple[li
     return sinks, browser
 
 
-def _windows(plan: Plan, place: int) -> WindowSink | None:
-    graph, wall = plan.layout.graph, plan.layout.wall
-    panels = [
-        wall.panels[k]
-        for step in graph.steps
-        if step.place == place and isinstance(step.node, SinkNode) and step.node.kind == "window"
+def window_panels(layout: Layout, places: Container[int]) -> list[Panel]:
+    """The panels that have a window at some places."""
+    return [
+        layout.wall.panels[k]
+        for step in layout.graph.steps
+        if step.place in places and isinstance(step.node, SinkNode) and step.node.kind == "window"
         for k in step.panels
     ]
+
+
+def _windows(plan: Plan, place: int) -> WindowSink | None:
+    panels = window_panels(plan.layout, (place,))
     return WindowSink(panels, refresh_hz=plan.view.refresh_hz) if panels else None
 
 
 def distinct(sinks: list[Sink | None]) -> list[Sink]:
     """Each sink once."""
     return list({id(sink): sink for sink in sinks if sink is not None}.values())
+
+
+def notes_of(sinks: list[Sink | None]) -> tuple[str, ...]:
+    """What a user should know of them, once."""
+    return tuple(note for sink in distinct(sinks) if isinstance(sink, WindowSink) for note in sink.notes)
 
 
 def _folder(plan: Plan, step: Step, folder: Path) -> Path:
