@@ -23,6 +23,7 @@ class PanelPicture:
     rgb: NDArray[np.uint8]  # (h, w, 3) sRGB, never written again after it is handed over
     screen: tuple[int, int]  # x, y of its top left pixel in the virtual screen
     version: int  # grows whenever rgb changes
+    span: tuple[int, int] | None = None  # width and height there; None: its pixels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

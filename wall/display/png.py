@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from wall.display.base import Status, WallPicture
+from wall.display.base import PanelPicture, Status, WallPicture
 from wall.errors import LocalProtocolError, RunError
 
 BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keeps its edge
@@ -26,14 +26,22 @@ def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB
     out = np.empty((picture.height, picture.width, 3), np.uint8)
     out[:] = bezel_rgb
     for panel in picture.panels:
-        (x, y), (h, w) = panel.screen, panel.rgb.shape[:2]
+        (x, y), rgb = panel.screen, spread(panel)
+        h, w = rgb.shape[:2]
         if x < 0 or y < 0 or x + w > picture.width or y + h > picture.height:
             raise LocalProtocolError(
                 f"panel {panel.id}: {w} x {h} pixels at ({x}, {y}) leave the virtual screen "
                 f"of {picture.width} x {picture.height}"
             )
-        out[y : y + h, x : x + w] = panel.rgb
+        out[y : y + h, x : x + w] = rgb
     return out
+
+
+def spread(panel: PanelPicture) -> NDArray[np.uint8]:
+    """(h, w, 3) uint8: a panel's picture as large as its place in the virtual screen, coarse pixels as squares."""
+    if panel.span is None or panel.span == (panel.rgb.shape[1], panel.rgb.shape[0]):
+        return panel.rgb
+    return np.asarray(Image.fromarray(panel.rgb).resize(panel.span, Image.Resampling.NEAREST))
 
 
 def file_names(ids: list[str], *, stem: str = "panel", suffix: str = ".png") -> list[str]:

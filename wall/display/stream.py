@@ -70,7 +70,15 @@ def survey_message(survey: Survey, overlay: str) -> bytes:
 def layout_message(wall: Wall) -> str:
     """Where the panels are, in virtual screen pixels; the first message on every connection."""
     panels = [
-        {"id": p.id, "x": p.screen[0], "y": p.screen[1], "width": p.pixels[0], "height": p.pixels[1]}
+        {
+            "id": p.id,
+            "x": p.screen[0],
+            "y": p.screen[1],
+            "width": p.pixels[0],
+            "height": p.pixels[1],
+            "across": p.span[0],
+            "down": p.span[1],
+        }
         for p in wall.panels
     ]
     return json.dumps({"kind": "layout", "width": wall.width, "height": wall.height, "panels": panels})

@@ -57,6 +57,7 @@ class Placed:
     """The virtual screen: where each panel's top left pixel is, and what belongs together."""
 
     screens: list[tuple[int, int]]
+    spans: list[tuple[int, int]]  # width and height there: more than its pixels where others of its face are finer
     faces: list[list[int]]  # indices of panels that lie as they stand
     overlaps: list[Overlap]
     width: int
@@ -84,9 +85,22 @@ def place(placements: Sequence[Placement], *, regular: bool = False) -> Placed:
                 screens[k] = corner
     faces.sort(key=lambda face: face[0])
     _side_by_side(placements, faces, screens)
-    ends = [(x + p.pixels[0], y + p.pixels[1]) for (x, y), p in zip(screens, placements, strict=True)]
+    spans = _spans(placements, faces)
+    ends = [(x + w, y + h) for (x, y), (w, h) in zip(screens, spans, strict=True)]
     width, height = max(x for x, _ in ends), max(y for _, y in ends)
-    return Placed(screens=screens, faces=faces, overlaps=overlaps, width=width, height=height)
+    return Placed(screens=screens, spans=spans, faces=faces, overlaps=overlaps, width=width, height=height)
+
+
+def _spans(placements: Sequence[Placement], faces: list[list[int]]) -> list[tuple[int, int]]:
+    """Widths and heights in pixels of the finest panel of each one's face."""
+    spans = [(0, 0)] * len(placements)
+    for face in faces:
+        finest = np.min([placements[k].pitch for k in face], axis=0)
+        for k in face:
+            p = placements[k]
+            w, h = (round(n * mine / least) for n, mine, least in zip(p.pixels, p.pitch, finest, strict=True))
+            spans[k] = (w, h)
+    return spans
 
 
 def _planes(placements: Sequence[Placement]) -> list[list[int]]:

@@ -66,6 +66,7 @@ class Panel:
     pixels: tuple[int, int]  # width, height, as the viewer sees it
     corners: Float64  # (3, 3) rows lower left, lower right, upper left of what the pixels span; metres, wall frame
     screen: tuple[int, int]  # where its top left pixel is in the virtual screen
+    span: tuple[int, int]  # width and height there: its pixels, or more where others of its face are finer
     host: str | None  # machine it hangs on; None = any
     plane: Plane
     eye: Float64 | None = None  # (3,) metres, wall frame: who looks at it; None = the view's eye
@@ -147,8 +148,8 @@ def expand(config: WallConfig) -> Wall:
     placed = place(placements, regular=config.grid is not None)
     planes = _planes(placements, placed, config.grid, skip=skip)
     panels = [
-        _panel(k, eye, screen, plane, skip=skip)
-        for k, (eye, screen, plane) in enumerate(zip(single, placed.screens, planes, strict=True))
+        _panel(k, eye, screen, span, plane, skip=skip)
+        for k, (eye, screen, span, plane) in enumerate(zip(single, placed.screens, placed.spans, planes, strict=True))
     ]
     return Wall(
         panels=tuple(panels),
@@ -232,7 +233,7 @@ def _on_grid(plane: Plane, panels: list[Placement], screens: list[tuple[int, int
     return near
 
 
-def _panel(index: int, eye: Eye, screen: tuple[int, int], plane: Plane, *, skip: bool) -> Panel:
+def _panel(index: int, eye: Eye, screen: tuple[int, int], span: tuple[int, int], plane: Plane, *, skip: bool) -> Panel:
     config = eye.panel
     (x, y), (w, h) = screen, config.pixels
     corners = np.array([plane.point(x, y + h), plane.point(x + w, y + h), plane.point(x, y)])
@@ -241,7 +242,8 @@ def _panel(index: int, eye: Eye, screen: tuple[int, int], plane: Plane, *, skip:
         if vector is not None:
             vector.setflags(write=False)
     return Panel(
-        id=config.id, index=index, pixels=config.pixels, corners=corners, screen=screen, host=config.host, plane=plane,
+        id=config.id, index=index, pixels=config.pixels, corners=corners, screen=screen, span=span,
+        host=config.host, plane=plane,
         eye=own_eye, shift=SHIFTS.get(config.stereo, 0.0), stereo=config.stereo, of=eye.of, at=eye.at,
         rotation=config.rotation, bezel=config.bezel, overlap=config.overlap, skip=skip, colour=config.colour,
         blend=_blend(config), warp=config.warp, display=config.display, monitor=config.monitor, window=config.window,

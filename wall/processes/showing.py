@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,11 +31,16 @@ class Shown:
             self._rects = {panel.id: panel_rect(panel) for panel in panels}
         else:
             self._rects = {sink.node.id: rect}
+        spans = {wall.panels[k].id: wall.panels[k].span for k in sink.panels}
         left, top = (0, 0) if sink.panels else (rect.x, rect.y)
         self.size = (wall.width, wall.height) if sink.panels else (rect.width, rect.height)
         self._pictures = {
             name: PanelPicture(
-                id=name, rgb=np.zeros((r.height, r.width, 3), np.uint8), screen=(r.x - left, r.y - top), version=0
+                id=name,
+                rgb=np.zeros((r.height, r.width, 3), np.uint8),
+                screen=(r.x - left, r.y - top),
+                version=0,
+                span=spans.get(name),
             )
             for name, r in self._rects.items()
         }
@@ -46,9 +52,7 @@ class Shown:
         for name, rect in self._rects.items():
             if any(rect.meets(region) for region in regions):
                 old = self._pictures[name]
-                self._pictures[name] = PanelPicture(
-                    id=name, rgb=_bytes_of(framelet, rect), screen=old.screen, version=old.version + 1
-                )
+                self._pictures[name] = replace(old, rgb=_bytes_of(framelet, rect), version=old.version + 1)
                 any_new = True
         return any_new
 

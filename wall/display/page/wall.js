@@ -90,7 +90,7 @@ export class Wall {
       put(element, snap(k * step.x), snap(k * step.y), snap(full.width), snap(full.height));
       for (const { place, box } of panels) {
         const left = snap(place.x + frame), top = snap(place.y + frame);
-        put(box, left, top, snap(place.x + place.width + frame) - left, snap(place.y + place.height + frame) - top);
+        put(box, left, top, snap(place.x + place.across + frame) - left, snap(place.y + place.down + frame) - top);
       }
     });
     this.#element.style.setProperty("--right-x", `${snap(step.x)}px`);
@@ -164,7 +164,7 @@ function put({ style }, left, top, width, height) {
 
 // The virtual screen ends at its outermost panels; they get the bezel that stands between panels.
 function outerBezel({ height, panels }) {
-  const gaps = panels.flatMap((p) => panels.map((q) => q.x - p.x - p.width)).filter((gap) => gap > 0);
+  const gaps = panels.flatMap((p) => panels.map((q) => q.x - p.x - p.across)).filter((gap) => gap > 0);
   const half = gaps.reduce((least, gap) => Math.min(least, gap), Infinity) / 2;
   return Math.max(FRAME[0] * height, Math.min(FRAME[1] * height, Number.isFinite(half) ? half : 0));
 }
