@@ -39,6 +39,11 @@ class RemoteFramelet:
             self.newest_event = max(self.newest_event, part.event.number)
         self._changed.append(part.rect)
 
+    @property
+    def changed(self) -> bool:
+        """Whether anything came since the changes were taken."""
+        return bool(self._changed)
+
     def take_changes(self) -> Regions:
         changed, self._changed = merged(self._changed), []
         return changed

@@ -24,21 +24,28 @@ class Lockstep:
         self._began: tuple[Number, float] | None = None  # of the frame that is waited for
         self.done: Number = NEVER
         self._told: Number = NEVER
+        self._missing: tuple[str, ...] = ()  # of the frame that is done: what was late
 
     def take(
         self, event: Event, layers: Mapping[int, PanelCompositor], remote: Mapping[int, RemoteFramelet], now: float
     ) -> tuple[str, ...] | None:
-        """Whether the frame of `event` may be made now: None if not; else the names of inputs that are late."""
-        if event.number == self.done:
-            return None
-        if self._began is None or self._began[0] != event.number:
-            self._began = (event.number, now)
+        """Whether the frame of `event` may be made now: None if not; else the names of inputs that are late.
+
+        A frame that was done without its late parts is made again when they come, unless the next has begun.
+        """
         late = [layer.layer.node for layer in layers.values() if not layer.has_frame(event.number)]
         late += [far.step.node.id for far in remote.values() if far.newest_event < event.number]
+        if event.number == self.done:
+            more = any(far.changed and far.newest_event == self.done for far in remote.values())
+            came = more or len(late) < len(self._missing)
+            self._missing = tuple(late) if came else self._missing
+            return () if came else None
+        if self._began is None or self._began[0] != event.number:
+            self._began = (event.number, now)
         if late and now - self._began[1] < self.timeout_s:
             return None
-        self.done = event.number
-        return tuple(late)
+        self.done, self._missing = event.number, tuple(late)
+        return self._missing
 
     def news(self) -> bool:
         """Whether a frame was done since the last call."""
