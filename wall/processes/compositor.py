@@ -273,7 +273,8 @@ class _Pictures:
         changes = self.executor.step({**fresh, **arrived}, event)
         for shown in self.shown:
             shown.take(changes, self.executor.framelets)
-        self.outlets.add(changes, all_due=self._owner.lockstep is not None)
+        lockstep = self._owner.lockstep  # a frame's number is told once: who made it again tells only what changed
+        self.outlets.add(changes, all_due=lockstep is not None and not lockstep.again)
         return changes
 
     def send(self) -> None:

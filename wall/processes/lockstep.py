@@ -24,6 +24,7 @@ class Lockstep:
         self._began: tuple[Number, float] | None = None  # of the frame that is waited for
         self.done: Number = NEVER
         self._told: Number = NEVER
+        self.again = False  # whether the last that was made had been done before, without late parts
         self._missing: tuple[str, ...] = ()  # of the frame that is done: what was late
 
     def take(
@@ -39,12 +40,13 @@ class Lockstep:
             more = any(far.changed and far.newest_event == self.done for far in remote.values())
             came = more or len(late) < len(self._missing)
             self._missing = tuple(late) if came else self._missing
+            self.again = True
             return () if came else None
         if self._began is None or self._began[0] != event.number:
             self._began = (event.number, now)
         if late and now - self._began[1] < self.timeout_s:
             return None
-        self.done, self._missing = event.number, tuple(late)
+        self.again, self.done, self._missing = False, event.number, tuple(late)
         return self._missing
 
     def news(self) -> bool:
