@@ -33,7 +33,7 @@ def tree(*, compositors: int = 1) -> str:
     for k, panel in enumerate(("r0c0", "r0c1")):
         for r in range(4):
             nodes.append(f"{{id: s{k}{r}, op: samples, panel: {panel}, range: [{r / 4}, {(r + 1) / 4}]}}")
-            on = f", on: compositor {r % compositors}"
+            on = f", on: compositor {r // 2 % compositors}"
             nodes.append(f"{{id: f{k}{r}, op: reconstruct, input: s{k}{r}, background: transparent{on}}}")
         nodes += [
             f"{{id: sky{k}, op: sky, panel: {panel}}}",

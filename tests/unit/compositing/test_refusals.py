@@ -247,6 +247,24 @@ def test_over_takes_layers_whose_orders_differ(order: tuple[int, int]) -> None:
     assert [graph.step(name).order for name in "abo"] == [*order, min(order)]
 
 
+def test_in_lock_step_compositors_that_wait_for_each_other_are_refused() -> None:
+    lines = [line.replace("background", "on: head, background") for line in CLEAR0]
+    lines += [line.replace("background", "on: compositor 1, background") for line in CLEAR1]
+    lines += [
+        "id: d, op: depth, inputs: [a, b], on: compositor 1",
+        "id: e, op: depth, inputs: [b, d], on: head",
+        *PANEL1,
+        "id: w, op: tile, inputs: [e, p1], on: head",
+        PNG + "w",
+    ]
+    (line,) = refusals(nodes(*lines, head=f"{TWO}  sync: frame\n"), more="sampling: {method: framed}\n")
+    assert "graph.sync = 'frame': in lock step " in line
+    assert line.endswith(
+        "wait for each other; accepted: `on` so that framelets go one way between compositors, or sync: none"
+    )
+    assert built(nodes(*lines, head=TWO)).sync == "none"
+
+
 def test_a_preset_of_too_many_nodes_is_refused_and_a_large_one_is_not() -> None:
     wall = "wall: {grid: {columns: 8, rows: 8, pixels: [8, 6], size: [0.8, 0.6]}}"
     (line,) = refusals("graph: {preset: sort-last, ranks_per_panel: 1024}\n", wall=wall)

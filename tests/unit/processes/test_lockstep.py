@@ -17,7 +17,7 @@ from wall.packets.samples import encode
 from wall.processes.compositor import Compositor
 from wall.processes.lockstep import depth_of
 from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
-from wall.transport.loopback import LoopbackHub, LoopbackLink
+from wall.transport.loopback import LoopbackHub
 
 FRAMED = "sampling: {method: framed}\n"
 TIMEOUT_S = 0.5
@@ -36,7 +36,7 @@ def head(plan: Plan) -> Compositor:
     return Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 20), {})
 
 
-def frame_of(event: Event, value: float, *, rank: int = 2) -> bytes:
+def frame_of(event: Event, value: float) -> bytes:
     """All of the left panel's frame of an event."""
     samples = np.zeros(RECT.area, SAMPLE)
     x, y = np.meshgrid(np.arange(8) + 0.5, np.arange(6) + 0.5)
@@ -44,7 +44,7 @@ def frame_of(event: Event, value: float, *, rank: int = 2) -> bytes:
     number = event.camera_event + 1
     return encode(
         Batch(
-            view=0, panel=0, rect=RECT, rank=rank, sequence=number, camera_event=event.camera_event,
+            view=0, panel=0, rect=RECT, rank=2, sequence=number, camera_event=event.camera_event,
             scene_event=event.scene_event, base_time=0.0, samples=samples, frame=number, frame_samples=RECT.area,
             camera=event.camera,
         )
@@ -149,39 +149,3 @@ def test_a_frame_with_very_many_late_parts_still_fits_a_heartbeat(plan: Plan, he
     head.refresh(event, 0.0)
     head.refresh(event, 10.0)
     assert head.counters.counts["late others"] == 2
-
-
-def test_two_places_that_need_each_other_tell_a_late_part_once() -> None:
-    """Each hears of the other's second making of a frame; if both told it again, they would never end."""
-    clear = "background: transparent, input:"
-    text = text_of(
-        nodes(
-            "id: sa, op: samples, panel: r0c0", f"id: a, op: reconstruct, {clear} sa, on: head",
-            "id: sb, op: samples, panel: r0c0", f"id: b, op: reconstruct, {clear} sb, on: compositor 1",
-            "id: d, op: depth, inputs: [a, b], on: compositor 1", "id: e, op: depth, inputs: [b, d], on: head",
-            *WHOLE[2:4], "id: w, op: tile, inputs: [e, p1], on: head", WHOLE[5],
-            head="  compositors: 2\n  sync: frame\n",
-        ), more=FRAMED,
-    )  # fmt: skip
-    plan = make_plan(make_layout(loads(text, path=Path("a.yaml"))))
-    hubs = [LoopbackHub(credit_bytes=1 << 20) for _ in range(2)]
-    head, further = (
-        Compositor(plan, rank, hubs[rank], {1 - rank: LoopbackLink(hubs[1 - rank].endpoint)}) for rank in range(2)
-    )
-    event = first_event(plan, 0.0)
-
-    def exchange(now: float) -> list[bool]:
-        made = []
-        for place in (head, further):
-            place.follow(event)
-            place.take_in()
-            made.append(bool(place.refresh(event, now)))
-            place.send()
-        return made
-
-    for now in (0.0, 10.0, 10.1, 10.2, 10.3):
-        exchange(now)  # nobody renders: both are done by the time that they wait, without any part
-    head.insert(frame_of(event, 1.0, rank=plan.layout.graph.layers[0].ranks[0]))
-    made = [exchange(11.0 + k) for k in range(6)]
-    assert made[0][0], "what was late is shown"
-    assert made[-1] == [False, False], "and then there is quiet"
