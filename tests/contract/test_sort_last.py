@@ -24,7 +24,7 @@ transport: {heartbeat_s: 0.2, lost_after_s: 10.0}
 FRAMED = "sampling: {method: framed, samples_per_batch: 256}\n"
 SORT_FIRST = "graph: {preset: sort-first, sinks: [png]}\n"
 SORT_LAST = "graph: {preset: sort-last, ranks_per_panel: 3, sinks: [png]}\n"
-ADAPTIVE_CODES = 2.0  # mean of the differences, 8-bit: each layer's filter sees only its own objects' samples
+ADAPTIVE_CODES = 1.5  # mean of the differences, 8-bit; measured 0.5 and 0.7: filters see but their own objects' samples
 
 
 def tree(*, compositors: int = 1) -> str:
@@ -87,8 +87,8 @@ UNUSED = [f"{kind}{k}{r}" for kind in "sf" for k in range(2) for r in (2, 3)] + 
 
 @pytest.mark.parametrize("graph", [SORT_LAST, tree()], ids=["direct-send", "tree"])
 def test_adaptive_samples_at_rest_put_together_are_the_sort_first_picture_within_the_filters(graph: str) -> None:
-    sampling = "sampling: {method: adaptive, samples_per_batch: 256}\n"
-    first, last = (still(TEXT + sampling + g) for g in (SORT_FIRST, graph))
+    text = TEXT.replace("[64, 48]", "[32, 24]") + "sampling: {method: adaptive, samples_per_batch: 256}\n"
+    first, last = (still(text + g) for g in (SORT_FIRST, graph))
     assert np.abs(first.astype(int) - last).mean() <= ADAPTIVE_CODES
 
 
