@@ -1,0 +1,141 @@
+"""Channels of framelets against NumPy: of newest samples, of reprojected ones, the sky."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import directions, view
+
+from wall.deepbuffer.kernels import PIXEL, TILE
+from wall.geometry.frusta import ray_frame
+from wall.reconstruction import kernels_channels as kernels
+
+HEIGHT, WIDTH = 2 * TILE - 5, 2 * TILE + 3  # tiles at both edges are cut off
+DIRTY = np.array([[True, False, True], [False, True, False]])
+EYE = view((1.0, 2.0, 5.0), (0.0, 0.5, 0.0), pixels=(WIDTH, HEIGHT))
+FRAME, CORNER = ray_frame(EYE.panel, EYE.eye, EYE.event.camera), np.array(EYE.panel.screen, np.float64)
+CHANGED = np.kron(DIRTY, np.ones((TILE, TILE), np.bool_))[:HEIGHT, :WIDTH]
+
+
+def blank() -> dict[str, np.ndarray]:  # type: ignore[type-arg]
+    made = {name: np.full((HEIGHT, WIDTH), 7, np.float32) for name in ("depth", "alpha", "time")}
+    return {
+        "colour": np.full((HEIGHT, WIDTH, 3), 7, np.float32),
+        **made,
+        "thing": np.full((HEIGHT, WIDTH), 7, np.uint32),
+    }
+
+
+def records() -> np.ndarray:  # type: ignore[type-arg]
+    rng = np.random.default_rng(1)
+    made = np.zeros((HEIGHT, WIDTH), PIXEL)
+    made["shown"], made["object"] = rng.random((HEIGHT, WIDTH, 3)), rng.integers(0, 3, (HEIGHT, WIDTH))
+    made["depth"] = np.where(made["object"] == 0, np.inf, rng.uniform(1, 9, (HEIGHT, WIDTH)))
+    made["time"] = rng.choice([-np.inf, 1e5 + 0.25, 1e5 - 3.0], (HEIGHT, WIDTH))
+    return made
+
+
+@pytest.mark.parametrize("transparent", [False, True])
+def test_channels_of_newest_samples(transparent: bool) -> None:
+    r, out = records(), blank()
+    kernels.channels_of_records(r, DIRTY, 1e5, transparent, *out.values())
+    nothing = transparent & (r["object"] == 0)
+    wanted = {
+        "colour": np.where(nothing[..., None], 0, r["shown"]), "depth": r["depth"],
+        "alpha": np.where(nothing, 0.0, 1.0), "time": r["time"] - 1e5, "thing": r["object"],
+    }  # fmt: skip
+    for name, values in out.items():
+        np.testing.assert_array_equal(values[CHANGED], wanted[name][CHANGED].astype(values.dtype), err_msg=name)
+        assert (values[~CHANGED] == 7).all(), f"{name} of a clean tile was written"
+
+
+def test_channels_that_nobody_wants_are_left_out() -> None:
+    out = blank()
+    kernels.channels_of_records(records(), DIRTY, 0.0, True, None, out["depth"], None, None, None)
+    np.testing.assert_array_equal(out["depth"][CHANGED], records()["depth"][CHANGED])
+
+
+def near_of(rng: np.random.Generator) -> np.ndarray:  # type: ignore[type-arg]
+    """(h, w, 4) as keep_nearest leaves it: depth along the axis, .., .., object; -1 where no sample is."""
+    nearest = np.zeros((HEIGHT, WIDTH, 4), np.float32)
+    nearest[..., 3] = rng.choice([-1, 0, 1, 2], (HEIGHT, WIDTH))
+    nearest[..., 0] = np.where(nearest[..., 3] > 0, rng.uniform(1, 9, (HEIGHT, WIDTH)), 1e30)
+    return nearest
+
+
+def twin(nearest: np.ndarray, covered: np.ndarray | None) -> tuple[np.ndarray, ...]:  # type: ignore[type-arg]
+    """Depth, object, alpha, and whether the colour is cleared."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
+    rays = FRAME[0] + (x + CORNER[0])[..., None] * FRAME[1] + (y + CORNER[1])[..., None] * FRAME[2]
+    length = np.linalg.norm(rays, axis=-1)
+    depth, thing = np.full((HEIGHT, WIDTH), np.inf), np.zeros((HEIGHT, WIDTH), np.uint32)
+    alpha = np.ones((HEIGHT, WIDTH)) if covered is None else np.clip(covered[..., 0], 0.0, 1.0)
+    for i, j in np.argwhere(alpha > 0):
+        found = nearest[i, j]
+        if not (found[3] > 0 or (found[3] == 0 and covered is None)):
+            around = nearest[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2].reshape(-1, 4)
+            around = around[around[:, 3] > 0]
+            if not len(around):
+                continue
+            found = around[np.argmin(around[:, 0])]
+        thing[i, j] = found[3]
+        if found[0] < 1e30:
+            depth[i, j] = found[0] * length[i, j]
+    cleared = np.zeros_like(thing, np.bool_)
+    if covered is not None:
+        cleared = np.isinf(depth) & (nearest[..., 3] == 0)
+        alpha = np.where(cleared, 0.0, alpha)
+    return depth, thing, alpha, cleared
+
+
+@pytest.mark.parametrize("partly", [False, True])
+def test_depth_object_and_alpha_of_reprojected_samples(partly: bool) -> None:
+    rng = np.random.default_rng(2)
+    nearest, out = near_of(rng), blank()
+    nearest[:8, :8, 3] = 0.0  # background, with nothing beside it
+    covered = rng.choice([-0.1, 0.3, 1.2], (HEIGHT, WIDTH, 3)).astype(np.float32) if partly else None
+    channels = (out["colour"], out["alpha"], out["depth"], out["thing"])
+    kernels.channels_of_nearest(nearest, FRAME, CORNER, covered, DIRTY, *channels)
+    depth, thing, alpha, cleared = twin(nearest, covered)
+    assert (cleared & CHANGED).any() == partly
+    np.testing.assert_allclose(out["depth"][CHANGED], depth[CHANGED], rtol=1e-5)
+    np.testing.assert_allclose(out["alpha"][CHANGED], alpha[CHANGED], rtol=1e-6)
+    np.testing.assert_array_equal(out["thing"][CHANGED], thing[CHANGED])
+    gone = cleared & CHANGED
+    assert (out["colour"][gone] == 0).all()
+    assert (out["colour"][~gone] == 7).all()
+    assert (out["depth"][~CHANGED] == 7).all()
+
+
+def test_newest_times_are_those_of_the_samples_that_count() -> None:
+    rng = np.random.default_rng(3)
+    n = 200
+    state = np.stack([rng.uniform(-5, 0, n), rng.choice([0.0, 0.5, 1.0], n)]).astype(np.float32)
+    screen = np.stack([rng.uniform(0, WIDTH, n), rng.uniform(0, HEIGHT, n), rng.choice([-1.0, 2.0], n)]).astype(
+        np.float32
+    )
+    time = np.full((HEIGHT, WIDTH), 7, np.float32)
+    kernels.newest_times(state, screen, n - 20, 2.0, time)
+    wanted = np.full((HEIGHT, WIDTH), -np.inf)
+    for k in range(n - 20):  # what stands behind the count is not looked at
+        if screen[2, k] > 0 and state[1, k] > 0:
+            i, j = int(screen[1, k]), int(screen[0, k])
+            wanted[i, j] = max(wanted[i, j], state[0, k] + 2.0)
+    np.testing.assert_allclose(time, wanted, rtol=1e-6)
+
+
+def test_the_sky_is_that_of_each_pixel_s_direction() -> None:
+    zenith, horizon, ground = np.array([0.1, 0.2, 0.9]), np.array([0.8, 0.8, 0.7]), np.array([0.3, 0.2, 0.1])
+    colour = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    kernels.sky_of_panel(FRAME, CORNER, zenith, horizon, ground, colour)
+    up = directions(EYE)[..., 1:2]
+    wanted = horizon + (np.where(up > 0, zenith, ground) - horizon) * np.abs(up)
+    assert (up > 0).any()
+    assert (up < 0).any()
+    np.testing.assert_allclose(colour, wanted, rtol=1e-5)
+
+
+def test_only_dirty_tiles_are_copied() -> None:
+    source, out = np.random.default_rng(4).random((HEIGHT, WIDTH, 3), np.float32), blank()["colour"]
+    kernels.copy_tiles(source, DIRTY, out)
+    np.testing.assert_array_equal(out, np.where(CHANGED[..., None], source, np.float32(7)))

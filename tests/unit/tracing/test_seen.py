@@ -1,0 +1,75 @@
+"""Parts of the objects: primary rays pass through the others, which shade and are mirrored all the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_scenes import Picture, instance, material, quad, raster, scene_of, sphere_mesh, view
+
+from wall.data import Rect
+from wall.sampling.ownership import block_order
+from wall.scene.model import DirectionalLight
+from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer import Tracer
+
+FLOOR, MIRROR, BALL, SMALL = range(4)
+SUN = DirectionalLight(direction=(0.6, 0.8, 0.0), irradiance=(2.0, 2.0, 2.0))
+SEEN_FROM = view((0.0, 3.0, 6.0), (0.0, 0.6, 0.0), pixels=(64, 48))
+PLACED = [
+    instance(0, turn=("x", -90.0)),
+    instance(1, at=(0.0, 1.0, -2.0)),
+    instance(2, at=(0.0, 0.8, 0.0), scale=0.8),
+    instance(2, at=(-1.3, 0.4, 0.6), scale=0.4),
+]
+
+
+@pytest.fixture(scope="module")
+def resident() -> Resident:
+    return resident_of(4)
+
+
+def resident_of(objects: int) -> Resident:
+    meshes = [quad(8.0, 8.0, material=0), quad(4.0, 2.0, material=1), sphere_mesh(2, segments=24)]
+    materials = [material(0.5, 0.5, 0.5), material(0.0, 0.0, 0.0, mirror=1.0), material(0.8, 0.2, 0.2)]
+    return make_resident(scene_of(meshes, PLACED[:objects], materials=materials, lights=[SUN]))
+
+
+def traced(resident: Resident, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
+    seen = np.array([k not in without for k in range(len(resident.mesh_table))]) if without else None
+    tracer = Tracer(resident, SEEN_FROM.panel, SEEN_FROM.eye, coherent=coherent, seen=seen)
+    tracer.take(SEEN_FROM.event)
+    width, height = SEEN_FROM.panel.pixels
+    pixels = block_order(Rect(x=0, y=0, width=width, height=height), worker=0, workers=1)
+    samples, cost = tracer.trace((pixels + 0.5).astype(np.float32))
+    return raster(samples, SEEN_FROM.panel.pixels, cost)
+
+
+@pytest.mark.parametrize("coherent", [False, True])
+def test_what_is_unseen_is_not_hit_but_shades_and_is_mirrored(
+    resident: Resident, coherent: bool, compiled_only: None
+) -> None:
+    whole = traced(resident, coherent=coherent)
+    part = traced(resident, without=(SMALL,), coherent=coherent)
+    gone = traced(resident_of(3), coherent=coherent)
+    hidden = whole.objects == SMALL + 1
+
+    assert hidden.sum() > 20
+    assert not (part.objects == SMALL + 1).any()
+    np.testing.assert_array_equal(part.objects[hidden], gone.objects[hidden])
+    for name in ("radiance", "depth", "objects"):
+        np.testing.assert_array_equal(getattr(part, name)[~hidden], getattr(whole, name)[~hidden], err_msg=name)
+    differs = np.abs(part.radiance - gone.radiance).max(axis=-1) > 0.05
+    assert (differs & (gone.objects == FLOOR + 1)).sum() > 10, "its shadow"
+    assert (differs & (gone.objects == MIRROR + 1)).sum() > 3, "its mirror image"
+
+
+@pytest.mark.parametrize("coherent", [False, True])
+def test_the_nearest_of_parts_is_the_whole(resident: Resident, coherent: bool, compiled_only: None) -> None:
+    whole = traced(resident, coherent=coherent)
+    parts = [traced(resident, without=without, coherent=coherent) for without in ((FLOOR, MIRROR), (BALL, SMALL))]
+    nearest = np.argmin([part.depth for part in parts], axis=0)
+    assert 0.05 < nearest.mean() < 0.95
+    for name in ("radiance", "depth", "objects"):
+        first, second = (getattr(part, name) for part in parts)
+        chosen = np.where((nearest == 0)[..., None] if first.ndim == 3 else nearest == 0, first, second)
+        np.testing.assert_array_equal(chosen, getattr(whole, name), err_msg=name)
