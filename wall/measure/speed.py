@@ -10,7 +10,18 @@ from pathlib import Path
 from rich.table import Table
 
 from wall.errors import ConfigError, WallError
-from wall.measure import adaptive_cost, compositing, mitsuba_peer, reconstruction, runs, tracing, wire, wire_adaptive
+from wall.measure import (
+    adaptive_cost,
+    compositing,
+    compositor_tree,
+    depth_tree,
+    mitsuba_peer,
+    reconstruction,
+    runs,
+    tracing,
+    wire,
+    wire_adaptive,
+)
 from wall.measure.record import Row, commit, failed
 
 ROUNDS, QUICK_ROUNDS = 9, 3
@@ -31,7 +42,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     *(((name,), partial(_display_side, name)) for name in adaptive_cost.PANELS),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
-    (("compositor_tree",), lambda rounds, seconds: compositing.compositor_tree(rounds)),
+    (("compositor_tree",), lambda rounds, seconds: compositor_tree.measure(rounds)),
+    (("depth_tree",), lambda rounds, seconds: depth_tree.depth_tree(rounds)),
     (("depth_copy",), lambda rounds, seconds: compositing.depth_copy(rounds)),
     (("unchanged_input",), lambda rounds, seconds: compositing.unchanged_input(rounds)),
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
@@ -43,7 +55,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
 METRICS = (
     "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
     "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end", "depth_copy",
-    "unchanged_input", "compositor_tree", "compositor_cpu",
+    "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
 )  # fmt: skip
 
