@@ -15,11 +15,6 @@ from wall.operators.depth import Depth
 from wall.processes.edges import needed_from_others
 
 FULL_HD = (1920, 1080)
-SOURCES, SOURCE_PIXELS = 8, (960, 540)
-FRAMES, SETTLING = 8, 2  # pictures in a round, after some that do not count
-CREDIT_BYTES = 1 << 14  # one framelet under way from each source
-CHANNELS = frozenset({"colour", "depth", "alpha", "object"})
-PATIENCE_S = 60.0  # for a process that should answer within one second
 
 
 def depth_copy(rounds: int) -> list[Row]:
