@@ -113,6 +113,7 @@ class Head:
             if now >= due:  # samples of the frozen view are kept only where they are in the picture
                 due = now + 1.0 / self._plan.view.refresh_hz
                 self._refresh(now, event, self._predictor.at(now))
+            self._compositor.send()  # what others make of it is part of the picture
             if not self._compositor.take_in():
                 self._compositor.hub.wait(0.005)
 
