@@ -9,9 +9,9 @@ from rich.table import Table
 
 from wall.config.loading import Loaded
 from wall.geometry.panels import Wall
-from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
 from wall.processes.clock import HeadClock
-from wall.processes.plan import Plan, check_files, first_event, make_layout, make_plan
+from wall.processes.edges import targets_of
+from wall.processes.plan import Layout, Plan, check_files, first_event, make_layout, make_plan
 from wall.processes.warm import warm_up
 from wall.processes.worker import Worker, make_samplers
 from wall.reconstruction.choice import choose
@@ -39,21 +39,30 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield f"tracer: {describe(needs(scene))}"
     for note in (*layout.notes, *scene.notes):
         yield f"note: {note}"
-    table = Table(title=f"{layout.size} ranks (mpirun -n {layout.size} wall run {loaded.path})", title_justify="left")
-    for column in ("rank", "role", "region", "sends to"):
-        table.add_column(column)
-    for rank in range(layout.size):
-        target = f"rank {layout.target_of(rank)}" if layout.role(rank) == "renderer" else ""
-        table.add_row(str(rank), layout.role(rank), layout.describe(rank), target)
-    yield table
+    yield f"launch: mpirun -n {layout.size} wall run {loaded.path}"
+    yield _ranks(layout)
     yield f"reconstruction: {choose(layout.config.reconstruction)}"
-    rate = probe(plan)
-    packet = BYTES_A_SAMPLE + HEADER_BYTES / sampling.samples_per_batch
+    rate, size = probe(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
         f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
-        f"{rate * packet / 1e6:.0f} MB/s before compression ({packet:.1f} bytes a sample)"
+        f"{rate * size / 1e6:.0f} MB/s ({size:.1f} bytes a sample)"
     )
+
+
+def _ranks(layout: Layout) -> Table:
+    """Who does what, and sends it where."""
+    hosts = layout.graph.hosts
+    table = Table(title=f"{layout.size} ranks", title_justify="left")
+    for column in ("rank", "role", *(["host"] if hosts else []), "has", "sends to"):
+        table.add_column(column)
+    for rank in range(layout.size):
+        renders = layout.role(rank) == "renderer"
+        targets = {t for found in targets_of(layout.graph, rank).values() for t in found}
+        names = ", ".join(f"rank {target}" for target in ([layout.target_of(rank)] if renders else sorted(targets)))
+        host = [hosts.get(rank, "any")] if hosts else []
+        table.add_row(str(rank), layout.role(rank), *host, layout.describe(rank), names)
+    return table
 
 
 def _displays(wall: Wall) -> Table | None:
@@ -70,8 +79,8 @@ def _displays(wall: Wall) -> Table | None:
     return table
 
 
-def probe(plan: Plan) -> float:
-    """Samples a second that one core of this machine traces and encodes of the first renderer's region."""
+def probe(plan: Plan) -> tuple[float, float]:
+    """Samples a second that one core of this machine traces and encodes of the first renderer, and bytes a sample."""
     resident = make_resident(plan.scene)
     warm_up(plan, resident, lambda line: None)
     rank = plan.layout.renderers()[0]
@@ -79,8 +88,11 @@ def probe(plan: Plan) -> float:
     samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
     worker = Worker(plan, resident, rank, clock, samplers, 0)
     event = first_event(plan, 0.0)
-    began = time.perf_counter()
+    began, size = time.perf_counter(), 0
     while time.perf_counter() - began < PROBE_S:
-        if worker.step(event) is None:
+        packet = worker.step(event)
+        size += len(packet or b"")
+        if packet is None:
             worker.sampler.restart()
-    return worker.samples_traced / (time.perf_counter() - began)
+    traced = worker.samples_traced
+    return traced / (time.perf_counter() - began), size / max(traced, 1)

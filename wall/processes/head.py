@@ -247,6 +247,8 @@ class Head:
             "secondary_rays": sum(b.secondary_rays for b in beats.values()),
             "packets": sum(b.packets for r, b in beats.items() if layout.role(r) == "renderer"),
             "bytes": sum(b.bytes for r, b in beats.items() if layout.role(r) == "renderer"),
+            "framelet_bytes": compositor.sent[1]
+            + sum(b.bytes for r, b in beats.items() if layout.role(r) != "renderer"),
             "refreshes": self._refreshes,
             "head_cores": round((cpu_seconds() - self._cpu) / max(seconds, 1e-3), 3),
             "reconstruction": {

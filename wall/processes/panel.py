@@ -150,6 +150,8 @@ class PanelCompositor:
         if self.layer.transparent:
             self._coverage = Coverage(self.panel, eye, self._plan.scene, samples_per_pixel=kept)
         made, self.reconstruction = make_picture(self._wish, self.panel, eye, self._plan.scene, samples_per_pixel=kept)
+        if not self._plain:
+            self.reconstruction = Choice(on="cpu", why="the graph needs more of it than display bytes")
         for tiling in self.tilings.values():
             made.take_tiling(tiling)
         return made
