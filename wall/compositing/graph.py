@@ -160,6 +160,7 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     _sync_fits(loaded, config, refusals)
     _compares_panels(graph, refusals)
     _waits_one_way(graph, refusals)
+    _windows_show_panels(graph, refusals)
     refusals.raise_any()
     if not graph.has_sink("window"):
         return graph
@@ -199,6 +200,14 @@ def _waits_one_way(graph: Graph, refusals: Refusals) -> None:
         circle = " -> ".join("the head" if place == 0 else f"compositor {place}" for place in error.args[1])
         came = f"in lock step {circle} would wait for each other"
         refusals.add(None, ["sync"], came, "`on` so that framelets go one way between compositors, or sync: none")
+
+
+def _windows_show_panels(graph: Graph, refusals: Refusals) -> None:
+    """A window is a panel's: a picture that holds none whole cannot be shown in one."""
+    for step in graph.steps:
+        if isinstance(step.node, SinkNode) and step.node.kind == "window" and not step.panels:
+            came = f"{step.node.input} holds no whole panel, and windows show panels"
+            refusals.add(step.node, ["input"], came, "a node that holds the pixels of one panel or more")
 
 
 def _compares_panels(graph: Graph, refusals: Refusals) -> None:

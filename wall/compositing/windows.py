@@ -28,6 +28,7 @@ def with_windows(
     rects : of every node; shown : of every sink the panels that it shows whole
     """
     nodes: list[NodeConfig] = []
+    taken = {node.id for node in config.nodes}
     for node in config.nodes:
         if not isinstance(node, SinkNode) or node.kind != "window":
             nodes.append(node)
@@ -35,17 +36,21 @@ def with_windows(
         panels = shown[node.id]
         for panel in panels:
             name = node.id if len(panels) == 1 else f"{node.id[:MAX_STEM]}.{panel.index}"
-            nodes += _window(node, name, panel, rects[node.input])
+            nodes += _window(node, name, panel, rects[node.input], taken)
     return config.model_copy(update={"nodes": tuple(nodes)})
 
 
-def _window(node: SinkNode, name: str, panel: Panel, given: Rect) -> list[NodeConfig]:
+def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str]) -> list[NodeConfig]:
     """What leads from the sink's input to the panel's window, and that."""
     chain: list[NodeConfig] = []
     stem, rect = name[:MAX_STEM], panel_rect(panel)
 
     def link(what: str) -> dict[str, Any]:
-        return {"id": f"{stem}.{what}", "input": chain[-1].id if chain else node.input, "on": node.on}
+        own = f"{stem}.{what}"
+        while own in taken:
+            own += "_"
+        taken.add(own)
+        return {"id": own, "input": chain[-1].id if chain else node.input, "on": node.on}
 
     if given != rect:
         chain.append(Crop(op="crop", area=(rect.x, rect.y, rect.width, rect.height), **link("crop")))

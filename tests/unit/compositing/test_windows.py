@@ -1,0 +1,71 @@
+"""What the planner adds before a window: each panel's own pixels, then its colour, blending and warp."""
+
+from __future__ import annotations
+
+from small_graphs import WHOLE, built, nodes, refusals
+
+from wall.compositing.graph import Graph
+
+FITTED = """\
+wall:
+  panels:
+    - id: r0c0
+      pixels: [8, 6]
+      corners: {lower_left: [0, 0, 0], lower_right: [0.8, 0, 0], upper_left: [0, 0.6, 0]}
+    - id: r0c1
+      pixels: [8, 6]
+      corners: {lower_left: [0.6, 0, 0], lower_right: [1.4, 0, 0], upper_left: [0.6, 0.6, 0]}
+      overlap: {left: 0.2}
+      blend: {left: 0.2, gamma: 2.0}
+      colour: {gain: 0.5}
+      warp: {columns: 2, rows: 2, points: [[0, 0], [1, 0], [0, 1], [0.9, 1]]}
+"""
+WINDOW = "id: out, op: sink, kind: window, input: w"
+
+
+def before(graph: Graph, name: str) -> list[str]:
+    """The operations that lead from a reconstruction to a node, nearest last, of single inputs."""
+    found: list[str] = []
+    step = graph.step(name)
+    while len(step.inputs) == 1:
+        step = graph.steps[step.inputs[0]]
+        found.insert(0, step.node.op)  # type: ignore[attr-defined]
+    return found
+
+
+def test_each_panel_gets_its_own_pixels_and_what_its_display_needs() -> None:
+    wall = FITTED.replace("corners: {lower_left: [0,", "overlap: {right: 0.2}\n      corners: {lower_left: [0,", 1)
+    graph = built(nodes(*WHOLE[:5], WINDOW), wall=wall)
+
+    assert [sink.id for sink in graph.sinks] == ["out.0", "out.1"]
+    assert before(graph, "out.0") == ["tile", "crop"]
+    assert before(graph, "out.1") == ["tile", "crop", "colour", "blend_edges", "warp"]
+    assert graph.step("out.1").panels == (1,)
+    blend = graph.step("out.1.blend").node
+    assert (blend.left, blend.right, blend.gamma) == (2, 0, 2.0)  # type: ignore[attr-defined]  # 0.2 m of 0.1 m pixels
+
+
+def test_a_panel_s_own_framelet_goes_to_its_window_as_it_is() -> None:
+    graph = built(
+        nodes(*WHOLE[:5], "id: out, op: sink, kind: window, input: p0", "id: f, op: sink, kind: png, input: w")
+    )
+
+    assert before(graph, "out") == ["reconstruct"]
+
+
+def test_added_nodes_do_not_take_a_name_that_is_there() -> None:
+    taken = ("id: out.0.crop, op: flip, input: w, axis: horizontal", "id: f, op: sink, kind: png, input: out.0.crop")
+    graph = built(nodes(*WHOLE[:5], WINDOW, *taken))
+
+    assert graph.step("out.0.crop").node.op == "flip"  # type: ignore[attr-defined]
+    assert graph.step("out.0.crop_").node.op == "crop"  # type: ignore[attr-defined]
+
+
+def test_a_picture_without_a_whole_panel_is_refused_as_a_window() -> None:
+    small = ("id: s, op: scale, input: w, factor: 0.5, filter: box", "id: out, op: sink, kind: window, input: s")
+    found = refusals(nodes(*WHOLE[:5], "id: f, op: sink, kind: png, input: w", *small))
+
+    assert found == [
+        "a.yaml:14:48: graph.nodes[7].input = 's': s holds no whole panel, and windows show panels; "
+        "accepted: a node that holds the pixels of one panel or more"
+    ]
