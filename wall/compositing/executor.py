@@ -54,6 +54,8 @@ class Executor:
                 light = np.zeros((s.rect.height, s.rect.width, 3), np.float32)
                 self._light[s.index] = replace(shown, colour=light)
         self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
+        self._followed = graph.panels_followed()
+        self._guessed: set[int] = set()  # steps whose output was made of inputs that were moved
         self._redrawn: dict[int, Rect] = {}  # by step: where an overlay's text has changed
         self.pixels = 0  # written so far
 
@@ -64,13 +66,13 @@ class Executor:
         """
         found: Changes = {k: list(regions) for k, regions in changed.items() if regions}
         for s in self._steps:
-            regions = self._regions(s, found)
+            regions = self._regions(s, found, event)
             if regions:
                 self._apply(s, regions, event)
                 found[s.index] = regions
         return found
 
-    def _regions(self, s: Step, found: Changes) -> Regions:
+    def _regions(self, s: Step, found: Changes, event: Event | None) -> Regions:
         if s.index in self._fresh:
             self._fresh.discard(s.index)
             return [s.rect]
@@ -82,9 +84,19 @@ class Executor:
             for region in found.get(source, ())
         )
         regions = [region for region in touched if region is not None]
+        if regions and self._shows_another_moment(s, event):
+            return [s.rect]
         if s.index in self._redrawn:
             regions.append(self._redrawn.pop(s.index))
         return merged(regions)
+
+    def _shows_another_moment(self, s: Step, event: Event | None) -> bool:
+        """Whether what has not changed must be redone all the same: it shows another moment, or was a guess."""
+        assert isinstance(s.node, Operator)
+        if not s.node.COMMON_TIME or self._reproject is None or event is None:
+            return False
+        shown = self.framelets[s.index].event
+        return s.index in self._guessed or shown is None or not same_moment(shown, event)
 
     def _apply(self, s: Step, regions: Regions, event: Event | None) -> None:
         assert isinstance(s.node, Operator)
@@ -95,9 +107,12 @@ class Executor:
             out.event = newest.event
             out.advance(newest.moment)
         if s.node.COMMON_TIME and self._reproject is not None and event is not None:
-            inputs = self._at_one_moment(s, inputs, event)
-            out.event = event
+            moved = self._at_one_moment(s, inputs, event)
+            (self._guessed.discard if moved == inputs else self._guessed.add)(s.index)
+            inputs, out.event = moved, event
         light = self._light.get(s.index)
+        if light is not None:
+            light.event, light.moment = out.event, out.moment
         for region in regions:
             s.node.apply(inputs, light or out, region, self._prepared[s.index])
             if light is not None:
@@ -108,7 +123,7 @@ class Executor:
     def _at_one_moment(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:
         """Inputs that show another moment than `event` are moved to it; a picture that knows none stays."""
         assert self._reproject is not None
-        panels = [self._graph.panel_of(k) for k in s.inputs]
+        panels = [self._followed[k] for k in s.inputs]
         return [
             self._reproject(f, event, panel)
             if f.event is not None and panel is not None and not same_moment(f.event, event)

@@ -109,10 +109,13 @@ class Graph:
                 return step
         raise KeyError(node_id)
 
-    def panel_of(self, step: int) -> int | None:
-        """The panel whose rays a step's pixels follow; None where it holds several, or what was made of them."""
-        node = self.steps[step]
-        return node.panels[0] if len(node.panels) == 1 and not isinstance(node.node, SinkNode) else None
+    def panels_followed(self) -> tuple[int | None, ...]:
+        """Of every step, the panel whose rays its pixels follow; None: several panels', or turned, scaled or bent."""
+        kept: list[bool] = []
+        for step in self.steps:
+            own = not isinstance(step.node, Operator) or step.node.KEEPS_RAYS
+            kept.append(own and all(kept[k] for k in step.inputs))
+        return tuple(s.panels[0] if kept[s.index] and len(s.panels) == 1 else None for s in self.steps)
 
     def layer_of(self, rank: int) -> Layer:
         """What a renderer renders; KeyError if it is none."""
@@ -212,13 +215,16 @@ def _windows_show_panels(graph: Graph, refusals: Refusals) -> None:
 
 def _compares_panels(graph: Graph, refusals: Refusals) -> None:
     """Depths of different moments can be brought to one moment panel by panel only."""
+    followed = graph.panels_followed()
     for step in graph.steps:
         if graph.sync == "none" and isinstance(step.node, Operator) and step.node.COMMON_TIME:
             for k, source in enumerate(step.inputs):
                 held = graph.steps[source].panels
-                if len(held) > 1:
-                    came = f"holds {len(held)} panels, and without lock step depths are compared panel by panel"
-                    refusals.add(step.node, input_path(step.node, k), came, "a node of one panel, or sync: frame")
+                if held and followed[source] is None:
+                    what = f"holds {len(held)} panels" if len(held) > 1 else "is turned, scaled or bent"
+                    came = f"{what}, and without lock step depths are compared along the rays of one panel"
+                    accepted = "a node of one panel, as it is seen, or sync: frame"
+                    refusals.add(step.node, input_path(step.node, k), came, accepted)
 
 
 def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:

@@ -57,6 +57,7 @@ class Operator(Node):
     USES: ClassVar[Channels] = frozenset()  # of any input that has them
     MAKES: ClassVar[Channels] = frozenset()  # that its output holds whoever needs them: it works by them
     MOVES: ClassVar[bool] = False  # values come out as they went in: it takes linear and encoded colour alike
+    KEEPS_RAYS: ClassVar[bool] = True  # its pixels are seen where their panel's are: it does not turn, scale or bend
     COMMON_TIME: ClassVar[bool] = False  # it compares values, which must show one moment
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -40,6 +40,8 @@ class Scale(Operator):
     factor: Factor | tuple[Factor, Factor] | None = Field(default=None, description="of both axes, or across and down")
     size: tuple[Extent, Extent] | None = Field(default=None, description="width and height, pixels; or a factor")
     filter: Filter = Field(description="box, triangle, catmull_rom or lanczos3")
+
+    KEEPS_RAYS: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Scale:

@@ -21,6 +21,7 @@ class Flip(Operator):
     input: Input
     axis: Literal["horizontal", "vertical"] = Field(description="horizontal: left becomes right; vertical: top, bottom")
 
+    KEEPS_RAYS: ClassVar[bool] = False
     MOVES: ClassVar[bool] = True
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
@@ -42,6 +43,7 @@ class Rotate(Operator):
     input: Input
     degrees: Literal[90, 180, 270] = Field(description="clockwise, as the viewer sees it")
 
+    KEEPS_RAYS: ClassVar[bool] = False
     MOVES: ClassVar[bool] = True
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -81,6 +81,8 @@ class Warp(Operator):
     input: Input
     mesh: Mesh | None = Field(default=None, description="where the picture's places go")
     file: Text | None = Field(default=None, description="YAML or JSON with columns, rows and points, instead of a mesh")
+
+    KEEPS_RAYS: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _mesh_or_file(self) -> Warp:

@@ -18,7 +18,7 @@ from wall.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
 from wall.errors import RemoteProtocolError
 from wall.packets import kernels_bytes
 
-HEAD = struct.Struct("<HiiIIBBBqqddI3d9d")
+HEAD = struct.Struct("<HiiIIBBHHqqddI3d9d")
 MAX_AREA = 1 << 25  # pixels: 8K UHD
 MAX_RAW = 1 << 25  # bytes of one part before compression: it fits a message, whatever they are
 LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
@@ -37,6 +37,8 @@ class FrameletPart:
     event: Event | None  # what it shows; only its numbers, camera and scene time travel
     moment: float  # seconds of the head's clock
     data: bytes
+    index: int = 0  # of `count` parts that belong together: all of them show one moment
+    count: int = 1
 
     @classmethod
     def of(cls, step: int, framelet: Framelet, rect: Rect, *, compared: bool = False) -> FrameletPart:
@@ -49,13 +51,17 @@ class FrameletPart:
             event=framelet.event, moment=framelet.moment, data=data,
         )  # fmt: skip
 
-    def write(self, out: Framelet) -> None:
-        """Put the pixels where they belong. Raises RemoteProtocolError where they do not fit `out`."""
+    def check(self, out: Framelet) -> None:
+        """Raises RemoteProtocolError where it is not of `out`."""
         if not out.rect.holds(self.rect) or self.channels != out.channels or self.encoded != out.encoded:
             raise RemoteProtocolError(
                 f"framelet part {self.rect} with {', '.join(sorted(self.channels))}; wanted: inside {out.rect}, "
                 f"with {', '.join(sorted(out.channels))}"
             )
+
+    def write(self, out: Framelet) -> None:
+        """Put the pixels where they belong. Raises RemoteProtocolError where they do not fit `out`."""
+        self.check(out)
         raw, start, rows = self._raw(), 0, self.rect.inside(out.rect)
         for name in CHANNELS:
             if name in self.channels:
@@ -96,7 +102,19 @@ def part_body(part: FrameletPart) -> bytes:
     pose = (*event.camera.position, *event.camera.world_from_wall) if event else (0.0,) * 12
     numbers = (event.camera_event, event.scene_event, event.scene_time) if event else (0, 0, 0.0)
     head = HEAD.pack(
-        part.step, r.x, r.y, r.width, r.height, channels, flags, 0, *numbers, part.moment, len(part.data), *pose
+        part.step,
+        r.x,
+        r.y,
+        r.width,
+        r.height,
+        channels,
+        flags,
+        part.index,
+        part.count,
+        *numbers,
+        part.moment,
+        len(part.data),
+        *pose,
     )
     return head + part.data
 
@@ -105,11 +123,13 @@ def parse_part(body: bytes) -> FrameletPart:
     """Raises RemoteProtocolError for anything that part_body cannot have made."""
     if len(body) < HEAD.size:
         raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {HEAD.size}")
-    step, x, y, width, height, mask, flags, spare, *numbers = HEAD.unpack_from(body)
+    step, x, y, width, height, mask, flags, index, count, *numbers = HEAD.unpack_from(body)
     camera_event, scene_event, scene_time, moment, length, *pose = numbers
     if length != len(body) - HEAD.size:
         raise RemoteProtocolError(f"framelet of step {step}: {len(body) - HEAD.size} bytes came of {length}")
-    if spare or not mask & 1 or mask >= 1 << len(CHANNELS) or flags > ENCODED | COMPARED | POSED:
+    if index >= count:
+        raise RemoteProtocolError(f"framelet of step {step}: part {index} of {count}")
+    if not mask & 1 or mask >= 1 << len(CHANNELS) or flags > ENCODED | COMPARED | POSED:
         raise RemoteProtocolError(f"framelet of step {step}: channels {mask:#x} or flags {flags:#x} are not known")
     if not all(map(math.isfinite, (scene_time, moment, *pose))):
         raise RemoteProtocolError(f"framelet of step {step}: a number is not finite")
@@ -127,7 +147,7 @@ def parse_part(body: bytes) -> FrameletPart:
         )  # fmt: skip
     return FrameletPart(
         step=step, rect=Rect(x=x, y=y, width=width, height=height), channels=channels, encoded=encoded,
-        compared=bool(flags & COMPARED), event=event, moment=moment, data=body[HEAD.size :],
+        compared=bool(flags & COMPARED), event=event, moment=moment, data=body[HEAD.size :], index=index, count=count,
     )  # fmt: skip
 
 

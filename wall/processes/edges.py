@@ -5,6 +5,7 @@ Inside a process an edge is a shared framelet, and nothing here is needed.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -28,16 +29,28 @@ class RemoteFramelet:
         self.step, self.newest_event = step, NEVER
         self.framelet = Framelet.blank(step.rect, step.channels, encoded=step.encoded, order=step.order)
         self._changed: Regions = []
+        self._waiting: dict[int, FrameletPart] = {}  # of what belongs together, until all is there
 
     def insert(self, part: FrameletPart) -> None:
-        """Raises RemoteProtocolError where the part is not of this node."""
+        """Show a part when all that belong to it are there. Raises RemoteProtocolError where it is not of this node."""
+        part.check(self.framelet)
+        first = next(iter(self._waiting.values()), part)
+        if part.index in self._waiting or (first.moment, first.count) != (part.moment, part.count):
+            self._show()  # one of them gave way, and its pixels come later
+        self._waiting[part.index] = part
+        if len(self._waiting) == part.count:
+            self._show()
+            if part.event is not None:
+                self.newest_event = max(self.newest_event, part.event.number)
+
+    def _show(self) -> None:
+        parts, self._waiting = list(self._waiting.values()), {}
         out = self.framelet
-        part.write(out)
-        out.advance(part.moment, but=part.rect)
-        out.event = part.event
-        if part.event is not None:
-            self.newest_event = max(self.newest_event, part.event.number)
-        self._changed.append(part.rect)
+        for part in parts:
+            part.write(out)
+            out.advance(part.moment, but=part.rect)
+            out.event = part.event
+            self._changed.append(part.rect)
 
     @property
     def changed(self) -> bool:
@@ -56,6 +69,7 @@ class Outlets:
         self._graph, self._links, self.compared = graph, links, compared
         self._targets = targets_of(graph, place)
         self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
+        self._under_way: dict[tuple[int, int], deque[bytes]] = {}  # parts that belong together, not sent yet
         self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
         self.packets = self.bytes = 0
         self._strays: list[tuple[int, FrameletPart]] = []  # targets and parts of other pictures
@@ -71,29 +85,32 @@ class Outlets:
 
     def send(self, framelets: Mapping[int, Framelet], number: Number) -> None:
         """Send what is pending where a link is ready. `number`: the newest event that has a sample in it."""
-        for key in [*self._pending, *(self._due - self._pending.keys())]:
+        for key in dict.fromkeys((*self._under_way, *self._pending, *self._due)):
             step, target = key
-            if not self._links[target].ready():
-                continue
-            framelet = framelets[step]
-            regions = merged(self._pending.pop(key, []))
-            if not regions:
-                regions = [Rect(x=framelet.rect.x, y=framelet.rect.y, width=1, height=1)]
-            self._due.discard(key)
-            box = regions[0]
-            for region in regions[1:]:
-                box = box.join(region)
-            self._send(key, framelet, box, number)
+            while self._links[target].ready():
+                if key not in self._under_way:
+                    if key not in self._pending and key not in self._due:
+                        break
+                    self._begin(key, framelets[step], number)
+                self.offer(target, self._under_way[key].popleft())
+                if not self._under_way[key]:
+                    del self._under_way[key]
 
-    def _send(self, key: tuple[int, int], framelet: Framelet, box: Rect, number: Number) -> None:
-        step, target = key
+    def _begin(self, key: tuple[int, int], framelet: Framelet, number: Number) -> None:
+        """Make the parts of what is pending: they show one moment, so all are made now."""
         event = framelet.event
         if event is None and self._graph.sync != "none":
             event = NOWHERE  # whoever waits for the frame must hear its number, of what no camera sees too
         told = None if event is None else replace(event, camera_event=number[0], scene_event=number[1])
-        for rect in bands(box, framelet.channels, encoded=framelet.encoded):
-            part = FrameletPart.of(step, framelet, rect, compared=self.compared)
-            self.offer(target, serialise(replace(part, event=told)))
+        regions = merged(self._pending.pop(key, []))
+        self._due.discard(key)
+        if not regions:
+            regions = [Rect(x=framelet.rect.x, y=framelet.rect.y, width=1, height=1)]
+        rects = [rect for region in regions for rect in bands(region, framelet.channels, encoded=framelet.encoded)]
+        parts = [FrameletPart.of(key[0], framelet, rect, compared=self.compared) for rect in rects]
+        self._under_way[key] = deque(
+            serialise(replace(part, event=told, index=k, count=len(parts))) for k, part in enumerate(parts)
+        )
 
     def offer(self, target: int, packet: bytes) -> None:
         """Send a packet; what gives way to it is pending again."""
@@ -117,7 +134,7 @@ class Outlets:
 
     @property
     def idle(self) -> bool:
-        return not self._pending and not self._due
+        return not self._pending and not self._due and not self._under_way
 
 
 def targets_of(graph: Graph, place: int) -> dict[int, tuple[int, ...]]:

@@ -189,6 +189,53 @@ def test_only_framelets_of_another_moment_are_moved() -> None:
     assert same_moment(at(1, 1.0), now)
 
 
+def test_what_was_made_of_a_guess_or_for_another_moment_is_made_anew() -> None:
+    clear = "background: transparent, input:"
+    graph = built(
+        nodes(
+            "id: sa, op: samples, panel: r0c0", f"id: a, op: reconstruct, {clear} sa",
+            "id: sb, op: samples, panel: r0c0", f"id: b, op: reconstruct, {clear} sb",
+            "id: d, op: depth, inputs: [a, b]", *PANEL1, "id: w, op: tile, inputs: [d, p1]", WHOLE[5],
+        )
+    )  # fmt: skip
+    a, b, d = graph.step("a"), graph.step("b"), graph.step("d")
+    sources = {s.index: Framelet.blank(s.rect, s.channels, encoded=s.encoded) for s in (a, b, graph.step("p1"))}
+
+    def at(x: float) -> Event:
+        camera = Camera(position=(x, 0.0, 0.0), world_from_wall=STILL.world_from_wall)
+        return Event(view=0, camera_event=1, scene_event=0, scene_time=0.0, input_time=0.0, camera=camera)
+
+    def guess(framelet: Framelet, event: Event, panel: int) -> Framelet:
+        return Framelet.blank(framelet.rect, framelet.channels)
+
+    executor, dirty = Executor(graph, 0, sources, Path(), guess), rect(2, 1, 2, 2)
+    sources[a.index].event, sources[b.index].event = at(1.0), at(0.0)
+    assert executor.step({a.index: [dirty]}, at(1.0))[d.index] == [d.rect], "nothing was shown before"
+    sources[b.index].event = at(1.0)
+    assert executor.step({b.index: [dirty]}, at(1.0))[d.index] == [d.rect], "the rest of b was a guess"
+    assert executor.step({b.index: [dirty]}, at(1.0))[d.index] == [dirty]
+    sources[a.index].event = sources[b.index].event = at(2.0)
+    assert executor.step({b.index: [dirty]}, at(2.0))[d.index] == [d.rect], "the rest shows the moment before"
+
+
+def test_times_of_light_count_from_the_same_moment_as_those_of_its_bytes() -> None:
+    lines = [line.replace("input: s0", "input: s0, background: transparent") for line in PANEL0]
+    other = ["id: sb, op: samples, panel: r0c0", "id: b, op: reconstruct, input: sb"]
+    graph = built(nodes(*lines, *other, "id: c, op: colour, input: p0, gain: 0.5",
+                        "id: n, op: newest, inputs: [c, b]", "id: e, op: encode, input: n", *PANEL1,
+                        "id: w, op: tile, inputs: [e, p1]", WHOLE[5]))  # fmt: skip
+    executor, sources = executor_of(graph)
+    source, colour = graph.step("p0"), graph.step("c")
+    framelet = sources[source.index]
+    assert framelet.time is not None
+    framelet.time[...], framelet.moment = -5.0, 1000.0
+    framelet.event = Event(view=0, camera_event=1, scene_event=0, scene_time=0.0, input_time=0.0, camera=STILL)
+    executor.step({source.index: [source.rect]}, None)
+    made = executor.framelets[colour.index]
+    assert made.time is not None
+    assert (made.moment, made.time[0, 0]) == (1000.0, -5.0)
+
+
 @given(regions=st.lists(rects(), max_size=6))
 def test_merged_regions_hold_the_same_pixels_or_all_of_a_box_that_is_mostly_dirty(regions: list[Rect]) -> None:
     def marked(some: list[Rect]) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:

@@ -223,8 +223,13 @@ CHANNELS = {
     ),
     "depths of several panels": (
         nodes(*WHOLE[:5], "id: d, op: depth, inputs: [w, p0]", PNG + "d"),
-        "12:35: graph.nodes[5].inputs[0] = 'w': holds 2 panels, and without lock step depths are compared panel by "
-        "panel; accepted: a node of one panel, or sync: frame",
+        "12:35: graph.nodes[5].inputs[0] = 'w': holds 2 panels, and without lock step depths are compared along the "
+        "rays of one panel; accepted: a node of one panel, as it is seen, or sync: frame",
+    ),
+    "depths of a picture that was turned": (
+        nodes(*PANEL0, "id: t, op: flip, input: p0, axis: horizontal", "id: d, op: depth, inputs: [t, p0]", PNG + "d"),
+        "10:35: graph.nodes[3].inputs[0] = 't': is turned, scaled or bent, and without lock step depths are compared "
+        "along the rays of one panel; accepted: a node of one panel, as it is seen, or sync: frame",
     ),
 }
 ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS

@@ -6,7 +6,7 @@ import json
 import re
 import struct
 import zlib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -175,14 +175,14 @@ def test_the_framelet_table_reads_a_framelet() -> None:
     event = Event(view=0, camera_event=9, scene_event=10, scene_time=2.5, input_time=0.0, camera=camera)
     framelet = Framelet.blank(rect, frozenset({"colour", "depth", "time"}), encoded=True)
     framelet.event, framelet.moment = event, 4.5
-    part = FrameletPart.of(4, framelet, rect, compared=True)
+    part = replace(FrameletPart.of(4, framelet, rect, compared=True), index=1, count=3)
     body = control.serialise(part)[control.HEADER_BYTES :]
     fields = read(table("Framelet, a rectangle"), body)
-    assert fields.pop("size") == 153 == len(body) - len(part.data)
-    assert fields.pop("") == (), "reserved"
+    assert fields.pop("size") == 156 == len(body) - len(part.data)
     channels = 1 << CHANNELS.index("colour") | 1 << CHANNELS.index("depth") | 1 << CHANNELS.index("time")
     numbers = {"camera_event": 9, "scene_event": 10, "scene_time": 2.5, "moment": 4.5}
     flags = {"channels": channels, "flags": ENCODED | COMPARED | POSED}
+    flags |= {"index": 1, "count": 3}
     assert fields == {"step": 4, **asdict(rect), **flags, **numbers, **camera_fields(camera), "length": len(part.data)}
 
 

@@ -12,7 +12,7 @@ from small_graphs import WHOLE, built, nodes
 from wall.compositing.graph import Graph, Step
 from wall.data import Camera, Event, Framelet, Rect
 from wall.errors import RemoteProtocolError
-from wall.packets.control import parse_control
+from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.processes.edges import NEVER, Outlets, RemoteFramelet, checked_step, needed_from_others, targets_of
 from wall.transport.loopback import LoopbackHub, LoopbackLink
@@ -95,6 +95,33 @@ def test_only_what_changed_is_sent_and_lands_where_it_was(graph: Graph) -> None:
     assert wire.outlets.idle
 
 
+def test_parts_of_one_update_are_shown_together_and_tell_their_number_once(graph: Graph) -> None:
+    wire = Wire(graph)
+    wire.change(rect(8, 0, 1, 1), rect(14, 5, 1, 1))
+    first, second = (parse_control(packet) for _, packet in wire.hub.drain(1 << 20))
+    assert isinstance(first, FrameletPart)
+    assert isinstance(second, FrameletPart)
+    assert ((first.index, first.count), (second.index, second.count)) == ((0, 2), (1, 2))
+
+    wire.remote.insert(first)
+    assert (wire.remote.changed, wire.remote.newest_event) == (False, (-1, -1))
+    wire.remote.insert(second)
+    assert wire.remote.newest_event == EVENT.number
+    assert wire.remote.take_changes() == [rect(8, 0, 1, 1), rect(14, 5, 1, 1)]
+
+
+def test_what_waits_for_a_part_that_gave_way_is_shown_with_the_next_update(graph: Graph) -> None:
+    wire = Wire(graph)
+    wire.change(rect(8, 0, 1, 1), rect(14, 5, 1, 1))
+    first, _ = (parse_control(packet) for _, packet in wire.hub.drain(1 << 20))
+    assert isinstance(first, FrameletPart)
+    wire.remote.insert(first)
+    wire.framelet.moment = 7.0
+    wire.change(rect(14, 5, 1, 1))
+    wire.arrive()
+    assert wire.remote.take_changes() == [rect(8, 0, 1, 1), rect(14, 5, 1, 1)]
+
+
 def test_what_changes_without_credit_is_sent_later_with_its_newest_content(graph: Graph) -> None:
     wire = Wire(graph, credit=1)  # one packet may be under way
     wire.change(rect(8, 0, 2, 2))
@@ -115,7 +142,7 @@ def test_what_gave_way_at_the_link_is_sent_again(graph: Graph) -> None:
     wire = Wire(graph, credit=1)
     regions = [rect(8 + k, k, 1, 1) for k in range(4)]
     for region in regions:  # as `send` would, had the link been ready each time
-        wire.outlets._send((wire.step.index, HEAD), wire.framelet, region, EVENT.number)
+        wire.outlets.offer(HEAD, serialise(FrameletPart.of(wire.step.index, wire.framelet, region)))
     assert not wire.outlets.idle
     came: list[Rect] = []
     for _ in range(4):
@@ -127,9 +154,9 @@ def test_what_gave_way_at_the_link_is_sent_again(graph: Graph) -> None:
 def test_what_gave_way_to_another_picture_s_parts_is_not_forgotten(graph: Graph) -> None:
     wire = Wire(graph, credit=1)
     compared = Outlets(graph, FURTHER, {HEAD: wire.link}, compared=True)
-    key = (wire.step.index, HEAD)
     for outlets in (wire.outlets, wire.outlets, compared, compared):
-        outlets._send(key, wire.framelet, rect(8, 0, 2, 2), EVENT.number)
+        part = FrameletPart.of(wire.step.index, wire.framelet, rect(8, 0, 2, 2), compared=outlets is compared)
+        outlets.offer(HEAD, serialise(part))
     ((target, part),) = compared.take_strays()
     assert (target, part.compared) == (HEAD, False)
     assert compared.take_strays() == []
