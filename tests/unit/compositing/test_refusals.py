@@ -227,10 +227,17 @@ CHANNELS = {
         "rays of one panel; accepted: a node of one panel, as it is seen, or sync: frame",
     ),
     "depths of a picture that was turned": (
-        nodes(*PANEL0, "id: t, op: flip, input: p0, axis: horizontal", "id: d, op: depth, inputs: [t, p0]", PNG + "d"),
-        "10:35: graph.nodes[3].inputs[0] = 't': is turned, scaled or bent, and without lock step depths are compared "
+        nodes(
+            *PANEL0,
+            *PANEL1,
+            "id: t, op: flip, input: p0, axis: horizontal",
+            "id: d, op: depth, inputs: [t, p0]",
+            PNG + "d",
+            "id: f, op: sink, kind: png, input: p1",
+        ),
+        "12:35: graph.nodes[5].inputs[0] = 't': is turned, scaled or bent, and without lock step depths are compared "
         "along the rays of one panel; accepted: a node of one panel, as it is seen, or sync: frame",
-    ),
+    ),  # fmt: skip
 }
 ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
 
