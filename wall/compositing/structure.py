@@ -18,6 +18,8 @@ def check_structure(nodes: Sequence[NodeConfig], refusals: Refusals) -> None:
     _inputs_exist_and_fit(nodes, by_id, refusals)
     if not any(isinstance(node, SinkNode) for node in nodes):
         refusals.add(None, ["nodes"], "no picture ends anywhere", "a node with op: sink")
+    if not any(isinstance(node, SamplesNode) for node in nodes):
+        refusals.add(None, ["nodes"], "nothing is rendered: there is no samples node", "a node with op: samples")
     if not refusals.found:  # with a wrong input every node after it would be called unused as well
         _is_acyclic(nodes, by_id, refusals)
         _is_used(nodes, refusals)

@@ -84,8 +84,8 @@ def place(placements: Sequence[Placement], *, regular: bool = False) -> Placed:
             for k, corner in zip(face, corners, strict=True):
                 screens[k] = corner
     faces.sort(key=lambda face: face[0])
-    _side_by_side(placements, faces, screens)
     spans = _spans(placements, faces)
+    _side_by_side(placements, faces, screens, spans)
     ends = [(x + w, y + h) for (x, y), (w, h) in zip(screens, spans, strict=True)]
     width, height = max(x for x, _ in ends), max(y for _, y in ends)
     return Placed(screens=screens, spans=spans, faces=faces, overlaps=overlaps, width=width, height=height)
@@ -182,14 +182,19 @@ def _mostly_empty(placements: Sequence[Placement], face: list[int], corners: lis
     return bool(width * height > EMPTIEST * pixels.prod(axis=1).sum())
 
 
-def _side_by_side(placements: Sequence[Placement], faces: list[list[int]], screens: list[tuple[int, int]]) -> None:
+def _side_by_side(
+    placements: Sequence[Placement],
+    faces: list[list[int]],
+    screens: list[tuple[int, int]],
+    spans: Sequence[tuple[int, int]],
+) -> None:
     """Move faces to the right of each other."""
     x, frame = 0, 0.0
     for face in faces:
         first = placements[min(face, key=lambda k: screens[k][0])]
         x += round((frame + first.bezel.left) / first.pitch[0]) if x else 0
-        last = max(face, key=lambda k: screens[k][0] + placements[k].pixels[0])
-        end = x + screens[last][0] + placements[last].pixels[0]
+        last = max(face, key=lambda k: screens[k][0] + spans[k][0])
+        end = x + screens[last][0] + spans[last][0]
         for k in face:
             screens[k] = (screens[k][0] + x, screens[k][1])
         x, frame = end, placements[last].bezel.right

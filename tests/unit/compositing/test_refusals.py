@@ -36,6 +36,10 @@ STRUCTURE = {
         "9:12: graph.nodes[2].id = 'p0': nodes[1] has this id already; accepted: ids that differ",
     ),
     "no sink": (nodes(*PANEL0), "no picture ends anywhere; accepted: a node with op: sink"),
+    "a graph that renders nothing": (
+        nodes("id: k, op: constant, area: [0, 0, 16, 6], colour: [1, 1, 1]", PNG + "k"),
+        "nothing is rendered: there is no samples node; accepted: a node with op: samples",
+    ),
     "samples that nobody uses": (
         nodes(*WHOLE, "id: s2, op: samples, panel: r0c0"),
         "13:12: graph.nodes[6].id = 's2': nobody uses what this node gives: its ranks would work for nothing; "

@@ -114,6 +114,14 @@ def test_panels_of_different_pitch_do_not_overlap_in_the_picture() -> None:
     assert wall.panels[1].screen[0] >= 40
 
 
+def test_the_face_behind_a_coarse_panel_begins_where_that_panel_ends_in_the_picture() -> None:
+    fine, coarse = panel("fine", (0, 0, 0), pixels=(400, 300)), panel("coarse", (0.4, 0, 0))
+
+    wall = expand(WallConfig(panels=(fine, coarse, panel("turned", (0.8, 0, 0), angle=60))))
+
+    assert [p.screen[0] for p in wall.panels] == [0, 400, 800]  # ten pixels of the fine one to each of the coarse one
+
+
 def test_wall_of_panels_that_face_other_ways_is_not_flat() -> None:
     turned = panel("b", (0.8, 0, 0), angle=180)  # same plane, its face behind
 
