@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from wall.config.schema import METHODS
 from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status
 from wall.display.window import WindowSink
@@ -16,7 +15,7 @@ from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
-from wall.processes.manager import Manager
+from wall.processes.manager import Manager, samplers_of
 from wall.processes.plan import HEAD, Plan, make_predictor
 from wall.processes.sinks import distinct, show_all
 from wall.processes.usage import cpu_seconds, peak_memory
@@ -198,7 +197,7 @@ class Head:
             seconds=now - self._began,
             paused=event.paused,
             sampler=event.sampler,
-            samplers=METHODS,
+            samplers=samplers_of(self._plan),
             compare=event.compare,
             compared_per_s=sum(beat.compared_per_s for _, beat in list(self.manager.heartbeats.values())),
             ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),
