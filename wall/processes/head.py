@@ -15,6 +15,7 @@ from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
+from wall.processes.edges import needed_from_others
 from wall.processes.manager import Manager, samplers_of
 from wall.processes.plan import HEAD, Plan, make_predictor
 from wall.processes.sinks import distinct, show_all
@@ -47,6 +48,8 @@ class Head:
         self._compositor = Compositor(plan, HEAD, hub, links)
         self.manager = Manager(plan, control_hub, clock, lambda: [c for hand in hands for c in hand()], still=still)
         self._predictor, self._event = make_predictor(plan), self.manager.event
+        graph = plan.layout.graph
+        self._watches = not graph.layers_on(HEAD) and not needed_from_others(graph, HEAD)  # no samples come here
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -179,8 +182,11 @@ class Head:
 
     def _complete(self, now: float, event: Event) -> bool:
         """Whether all is traced under `event`, and all of it has been shown for a while."""
-        shown = self._compositor.newest_event == event.number
-        return shown and now - self._changed >= SETTLED_S and self._idle(event)
+        idle = self._idle(event)
+        if self._watches and not idle:
+            self._changed = now  # elsewhere: all that is known of it are the others' heartbeats
+        shown = self._watches or self._compositor.newest_event == event.number
+        return idle and shown and now - self._changed >= SETTLED_S
 
     def _idle(self, event: Event) -> bool:
         """Whether every other living rank says that it has nothing left to do under `event`."""
