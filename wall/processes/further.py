@@ -16,6 +16,8 @@ from wall.processes.usage import peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
 
+POLL_S = 0.02  # how long an event of the head may wait, since samples come in by another way
+
 
 class FurtherCompositor:
     def __init__(
@@ -54,7 +56,7 @@ class FurtherCompositor:
             if control.beat_due():
                 control.beat(self._heartbeat(event, last=False))
             if not taken:
-                compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
+                compositor.hub.wait(POLL_S if event is None else max(0.0, min(POLL_S, due - clock.now())))
         control.beat(self._heartbeat(control.event, last=True))
 
     def _refresh(self, event: Event, expected: Event, now: float) -> None:

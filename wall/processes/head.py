@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from wall.config.schema import METHODS
 from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status
 from wall.display.window import WindowSink
@@ -16,7 +15,8 @@ from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
-from wall.processes.manager import Manager
+from wall.processes.edges import needed_from_others
+from wall.processes.manager import Manager, samplers_of
 from wall.processes.plan import HEAD, Plan, make_predictor
 from wall.processes.sinks import distinct, show_all
 from wall.processes.usage import cpu_seconds, peak_memory
@@ -48,6 +48,8 @@ class Head:
         self._compositor = Compositor(plan, HEAD, hub, links)
         self.manager = Manager(plan, control_hub, clock, lambda: [c for hand in hands for c in hand()], still=still)
         self._predictor, self._event = make_predictor(plan), self.manager.event
+        graph = plan.layout.graph
+        self._watches = not graph.layers_on(HEAD) and not needed_from_others(graph, HEAD)  # no samples come here
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -180,8 +182,11 @@ class Head:
 
     def _complete(self, now: float, event: Event) -> bool:
         """Whether all is traced under `event`, and all of it has been shown for a while."""
-        shown = self._compositor.newest_event == event.number
-        return shown and now - self._changed >= SETTLED_S and self._idle(event)
+        idle = self._idle(event)
+        if self._watches and not idle:
+            self._changed = now  # elsewhere: all that is known of it are the others' heartbeats
+        shown = self._watches or self._compositor.newest_event == event.number
+        return idle and shown and now - self._changed >= SETTLED_S
 
     def _idle(self, event: Event) -> bool:
         """Whether every other living rank says that it has nothing left to do under `event`."""
@@ -198,7 +203,7 @@ class Head:
             seconds=now - self._began,
             paused=event.paused,
             sampler=event.sampler,
-            samplers=METHODS,
+            samplers=samplers_of(self._plan),
             compare=event.compare,
             compared_per_s=sum(beat.compared_per_s for _, beat in list(self.manager.heartbeats.values())),
             ranks=tuple(self._rank_status(rank, now) for rank in range(self._plan.layout.size)),

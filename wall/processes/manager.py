@@ -29,6 +29,11 @@ COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's comm
 BYE_WAIT_S = 0.8  # for the ranks' last words
 
 
+def samplers_of(plan: Plan) -> tuple[str, ...]:
+    """What viewers may choose among: in lock step only the configured one, since others make no frames."""
+    return METHODS if plan.layout.graph.sync == "none" else (plan.layout.sampling.method,)
+
+
 class Director:
     """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
 
@@ -87,10 +92,11 @@ class Director:
         elif command.kind == "reset":
             self._steering = None
         elif command.kind == "sampler":
-            self.sampler = command.value if command.value in METHODS else self.sampler
+            self.sampler = command.value if command.value in samplers_of(self._plan) else self.sampler
             self.compare = ""
         elif command.kind == "compare":
-            self.compare = command.value if self._plan.layout.graph.plain else ""  # others have no second picture
+            graph = self._plan.layout.graph  # others have no second picture, or no frames of it
+            self.compare = command.value if graph.plain and graph.sync == "none" else ""
         elif command.kind == "survey":
             self.survey = command.value == "on"
         else:

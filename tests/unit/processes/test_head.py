@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from small_graphs import PANEL0, nodes, text_of
 
 from wall.config.loading import loads
+from wall.data import Event
 from wall.display.base import Status, WallPicture
 from wall.geometry.steering import Command, parse
+from wall.packets.control import Heartbeat
 from wall.processes.bootstrap_threads import ThreadBootstrap
 from wall.processes.clock import ManualClock
-from wall.processes.head import Head
+from wall.processes.head import SETTLED_S, Head
 from wall.processes.plan import Plan, make_layout, make_plan
 from wall.transport.loopback import LoopbackHub
 
@@ -53,13 +55,14 @@ def kept() -> Kept:
 
 
 @pytest.fixture
-def head(plan: Plan, kept: Kept, manual_clock: ManualClock) -> Iterator[Head]:
+def head(plan: Plan, kept: Kept, manual_clock: ManualClock) -> Head:
     """One whose manager's thread does not run: what it publishes between two steps, a test decides."""
+    return head_of(plan, manual_clock, kept)
+
+
+def head_of(plan: Plan, clock: ManualClock, *sinks: Kept) -> Head:
     hubs = [LoopbackHub(credit_bytes=1 << 16) for _ in range(2)]
-    bootstrap = ThreadBootstrap.start(1, lambda _: None)
-    yield Head(plan, bootstrap, hubs[0], hubs[1], manual_clock, {}, [kept], list, still=True)
-    for hub in hubs:
-        hub.close()
+    return Head(plan, ThreadBootstrap.start(1, lambda _: None), *hubs, clock, {}, list(sinks), [], still=True)
 
 
 def publish(head: Head, command: Command) -> None:
@@ -96,6 +99,37 @@ def test_each_event_is_taken_once_and_the_newest_stays(head: Head) -> None:
 
     assert head._newest() is head.manager.event
     assert not head.manager.recent
+
+
+def test_a_head_that_shows_nothing_goes_by_heartbeats_to_know_that_all_is_complete(manual_clock: ManualClock) -> None:
+    plan = plan_of_elsewhere()
+    head = head_of(plan, manual_clock)
+    event = head._newest()
+    head._refresh(manual_clock.now(), event, event)
+
+    for rank, complete in ((1, True), (2, False)):
+        beats(head, rank, event, complete=complete)
+    manual_clock.advance(10.0)
+    assert not head._complete(manual_clock.now(), event), "the renderer is at work"
+    beats(head, 2, event, complete=True)
+    assert not head._complete(manual_clock.now(), event), "its last packets are on their way"
+    manual_clock.advance(SETTLED_S)
+    assert head._complete(manual_clock.now(), event)
+
+
+def plan_of_elsewhere() -> Plan:
+    """A panel whose picture is made and shown by compositor 1."""
+    shown = "id: p0, op: reconstruct, input: s0, on: compositor 1"
+    graph = nodes(PANEL0[0], shown, "id: a, op: sink, kind: window, input: p0", head="  compositors: 2\n")
+    wall = "wall: {grid: {columns: 1, rows: 1, pixels: [8, 6], size: [0.4, 0.3], id: r0c0}}"
+    return make_plan(make_layout(loads(text_of(graph, wall=wall), path=Path("wall.yaml"))))
+
+
+def beats(head: Head, rank: int, event: Event, *, complete: bool) -> None:
+    camera, scene = event.number
+    now = head.manager._clock.now()
+    beat = Heartbeat(rank=rank, time=now, complete=complete, camera_event=camera, scene_event=scene)
+    head.manager.heartbeats[rank] = (now, beat)
 
 
 def test_second_pictures_come_of_all_panels_or_of_none(head: Head) -> None:

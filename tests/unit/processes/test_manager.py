@@ -13,7 +13,7 @@ from wall.data import Event
 from wall.geometry.steering import Command, parse
 from wall.packets.control import Hello, Stop, parse_control, serialise
 from wall.processes.clock import HeadClock, ManualClock
-from wall.processes.manager import Director, Latency, Manager
+from wall.processes.manager import Director, Latency, Manager, samplers_of
 from wall.processes.plan import Plan, make_layout, make_plan
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
@@ -137,6 +137,16 @@ def test_choosing_one_sampler_ends_a_comparison(plan: Plan) -> None:
     director.update([command(kind="compare", value="framed")], 0.0)
     director.update([command(kind="sampler", value="frameless")], 0.1)
     assert (director.event.sampler, director.event.compare) == ("frameless", "")
+
+
+def test_in_lock_step_neither_another_sampler_nor_a_comparison_can_be_chosen() -> None:
+    more = "sampling: {method: framed}\ngraph: {sync: {mode: frame}}\n"
+    plan = make_plan(make_layout(loads(TEXT + more, path=Path("wall.yaml"))))
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause"), command(kind="sampler", value="frameless")], 0.0)
+    director.update([command(kind="compare", value="hilbert")], 0.1)
+    assert (director.event.sampler, director.event.compare) == ("framed", "")
+    assert samplers_of(plan) == ("framed",)
 
 
 def test_a_survey_is_told_without_starting_anything_over(plan: Plan) -> None:
