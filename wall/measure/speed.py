@@ -44,7 +44,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
     (("compositor_tree",), lambda rounds, seconds: compositor_tree.measure(rounds)),
     (("depth_tree",), lambda rounds, seconds: depth_tree.depth_tree(rounds)),
-    (("depth_copy",), lambda rounds, seconds: compositing.depth_copy(rounds)),
+    (("depth_copy", "depth_covered"), lambda rounds, seconds: compositing.depth_copy(rounds)),
     (("unchanged_input",), lambda rounds, seconds: compositing.unchanged_input(rounds)),
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
     (("input_latency",), lambda rounds, seconds: runs.input_latency(seconds)),
@@ -54,8 +54,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
 )
 METRICS = (
     "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
-    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end", "depth_copy",
-    "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
+    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end",
+    "depth_copy", "depth_covered", "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
 )  # fmt: skip
 

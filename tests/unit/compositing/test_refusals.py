@@ -241,7 +241,7 @@ CHANNELS = {
         ),
         "12:35: graph.nodes[5].inputs[0] = 't': is turned, scaled or bent, and without lock step depths are compared "
         "along the rays of one panel; accepted: a node of one panel, as it is seen, or sync: frame",
-    ),  # fmt: skip
+    ),
 }
 ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
 
