@@ -14,6 +14,9 @@ from wall.processes.edges import NEVER, Number, RemoteFramelet
 from wall.processes.panel import PanelCompositor
 
 
+PATIENCE = 3  # frames in a row that an input may miss; then nobody waits for it until it brings one in time
+
+
 class Lockstep:
     """Of one place: which frame is done."""
 
@@ -25,6 +28,7 @@ class Lockstep:
         self.done: Number = NEVER
         self._told: Number = NEVER
         self.again = False  # whether the last that was made had been done before, without late parts
+        self._misses: dict[str, int] = {}  # frames in a row that each late input has missed
         self._missing: tuple[str, ...] = ()  # of the frame that is done: what was late
 
     def take(
@@ -44,8 +48,10 @@ class Lockstep:
             return () if came else None
         if self._began is None or self._began[0] != event.number:
             self._began = (event.number, now)
-        if late and now - self._began[1] < self.timeout_s:
+        waited_for = [name for name in late if self._misses.get(name, 0) < PATIENCE]
+        if waited_for and now - self._began[1] < self.timeout_s:
             return None
+        self._misses = {name: self._misses.get(name, 0) + 1 for name in late}
         self.again, self.done, self._missing = False, event.number, tuple(late)
         return self._missing
 

@@ -15,7 +15,7 @@ from wall.packets.control import serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
 from wall.processes.compositor import Compositor
-from wall.processes.lockstep import depth_of
+from wall.processes.lockstep import PATIENCE, depth_of
 from wall.processes.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.transport.loopback import LoopbackHub
 
@@ -127,6 +127,29 @@ def test_parts_of_the_next_frame_are_not_shown_with_this_one(plan: Plan, head: C
     head.insert(frame_of(second, 0.0))
     head.refresh(second, 0.2)
     assert left_and_right(head) == (0, 99)
+
+
+def test_nobody_waits_any_longer_for_who_misses_frame_after_frame_until_it_is_back(
+    plan: Plan, head: Compositor
+) -> None:
+    event, now = first_event(plan, 0.0), 0.0
+    for number in range(PATIENCE):  # compositor 1 is gone
+        event = replace(event, camera_event=number + 1)
+        head.insert(frame_of(event, 0.5))
+        assert head.refresh(event, now) == {}, "it is waited for"
+        now += 2 * TIMEOUT_S
+        assert head.refresh(event, now)
+        now += 0.01
+    event = replace(event, camera_event=PATIENCE + 1)
+    head.insert(frame_of(event, 0.5))
+    assert head.refresh(event, now), "not any more"
+    event = replace(event, camera_event=PATIENCE + 2)
+    head.insert(frame_of(event, 0.5))
+    head.insert(other_panel(head, event, 200))
+    assert head.refresh(event, now)
+    event = replace(event, camera_event=PATIENCE + 3)
+    head.insert(frame_of(event, 0.5))
+    assert head.refresh(event, now) == {}, "it is back, and waited for again"
 
 
 def test_at_the_end_of_a_run_what_is_there_is_shown(plan: Plan, head: Compositor) -> None:
