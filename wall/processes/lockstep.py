@@ -13,7 +13,6 @@ from wall.data import Event
 from wall.processes.edges import NEVER, Number, RemoteFramelet
 from wall.processes.panel import PanelCompositor
 
-
 PATIENCE = 3  # frames in a row that an input may miss; then nobody waits for it until it brings one in time
 
 

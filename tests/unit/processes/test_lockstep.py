@@ -137,7 +137,7 @@ def test_nobody_waits_any_longer_for_who_misses_frame_after_frame_until_it_is_ba
         event = replace(event, camera_event=number + 1)
         head.insert(frame_of(event, 0.5))
         assert head.refresh(event, now) == {}, "it is waited for"
-        now += 2 * TIMEOUT_S
+        now += 3 * TIMEOUT_S
         assert head.refresh(event, now)
         now += 0.01
     event = replace(event, camera_event=PATIENCE + 1)
