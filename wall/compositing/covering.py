@@ -24,20 +24,7 @@ def panel_rect(panel: Panel) -> Rect:
 
 def less(cover: Sequence[Rect], taken: Rect) -> Cover:
     """What of a cover is left without a rectangle."""
-    left: list[Rect] = []
-    for rect in cover:
-        common = rect.meet(taken)
-        if common is None:
-            left.append(rect)
-            continue
-        parts = (
-            (rect.x, rect.y, rect.width, common.y - rect.y),
-            (rect.x, common.bottom, rect.width, rect.bottom - common.bottom),
-            (rect.x, common.y, common.x - rect.x, common.height),
-            (common.right, common.y, rect.right - common.right, common.height),
-        )
-        left += [Rect(x=x, y=y, width=w, height=h) for x, y, w, h in parts if w > 0 and h > 0]
-    return tuple(left)
+    return tuple(part for rect in cover for part in rect.without(taken))
 
 
 class Rects:
@@ -129,8 +116,8 @@ class Covering:
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
         """What of the output comes of input k."""
         inputs = [self.rect[name] for name in node.sources]
-        parts = [node.touched(part, inputs, k).meet(rect) for part in self.cover[node.sources[k]]]
-        return tuple(part for part in parts if part is not None)
+        covered = [part for held in self.cover[node.sources[k]] for part in node.covers(held, inputs, k)]
+        return tuple(met for part in covered if (met := part.meet(rect)) is not None)
 
     def _once(self, node: Operator, covers: Sequence[Cover]) -> None:
         """Framelets side by side must not meet, but where panels of the wall share light themselves."""

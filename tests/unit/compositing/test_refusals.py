@@ -186,6 +186,14 @@ PIXELS = {
         ),
         "13:45: graph.nodes[6].input = 'w': nobody covers pixels 2x6+6+0 of panel r0c0; accepted: whole panels",
     ),
+    "pixels that a mask takes away": (
+        nodes(*WHOLE[:5], "id: m, op: mask, input: w, area: [2, 0, 14, 6]", PNG + "m"),
+        "13:45: graph.nodes[6].input = 'm': nobody covers pixels 2x6+0+0 of panel r0c0; accepted: whole panels",
+    ),
+    "pixels that an inverted mask takes away": (
+        nodes(*WHOLE[:5], "id: m, op: mask, input: w, area: [8, 2, 4, 4], invert: true", PNG + "m"),
+        "13:45: graph.nodes[6].input = 'm': nobody covers pixels 4x4+8+2 of panel r0c1; accepted: whole panels",
+    ),
 }
 CHANNELS = {
     "over without alpha": (
@@ -238,6 +246,15 @@ ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
 def test_what_is_wrong_with_a_graph_is_said_at_its_place(what: str) -> None:
     graph, expected = ALL[what]
     assert any(line.startswith("a.yaml:") and line.endswith(expected) for line in refusals(graph)), refusals(graph)
+
+
+def test_what_a_mask_takes_away_others_may_bring() -> None:
+    masks = (
+        "id: m, op: mask, input: p0, area: [3, 0, 5, 6]",
+        "id: n, op: mask, input: a, area: [3, 0, 5, 6], invert: true",
+    )
+    lines = (*PANEL0, *CLEAR0, *PANEL1, *masks, "id: w, op: tile, inputs: [m, n, p1]", PNG + "w")
+    assert built(nodes(*lines)).step("png").panels == (0, 1)
 
 
 @pytest.mark.parametrize("order", [(-3, 7), (1, 0)])
