@@ -72,7 +72,7 @@ class Covering:
         self._index = {panel.id: panel.index for panel in wall.panels}
         self.rect: dict[str, Rect] = {}
         self.cover: dict[str, Cover] = {}
-        self.panels: dict[str, frozenset[int]] = {}  # whose pixels, or what was made of them
+        self._lies: dict[str, dict[int, Rect]] = {}  # by panel: around its pixels, or what was made of them
         rects = list(self._panels.values())
         known = Rects(rects)
         self._twice = [both for i, a in enumerate(rects) for j in known.meeting(a, i) if (both := a.meet(rects[j]))]
@@ -80,21 +80,32 @@ class Covering:
 
     def find(self, order: Sequence[NodeConfig]) -> None:
         for node in order:
-            self.panels[node.id] = self._panels_of(node)
             if isinstance(node, SamplesNode | SkyNode):
-                self._set(node, self._panels[node.panel], (self._panels[node.panel],))
+                rect = self._panels[node.panel]
+                self._set(node, rect, (rect,), {self._index[node.panel]: rect})
             elif isinstance(node, ReconstructNode | SinkNode):
-                self._set(node, self.rect[node.sources[0]], self.cover[node.sources[0]])
+                (name,) = node.sources
+                self._set(node, self.rect[name], self.cover[name], self._lies[name])
             elif isinstance(node, Operator):
                 self._operator(node)
 
-    def _panels_of(self, node: NodeConfig) -> frozenset[int]:
-        if isinstance(node, SamplesNode | SkyNode):
-            return frozenset({self._index[node.panel]})
-        return frozenset().union(*(self.panels[name] for name in node.sources))
+    @property
+    def panels(self) -> dict[str, frozenset[int]]:
+        """By node: whose pixels it holds, or what was made of them."""
+        return {name: frozenset(lies) for name, lies in self._lies.items()}
 
-    def _set(self, node: NodeConfig, rect: Rect, cover: Cover) -> None:
-        self.rect[node.id], self.cover[node.id] = rect, cover
+    def _panels_in(self, node: Operator, rect: Rect) -> dict[int, Rect]:
+        """The panels that a node holds something of, and where: the box around it."""
+        inputs, found = [self.rect[name] for name in node.sources], dict[int, Rect]()
+        for k, name in enumerate(node.sources):
+            for panel, held in self._lies[name].items():
+                there = node.touched(held, inputs, k).meet(rect)
+                if there is not None:
+                    found[panel] = there.join(found.get(panel, there))
+        return found
+
+    def _set(self, node: NodeConfig, rect: Rect, cover: Cover, lies: dict[int, Rect]) -> None:
+        self.rect[node.id], self.cover[node.id], self._lies[node.id] = rect, cover, lies
 
     def _operator(self, node: Operator) -> None:
         inputs = [self.rect[name] for name in node.sources]
@@ -111,7 +122,7 @@ class Covering:
         elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).holds(rect):
             came = f"{said(rect)} reaches outside the wall of {self._wall.width}x{self._wall.height} pixels"
             self._refusals.add(node, _area_path(node), came, "a rectangle inside the wall")
-        self._set(node, rect, union(covers))
+        self._set(node, rect, union(covers), self._panels_in(node, rect))
 
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
         """What of the output comes of input k."""

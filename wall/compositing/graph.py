@@ -159,6 +159,7 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     graph = _planned(config, wall, refusals)
     _sync_fits(loaded, config, refusals)
     _compares_panels(graph, refusals)
+    _compares_moments(graph, refusals)
     _waits_one_way(graph, refusals)
     _windows_show_panels(graph, refusals)
     refusals.raise_any()
@@ -219,6 +220,21 @@ def _compares_panels(graph: Graph, refusals: Refusals) -> None:
                 if len(held) > 1:
                     came = f"holds {len(held)} panels, and without lock step depths are compared panel by panel"
                     refusals.add(step.node, input_path(step.node, k), came, "a node of one panel, or sync: frame")
+
+
+def _compares_moments(graph: Graph, refusals: Refusals) -> None:
+    """A panel that is cut out of several has the moment of all only if they were joined where they were made."""
+    panels: list[frozenset[int]] = []  # that a step was made of, before anything was cut
+    places: list[frozenset[int]] = []
+    for step in graph.steps:
+        panels.append(frozenset(step.panels).union(*(panels[k] for k in step.inputs)))
+        places.append(frozenset({step.place}).union(*(places[k] for k in step.inputs)))
+        if graph.sync != "none" or not isinstance(step.node, Operator) or not step.node.COMMON_TIME:
+            continue
+        for k, source in enumerate(step.inputs):
+            if len(graph.steps[source].panels) == 1 < min(len(panels[source]), len(places[source])):
+                came = "is cut out of panels of several compositors, which show different moments"
+                refusals.add(step.node, input_path(step.node, k), came, "the panel's own node, or sync: frame")
 
 
 def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:

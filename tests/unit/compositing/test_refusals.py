@@ -239,6 +239,12 @@ CHANNELS = {
         "panel; accepted: a node of one panel, or sync: frame",
     ),
 }
+CUT = (*WHOLE[:5], "id: c, op: crop, input: w, panel: r0c0", "id: d, op: depth, inputs: [c, p0]")
+CHANNELS["depths of a panel cut out of two compositors' panels"] = (
+    nodes(*CUT, "id: v, op: tile, inputs: [d, p1]", PNG + "v", head=TWO),
+    "14:35: graph.nodes[6].inputs[0] = 'c': is cut out of panels of several compositors, which show different moments; "
+    "accepted: the panel's own node, or sync: frame",
+)
 ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
 
 
@@ -255,6 +261,21 @@ def test_what_a_mask_takes_away_others_may_bring() -> None:
     )
     lines = (*PANEL0, *CLEAR0, *PANEL1, *masks, "id: w, op: tile, inputs: [m, n, p1]", PNG + "w")
     assert built(nodes(*lines)).step("png").panels == (0, 1)
+
+
+def test_a_panel_that_is_cut_out_of_several_is_one_panel() -> None:
+    graph = built(nodes(*CUT, "id: v, op: tile, inputs: [d, p1]", PNG + "v"))
+    assert [graph.step(name).panels for name in "wcd"] == [(0, 1), (0,), (0,)]
+
+    half = ("id: c, op: crop, input: w, panel: r0c1, on: panel", "id: png, op: sink, kind: png, input: c")
+    graph = built(nodes(*WHOLE[:5], "id: all, op: sink, kind: png, input: w", *half, head=TWO))
+    assert graph.step("c").place == 1
+
+
+def test_a_panel_is_found_where_turning_a_picture_took_it() -> None:
+    turned = ("id: f, op: flip, input: w, axis: horizontal", "id: c, op: crop, input: f, area: [0, 0, 8, 6]")
+    graph = built(nodes(*WHOLE, *turned, "id: two, op: sink, kind: png, input: c"))
+    assert graph.step("c").panels == (1,)
 
 
 @pytest.mark.parametrize("order", [(-3, 7), (1, 0)])
