@@ -13,6 +13,7 @@ from wall.data import Rect
 from wall.geometry.panels import Panel, Wall
 from wall.operators.base import Operator
 
+MOST_PIXELS = 1 << 28  # of a node, unless the wall has more: 3 GB of linear light, 1 GB a further channel
 Cover = tuple[Rect, ...]  # that do not meet each other
 
 
@@ -113,6 +114,7 @@ class Covering:
         covers = [self._through(node, k, rect) for k in range(len(inputs))]
         if not inputs:
             covers = [(rect,)]
+        self._is_small_enough(node, inputs, rect)
         op = getattr(node, "op", "")
         if op == "tile":
             self._once(node, covers)
@@ -123,6 +125,12 @@ class Covering:
             came = f"{said(rect)} reaches outside the wall of {self._wall.width}x{self._wall.height} pixels"
             self._refusals.add(node, _area_path(node), came, "a rectangle inside the wall")
         self._set(node, rect, union(covers), self._panels_in(node, rect))
+
+    def _is_small_enough(self, node: Operator, inputs: Sequence[Rect], rect: Rect) -> None:
+        most = max(MOST_PIXELS, self._wall.width * self._wall.height)
+        if rect.area > most >= max((given.area for given in inputs), default=0):  # the first node of a chain is told
+            came = f"{said(rect)} is {rect.area:,} pixels"
+            self._refusals.add(node, _area_path(node), came, f"at most {most:,} pixels")
 
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
         """What of the output comes of input k."""
@@ -172,9 +180,9 @@ class Covering:
 
 
 def _area_path(node: NodeConfig) -> list[str | int]:
-    """Where in a node its rectangle stands, as it was written."""
+    """Where in a node its rectangle, or what makes it, stands, as it was written."""
     written = node.model_fields_set
-    return next(([name] for name in ("panel", "area") if name in written), [])
+    return next(([name] for name in ("panel", "area", "size", "factor") if name in written), [])
 
 
 def panels_shown(wall: Wall, cover: Cover) -> tuple[Panel, ...]:

@@ -167,6 +167,16 @@ PIXELS = {
         "13:35: graph.nodes[6].area = [4, 0, 18, 6]: 18x6+4+0 reaches outside the wall of 16x6 pixels; "
         "accepted: a rectangle inside the wall",
     ),
+    "more pixels than fit in memory": (
+        nodes(
+            *WHOLE,
+            "id: h, op: scale, input: w, filter: box, size: [1048576, 1048576]",
+            "id: m, op: flip, input: h, axis: vertical",
+            "id: two, op: sink, kind: png, input: m",
+        ),
+        "13:55: graph.nodes[6].size = [1048576, 1048576]: 1048576x1048576+0+0 is 1,099,511,627,776 pixels; "
+        "accepted: at most 268,435,456 pixels",
+    ),
     "pixels that come twice": (
         nodes(*CLEAR0, *PANEL0, *PANEL1, "id: w, op: tile, inputs: [p0, a, p1]", PNG + "w"),
         "13:38: graph.nodes[6].inputs[1] = 'a': pixels 8x6+0+0 come from p0 already; "
