@@ -162,6 +162,7 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     _compares_moments(graph, refusals)
     _waits_one_way(graph, refusals)
     _windows_show_panels(graph, refusals)
+    _windows_are_apart(graph, config, wall, refusals)
     refusals.raise_any()
     if not graph.has_sink("window"):
         return graph
@@ -209,6 +210,21 @@ def _windows_show_panels(graph: Graph, refusals: Refusals) -> None:
         if isinstance(step.node, SinkNode) and step.node.kind == "window" and not step.panels:
             came = f"{step.node.input} holds no whole panel, and windows show panels"
             refusals.add(step.node, ["input"], came, "a node that holds the pixels of one panel or more")
+
+
+def _windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
+    """Two windows of one panel at one place would take turns in showing their pictures."""
+    steps = {step.node.id: step for step in graph.steps}
+    first: dict[tuple[int, int], str] = {}  # by place and panel
+    for node in config.nodes:
+        if not isinstance(node, SinkNode) or node.kind != "window":
+            continue
+        step = steps[node.id]
+        twice = [k for k in step.panels if first.setdefault((step.place, k), node.id) != node.id]
+        if twice:
+            other, panel = first[step.place, twice[0]], wall.panels[twice[0]].id
+            came = f"panel {panel} has a window there already, that of {other}"
+            refusals.add(node, ["input"], came, f"panels without a window at the same place, or no {other}")
 
 
 def _compares_panels(graph: Graph, refusals: Refusals) -> None:
