@@ -86,6 +86,19 @@ class Rect:
         right, bottom = max(self.right, other.right), max(self.bottom, other.bottom)
         return Rect(x=x, y=y, width=right - x, height=bottom - y)
 
+    def without(self, taken: Rect) -> tuple[Rect, ...]:
+        """What is left of it, in at most four rectangles that do not meet."""
+        common = self.meet(taken)
+        if common is None:
+            return (self,)
+        parts = (
+            (self.x, self.y, self.width, common.y - self.y),
+            (self.x, common.bottom, self.width, self.bottom - common.bottom),
+            (self.x, common.y, common.x - self.x, common.height),
+            (common.right, common.y, self.right - common.right, common.height),
+        )
+        return tuple(Rect(x=x, y=y, width=w, height=h) for x, y, w, h in parts if w > 0 and h > 0)
+
     def inside(self, other: Rect) -> tuple[slice, slice]:
         """Rows and columns of an array that covers `other` which this part of it takes."""
         y, x = self.y - other.y, self.x - other.x

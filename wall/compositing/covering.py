@@ -13,6 +13,7 @@ from wall.data import Rect
 from wall.geometry.panels import Panel, Wall
 from wall.operators.base import Operator
 
+MOST_PIXELS = 1 << 28  # of a node, unless the wall has more: 3 GB of linear light, 1 GB a further channel
 Cover = tuple[Rect, ...]  # that do not meet each other
 
 
@@ -24,20 +25,7 @@ def panel_rect(panel: Panel) -> Rect:
 
 def less(cover: Sequence[Rect], taken: Rect) -> Cover:
     """What of a cover is left without a rectangle."""
-    left: list[Rect] = []
-    for rect in cover:
-        common = rect.meet(taken)
-        if common is None:
-            left.append(rect)
-            continue
-        parts = (
-            (rect.x, rect.y, rect.width, common.y - rect.y),
-            (rect.x, common.bottom, rect.width, rect.bottom - common.bottom),
-            (rect.x, common.y, common.x - rect.x, common.height),
-            (common.right, common.y, rect.right - common.right, common.height),
-        )
-        left += [Rect(x=x, y=y, width=w, height=h) for x, y, w, h in parts if w > 0 and h > 0]
-    return tuple(left)
+    return tuple(part for rect in cover for part in rect.without(taken))
 
 
 class Rects:
@@ -85,7 +73,7 @@ class Covering:
         self._index = {panel.id: panel.index for panel in wall.panels}
         self.rect: dict[str, Rect] = {}
         self.cover: dict[str, Cover] = {}
-        self.panels: dict[str, frozenset[int]] = {}  # whose pixels, or what was made of them
+        self._lies: dict[str, dict[int, Rect]] = {}  # by panel: around its pixels, or what was made of them
         rects = list(self._panels.values())
         known = Rects(rects)
         self._twice = [both for i, a in enumerate(rects) for j in known.meeting(a, i) if (both := a.meet(rects[j]))]
@@ -93,21 +81,32 @@ class Covering:
 
     def find(self, order: Sequence[NodeConfig]) -> None:
         for node in order:
-            self.panels[node.id] = self._panels_of(node)
             if isinstance(node, SamplesNode | SkyNode):
-                self._set(node, self._panels[node.panel], (self._panels[node.panel],))
+                rect = self._panels[node.panel]
+                self._set(node, rect, (rect,), {self._index[node.panel]: rect})
             elif isinstance(node, ReconstructNode | SinkNode):
-                self._set(node, self.rect[node.sources[0]], self.cover[node.sources[0]])
+                (name,) = node.sources
+                self._set(node, self.rect[name], self.cover[name], self._lies[name])
             elif isinstance(node, Operator):
                 self._operator(node)
 
-    def _panels_of(self, node: NodeConfig) -> frozenset[int]:
-        if isinstance(node, SamplesNode | SkyNode):
-            return frozenset({self._index[node.panel]})
-        return frozenset().union(*(self.panels[name] for name in node.sources))
+    @property
+    def panels(self) -> dict[str, frozenset[int]]:
+        """By node: whose pixels it holds, or what was made of them."""
+        return {name: frozenset(lies) for name, lies in self._lies.items()}
 
-    def _set(self, node: NodeConfig, rect: Rect, cover: Cover) -> None:
-        self.rect[node.id], self.cover[node.id] = rect, cover
+    def _panels_in(self, node: Operator, rect: Rect) -> dict[int, Rect]:
+        """The panels that a node holds something of, and where: the box around it."""
+        inputs, found = [self.rect[name] for name in node.sources], dict[int, Rect]()
+        for k, name in enumerate(node.sources):
+            for panel, held in self._lies[name].items():
+                there = node.touched(held, inputs, k).meet(rect)
+                if there is not None:
+                    found[panel] = there.join(found.get(panel, there))
+        return found
+
+    def _set(self, node: NodeConfig, rect: Rect, cover: Cover, lies: dict[int, Rect]) -> None:
+        self.rect[node.id], self.cover[node.id], self._lies[node.id] = rect, cover, lies
 
     def _operator(self, node: Operator) -> None:
         inputs = [self.rect[name] for name in node.sources]
@@ -115,6 +114,7 @@ class Covering:
         covers = [self._through(node, k, rect) for k in range(len(inputs))]
         if not inputs:
             covers = [(rect,)]
+        self._is_small_enough(node, inputs, rect)
         op = getattr(node, "op", "")
         if op == "tile":
             self._once(node, covers)
@@ -124,13 +124,19 @@ class Covering:
         elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).holds(rect):
             came = f"{said(rect)} reaches outside the wall of {self._wall.width}x{self._wall.height} pixels"
             self._refusals.add(node, _area_path(node), came, "a rectangle inside the wall")
-        self._set(node, rect, union(covers))
+        self._set(node, rect, union(covers), self._panels_in(node, rect))
+
+    def _is_small_enough(self, node: Operator, inputs: Sequence[Rect], rect: Rect) -> None:
+        most = max(MOST_PIXELS, self._wall.width * self._wall.height)
+        if rect.area > most >= max((given.area for given in inputs), default=0):  # the first node of a chain is told
+            came = f"{said(rect)} is {rect.area:,} pixels"
+            self._refusals.add(node, _area_path(node), came, f"at most {most:,} pixels")
 
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
         """What of the output comes of input k."""
         inputs = [self.rect[name] for name in node.sources]
-        parts = [node.touched(part, inputs, k).meet(rect) for part in self.cover[node.sources[k]]]
-        return tuple(part for part in parts if part is not None)
+        covered = [part for held in self.cover[node.sources[k]] for part in node.covers(held, inputs, k)]
+        return tuple(met for part in covered if (met := part.meet(rect)) is not None)
 
     def _once(self, node: Operator, covers: Sequence[Cover]) -> None:
         """Framelets side by side must not meet, but where panels of the wall share light themselves."""
@@ -174,9 +180,9 @@ class Covering:
 
 
 def _area_path(node: NodeConfig) -> list[str | int]:
-    """Where in a node its rectangle stands, as it was written."""
+    """Where in a node its rectangle, or what makes it, stands, as it was written."""
     written = node.model_fields_set
-    return next(([name] for name in ("panel", "area") if name in written), [])
+    return next(([name] for name in ("panel", "area", "size", "factor") if name in written), [])
 
 
 def panels_shown(wall: Wall, cover: Cover) -> tuple[Panel, ...]:

@@ -162,8 +162,10 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     graph = _planned(config, wall, refusals)
     _sync_fits(loaded, config, refusals)
     _compares_panels(graph, refusals)
+    _compares_moments(graph, refusals)
     _waits_one_way(graph, refusals)
     _windows_show_panels(graph, refusals)
+    _windows_are_apart(graph, config, wall, refusals)
     refusals.raise_any()
     if not graph.has_sink("window"):
         return graph
@@ -213,6 +215,21 @@ def _windows_show_panels(graph: Graph, refusals: Refusals) -> None:
             refusals.add(step.node, ["input"], came, "a node that holds the pixels of one panel or more")
 
 
+def _windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
+    """Two windows of one panel at one place would take turns in showing their pictures."""
+    steps = {step.node.id: step for step in graph.steps}
+    first: dict[tuple[int, int], str] = {}  # by place and panel
+    for node in config.nodes:
+        if not isinstance(node, SinkNode) or node.kind != "window":
+            continue
+        step = steps[node.id]
+        twice = [k for k in step.panels if first.setdefault((step.place, k), node.id) != node.id]
+        if twice:
+            other, panel = first[step.place, twice[0]], wall.panels[twice[0]].id
+            came = f"panel {panel} has a window there already, that of {other}"
+            refusals.add(node, ["input"], came, f"panels without a window at the same place, or no {other}")
+
+
 def _compares_panels(graph: Graph, refusals: Refusals) -> None:
     """Depths of different moments can be brought to one moment panel by panel only."""
     followed = graph.panels_followed()
@@ -225,6 +242,21 @@ def _compares_panels(graph: Graph, refusals: Refusals) -> None:
                     came = f"{what}, and without lock step depths are compared along the rays of one panel"
                     accepted = "a node of one panel, as it is seen, or sync: frame"
                     refusals.add(step.node, input_path(step.node, k), came, accepted)
+
+
+def _compares_moments(graph: Graph, refusals: Refusals) -> None:
+    """A panel that is cut out of several has the moment of all only if they were joined where they were made."""
+    panels: list[frozenset[int]] = []  # that a step was made of, before anything was cut
+    places: list[frozenset[int]] = []
+    for step in graph.steps:
+        panels.append(frozenset(step.panels).union(*(panels[k] for k in step.inputs)))
+        places.append(frozenset({step.place}).union(*(places[k] for k in step.inputs)))
+        if graph.sync != "none" or not isinstance(step.node, Operator) or not step.node.COMMON_TIME:
+            continue
+        for k, source in enumerate(step.inputs):
+            if len(graph.steps[source].panels) == 1 < min(len(panels[source]), len(places[source])):
+                came = "is cut out of panels of several compositors, which show different moments"
+                refusals.add(step.node, input_path(step.node, k), came, "the panel's own node, or sync: frame")
 
 
 def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:

@@ -79,6 +79,10 @@ class Operator(Node):
         """What of the output changes with `rect` of input k."""
         return rect
 
+    def covers(self, rect: Rect, inputs: Sequence[Rect], k: int) -> tuple[Rect, ...]:
+        """Where the output shows something if input k does so in `rect`: less than `touched` if it takes some away."""
+        return (self.touched(rect, inputs, k),)
+
     def prepare(self, folder: Path) -> Any:
         """Read what it needs, once; relative paths start at `folder`. Raises ConfigError."""
         return None

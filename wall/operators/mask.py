@@ -40,6 +40,14 @@ class Mask(Operator):
         """With alpha, for what it takes away becomes transparent."""
         return inputs[0] | {"alpha"}
 
+    def covers(self, rect: Rect, inputs: Sequence[Rect], k: int) -> tuple[Rect, ...]:
+        """What the area leaves; of a file nobody knows it before it is read."""
+        if self.area is None:
+            return (rect,)
+        area = _rect(self.area)
+        kept = rect.meet(area)
+        return rect.without(area) if self.invert else () if kept is None else (kept,)
+
     def prepare(self, folder: Path) -> Float32 | None:
         """(h, w) float32, the file's mask."""
         if self.file is None:
@@ -63,11 +71,15 @@ class Mask(Operator):
             _keep(out, band, np.float32(1.0) - kept if self.invert else kept)
 
     def _rectangle(self, band: Rect) -> Float32:
-        x, y, width, height = self.area or (0, 0, 1, 1)
         kept = np.zeros((band.height, band.width), np.float32)
-        if met := Rect(x=x, y=y, width=width, height=height).meet(band):
+        if self.area is not None and (met := _rect(self.area).meet(band)):
             kept[met.inside(band)] = 1.0
         return kept
+
+
+def _rect(area: Area) -> Rect:
+    x, y, width, height = area
+    return Rect(x=x, y=y, width=width, height=height)
 
 
 def _keep(out: Framelet, band: Rect, share: Float32) -> None:

@@ -167,6 +167,16 @@ PIXELS = {
         "13:35: graph.nodes[6].area = [4, 0, 18, 6]: 18x6+4+0 reaches outside the wall of 16x6 pixels; "
         "accepted: a rectangle inside the wall",
     ),
+    "more pixels than fit in memory": (
+        nodes(
+            *WHOLE,
+            "id: h, op: scale, input: w, filter: box, size: [1048576, 1048576]",
+            "id: m, op: flip, input: h, axis: vertical",
+            "id: two, op: sink, kind: png, input: m",
+        ),
+        "13:55: graph.nodes[6].size = [1048576, 1048576]: 1048576x1048576+0+0 is 1,099,511,627,776 pixels; "
+        "accepted: at most 268,435,456 pixels",
+    ),
     "pixels that come twice": (
         nodes(*CLEAR0, *PANEL0, *PANEL1, "id: w, op: tile, inputs: [p0, a, p1]", PNG + "w"),
         "13:38: graph.nodes[6].inputs[1] = 'a': pixels 8x6+0+0 come from p0 already; "
@@ -185,6 +195,14 @@ PIXELS = {
             PNG + "w",
         ),
         "13:45: graph.nodes[6].input = 'w': nobody covers pixels 2x6+6+0 of panel r0c0; accepted: whole panels",
+    ),
+    "pixels that a mask takes away": (
+        nodes(*WHOLE[:5], "id: m, op: mask, input: w, area: [2, 0, 14, 6]", PNG + "m"),
+        "13:45: graph.nodes[6].input = 'm': nobody covers pixels 2x6+0+0 of panel r0c0; accepted: whole panels",
+    ),
+    "pixels that an inverted mask takes away": (
+        nodes(*WHOLE[:5], "id: m, op: mask, input: w, area: [8, 2, 4, 4], invert: true", PNG + "m"),
+        "13:45: graph.nodes[6].input = 'm': nobody covers pixels 4x4+8+2 of panel r0c1; accepted: whole panels",
     ),
 }
 CHANNELS = {
@@ -243,6 +261,12 @@ CHANNELS = {
         "along the rays of one panel; accepted: a node of one panel, as it is seen, or sync: frame",
     ),
 }
+CUT = (*WHOLE[:5], "id: c, op: crop, input: w, panel: r0c0", "id: d, op: depth, inputs: [c, p0]")
+CHANNELS["depths of a panel cut out of two compositors' panels"] = (
+    nodes(*CUT, "id: v, op: tile, inputs: [d, p1]", PNG + "v", head=TWO),
+    "14:35: graph.nodes[6].inputs[0] = 'c': is cut out of panels of several compositors, which show different moments; "
+    "accepted: the panel's own node, or sync: frame",
+)
 ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
 
 
@@ -250,6 +274,30 @@ ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
 def test_what_is_wrong_with_a_graph_is_said_at_its_place(what: str) -> None:
     graph, expected = ALL[what]
     assert any(line.startswith("a.yaml:") and line.endswith(expected) for line in refusals(graph)), refusals(graph)
+
+
+def test_what_a_mask_takes_away_others_may_bring() -> None:
+    masks = (
+        "id: m, op: mask, input: p0, area: [3, 0, 5, 6]",
+        "id: n, op: mask, input: a, area: [3, 0, 5, 6], invert: true",
+    )
+    lines = (*PANEL0, *CLEAR0, *PANEL1, *masks, "id: w, op: tile, inputs: [m, n, p1]", PNG + "w")
+    assert built(nodes(*lines)).step("png").panels == (0, 1)
+
+
+def test_a_panel_that_is_cut_out_of_several_is_one_panel() -> None:
+    graph = built(nodes(*CUT, "id: v, op: tile, inputs: [d, p1]", PNG + "v"))
+    assert [graph.step(name).panels for name in "wcd"] == [(0, 1), (0,), (0,)]
+
+    half = ("id: c, op: crop, input: w, panel: r0c1, on: panel", "id: png, op: sink, kind: png, input: c")
+    graph = built(nodes(*WHOLE[:5], "id: all, op: sink, kind: png, input: w", *half, head=TWO))
+    assert graph.step("c").place == 1
+
+
+def test_a_panel_is_found_where_turning_a_picture_took_it() -> None:
+    turned = ("id: f, op: flip, input: w, axis: horizontal", "id: c, op: crop, input: f, area: [0, 0, 8, 6]")
+    graph = built(nodes(*WHOLE, *turned, "id: two, op: sink, kind: png, input: c"))
+    assert graph.step("c").panels == (1,)
 
 
 @pytest.mark.parametrize("order", [(-3, 7), (1, 0)])
