@@ -16,6 +16,7 @@ from wall.errors import ConfigError
 from wall.processes.plan import make_layout
 
 LINES_SHOWN = 8
+MOST_BYTES = 4 * MOST_CHARACTERS  # of UTF-8, for each character
 
 
 def convert_file(path: Path, format_name: str | None = None) -> tuple[Format, Conversion, str]:
@@ -44,13 +45,20 @@ def convert_text(text: str, name: str, format_name: str | None = None) -> tuple[
 def read(path: Path) -> str:
     """The text of a file in UTF-8, UTF-16 with its mark, or Latin-1. Raises ConfigError."""
     try:
-        data = path.read_bytes() if not path.is_dir() else None
+        if (size := path.stat().st_size) > MOST_BYTES:
+            raise ConfigError(f"{path}: {size} bytes are too many; accepted: at most {MOST_BYTES}")
+        data = None
+        if not path.is_dir():
+            with path.open("rb") as file:
+                data = file.read(MOST_BYTES + 1)  # what is no file, such as a pipe, has no size before it is read
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     if data is None:
         raise ConfigError(f"{path}: this is a folder; accepted: {known()}")
+    if len(data) > MOST_BYTES:
+        raise ConfigError(f"{path}: more than {MOST_BYTES} bytes are too many; accepted: at most {MOST_BYTES}")
     try:
         if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return data.decode("utf-16")

@@ -40,6 +40,7 @@ FORMATS = {
         Format(name="equalizer", known_by="server { config { (.eqc)", module="wall.convert.equalizer"),
     )
 }
+_BLANK = re.compile(r"\s+|//[^\n]*\n|/\*.*?(?:\*/|\Z)", re.DOTALL)
 SUFFIXES = {".pvx": "paraview", ".eqc": "equalizer"}  # others are shared by many formats
 
 
@@ -70,7 +71,10 @@ def known() -> str:
 
 
 def _looks_like_json(text: str) -> bool:
-    return re.match(r"(?:\s|//[^\n]*\n|/\*.*?\*/)*[{\[]", text, re.DOTALL) is not None
+    at = 0
+    while found := _BLANK.match(text, at):  # one by one: comments in a repeated group take exponential time
+        at = found.end()
+    return text[at : at + 1] in ("{", "[")
 
 
 def _json(text: str, name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import lru_cache
 from typing import Any
 
 import json5
@@ -14,22 +15,64 @@ from wall.convert.report import NotThisFormat
 from wall.convert.source import Node, Scalar
 
 MAX_DEPTH = 32  # the deepest known file has 9 levels
-MAX_BRACKETS = 50_000  # a wall of 1,024 panels has 10,000
+MAX_TOKENS = 120_000  # blanks among them; the library reads 30,000 a second
+MAX_DIGITS = 400  # in a number; more may be many tokens
+
+_PIECE = re.compile(
+    r"""(?P<comment>//[^\n]*|/\*.*?\*/)
+    |"[^"\\]*(?:\\.[^"\\]*)*"|'[^'\\]*(?:\\.[^'\\]*)*'
+    |(?P<unclosed>/\*|["'])
+    |(?P<open>[\[{])|(?P<close>[\]}])
+    |(?P<number>\d[\w$\\]*)|[\w$\\]+|\s+|.""",
+    re.VERBOSE | re.DOTALL,
+)
+_NO_LINE_END = re.compile(r"[^\n]")
 
 
 def parse(text: str, name: str) -> Node:
     """The tree of one JSON5 document; JSON is JSON5. Raises NotThisFormat, whatever the text is."""
-    if text.count("[") + text.count("{") > MAX_BRACKETS:
-        raise NotThisFormat(f"{name}:1:1: more than {MAX_BRACKETS} lists and objects; accepted: a wall description")
+    text = without_comments(text, name)
     try:
-        document = json5.loads(text, loader=ModelLoader())
-        return _Tree(name).node(document.value, "", "", 0)
+        return _Tree(name).node(_document(text).value, "", "", 0)
     except NotThisFormat:
         raise
     except RecursionError:
         raise NotThisFormat(f"{name}:1:1: nested too deeply; accepted: at most {MAX_DEPTH} levels") from None
     except Exception as error:  # the library leaks errors of its scanner and of int() for malformed text
         raise NotThisFormat(f"{name}:{_place(text, error)}: not valid JSON5{_reason(error)}") from None
+
+
+@lru_cache(maxsize=1)  # a file is read once to tell its format, and once to convert it
+def _document(text: str) -> Any:
+    return json5.loads(text, loader=ModelLoader())
+
+
+def without_comments(text: str, name: str) -> str:
+    """The text with blanks for comments, so that all else stays where it is; in one pass, as long as the text.
+
+    The library's own way takes exponential time for a comment without an end. Raises NotThisFormat for one, or a
+    string, that is never closed, and for more levels, tokens or digits than a wall has.
+    """
+    parts, kept, depth = list[str](), 0, 0
+    for tokens, found in enumerate(_PIECE.finditer(text)):
+        kind = found.lastgroup
+        if kind == "comment":
+            parts += text[kept : found.start()], _NO_LINE_END.sub(" ", found[0])
+            kept = found.end()
+        elif kind in ("open", "close"):
+            depth += 1 if kind == "open" else -1
+        wrong = ""
+        if kind == "unclosed":
+            wrong = f"not valid JSON5 (this {'comment' if found[0] == '/*' else 'string'} is never closed)"
+        elif depth > MAX_DEPTH + 1:
+            wrong = f"nested too deeply; accepted: at most {MAX_DEPTH} levels"
+        elif tokens >= MAX_TOKENS:
+            wrong = f"more than {MAX_TOKENS} words, signs and blanks; accepted: a wall description"
+        elif kind == "number" and len(found[0]) > MAX_DIGITS:
+            wrong = f"a number of more than {MAX_DIGITS} characters; accepted: at most {MAX_DIGITS}"
+        if wrong:
+            raise NotThisFormat(f"{name}:{_line_column(text, found.start())}: {wrong}")
+    return "".join([*parts, text[kept:]])
 
 
 class _Tree:
@@ -86,11 +129,12 @@ def _place(text: str, error: Exception) -> str:
     if found := re.search(r"line (\d+),? column (\d+)", str(error)):
         return f"{found[1]}:{found[2]}"
     if found := re.search(r"at index (\d+)", str(error)):
-        before = text[: int(found[1])]
-        return f"{before.count(chr(10)) + 1}:{len(before) - (before.rfind(chr(10)) + 1) + 1}"
-    if "EOF" in str(error):
-        return f"{text.count(chr(10)) + 1}:{len(text) - (text.rfind(chr(10)) + 1) + 1}"
-    return "1:1"
+        return _line_column(text, int(found[1]))
+    return _line_column(text, len(text)) if "EOF" in str(error) else "1:1"
+
+
+def _line_column(text: str, index: int) -> str:
+    return f"{text.count(chr(10), 0, index) + 1}:{index - text.rfind(chr(10), 0, index)}"
 
 
 def _reason(error: Exception) -> str:

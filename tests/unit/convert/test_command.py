@@ -14,6 +14,7 @@ from wall import cli
 from wall.config.loading import loads
 from wall.convert.command import convert_text, read, table
 from wall.convert.formats import FORMATS, detect
+from wall.convert.report import NotThisFormat
 from wall.errors import ConfigError
 from wall.geometry.cameras import resolve_view
 from wall.processes.plan import make_layout
@@ -222,6 +223,24 @@ def test_files_that_are_missing_or_folders_are_refused(tmp_path: Path) -> None:
         read(tmp_path / "none.pvx")
     with pytest.raises(ConfigError, match="this is a folder"):
         read(tmp_path)
+
+
+def test_a_file_that_is_too_large_is_refused_without_being_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "w.pvx"
+    with path.open("wb") as file:
+        file.truncate(1 << 33)
+    monkeypatch.setattr(Path, "open", None)  # nothing may read it
+    monkeypatch.setattr(Path, "read_bytes", None)
+
+    with pytest.raises(ConfigError, match=r"w\.pvx: 8589934592 bytes are too many; accepted: at most 4194304"):
+        read(path)
+
+
+def test_the_format_of_many_comments_is_told_at_once() -> None:
+    with pytest.raises(NotThisFormat, match="not a wall that is known here"):
+        detect("/**/" * 100 + "x", "w.json")
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])

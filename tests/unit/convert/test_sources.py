@@ -104,9 +104,36 @@ def test_json_nested_too_deeply_is_refused() -> None:
         json_source.parse("[" * 40 + "]" * 40, "w.json")
 
 
-def test_more_brackets_than_any_wall_has_are_refused_before_they_are_read() -> None:
-    with pytest.raises(NotThisFormat, match="more than 50000 lists and objects"):
-        json_source.parse("[" * 60_000, "w.json")
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('{"a": 1, /* ' + "x: 1,\n" * 20 + "}", "w.json:1:10: not valid JSON5 (this comment is never closed)"),
+        ("{a: 1,\n b: 'x, /* */ }", "w.json:2:5: not valid JSON5 (this string is never closed)"),
+        ('{"a": "x\\"}', "w.json:1:7: not valid JSON5 (this string is never closed)"),
+        ("/*" * 500_000, "w.json:1:360001: more than 120000 words, signs and blanks"),
+        ("[" + "+ " * 300_000, "w.json:1:120001: more than 120000 words, signs and blanks"),
+        ("{a: 1" + "e1" * 500_000 + "}", "w.json:1:5: a number of more than 400 characters"),
+    ],
+)  # fmt: skip
+def test_json_that_would_take_the_library_minutes_or_years_is_refused_before_it(text: str, says: str) -> None:
+    with pytest.raises(NotThisFormat) as caught:
+        json_source.parse(text, "w.json")
+
+    assert says in str(caught.value)
+
+
+def test_comments_of_json_become_blanks_and_strings_stay_as_they_are() -> None:
+    text = "{a: '/* no */', // one\n b: \"it's // \\\" \", /* two\n lines */ c: 1}"
+
+    kept = json_source.without_comments(text, "w.json")
+
+    assert kept == "{a: '/* no */',       \n b: \"it's // \\\" \",       \n          c: 1}"
+    assert at(json_source.parse(text, "w.json").fields["c"]) == (3, 14)
+
+
+def test_more_lists_than_any_wall_has_are_refused_before_they_are_read() -> None:
+    with pytest.raises(NotThisFormat, match="more than 120000 words, signs and blanks"):
+        json_source.parse("[" + "[]," * 60_000 + "]", "w.json")
 
 
 def test_what_nobody_looked_at_is_listed_with_every_value_inside_it() -> None:
