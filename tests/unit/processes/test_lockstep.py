@@ -135,19 +135,23 @@ def test_nobody_waits_any_longer_for_who_misses_frame_after_frame_until_it_is_ba
     event, now = first_event(plan, 0.0), 0.0
     for number in range(PATIENCE):  # compositor 1 is gone
         event = replace(event, camera_event=number + 1)
+        head.follow(event)
         head.insert(frame_of(event, 0.5))
         assert head.refresh(event, now) == {}, "it is waited for"
         now += 3 * TIMEOUT_S
         assert head.refresh(event, now)
         now += 0.01
     event = replace(event, camera_event=PATIENCE + 1)
+    head.follow(event)
     head.insert(frame_of(event, 0.5))
     assert head.refresh(event, now), "not any more"
     event = replace(event, camera_event=PATIENCE + 2)
+    head.follow(event)
     head.insert(frame_of(event, 0.5))
     head.insert(other_panel(head, event, 200))
     assert head.refresh(event, now)
     event = replace(event, camera_event=PATIENCE + 3)
+    head.follow(event)
     head.insert(frame_of(event, 0.5))
     assert head.refresh(event, now) == {}, "it is back, and waited for again"
 
