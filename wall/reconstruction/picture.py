@@ -91,9 +91,9 @@ class Picture:
         self._tile_starts = np.zeros(rows * columns + 1, np.int64)
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
+        self.count = 0
         self._oldest_kept(0, np.float32(0.0))  # compiled now, not when first there are too many
         self._until_sorted = self._sorts = 0
-        self.count = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
         self.front = np.zeros((height, width, 2), np.float32)
         self._sharpness = np.ones((height, width), np.float32)
@@ -109,6 +109,7 @@ class Picture:
         self.base = np.zeros((height, width, 3), np.float32)
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)
         self.dirty: NDArray[np.bool_] = np.zeros((rows, columns), np.bool_)
+        self._lose_confidence(self.dirty, self.residual, np.float32(0.0))  # nor when first something is doubted
         self._levels = _pyramid(height, width)
         self._pose: Pose | None = None  # of the picture
         self._poses = Poses(panel, eye, scene, self.rect, objects=ingredients.objects, lamps=self._relights)
@@ -216,10 +217,7 @@ class Picture:
         height, width = self.front.shape[:2]
         stale, doubted = stale_share(self.probes) * np.float32(self._with.tile_doubt), self._doubted()
         if doubted.any():
-            since = np.float32(self._moved - self._epoch)
-            kernels.lose_confidence(
-                s.name, s.state, s.screen, self.count, doubted, self.doubt, self.doubt_about, stale, since
-            )
+            self._lose_confidence(doubted, stale, np.float32(self._moved - self._epoch))
         kernels.place_samples(
             s.place, s.name, self.count, table, moved, np.float32(width), np.float32(height), s.screen
         )
@@ -239,6 +237,12 @@ class Picture:
         self._sort()
         self._moved = now
         self._fill()
+
+    def _lose_confidence(self, doubted: NDArray[np.bool_], stale: Float32, since: np.float32) -> None:
+        s = self._store
+        kernels.lose_confidence(
+            s.name, s.state, s.screen, self.count, doubted, self.doubt, self.doubt_about, stale, since
+        )
 
     def _relight(self, pose: Pose, last: Pose | None) -> NDArray[np.uint8]:
         """Bring stored samples into the light of `pose`. Returns (n + 1,) uint8, whose light changed."""
