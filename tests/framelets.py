@@ -60,7 +60,7 @@ def applied(
     """The whole output at once."""
     out = output_of(operator, inputs, encoded=encoded)
     out.moment = moment
-    operator.apply(inputs, out, out.rect, operator.prepare(folder))
+    operator.apply(inputs, out, out.rect, operator.prepare(folder, [framelet.rect for framelet in inputs]))
     return out
 
 
@@ -69,7 +69,11 @@ def by_regions(
 ) -> Framelet:
     """The output region by region, cut at the given columns and rows; every pixel must be written."""
     out = output_of(operator, inputs, encoded=whole.encoded)
-    out.moment, prepared, area = whole.moment, operator.prepare(folder), out.rect
+    out.moment, prepared, area = (
+        whole.moment,
+        operator.prepare(folder, [framelet.rect for framelet in inputs]),
+        out.rect,
+    )
     xs, ys = (
         [start, *sorted({c for c in cut if start < c < end}), end]
         for start, end, cut in ((area.x, area.right, cuts[0]), (area.y, area.bottom, cuts[1]))

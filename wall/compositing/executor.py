@@ -45,7 +45,7 @@ class Executor:
         """
         self._graph, self._reproject = graph, reproject
         self._steps = [s for s in graph.steps if s.place == place and isinstance(s.node, Operator)]
-        self._prepared: dict[int, Any] = {s.index: s.node.prepare(folder) for s in self._steps}  # type: ignore[attr-defined]
+        self._prepared: dict[int, Any] = {s.index: self._prepare(s, folder) for s in self._steps}
         self.framelets: dict[int, Framelet] = dict(sources)
         self._light: dict[int, Framelet] = {}  # of nodes that compute with light, and give display bytes
         for s in self._steps:
@@ -71,6 +71,10 @@ class Executor:
                 self._apply(s, regions, event)
                 found[s.index] = regions
         return found
+
+    def _prepare(self, s: Step, folder: Path) -> Any:
+        assert isinstance(s.node, Operator)
+        return s.node.prepare(folder, [self._graph.steps[k].rect for k in s.inputs])
 
     def _regions(self, s: Step, found: Changes, event: Event | None) -> Regions:
         if s.index in self._fresh:

@@ -30,7 +30,7 @@ from wall.config.schema import (
     SamplesNode,
     SinkNode,
 )
-from wall.data import Channels, Rect
+from wall.data import CHANNELS, Channels, Rect
 from wall.geometry.panels import Wall
 from wall.geometry.regions import Source
 from wall.operators.base import Operator
@@ -116,6 +116,13 @@ class Graph:
             own = not isinstance(step.node, Operator) or step.node.KEEPS_RAYS
             kept.append(own and all(kept[k] for k in step.inputs))
         return tuple(s.panels[0] if kept[s.index] and len(s.panels) == 1 else None for s in self.steps)
+
+    def beyond_bytes(self, layer: Layer) -> tuple[str, ...]:
+        """What is needed of a layer beside display bytes, in words. A GPU makes layers of which nothing else is."""
+        step = self.step(layer.node)
+        light = () if step.encoded else ("linear light",)
+        clear = ("a transparent background",) if layer.transparent else ()
+        return (*light, *(name for name in CHANNELS if name in step.channels - {"colour"}), *clear)
 
     def layer_of(self, rank: int) -> Layer:
         """What a renderer renders; KeyError if it is none."""

@@ -83,8 +83,11 @@ class Operator(Node):
         """Where the output shows something if input k does so in `rect`: less than `touched` if it takes some away."""
         return (self.touched(rect, inputs, k),)
 
-    def prepare(self, folder: Path) -> Any:
-        """Read what it needs, once; relative paths start at `folder`. Raises ConfigError."""
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Any:
+        """Read what it needs, once, for inputs that lie at these rectangles; relative paths start at `folder`.
+
+        Raises ConfigError, at plan time, where a file is missing, wrong, or of another size than it must have.
+        """
         return None
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:

@@ -44,7 +44,7 @@ class Colour(Operator):
         given = inputs[0] | ({"alpha"} if self.opacity < 1.0 else set())
         return given if self._linear and not isinstance(self.gain, tuple) else given - {"variance"}
 
-    def prepare(self, folder: Path) -> Lut | None:
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Lut | None:
         return read(folder / self.lut) if self.lut is not None else None
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Lut | None) -> None:

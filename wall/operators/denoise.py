@@ -35,7 +35,7 @@ class Denoise(Operator):
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
         return inputs[0]
 
-    def prepare(self, folder: Path) -> Denoiser:
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Denoiser:
         """Raises ConfigError saying what to install if pyoidn is missing, too old, or cannot load its library."""
         try:
             from pyoidn import denoise

@@ -48,21 +48,20 @@ class Mask(Operator):
         kept = rect.meet(area)
         return rect.without(area) if self.invert else () if kept is None else (kept,)
 
-    def prepare(self, folder: Path) -> Float32 | None:
-        """(h, w) float32, the file's mask."""
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Float32 | None:
+        """(h, w) float32, the file's mask. Raises ConfigError when its size is not the input's."""
         if self.file is None:
             return None
         kept: Float32 = np.clip(files.read(folder / self.file).luminance(), np.float32(0.0), np.float32(1.0))
-        return kept
-
-    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Float32 | None) -> None:
-        """Raises ConfigError when the file's size is not the input's."""
-        source = inputs[0]
-        if prepared is not None and prepared.shape != (source.rect.height, source.rect.width):
-            came, wanted = prepared.shape[::-1], (source.rect.width, source.rect.height)
+        came, wanted = kept.shape[::-1], (inputs[0].width, inputs[0].height)
+        if came != wanted:
             raise ConfigError(
                 f"mask '{self.id}': {self.file} is {came[0]} x {came[1]} pixels, wanted {wanted[0]} x {wanted[1]}"
             )
+        return kept
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Float32 | None) -> None:
+        source = inputs[0]
         if source.alpha is None and out.alpha is not None:
             part(out, "alpha", region)[...] = 1.0
         copy(source, out, region, but=frozenset({"alpha"} if source.alpha is None else ()))

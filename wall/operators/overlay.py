@@ -59,7 +59,7 @@ class Overlay(Operator):
 
     MOVES: ClassVar[bool] = True  # it draws into linear and encoded colour alike
 
-    def prepare(self, folder: Path) -> Board:
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Board:
         return Board()
 
     def box(self, whole: Rect) -> Rect:

@@ -77,7 +77,7 @@ class Picture(Placed):
     def gives(self, inputs: Sequence[Channels]) -> Channels:
         return frozenset({"colour", "alpha"} | ({"depth"} if self.depth is not None else set()))
 
-    def prepare(self, folder: Path) -> files.Picture:
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> files.Picture:
         """Raises ConfigError: the file cannot be read, has another size than the area, or lacks Z."""
         picture, rect = files.read(folder / self.file), self.rect([])
         if picture.size != (rect.width, rect.height):

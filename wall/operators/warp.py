@@ -97,7 +97,7 @@ class Warp(Operator):
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
         return self._bent.touched(rect, inputs[0]) if self._bent is not None else inputs[0]
 
-    def prepare(self, folder: Path) -> Bent:
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Bent:
         return self._bent or Bent(read_mesh(folder / str(self.file)))
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Bent) -> None:

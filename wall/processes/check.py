@@ -19,6 +19,7 @@ from wall.scene.needs import describe, needs
 from wall.tracing.resident import make_resident
 
 PROBE_S = 0.3
+MOST_NAMES = 8  # of nodes in a line
 
 
 def check(loaded: Loaded) -> Iterator[str | Table]:
@@ -41,13 +42,27 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         yield f"note: {note}"
     yield f"launch: mpirun -n {layout.size} wall run {loaded.path}"
     yield _ranks(layout)
-    yield f"reconstruction: {choose(layout.config.reconstruction)}"
+    choice = choose(layout.config.reconstruction)
+    yield f"reconstruction: {choice}"
+    if choice.on == "gpu":
+        yield from on_the_cpu(layout)
     rate, size = probe(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
         f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
         f"{rate * size / 1e6:.0f} MB/s ({size:.1f} bytes a sample)"
     )
+
+
+def on_the_cpu(layout: Layout) -> Iterator[str]:
+    """Lines about layers that the CPU makes even where there is a GPU, and why."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for layer in layout.graph.layers:
+        if more := layout.graph.beyond_bytes(layer):
+            found.setdefault(more, []).append(layer.node)
+    for more, names in found.items():
+        which = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES))
+        yield f"reconstruction: cpu for {which}, of which the graph needs more than display bytes: {', '.join(more)}"
 
 
 def _ranks(layout: Layout) -> Table:

@@ -41,7 +41,7 @@ class PanelCompositor:
         self.layer, step = graph.layers[index], graph.step(graph.layers[index].node)
         self.panel = panel = plan.layout.wall.panels[self.layer.panel]
         self.framelet = blank_framelet(panel, step.channels, encoded=step.encoded, order=step.order)
-        self._plain = step.encoded and step.channels == {"colour"} and not self.layer.transparent
+        self._plain = not graph.beyond_bytes(self.layer)
         self._wish: Wish = (reconstruction or plan.layout.config.reconstruction) if self._plain else "cpu"
         self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
         self._plan, self._seen = plan, Standpoint(plan.view, panel)

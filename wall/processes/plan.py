@@ -107,10 +107,11 @@ def check_files(layout: Layout) -> None:
     """Read the files that nodes name. Raises ConfigError at the node that cannot have its own."""
     graph = layout.config.graph
     places = {node.id: k for k, node in enumerate(graph.nodes)} if isinstance(graph, NodeGraph) else {}
-    for node in layout.graph.nodes:
+    for step in layout.graph.steps:
+        node = step.node
         if isinstance(node, Operator):
             try:
-                node.prepare(layout.loaded.folder)
+                node.prepare(layout.loaded.folder, [layout.graph.steps[k].rect for k in step.inputs])
             except ConfigError as error:
                 path = ("graph", "nodes", places[node.id]) if node.id in places else ("graph",)
                 raise layout.loaded.error(path, str(error)) from error

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from wall.config.schema import METHODS
 from wall.data import Framelet, Rect, Region
+from wall.errors import ConfigError
 from wall.jit import cache_folder, compiled_kernels
 from wall.operators.base import Operator
 from wall.packets.samples import decode
@@ -108,7 +109,11 @@ def _operators(plan: Plan) -> None:
             if framelet.alpha is not None:
                 framelet.alpha[...] = 0.5  # covered in part: what `depth` does with that too
         out = Framelet.blank(rect, step.channels, encoded=step.encoded and not step.computes)
-        step.node.apply(given, out, rect, step.node.prepare(plan.layout.loaded.folder))
+        try:
+            prepared = step.node.prepare(plan.layout.loaded.folder, [rect for _ in inputs])
+        except ConfigError:  # a file that fits nothing but the whole; those that fit nothing were refused before
+            continue
+        step.node.apply(given, out, rect, prepared)
 
 
 @contextmanager

@@ -75,7 +75,7 @@ def test_a_second_window_of_a_panel_at_one_place_is_refused() -> None:
     again = "id: again, op: sink, kind: window, input: p1"
 
     assert refusals(nodes(*WHOLE[:5], WINDOW, again)) == [
-        "a.yaml:13:52: graph.nodes[6].input = 'p1': panel r0c1 has a window there already, that of out; "
+        "a.yaml:13:50: graph.nodes[6].input = 'p1': panel r0c1 has a window there already, that of out; "
         "accepted: panels without a window at the same place, or no out"
     ]
 

@@ -166,4 +166,4 @@ def test_a_wrong_table_is_refused_at_its_line(text: str, problem: str, tmp_path:
 
 def test_a_missing_table_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"none\.cube: cannot be read"):
-        made(Colour, input="a", lut="none.cube").prepare(tmp_path)
+        made(Colour, input="a", lut="none.cube").prepare(tmp_path, [])

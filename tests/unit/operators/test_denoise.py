@@ -31,7 +31,7 @@ def test_noise_becomes_less_and_the_picture_stays(random_numbers: np.random.Gene
 def test_without_the_package_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     with pytest.raises(ConfigError, match=r"denoise 'it'.*pip install 'pyoidn>=2\.5'"):
-        DENOISE.prepare(Path())
+        DENOISE.prepare(Path(), [])
 
 
 def test_a_failure_of_the_library_names_the_node() -> None:

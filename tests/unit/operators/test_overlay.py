@@ -32,7 +32,7 @@ def test_text_stands_in_its_corner_and_nothing_else_changes(
 ) -> None:
     source = random_framelet(random_numbers, rect(10, 20, 90, 60), encoded=encoded, channels=frozenset({"depth"}))
     operator = overlay(text="{fps}\nfps", at=at, size=12)
-    board = operator.prepare(Path())
+    board = operator.prepare(Path(), [])
     board.statistics = {"fps": 59.94}
     out, box = drawn(operator, source, board), operator.box(source.rect)
     assert source.rect.holds(box)

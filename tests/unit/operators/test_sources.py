@@ -12,7 +12,7 @@ from PIL import Image
 from pydantic import ValidationError
 
 from wall.colour import srgb_decoded
-from wall.data import BLANK, Float32, Framelet
+from wall.data import BLANK, Float32
 from wall.errors import ConfigError
 from wall.operators.mask import Mask
 from wall.operators.sources import Constant, Picture
@@ -85,7 +85,7 @@ def test_a_picture_that_does_not_fit_is_refused(name: str, problem: str, tmp_pat
     exr(tmp_path / "flat.exr", Y=grey)
     exr(tmp_path / "uv.exr", U=grey, V=grey)
     with pytest.raises(ConfigError) as caught:
-        made(Picture, area=(0, 0, 6, 4), file=name, depth="file").prepare(tmp_path)
+        made(Picture, area=(0, 0, 6, 4), file=name, depth="file").prepare(tmp_path, [])
     assert name in str(caught.value)
     assert problem in str(caught.value)
 
@@ -123,6 +123,5 @@ def test_a_mask_from_a_file_multiplies_by_its_luminance(tmp_path: Path, random_n
 
 def test_a_mask_of_another_size_is_refused(tmp_path: Path) -> None:
     Image.new("L", (3, 2)).save(tmp_path / "a.png")
-    source = Framelet.blank(rect(0, 0, 4, 4), frozenset())
     with pytest.raises(ConfigError, match=r"a\.png is 3 x 2 pixels, wanted 4 x 4"):
-        applied(made(Mask, input="a", file="a.png"), source, folder=tmp_path)
+        made(Mask, input="a", file="a.png").prepare(tmp_path, [rect(0, 0, 4, 4)])

@@ -117,7 +117,7 @@ def test_a_wrong_file_is_refused(text: str | bytes | None, problem: str, tmp_pat
     if text is not None:
         (tmp_path / "mesh.yaml").write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ConfigError) as caught:
-        made(Warp, input="a", file="mesh.yaml").prepare(tmp_path)
+        made(Warp, input="a", file="mesh.yaml").prepare(tmp_path, [])
     assert problem in str(caught.value)
 
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from wall.config.loading import load
 from wall.errors import ConfigError
-from wall.processes.check import check
+from wall.processes.check import check, on_the_cpu
 from wall.processes.plan import make_layout
 
 CONFIG = """\
@@ -66,3 +66,31 @@ def test_wall_that_is_wrong_is_refused_before_its_scene_is_loaded(tmp_path: Path
 
     with pytest.raises(ConfigError, match="pixels covered twice: panels a and b"):
         make_layout(load(path))
+
+
+def test_layers_that_a_gpu_cannot_make_are_named_with_what_is_needed_of_them(tmp_path: Path) -> None:
+    graph = """\
+graph:
+  nodes:
+    - {id: s, op: samples, panel: a}
+    - {id: far, op: reconstruct, input: s}
+    - {id: t, op: samples, panel: a}
+    - {id: near, op: reconstruct, input: t, background: transparent}
+    - {id: d, op: depth, inputs: [far, near]}
+    - {id: u, op: samples, panel: b}
+    - {id: plain, op: reconstruct, input: u}
+    - {id: left, op: sink, kind: png, input: d}
+    - {id: right, op: sink, kind: png, input: plain}
+reconstruction: gpu
+"""
+    layout = make_layout(load(written(tmp_path, CONFIG + graph)))
+
+    assert list(on_the_cpu(layout)) == [
+        "reconstruction: cpu for far, of which the graph needs more than display bytes: linear light, depth, object",
+        "reconstruction: cpu for near, of which the graph needs more than display bytes: linear light, "
+        "depth, alpha, object, a transparent background",
+    ]
+
+
+def test_a_wall_that_a_gpu_can_make_alone_has_no_line_of_them(tmp_path: Path) -> None:
+    assert list(on_the_cpu(make_layout(load(written(tmp_path, CONFIG))))) == []
