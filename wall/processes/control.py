@@ -9,7 +9,7 @@ from collections import deque
 
 from wall.data import Counters, Event
 from wall.errors import RemoteProtocolError, RunError
-from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
+from wall.packets.control import Hands, Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
 from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan
 from wall.transport.base import Link
@@ -80,6 +80,10 @@ class Control:
         if self._pings < PINGS:  # the fastest of a few round trips sets the clock
             self._pings += 1
             self._link.send(serialise(Ping(sent=time.monotonic())))
+
+    def tell(self, hands: Hands) -> None:
+        """What was done at windows here."""
+        self._link.send(serialise(hands))
 
     def wait(self, seconds: float) -> None:
         self._link.wait(seconds)

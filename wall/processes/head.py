@@ -10,7 +10,7 @@ import numpy as np
 
 from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status
-from wall.display.window import WindowSink
+from wall.display.window import ALL_CLOSED
 from wall.errors import RunError
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
@@ -18,7 +18,7 @@ from wall.processes.compositor import Compositor
 from wall.processes.edges import needed_from_others
 from wall.processes.manager import Manager, samplers_of
 from wall.processes.plan import HEAD, Plan, make_predictor
-from wall.processes.sinks import distinct, show_all
+from wall.processes.sinks import distinct, show_all, window_sink
 from wall.processes.usage import cpu_seconds, peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
@@ -85,8 +85,13 @@ class Head:
                 self._compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
 
     def _closed(self) -> str:
-        """Why a hand at a window ended the run; "" if none did."""
-        return next((s.finished for s in self._sinks if isinstance(s, WindowSink) and s.finished), "")
+        """Why hands at windows ended the run, "" if they did not: Escape in any of them, or none is left anywhere."""
+        own, closed = window_sink(self._sinks), set(self.manager.closed)
+        if own is not None and own.gone:
+            closed.add(HEAD)
+        pressed = (own.escape if own else "") or self.manager.escape
+        left = self.manager.window_places - closed - self.lost.keys()
+        return pressed or (ALL_CLOSED if closed and not left else "")
 
     def finish(self) -> None:
         """Complete the last view if that takes no time, stop everyone, show what came in, close the sinks."""
