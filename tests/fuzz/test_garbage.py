@@ -16,7 +16,17 @@ from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, p
 from wall.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Survey, Tiling
 from wall.errors import RemoteProtocolError
 from wall.geometry.steering import parse
-from wall.packets.control import Hands, Heartbeat, Hello, Message, Ping, commands_of, parse_control, serialise
+from wall.packets.control import (
+    Hands,
+    Heartbeat,
+    Hello,
+    Message,
+    Ping,
+    Statistics,
+    commands_of,
+    parse_control,
+    serialise,
+)
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import Codec, decode, encode
 from wall.packets.tiling import HEADER_BYTES, MEASURES, decode_tiling, encode_tiling, grid
@@ -42,6 +52,7 @@ CONTROL = [
     serialise(Hello(rank=1, role="renderer", region="panel 0", pid=4, host="h")),
     serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
     serialise(Ping(sent=1.0)),
+    serialise(Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4)),
     serialise(Hands(rank=1, commands='[{"kind": "orbit", "x": 0.25, "y": -1e-3}, {"kind": "pause"}]', closed=True)),
     framelet(encoded=True),
     framelet("depth", "alpha", encoded=False),

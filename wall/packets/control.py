@@ -22,7 +22,7 @@ from wall.packets.survey import parse_survey, survey_body
 
 MAGIC, VERSION = b"WALL", 4
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_SURVEY, KIND_HANDS = 10, 11  # 9 is a tiling
+KIND_SURVEY, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is a tiling
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
@@ -94,14 +94,25 @@ class Hands:
     closed: bool = False  # no window is left there
 
 
-Message: TypeAlias = Event | FrameletPart | Hands | Hello | Heartbeat | Ping | Pong | Stop | Survey
-_JSON_KINDS: dict[int, type[Hello] | type[Heartbeat] | type[Ping] | type[Pong] | type[Stop] | type[Hands]] = {
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statistics:
+    """How the run is doing, for overlays away from the head, which have a placeholder for each."""
+
+    fps: float
+    samples_per_s: float
+    latency_ms: float
+    ranks: int
+
+
+Message: TypeAlias = Event | FrameletPart | Hands | Hello | Heartbeat | Ping | Pong | Statistics | Stop | Survey
+_JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
     KIND_HEARTBEAT: Heartbeat,
     KIND_PING: Ping,
     KIND_PONG: Pong,
     KIND_STOP: Stop,
     KIND_HANDS: Hands,
+    KIND_STATISTICS: Statistics,
 }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 
 from wall.data import Counters, Event
 from wall.display.base import Sink
@@ -65,6 +66,8 @@ class FurtherCompositor:
 
     def _refresh(self, event: Event, expected: Event, now: float) -> None:
         compositor = self._compositor
+        if self._control.statistics is not None:
+            compositor.say(asdict(self._control.statistics))
         compositor.refresh(expected, now)
         show_all(self._plan, self._sinks, compositor.shown(), event, now)
         if compositor.lockstep is not None and compositor.lockstep.news():

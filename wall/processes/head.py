@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status
 from wall.display.window import ALL_CLOSED
 from wall.errors import RunError
+from wall.operators.overlay import Overlay
+from wall.packets.control import Statistics
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
@@ -50,6 +53,7 @@ class Head:
         self._predictor, self._event = make_predictor(plan), self.manager.event
         graph = plan.layout.graph
         self._watches = not graph.layers_on(HEAD) and not needed_from_others(graph, HEAD)  # no samples come here
+        self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.place != HEAD for s in graph.steps)
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -151,7 +155,10 @@ class Head:
         if now >= self._status_due or self._status is None:
             self._status_due = now + STATUS_PERIOD_S
             self._status = self._status_at(now, event)
-            compositor.say(_statistics(self._status))
+            statistics = statistics_of(self._status)
+            compositor.say(asdict(statistics))
+            if self._overlays_elsewhere:
+                self.manager.tell(statistics)
         show_all(
             self._plan, self._sinks, compositor.shown(), event, now, status=self._status,
             compared=compositor.compared(), surveys=self._surveys,
@@ -294,11 +301,11 @@ def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
     return (round(float(p50), 3), round(float(p95), 3), round(float(p99), 3))
 
 
-def _statistics(status: Status) -> dict[str, float]:
+def statistics_of(status: Status) -> Statistics:
     """What an `overlay` node may show."""
-    return {
-        "fps": round(status.refresh_hz, 1),
-        "samples_per_s": float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
-        "latency_ms": round(status.latency_ms[0]),
-        "ranks": sum(rank.alive for rank in status.ranks),
-    }
+    return Statistics(
+        fps=round(status.refresh_hz, 1),
+        samples_per_s=float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
+        latency_ms=round(status.latency_ms[0]),
+        ranks=sum(rank.alive for rank in status.ranks),
+    )

@@ -17,7 +17,18 @@ from wall.config.schema import METHODS
 from wall.data import Camera, Counters, Event
 from wall.errors import RemoteProtocolError
 from wall.geometry.steering import Command, Steering, parse
-from wall.packets.control import Hands, Heartbeat, Hello, Ping, Pong, Stop, commands_of, parse_control, serialise
+from wall.packets.control import (
+    Hands,
+    Heartbeat,
+    Hello,
+    Ping,
+    Pong,
+    Statistics,
+    Stop,
+    commands_of,
+    parse_control,
+    serialise,
+)
 from wall.processes.clock import Clock
 from wall.processes.control import RECENT_EVENTS
 from wall.processes.plan import Plan, first_event
@@ -140,6 +151,7 @@ class Manager(threading.Thread):
         self.window_places, self._asked = window_places(plan.layout), list[Command]()  # what hands asked for there
         self.escape = ""  # at which of them a hand ended the run
         self.closed: frozenset[int] = frozenset()  # those that have no window left
+        self._statistics: Statistics | None = None  # not told yet
         self.failure: BaseException | None = None
         self._held = threading.Event()
         self._lockstep, self._released = plan.layout.graph.sync != "none", (-1, -1)
@@ -154,6 +166,10 @@ class Manager(threading.Thread):
     def _waits(self) -> bool:
         """Whether a frame is still under way."""
         return self._lockstep and self._released < self.event.number
+
+    def tell(self, statistics: Statistics) -> None:
+        """Broadcast these soon, unless newer ones come first."""
+        self._statistics = statistics
 
     def hold(self) -> None:
         """No new events from now on."""
@@ -190,6 +206,9 @@ class Manager(threading.Thread):
             elif now - beat >= self._heartbeat_s:  # the newest event again: a sign of life, and it may have been lost
                 self._hub.broadcast(serialise(self.event))
                 beat = now
+            statistics, self._statistics = self._statistics, None
+            if statistics is not None:
+                self._hub.broadcast(serialise(statistics))
             if now >= due:
                 due = max(due + self._tick_s, now)
             self._hub.wait(min(COMMAND_POLL_S, max(0.0, due - now)))

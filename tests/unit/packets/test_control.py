@@ -26,6 +26,7 @@ from wall.packets.control import (
     Message,
     Ping,
     Pong,
+    Statistics,
     Stop,
     commands_of,
     parse_control,
@@ -52,6 +53,7 @@ HEARTBEATS = st.builds(
 MESSAGES = st.one_of(
     EVENTS, HEARTBEATS, st.builds(Hello, rank=WORD, role=TEXT, region=TEXT, pid=COUNT, host=TEXT),
     st.builds(Hands, rank=WORD, commands=TEXT, escape=TEXT, closed=st.booleans()),
+    st.builds(Statistics, fps=FINITE, samples_per_s=FINITE, latency_ms=FINITE, ranks=COUNT),
     st.builds(Ping, sent=FINITE), st.builds(Pong, sent=FINITE, head_time=FINITE), st.builds(Stop, reason=TEXT),
 )  # fmt: skip
 EVENT = Event(
@@ -64,6 +66,7 @@ EXAMPLES: list[Message] = [
     Hello(rank=1, role="renderer", region="panel 0: 480x270", pid=4711, host="node7"),
     Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}),
     Ping(sent=1.5),
+    Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4),
     Pong(sent=1.5, head_time=9.25),
     Stop(reason="time is up"),
     Hands(rank=2, commands='[{"kind": "pause"}]', escape="Escape was pressed", closed=True),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import fields
 from pathlib import Path
 
 from x_servers import comes_true, press, x_server
@@ -12,10 +13,13 @@ from Xlib import XK
 
 from wall.config.loading import loads
 from wall.display.window import WindowSink
-from wall.packets.control import Hands, Stop, parse_control, serialise
+from wall.operators.overlay import PLACEHOLDERS, Overlay
+from wall.packets.control import Hands, Statistics, Stop, parse_control, serialise
+from wall.processes.bootstrap_threads import ThreadBootstrap
 from wall.processes.clock import HeadClock
 from wall.processes.control import Control
 from wall.processes.further import FurtherCompositor
+from wall.processes.head import Head, statistics_of
 from wall.processes.manager import Manager
 from wall.processes.plan import HEAD, Plan, make_layout, make_plan
 from wall.processes.sinks import make_sinks
@@ -41,6 +45,12 @@ graph:
 """
 
 
+OVERLAY = """\
+input: text}
+    - {id: text, op: overlay, input: picture, text: '{fps} {ranks}', on: compositor 1}
+"""
+
+
 def plan_on(display: str) -> Plan:
     return make_plan(make_layout(loads(TEXT.replace("DISPLAY", f'"{display}"'), path=Path("wall.yaml"))))
 
@@ -49,7 +59,7 @@ def hub() -> LoopbackHub:
     return LoopbackHub(credit_bytes=1 << 20)
 
 
-def further_of(plan: Plan, head: LoopbackHub, data: LoopbackHub, *sinks: WindowSink) -> FurtherCompositor:
+def further_of(plan: Plan, head: LoopbackHub, data: LoopbackHub, *sinks: WindowSink | None) -> FurtherCompositor:
     """Linked to the head's control hub; fed by `data`."""
     control = Control(LoopbackLink(head.endpoint), plan, RANK, same_clock=True)
     return FurtherCompositor(plan, RANK, data, control, {HEAD: LoopbackLink(hub().endpoint)}, list(sinks))
@@ -113,3 +123,31 @@ def test_a_display_that_a_compositor_lost_is_told_and_counted() -> None:
         further._tell_hands(again=False)
         assert further._heartbeat(None, last=False).dropped.items() >= window.dropped().items() > set()
     assert parse_control(head.messages()[-1][1]) == Hands(rank=RANK, closed=True)
+
+
+def test_an_overlay_away_from_the_head_shows_the_numbers_that_the_head_tells() -> None:
+    plan = make_plan(
+        make_layout(
+            loads(TEXT.replace("DISPLAY", '":0"').replace("input: picture}\n", OVERLAY), path=Path("wall.yaml"))
+        )
+    )
+    control_hub = hub()
+    head = Head(plan, ThreadBootstrap.start(1, lambda _: None), hub(), control_hub, HeadClock(), {}, [], [], still=True)
+    further = further_of(plan, control_hub, hub(), None)
+    [index] = [step.index for step in plan.layout.graph.steps if isinstance(step.node, Overlay)]
+    event = head._newest()
+    further._refresh(event, event, 0.0)
+    before = further._compositor._pictures.executor.framelets[index].colour.copy()
+    head.manager.start()
+    try:
+        head._refresh(HeadClock().now(), event, event)
+        assert comes_true(lambda: further._control.newest() is not None and further._control.statistics is not None)
+    finally:
+        head.manager.stop()
+    further._refresh(event, event, 1.0)
+    assert further._control.statistics == statistics_of(head._status)
+    assert (further._compositor._pictures.executor.framelets[index].colour != before).any(), "dashes before"
+
+
+def test_there_is_a_statistic_for_each_placeholder_of_an_overlay() -> None:
+    assert tuple(field.name for field in fields(Statistics)) == PLACEHOLDERS
