@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import ImageGrab
+from Xlib import X
+from Xlib.display import Display
+from Xlib.ext import xtest
 
 SEEN_WITHIN_S = 20.0  # a picture that was put is on the screen; a loaded machine may take a second
 
@@ -49,3 +52,14 @@ def comes_true(what: Callable[[], bool]) -> bool:
         if time.monotonic() > limit:
             return False
     return True
+
+
+def press(display: str, key: int, window_at: tuple[int, int]) -> None:
+    """Press and let go a key, over the window at a place of the screen."""
+    server = Display(display)
+    server.screen().root.warp_pointer(*window_at)
+    code = server.keysym_to_keycode(key)
+    for event in (X.KeyPress, X.KeyRelease):
+        xtest.fake_input(server, event, code)
+    server.sync()
+    server.close()

@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,18 @@ from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, p
 
 from wall.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Survey, Tiling
 from wall.errors import RemoteProtocolError
-from wall.packets.control import Heartbeat, Hello, Message, Ping, parse_control, serialise
+from wall.geometry.steering import parse
+from wall.packets.control import (
+    Hands,
+    Heartbeat,
+    Hello,
+    Message,
+    Ping,
+    Statistics,
+    commands_of,
+    parse_control,
+    serialise,
+)
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import Codec, decode, encode
 from wall.packets.tiling import HEADER_BYTES, MEASURES, decode_tiling, encode_tiling, grid
@@ -40,6 +52,8 @@ CONTROL = [
     serialise(Hello(rank=1, role="renderer", region="panel 0", pid=4, host="h")),
     serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
     serialise(Ping(sent=1.0)),
+    serialise(Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4)),
+    serialise(Hands(rank=1, commands='[{"kind": "orbit", "x": 0.25, "y": -1e-3}, {"kind": "pause"}]', closed=True)),
     framelet(encoded=True),
     framelet("depth", "alpha", encoded=False),
     framelet(*CHANNELS, encoded=False),
@@ -96,6 +110,9 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
         check_sane(value)
     elif isinstance(value, FrameletPart):
         with_pixels(value)
+    elif isinstance(value, Hands):
+        with contextlib.suppress(RemoteProtocolError):
+            steered(commands_of(value))
     elif isinstance(value, Survey):
         assert value.age.shape == value.density.shape
         assert value.rects.shape == (len(value.worth), 4)
@@ -105,6 +122,14 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
         assert ((low >= (value.rect.x, value.rect.y)) & (size > 0) & (low + size <= edges)).all()
         assert all(np.isfinite(getattr(value, name)).all() for name in MEASURES)
     return True
+
+
+def steered(commands: list[Any]) -> None:
+    """Each is a command within its limits, or refused."""
+    for command in commands:
+        with contextlib.suppress(RemoteProtocolError):
+            came = parse(command)
+            assert np.isfinite([came.x, came.y]).all()
 
 
 def with_pixels(part: FrameletPart) -> None:

@@ -17,6 +17,8 @@ from wall.display.glass import Glass
 from wall.display.x_server import display_of
 from wall.geometry.panels import Panel
 
+ALL_CLOSED = "every window is closed"
+
 
 class WindowSink:
     """A window a panel. A sink as wall.display.base wants it; also gives steering commands, as the page does.
@@ -70,10 +72,19 @@ class WindowSink:
         return [command for glass in self._glasses for command in glass.commands()]
 
     @property
+    def escape(self) -> str:
+        """In which window Escape was pressed, in words; "" in none."""
+        return next((glass.escape for glass in self._glasses if glass.escape), "")
+
+    @property
+    def gone(self) -> bool:
+        """Whether no window is left."""
+        return all(glass.gone for glass in self._glasses)
+
+    @property
     def finished(self) -> str:
         """Why the run should end: Escape, or no window is left; "" as long as it should not."""
-        pressed = next((glass.escape for glass in self._glasses if glass.escape), "")
-        return pressed or ("every window is closed" if all(glass.gone for glass in self._glasses) else "")
+        return self.escape or (ALL_CLOSED if self.gone else "")
 
     def dropped(self) -> dict[str, int]:
         total = Counters()

@@ -20,12 +20,13 @@ from wall.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.framelets import FrameletPart, parse_part, part_body
 from wall.packets.survey import parse_survey, survey_body
 
-MAGIC, VERSION = b"WALL", 3
+MAGIC, VERSION = b"WALL", 4
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_SURVEY = 10  # 9 is a tiling
+KIND_SURVEY, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is a tiling
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
+MAX_COMMANDS = 64  # of Hands; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
@@ -83,13 +84,35 @@ class Stop:
     reason: str
 
 
-Message: TypeAlias = Event | FrameletPart | Hello | Heartbeat | Ping | Pong | Stop | Survey
-_JSON_KINDS: dict[int, type[Hello] | type[Heartbeat] | type[Ping] | type[Pong] | type[Stop]] = {
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hands:
+    """What hands did at the windows of a compositor beside the head: steering since the last word, and the end."""
+
+    rank: int
+    commands: str = "[]"  # a JSON list of what a page might send; `commands_of` reads it
+    escape: str = ""  # how one of them ended the run
+    closed: bool = False  # no window is left there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statistics:
+    """How the run is doing, for overlays away from the head, which have a placeholder for each."""
+
+    fps: float
+    samples_per_s: float
+    latency_ms: float
+    ranks: int
+
+
+Message: TypeAlias = Event | FrameletPart | Hands | Hello | Heartbeat | Ping | Pong | Statistics | Stop | Survey
+_JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
     KIND_HEARTBEAT: Heartbeat,
     KIND_PING: Ping,
     KIND_PONG: Pong,
     KIND_STOP: Stop,
+    KIND_HANDS: Hands,
+    KIND_STATISTICS: Statistics,
 }
 
 
@@ -117,6 +140,17 @@ def parse_control(data: bytes | memoryview) -> Message:
     if length != len(body) or zlib.crc32(body, zlib.crc32(data[: _HEADER.size])) != checksum:
         raise RemoteProtocolError(f"message of kind {kind}: {len(body)} bytes of {length}, or a checksum that differs")
     return _parse_body(kind, body)
+
+
+def commands_of(hands: Hands) -> list[Any]:
+    """Its commands, none of them looked into. Raises RemoteProtocolError for anything but a short JSON list."""
+    try:
+        commands = json.loads(hands.commands)
+    except (ValueError, RecursionError) as error:
+        raise RemoteProtocolError(f"commands of rank {hands.rank} that are not JSON ({error})") from error
+    if not isinstance(commands, list) or len(commands) > MAX_COMMANDS:
+        raise RemoteProtocolError(f"commands of rank {hands.rank}: wanted a list of at most {MAX_COMMANDS}")
+    return commands
 
 
 def _body(message: Message) -> tuple[int, bytes]:

@@ -9,7 +9,7 @@ from collections import deque
 
 from wall.data import Counters, Event
 from wall.errors import RemoteProtocolError, RunError
-from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
+from wall.packets.control import Hands, Heartbeat, Hello, Ping, Pong, Statistics, Stop, parse_control, serialise
 from wall.processes.clock import HeadClock
 from wall.processes.plan import Plan
 from wall.transport.base import Link
@@ -29,6 +29,7 @@ class Control:
         self.clock, self.counters = HeadClock(), Counters()
         self.event: Event | None = None
         self.recent: deque[Event] = deque(maxlen=RECENT_EVENTS)  # all that came, for who wants them in their order
+        self.statistics: Statistics | None = None  # the newest
         self.stopped = False
         self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
         self._knows_time = same_clock
@@ -63,6 +64,8 @@ class Control:
                     self.recent.append(message)
             elif isinstance(message, Stop):
                 self.stopped = True
+            elif isinstance(message, Statistics):
+                self.statistics = message
             elif isinstance(message, Pong):
                 self.clock.learn(message.sent, message.head_time)
                 self._knows_time = True
@@ -80,6 +83,10 @@ class Control:
         if self._pings < PINGS:  # the fastest of a few round trips sets the clock
             self._pings += 1
             self._link.send(serialise(Ping(sent=time.monotonic())))
+
+    def tell(self, hands: Hands) -> None:
+        """What was done at windows here."""
+        self._link.send(serialise(hands))
 
     def wait(self, seconds: float) -> None:
         self._link.wait(seconds)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 
-from wall.data import Event
+from wall.data import Counters, Event
 from wall.display.base import Sink
-from wall.packets.control import Heartbeat, serialise
+from wall.packets.control import MAX_COMMANDS, Hands, Heartbeat, serialise
 from wall.processes.compositor import Compositor
 from wall.processes.control import Control
 from wall.processes.plan import HEAD, Plan, make_predictor
-from wall.processes.sinks import show_all
+from wall.processes.sinks import distinct, show_all, window_sink
 from wall.processes.usage import peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
@@ -33,6 +35,7 @@ class FurtherCompositor:
         self._plan, self._rank, self._control, self._links, self._sinks = plan, rank, control, links, sinks
         self._compositor = Compositor(plan, rank, hub, links)
         self._survey_due = Due()
+        self._ended = ("", False)  # what the head was told: where Escape was pressed, whether no window is left
         self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
 
     def run(self) -> None:
@@ -53,7 +56,9 @@ class FurtherCompositor:
                 self._ahead = expected.number != event.number
                 self._refresh(event, expected, now)
             compositor.send()
-            if control.beat_due():
+            beat = control.beat_due()
+            self._tell_hands(again=beat)
+            if beat:
                 control.beat(self._heartbeat(event, last=False))
             if not taken:
                 compositor.hub.wait(POLL_S if event is None else max(0.0, min(POLL_S, due - clock.now())))
@@ -61,6 +66,8 @@ class FurtherCompositor:
 
     def _refresh(self, event: Event, expected: Event, now: float) -> None:
         compositor = self._compositor
+        if self._control.statistics is not None:
+            compositor.say(asdict(self._control.statistics))
         compositor.refresh(expected, now)
         show_all(self._plan, self._sinks, compositor.shown(), event, now)
         if compositor.lockstep is not None and compositor.lockstep.news():
@@ -68,6 +75,26 @@ class FurtherCompositor:
         if event.survey and self._links[HEAD].ready() and self._survey_due.now(now):
             for survey in compositor.surveys(now, comparing=True):
                 compositor.offer(HEAD, serialise(survey))
+
+    def _tell_hands(self, *, again: bool) -> None:
+        """Tell the head what hands did at the windows here; `again`: also if it was told how they ended the run."""
+        window = window_sink(self._sinks)
+        if window is None:
+            return
+        commands, ended = window.commands(), (window.escape, window.gone)
+        if not commands and (not any(ended) or (ended == self._ended and not again)):
+            return
+        self._ended = ended
+        for first in range(0, len(commands) or 1, MAX_COMMANDS):
+            text = json.dumps(commands[first : first + MAX_COMMANDS])
+            self._control.tell(Hands(rank=self._rank, commands=text, escape=ended[0], closed=ended[1]))
+
+    def _dropped(self) -> Counters:
+        dropped = self._compositor.drops()
+        dropped.merge(self._control.counters.counts)
+        for sink in distinct(self._sinks):
+            dropped.merge(sink.dropped())
+        return dropped
 
     def _heartbeat(self, event: Event | None, *, last: bool) -> Heartbeat:
         c = self._compositor
@@ -82,7 +109,7 @@ class FurtherCompositor:
             packets=packets,
             bytes=sent,
             peak_memory=peak_memory(),
-            dropped=c.drops().counts,
+            dropped=self._dropped().counts,
             complete=not self._ahead and c.idle,
             camera_event=number[0],
             scene_event=number[1],

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from wall.data import Event, Survey
 from wall.display.base import RankStatus, Sink, Status
-from wall.display.window import WindowSink
+from wall.display.window import ALL_CLOSED
 from wall.errors import RunError
+from wall.operators.overlay import Overlay
+from wall.packets.control import Statistics
 from wall.processes.bootstrap import Bootstrap
 from wall.processes.clock import Clock
 from wall.processes.compositor import Compositor
 from wall.processes.edges import needed_from_others
 from wall.processes.manager import Manager, samplers_of
 from wall.processes.plan import HEAD, Plan, make_predictor
-from wall.processes.sinks import distinct, show_all
+from wall.processes.sinks import distinct, show_all, window_sink
 from wall.processes.usage import cpu_seconds, peak_memory
 from wall.processes.watching import Due
 from wall.transport.base import Hub, Link
@@ -50,6 +53,7 @@ class Head:
         self._predictor, self._event = make_predictor(plan), self.manager.event
         graph = plan.layout.graph
         self._watches = not graph.layers_on(HEAD) and not needed_from_others(graph, HEAD)  # no samples come here
+        self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.place != HEAD for s in graph.steps)
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -85,8 +89,13 @@ class Head:
                 self._compositor.hub.wait(max(0.0, min(0.02, due - clock.now())))
 
     def _closed(self) -> str:
-        """Why a hand at a window ended the run; "" if none did."""
-        return next((s.finished for s in self._sinks if isinstance(s, WindowSink) and s.finished), "")
+        """Why hands at windows ended the run, "" if they did not: Escape in any of them, or none is left anywhere."""
+        own, closed = window_sink(self._sinks), set(self.manager.closed)
+        if own is not None and own.gone:
+            closed.add(HEAD)
+        pressed = (own.escape if own else "") or self.manager.escape
+        left = self.manager.window_places - closed - self.lost.keys()
+        return pressed or (ALL_CLOSED if closed and not left else "")
 
     def finish(self) -> None:
         """Complete the last view if that takes no time, stop everyone, show what came in, close the sinks."""
@@ -146,7 +155,10 @@ class Head:
         if now >= self._status_due or self._status is None:
             self._status_due = now + STATUS_PERIOD_S
             self._status = self._status_at(now, event)
-            compositor.say(_statistics(self._status))
+            statistics = statistics_of(self._status)
+            compositor.say(asdict(statistics))
+            if self._overlays_elsewhere:
+                self.manager.tell(statistics)
         show_all(
             self._plan, self._sinks, compositor.shown(), event, now, status=self._status,
             compared=compositor.compared(), surveys=self._surveys,
@@ -289,11 +301,11 @@ def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
     return (round(float(p50), 3), round(float(p95), 3), round(float(p99), 3))
 
 
-def _statistics(status: Status) -> dict[str, float]:
+def statistics_of(status: Status) -> Statistics:
     """What an `overlay` node may show."""
-    return {
-        "fps": round(status.refresh_hz, 1),
-        "samples_per_s": float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
-        "latency_ms": round(status.latency_ms[0]),
-        "ranks": sum(rank.alive for rank in status.ranks),
-    }
+    return Statistics(
+        fps=round(status.refresh_hz, 1),
+        samples_per_s=float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
+        latency_ms=round(status.latency_ms[0]),
+        ranks=sum(rank.alive for rank in status.ranks),
+    )

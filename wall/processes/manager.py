@@ -17,10 +17,22 @@ from wall.config.schema import METHODS
 from wall.data import Camera, Counters, Event
 from wall.errors import RemoteProtocolError
 from wall.geometry.steering import Command, Steering, parse
-from wall.packets.control import Heartbeat, Hello, Ping, Pong, Stop, parse_control, serialise
+from wall.packets.control import (
+    Hands,
+    Heartbeat,
+    Hello,
+    Ping,
+    Pong,
+    Statistics,
+    Stop,
+    commands_of,
+    parse_control,
+    serialise,
+)
 from wall.processes.clock import Clock
 from wall.processes.control import RECENT_EVENTS
 from wall.processes.plan import Plan, first_event
+from wall.processes.sinks import window_places
 from wall.transport.base import Hub
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
@@ -120,7 +132,7 @@ class Latency:
 
 
 class Manager(threading.Thread):
-    """Owns the control hub. Other threads read `event`, `heartbeats` and `gone`, and call `stop`."""
+    """Owns the control hub. Other threads read what has no underscore, and call `stop`."""
 
     def __init__(
         self, plan: Plan, hub: Hub, clock: Clock, commands: Callable[[], list[dict[str, Any]]], *, still: bool
@@ -136,6 +148,10 @@ class Manager(threading.Thread):
         self.latency, self.counters = Latency(), Counters()
         self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
         self.hellos: dict[int, Hello] = {}
+        self.window_places, self._asked = window_places(plan.layout), list[Command]()  # what hands asked for there
+        self.escape = ""  # at which of them a hand ended the run
+        self.closed: frozenset[int] = frozenset()  # those that have no window left
+        self._statistics: Statistics | None = None  # not told yet
         self.failure: BaseException | None = None
         self._held = threading.Event()
         self._lockstep, self._released = plan.layout.graph.sync != "none", (-1, -1)
@@ -150,6 +166,10 @@ class Manager(threading.Thread):
     def _waits(self) -> bool:
         """Whether a frame is still under way."""
         return self._lockstep and self._released < self.event.number
+
+    def tell(self, statistics: Statistics) -> None:
+        """Broadcast these soon, unless newer ones come first."""
+        self._statistics = statistics
 
     def hold(self) -> None:
         """No new events from now on."""
@@ -171,7 +191,8 @@ class Manager(threading.Thread):
         commands: list[Command] = []  # not applied yet
         while not self._stopping.is_set():
             now = self._clock.now()
-            commands += self._parse(self._commands())
+            commands += self._parse(self._commands()) + self._asked
+            self._asked = []
             if self._held.is_set() and self._director.hold():
                 self._publish(now)
                 beat = now
@@ -185,6 +206,9 @@ class Manager(threading.Thread):
             elif now - beat >= self._heartbeat_s:  # the newest event again: a sign of life, and it may have been lost
                 self._hub.broadcast(serialise(self.event))
                 beat = now
+            statistics, self._statistics = self._statistics, None
+            if statistics is not None:
+                self._hub.broadcast(serialise(statistics))
             if now >= due:
                 due = max(due + self._tick_s, now)
             self._hub.wait(min(COMMAND_POLL_S, max(0.0, due - now)))
@@ -198,7 +222,7 @@ class Manager(threading.Thread):
             self.latency.published(self.event)
         self._hub.broadcast(serialise(self.event))
 
-    def _parse(self, raw: list[dict[str, Any]]) -> list[Command]:
+    def _parse(self, raw: list[Any]) -> list[Command]:
         commands = []
         for command in raw:
             try:
@@ -211,6 +235,8 @@ class Manager(threading.Thread):
         for peer, data in self._hub.messages():
             try:
                 message = parse_control(data)
+                if isinstance(message, Hands):
+                    self._take_hands(message)
             except RemoteProtocolError:
                 self.counters.add("bad_message")
                 continue
@@ -221,6 +247,14 @@ class Manager(threading.Thread):
                 self.heartbeats[message.rank] = (self._clock.now(), message)
             elif isinstance(message, Ping):
                 self._hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
+
+    def _take_hands(self, hands: Hands) -> None:
+        """What was done at another compositor's windows. Raises RemoteProtocolError for that of a rank without any."""
+        if hands.rank not in self.window_places:
+            raise RemoteProtocolError(f"rank {hands.rank} has no windows; wanted: {sorted(self.window_places)}")
+        self._asked += self._parse(commands_of(hands))
+        self.escape = self.escape or hands.escape
+        self.closed |= {hands.rank} if hands.closed else set()
 
     def _say_goodbye(self) -> None:
         self._hub.broadcast(serialise(Stop(reason="end of run")))

@@ -60,6 +60,16 @@ def window_panels(layout: Layout, places: Container[int]) -> list[Panel]:
     ]
 
 
+def window_places(layout: Layout) -> frozenset[int]:
+    """The places that have windows, unless the run is headless."""
+    return frozenset(place for place in range(layout.graph.compositors) if window_panels(layout, (place,)))
+
+
+def window_sink(sinks: list[Sink | None]) -> WindowSink | None:
+    """The one of all windows of a place."""
+    return next((sink for sink in sinks if isinstance(sink, WindowSink)), None)
+
+
 def _windows(plan: Plan, place: int) -> WindowSink | None:
     panels = window_panels(plan.layout, (place,))
     return WindowSink(panels, refresh_hz=plan.view.refresh_hz) if panels else None

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from x_servers import comes_true, screenshot, x_server
+from x_servers import comes_true, press, screenshot, x_server
 from Xlib import XK, X
 from Xlib.display import Display
-from Xlib.ext import xtest
 
 from wall.config.displays import WindowConfig
 from wall.config.schema import GridConfig, WallConfig
@@ -72,17 +71,6 @@ def on_black(width: int, height: int, *parts: tuple[int, int, RGB]) -> RGB:
 def looks_like(display: str, wanted: RGB) -> bool:
     """Whether a screen has exactly these pixels, or gets them in time."""
     return comes_true(lambda: np.array_equal(screenshot(display), wanted))
-
-
-def press(display: str, key: int, window_at: tuple[int, int]) -> None:
-    """Press and let go a key, over the window at a place of the screen."""
-    server = Display(display)
-    server.screen().root.warp_pointer(*window_at)
-    code = server.keysym_to_keycode(key)
-    for event in (X.KeyPress, X.KeyRelease):
-        xtest.fake_input(server, event, code)
-    server.sync()
-    server.close()
 
 
 def test_two_windows_on_one_screen_show_exactly_what_was_put(screens: tuple[str, str]) -> None:

@@ -19,12 +19,16 @@ from wall.data import Camera, Event, Framelet, Rect
 from wall.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import control
 from wall.packets.control import (
+    MAX_COMMANDS,
+    Hands,
     Heartbeat,
     Hello,
     Message,
     Ping,
     Pong,
+    Statistics,
     Stop,
+    commands_of,
     parse_control,
     serialise,
 )
@@ -48,6 +52,8 @@ HEARTBEATS = st.builds(
 )  # fmt: skip
 MESSAGES = st.one_of(
     EVENTS, HEARTBEATS, st.builds(Hello, rank=WORD, role=TEXT, region=TEXT, pid=COUNT, host=TEXT),
+    st.builds(Hands, rank=WORD, commands=TEXT, escape=TEXT, closed=st.booleans()),
+    st.builds(Statistics, fps=FINITE, samples_per_s=FINITE, latency_ms=FINITE, ranks=COUNT),
     st.builds(Ping, sent=FINITE), st.builds(Pong, sent=FINITE, head_time=FINITE), st.builds(Stop, reason=TEXT),
 )  # fmt: skip
 EVENT = Event(
@@ -60,8 +66,10 @@ EXAMPLES: list[Message] = [
     Hello(rank=1, role="renderer", region="panel 0: 480x270", pid=4711, host="node7"),
     Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}),
     Ping(sent=1.5),
+    Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4),
     Pong(sent=1.5, head_time=9.25),
     Stop(reason="time is up"),
+    Hands(rank=2, commands='[{"kind": "pause"}]', escape="Escape was pressed", closed=True),
 ]
 
 
@@ -164,6 +172,18 @@ def test_a_heartbeat_with_a_value_of_another_type_is_refused(key: str, value: An
     good = json.loads(serialise(Heartbeat(rank=1, time=2.0))[control.HEADER_BYTES :])
     with pytest.raises(RemoteProtocolError, match=f"a Heartbeat whose {key} is"):
         parse_control(sealed(control.KIND_HEARTBEAT, json.dumps(good | {key: value}).encode()))
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{}", "null", '"[]"', "[1", "[" * 10000, "[1" + "0" * 5000 + "]", json.dumps([{}] * (MAX_COMMANDS + 1))],
+    ids=lambda text: text[:8],
+)  # fmt: skip
+def test_commands_that_are_not_a_short_list_are_refused(text: str) -> None:
+    came = parse_control(serialise(Hands(rank=3, commands=text)))
+    assert isinstance(came, Hands)
+    with pytest.raises(RemoteProtocolError, match="commands of rank 3"):
+        commands_of(came)
 
 
 @pytest.mark.parametrize("kind", [0, 1, 9, 255])

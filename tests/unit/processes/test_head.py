@@ -11,7 +11,7 @@ from wall.config.loading import loads
 from wall.data import Event
 from wall.display.base import Status, WallPicture
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat
+from wall.packets.control import Hands, Heartbeat
 from wall.processes.bootstrap_threads import ThreadBootstrap
 from wall.processes.clock import ManualClock
 from wall.processes.head import SETTLED_S, Head
@@ -117,10 +117,25 @@ def test_a_head_that_shows_nothing_goes_by_heartbeats_to_know_that_all_is_comple
     assert head._complete(manual_clock.now(), event)
 
 
-def plan_of_elsewhere() -> Plan:
+def test_escape_at_any_window_ends_the_run_and_so_does_the_end_of_the_last(manual_clock: ManualClock) -> None:
+    head = head_of(plan_of_elsewhere(), manual_clock)
+    assert head._closed() == ""
+    head.manager._take_hands(Hands(rank=1, closed=True))
+    assert head._closed() == "every window is closed"
+    head.manager._take_hands(Hands(rank=1, escape="Escape was pressed in the window of panel r0c0", closed=True))
+    assert head._closed() == "Escape was pressed in the window of panel r0c0"
+
+
+def test_the_last_window_of_one_compositor_leaves_those_of_others_open(manual_clock: ManualClock) -> None:
+    head = head_of(plan_of_elsewhere("id: b, op: sink, kind: window, input: p0, on: head"), manual_clock)
+    head.manager._take_hands(Hands(rank=1, closed=True))
+    assert head._closed() == ""
+
+
+def plan_of_elsewhere(*more: str) -> Plan:
     """A panel whose picture is made and shown by compositor 1."""
     shown = "id: p0, op: reconstruct, input: s0, on: compositor 1"
-    graph = nodes(PANEL0[0], shown, "id: a, op: sink, kind: window, input: p0", head="  compositors: 2\n")
+    graph = nodes(PANEL0[0], shown, "id: a, op: sink, kind: window, input: p0", *more, head="  compositors: 2\n")
     wall = "wall: {grid: {columns: 1, rows: 1, pixels: [8, 6], size: [0.4, 0.3], id: r0c0}}"
     return make_plan(make_layout(loads(text_of(graph, wall=wall), path=Path("wall.yaml"))))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 from wall.config.loading import loads
 from wall.data import Event
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Hello, Stop, parse_control, serialise
+from wall.packets.control import Hands, Hello, Stop, parse_control, serialise
 from wall.processes.clock import HeadClock, ManualClock
 from wall.processes.manager import Director, Latency, Manager, samplers_of
 from wall.processes.plan import Plan, make_layout, make_plan
@@ -23,12 +24,27 @@ scene: {source: courtyard}
 wall: {grid: {columns: 1, rows: 1, pixels: [32, 24], size: [0.4, 0.3]}}
 views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, path: {type: orbit, period_s: 4}}]
 """
+ELSEWHERE = """\
+graph:
+  compositors: 2
+  nodes:
+    - {id: samples, op: samples, panel: r0c0}
+    - {id: panel, op: reconstruct, input: samples, on: compositor 1}
+    - {id: window, op: sink, kind: window, input: panel}
+"""
 PATIENCE = 400  # waits of 10 ms
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
     return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+
+
+@pytest.fixture
+def elsewhere() -> Manager:
+    """Of a panel that compositor 1 shows in a window; its thread does not run."""
+    plan = make_plan(make_layout(loads(f"{TEXT}{ELSEWHERE}", path=Path("wall.yaml"))))
+    return Manager(plan, LoopbackHub(credit_bytes=1 << 16), ManualClock(50.0), list, still=True)
 
 
 def command(**words: Any) -> Command:
@@ -198,6 +214,21 @@ def test_rank_that_never_spoke_is_silent_from_the_start(plan: Plan) -> None:
     manager = Manager(plan, LoopbackHub(credit_bytes=1 << 16), clock, lambda: [], still=True)
     assert manager.silent(51.0, 2.0) == {}
     assert manager.silent(53.0, 2.0) == {1: 3.0}
+
+
+def test_hands_at_another_compositor_s_windows_steer_and_end_the_run(elsewhere: Manager) -> None:
+    link = LoopbackLink(elsewhere._hub.endpoint)
+    wishes = [{"kind": "pause"}, {"kind": "zoom", "x": "much"}, 7, {"kind": "survey", "value": "on"}]
+    for commands in (json.dumps(wishes), "no list"):
+        link.send(serialise(Hands(rank=1, commands=commands)))
+    link.send(serialise(Hands(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True)))
+    link.send(serialise(Hands(rank=1, escape="Escape was pressed")))
+
+    elsewhere._listen()
+
+    assert elsewhere._asked == [command(kind="pause"), command(kind="survey", value="on")]
+    assert elsewhere.counters.counts == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
+    assert (elsewhere.escape, elsewhere.closed) == ("Escape was pressed", frozenset())
 
 
 def next_message(link: LoopbackLink) -> object:
