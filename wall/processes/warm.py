@@ -11,17 +11,23 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from wall.config.schema import METHODS
+import numpy as np
+
+from wall.colour import srgb_curve
+from wall.config.schema import METHODS, SkyNode
 from wall.data import Framelet, Rect, Region
 from wall.errors import ConfigError
 from wall.jit import cache_folder, compiled_kernels
+from wall.operators import kernels
 from wall.operators.base import Operator
+from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode
 from wall.packets.tiling import decode_tiling
 from wall.processes.clock import ManualClock
 from wall.processes.moving import Mover
 from wall.processes.panel import PanelCompositor
 from wall.processes.plan import Plan, first_event
+from wall.processes.sky import PanelSky
 from wall.processes.worker import Worker, make_samplers
 from wall.tracing.resident import Resident
 
@@ -39,6 +45,7 @@ def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
         say(f"{doing} kernels (compositing)")
         _layers(plan, resident)
         _operators(plan)
+        _between(plan)
 
 
 def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
@@ -114,6 +121,20 @@ def _operators(plan: Plan) -> None:
         except ConfigError:  # a file that fits nothing but the whole; those that fit nothing were refused before
             continue
         step.node.apply(given, out, rect, prepared)
+
+
+def _between(plan: Plan) -> None:
+    """What stands between nodes: skies, light to display bytes, the way of a framelet to another process."""
+    graph = plan.layout.graph
+    for step in graph.steps:
+        if isinstance(step.node, SkyNode):
+            PanelSky(plan, step).refresh(first_event(plan, 0.0), 0.0)
+            break
+    few = Rect(x=0, y=0, width=8, height=8)
+    light = Framelet.blank(few, frozenset({"colour", "depth"}))
+    kernels.encode(light.colour, 0, 0, srgb_curve(), np.empty((8, 8, 3), np.uint8), 0, 0, 8, 8)
+    if graph.compositors > 1:
+        FrameletPart.of(0, light, few).write(light)
 
 
 @contextmanager
