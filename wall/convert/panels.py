@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from wall.config.screens import MAX_PANELS, SQUARENESS
 from wall.convert.overlaps import declare_overlaps
+from wall.convert.report import Item
 from wall.convert.source import Node, Source
 from wall.data import Float64, Rect
 from wall.geometry.regions import MAX_EDGE, split
@@ -90,6 +91,7 @@ def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> tupl
     names = unique_names(draft.name for draft in drafts)
     overlaps = declare_overlaps([(draft.corners, draft.stereo) for draft in drafts])
     parts = zip(drafts, names, overlaps, strict=True)
+    source.origins = [Item(what=draft.node.name, line=draft.node.line) for draft in drafts]
     return [_values(source, draft, name, overlap) for draft, name, overlap in parts], eye
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from wall.config.schema import WallConfig
-from wall.convert.equalizer.account import account
+from wall.convert.equalizer.account import account, described
 from wall.convert.equalizer.canvases import leave_other_layouts, read_canvases
 from wall.convert.equalizer.destinations import Destinations
 from wall.convert.equalizer.drawn import Drawn, GraphValues, drawn, share_channels
@@ -13,7 +13,7 @@ from wall.convert.equalizer.grammar import Statement, parse
 from wall.convert.equalizer.marks import mark_compounds, mark_nodes
 from wall.convert.equalizer.resources import read_resources
 from wall.convert.equalizer.wall_values import wall_values
-from wall.convert.report import Conversion
+from wall.convert.report import Conversion, Item
 from wall.errors import ConfigError
 from wall.geometry.panels import expand
 
@@ -53,6 +53,7 @@ def convert(text: str, name: str) -> Conversion:
     return Conversion(
         values=values, carried=carried, not_carried=left, panels=len(wall.panels), ranks=graph.renderers,
         assumed=assumed,
+        origins=[Item(what=described(one.statement), line=one.statement.line) for one in destinations],
     )  # fmt: skip
 
 
