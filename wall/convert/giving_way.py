@@ -10,6 +10,7 @@ from typing import Any
 
 from wall.config import yaml_text
 from wall.config.loading import loads
+from wall.convert.panels import enough_ranks
 from wall.convert.report import Conversion, Item
 from wall.errors import ConfigError
 from wall.processes.plan import Layout, make_layout
@@ -22,6 +23,7 @@ OPTIONAL = (
 )  # fmt: skip
 
 _PROBLEM = re.compile(rf"{NAME}:\d+:\d+: ([\w.\[\]]+)(?:: | = )(.*)")
+_WRONG_RANKS = re.compile(r"panel .*: (?:with ranks: \d+ a region is larger than \d+|\d+ ranks are too many)")
 _STEP = re.compile(r"\w+")
 
 Path = tuple[str | int, ...]
@@ -51,6 +53,8 @@ def _problems(text: str) -> list[tuple[Path, str]]:
         if (match := _PROBLEM.match(line)) is not None:
             steps = tuple(int(step) if step.isdigit() else step for step in _STEP.findall(match[1]))
             found.setdefault(steps, f"{match[1].split('.')[-1]} {match[2]}")
+    if not found and (match := _WRONG_RANKS.search(text)) is not None:
+        found["graph",] = match[0]
     return list(found.items())
 
 
@@ -65,10 +69,8 @@ def _give_way(conversion: Conversion, path: Path, why: str) -> bool:
         if not _has(values, step):
             break
         values = values[step]
-    if path[:1] == ("graph",) and "graph" in conversion.values:
-        del conversion.values["graph"]
-        _list(conversion, path, f"{why}; each panel has a rank of its own, and nothing is composited")
-        return True
+    if path[:1] == ("graph",):
+        return _plain_graph(conversion, path, why)
     if path[:2] == ("wall", "panels") and len(path) > 2 and len(conversion.values["wall"]["panels"]) > 1:
         panel = conversion.values["wall"]["panels"][path[2]]
         if panel is not None:
@@ -76,6 +78,17 @@ def _give_way(conversion: Conversion, path: Path, why: str) -> bool:
             conversion.values["wall"]["panels"][path[2]] = None  # goes when all problems, which count it, are read
         return True
     return False
+
+
+def _plain_graph(conversion: Conversion, path: Path, why: str) -> bool:
+    """Ranks of its own for each panel instead of the graph. False if it is that already."""
+    plain = enough_ranks(conversion.values["wall"]["panels"])
+    if conversion.values.get("graph") == plain.get("graph"):
+        return False
+    conversion.values.pop("graph", None)
+    conversion.values |= plain
+    _list(conversion, path, f"{why}; each panel has ranks of its own instead, and nothing is composited")
+    return True
 
 
 def _has(values: Any, step: str | int) -> bool:
@@ -94,6 +107,7 @@ def _without_gone(conversion: Conversion) -> None:
     conversion.origins = [conversion.origins[k] for k in kept if k < len(conversion.origins)]
     conversion.panels = len(kept)
     conversion.values.pop("graph", None)
+    conversion.values |= enough_ranks(wall["panels"])
 
 
 def _list(conversion: Conversion, path: Path, why: str) -> None:

@@ -111,8 +111,13 @@ def configuration(
     if refresh_hz is not None:
         view["refresh_hz"] = refresh_hz
     values = {"version": 1, "scene": {"source": "courtyard"}, "wall": {"panels": panels}, "views": [view]}
+    return values | enough_ranks(panels)
+
+
+def enough_ranks(panels: list[dict[str, Any]]) -> dict[str, Any]:
+    """The graph of a picture a panel, as values of a configuration: empty where one rank a panel is enough."""
     ranks = max(_ranks_for(panel["pixels"]) for panel in panels)
-    return values | ({"graph": {"preset": "sort-first", "ranks_per_panel": ranks}} if ranks > 1 else {})
+    return {"graph": {"preset": "sort-first", "ranks_per_panel": ranks}} if ranks > 1 else {}
 
 
 def _ranks_for(pixels: list[int]) -> int:

@@ -129,6 +129,44 @@ def test_a_graph_that_is_refused_gives_way_to_ranks_of_each_panel() -> None:
     assert len(made.not_carried) == 1
 
 
+def test_a_panel_that_needs_more_ranks_has_them() -> None:
+    made = two_panels()
+    made.values["wall"]["panels"][0]["pixels"] = [9000, 64]
+
+    layout = fitting(made)
+
+    assert made.values["graph"] == {"preset": "sort-first", "ranks_per_panel": 3}
+    assert len(layout.regions) == 6
+
+
+@pytest.mark.parametrize(
+    ("viewport", "pixels"),
+    [("70000 0 64 48", [64, 48]), ("0 0 20000 48", [16384, 48]), ("0 0 64 -7", [64, 1]), ("0 0 9000 48", [9000, 48])],
+)
+def test_an_odd_viewport_of_equalizer_does_not_refuse_the_file(viewport: str, pixels: list[int]) -> None:
+    text = (EQC % "0.5 1").replace("0 0 640 480", viewport, 1)
+
+    _, made, yaml = convert_text(text, "w.eqc")
+
+    assert made.values["wall"]["panels"][0]["pixels"] == pixels
+    assert made.not_carried
+    assert "x: 70000" not in yaml
+
+
+def test_a_wall_of_equalizer_too_small_for_a_panel_leaves_the_others() -> None:
+    wall = "wall { bottom_left [ %s 0 -1 ] bottom_right [ %s 0 -1 ] top_left [ %s 1 -1 ] }"
+    small = f'compound {{ channel "a" {wall % (0, 0.00015, 0)} viewport [ 0 0 .5 1 ] }}'
+    text = (
+        "".join(EQC.splitlines(keepends=True)[:3]) + f'{small} compound {{ channel "b" {wall % (1, 2, 1)} }}\n}} }}\n'
+    )
+
+    _, made, _ = convert_text(text, "w.eqc")
+
+    assert [panel["id"] for panel in made.values["wall"]["panels"]] == ["b"]
+    assert made.panels == len(made.origins) == 1
+    assert any("panel a" in item.why and item.line == 4 for item in made.not_carried)
+
+
 def test_the_only_panel_is_not_left_out() -> None:
     made = two_panels()
     made.values["wall"]["panels"] = [made.values["wall"]["panels"][0] | {"pixels": [64, 20000]}]

@@ -49,11 +49,13 @@ def convert(text: str, name: str) -> Conversion:
     mark_nodes(config, resources, _used(panels), graph.hosts)
     mark_compounds(panels)
     carried, left = account(top)
+    shown_ids = {panel["id"] for panel in wall.panels}
     assumed = ["an Equalizer file names no scene: this one shows the courtyard", *wall.assumed]
     return Conversion(
         values=values, carried=carried, not_carried=left, panels=len(wall.panels), ranks=graph.renderers,
         assumed=assumed,
-        origins=[Item(what=described(one.statement), line=one.statement.line) for one in destinations],
+        origins=[Item(what=described(one.statement), line=one.statement.line) for one in destinations
+                 if one.id in shown_ids],
     )  # fmt: skip
 
 
