@@ -26,7 +26,7 @@ def convert(text: str, name: str) -> Conversion:
     """
     top = parse(text, name)
     config = _config(top, name)
-    resources = read_resources(config, _fullscreen(top), name)
+    resources = read_resources(config, _fullscreen(top))
     if not resources.channels:
         raise ConfigError(f"{name}:{config.line}:{config.column}: no channel in this config; wanted: node {{ pipe {{ "
                           "window { channel { } } } }")  # fmt: skip

@@ -43,8 +43,8 @@ class Resources:
         return next((channel for channel in self.channels if channel.name == name), None)
 
 
-def read_resources(config: Statement, fullscreen: bool, name: str) -> Resources:
-    """All channels of a config. `fullscreen`: what windows are that do not say it. Raises ConfigError."""
+def read_resources(config: Statement, fullscreen: bool) -> Resources:
+    """All channels of a config. `fullscreen`: what windows are that do not say it."""
     found, ids = Resources(), set[str]()
     for node in config.all("appNode", "node"):
         host = _host(node)
@@ -52,7 +52,7 @@ def read_resources(config: Statement, fullscreen: bool, name: str) -> Resources:
             display, size = _display(pipe), pipe.numbers("viewport")
             for window in pipe.all("window"):
                 for channel in window.all("channel"):
-                    place = _place(channel, window, size, fullscreen, name)
+                    place = _place(channel, window, size, fullscreen)
                     label = channel.text("name")
                     found.channels.append(
                         Channel(
@@ -92,7 +92,7 @@ def _display(pipe: Statement) -> str | None:
 
 
 def _place(
-    channel: Statement, window: Statement, pipe: list[float] | None, fullscreen: bool, name: str
+    channel: Statement, window: Statement, pipe: list[float] | None, fullscreen: bool
 ) -> tuple[tuple[int, int], Rect | None, bool]:
     """Pixels of the channel, its rectangle on the display, and whether the display's size was assumed."""
     own, part = window.numbers("viewport"), channel.numbers("viewport")
