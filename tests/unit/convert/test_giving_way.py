@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from equalizer_texts import one_panel
 
 from wall.convert.command import convert_text
 from wall.convert.giving_way import fitting
@@ -195,3 +196,20 @@ def test_a_range_of_equalizer_is_clamped_and_one_that_holds_nothing_is_not_carri
     assert becomes in ranges
     refused = [item.line for item in made.not_carried if "no part of the scene" in item.why]
     assert refused == ([7] if becomes is None else [])
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "says"),
+    [
+        ('segment { channel "a"', 'segment { channel "nobody" } segment { channel "a"', 'no channel "nobody"'),
+        ("observer 0", "observer 7", "no observer 7"),
+        ("canvas { layout 0", 'canvas { layout "none" layout 0', 'no layout "none"'),
+    ],
+)
+def test_a_canvas_of_equalizer_that_names_what_is_not_there_keeps_the_rest(right: str, wrong: str, says: str) -> None:
+    text = one_panel("", ("a", "b"))
+
+    _, made, _ = convert_text(text.replace(right, wrong), "w.eqc")
+
+    assert made.panels == 1
+    assert any(says in item.why and item.line == 8 for item in made.not_carried)
