@@ -9,11 +9,10 @@ from pathlib import Path
 from rich.table import Table
 
 from wall.config import yaml_text
-from wall.config.loading import loads
 from wall.convert.formats import MOST_CHARACTERS, Format, detect, known, named
+from wall.convert.giving_way import fitting
 from wall.convert.report import Conversion, Item
 from wall.errors import ConfigError
-from wall.processes.plan import make_layout
 
 LINES_SHOWN = 8
 MOST_BYTES = 4 * MOST_CHARACTERS  # of UTF-8, for each character
@@ -33,13 +32,12 @@ def convert_text(text: str, name: str, format_name: str | None = None) -> tuple[
         raise ConfigError(f"{name}: {len(text)} characters are too many; accepted: at most {MOST_CHARACTERS}")
     chosen = named(format_name) if format_name else detect(text, name)
     conversion = chosen.convert(text, name)
-    yaml = header(conversion, chosen, Path(name).name) + yaml_text.write(conversion.values)
     try:
-        layout = make_layout(loads(yaml, name=f"{name} as YAML"))
+        layout = fitting(conversion)
     except ConfigError as error:
         raise ConfigError(f"{name}: what it describes is refused here: {error}") from error
     conversion.ranks = len(layout.regions)
-    return chosen, conversion, yaml
+    return chosen, conversion, header(conversion, chosen, Path(name).name) + yaml_text.write(conversion.values)
 
 
 def read(path: Path) -> str:

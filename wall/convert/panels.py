@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from wall.config.screens import MAX_PANELS, SQUARENESS
 from wall.convert.overlaps import declare_overlaps
+from wall.convert.report import Item
 from wall.convert.source import Node, Source
 from wall.data import Float64, Rect
 from wall.geometry.regions import MAX_EDGE, split
@@ -90,6 +91,7 @@ def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> tupl
     names = unique_names(draft.name for draft in drafts)
     overlaps = declare_overlaps([(draft.corners, draft.stereo) for draft in drafts])
     parts = zip(drafts, names, overlaps, strict=True)
+    source.origins = [Item(what=draft.node.name, line=draft.node.line) for draft in drafts]
     return [_values(source, draft, name, overlap) for draft, name, overlap in parts], eye
 
 
@@ -109,8 +111,13 @@ def configuration(
     if refresh_hz is not None:
         view["refresh_hz"] = refresh_hz
     values = {"version": 1, "scene": {"source": "courtyard"}, "wall": {"panels": panels}, "views": [view]}
+    return values | enough_ranks(panels)
+
+
+def enough_ranks(panels: list[dict[str, Any]]) -> dict[str, Any]:
+    """The graph of a picture a panel, as values of a configuration: empty where one rank a panel is enough."""
     ranks = max(_ranks_for(panel["pixels"]) for panel in panels)
-    return values | ({"graph": {"preset": "sort-first", "ranks_per_panel": ranks}} if ranks > 1 else {})
+    return {"graph": {"preset": "sort-first", "ranks_per_panel": ranks}} if ranks > 1 else {}
 
 
 def _ranks_for(pixels: list[int]) -> int:

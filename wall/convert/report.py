@@ -33,6 +33,7 @@ class Conversion:
     not_carried: list[Item]
     panels: int
     ranks: int  # processes that the source names or implies; what a run needs here is for `wall check` to say
+    origins: list[Item] = field(default_factory=list)  # what each panel comes from
     assumed: list[str] = field(default_factory=list)  # what the source does not say, one sentence each
 
     def as_json(self) -> dict[str, Any]:

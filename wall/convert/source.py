@@ -58,6 +58,7 @@ class Source:
         self._reasons = dict(reasons or {})
         self.root = root
         self.assumed: list[str] = []
+        self.origins: list[Item] = []  # what each panel comes from
         self._carried: list[Item] = []
         self._not_carried: list[Item] = []
 
@@ -106,6 +107,7 @@ class Source:
             panels=panels,
             ranks=ranks,
             assumed=self.assumed,
+            origins=self.origins,
         )
 
     def _leftovers(self, node: Node) -> None:

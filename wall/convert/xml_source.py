@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from typing import Any
 from xml.parsers import expat
 
@@ -10,10 +11,11 @@ from wall.convert.report import NotThisFormat
 from wall.convert.source import Node
 
 MAX_DEPTH = 32  # the deepest known file has 7 levels
+MAX_NODES = 50_000  # elements and attributes; a wall of 1,024 panels has 10,000
 
 _START_TAG = re.compile(rb"""<(?:[^>"']|"[^"]*"|'[^']*')*>""")
 _ATTRIBUTE = re.compile(r"""([^\s=<>/"']+)\s*=\s*(?:"[^"]*"|'[^']*')""")
-_ENCODING = re.compile(r"""^(\s*<\?xml[^>]*?)\s+encoding\s*=\s*(["'])[^"']*\2""")
+_ENCODING = re.compile(r"""^(\s*<\?xml[^>]{0,99}?)\s{1,99}encoding\s*=\s*(["'])[^"']*\2""")
 
 
 def parse(text: str, name: str) -> Node:
@@ -45,6 +47,8 @@ class _Reader:
         self._parser.CharacterDataHandler = self._text
         self._parser.EntityDeclHandler = self._entity
         self._open: list[Node] = []
+        self._counts: list[Counter[str]] = []  # of the open elements' children, by tag
+        self._nodes = 0
         self._root: Node | None = None
 
     def read(self) -> Node:
@@ -58,11 +62,15 @@ class _Reader:
             where = f"{self._name}:{line}:{column}"
             raise NotThisFormat(f"{where}: nested too deeply; accepted: at most {MAX_DEPTH} levels")
         parent = self._open[-1] if self._open else None
-        path = tag if parent is None else f"{parent.name}.{tag}[{len(parent.children(tag))}]"
+        self._nodes += 1 + len(attributes) // 2
+        if self._nodes > MAX_NODES:
+            where = f"{self._name}:{line}:{column}"
+            raise NotThisFormat(f"{where}: more than {MAX_NODES} elements and attributes; accepted: a wall description")
+        path = tag if parent is None else f"{parent.name}.{tag}[{self._counts[-1][tag]}]"
         node = Node(name=path, line=line, column=column, kind="object", key=tag)
-        source = self._start_tag()
+        places = _attribute_places(self._start_tag(), line, column)
         for key, value in zip(attributes[::2], attributes[1::2], strict=True):
-            at_line, at_column = _attribute_place(source, key, line, column)
+            at_line, at_column = places.get(key, (line, column))
             node.fields[key] = Node(
                 name=f"{path}.{key}", line=at_line, column=at_column, kind="value", key=key, value=value
             )
@@ -70,7 +78,9 @@ class _Reader:
             self._root = node
         else:
             parent.items.append(node)
+            self._counts[-1][tag] += 1
         self._open.append(node)
+        self._counts.append(Counter())
 
     def _start_tag(self) -> str:
         """The start tag that is being read, as it is written."""
@@ -79,6 +89,7 @@ class _Reader:
 
     def _end(self, _: str) -> None:
         self._open.pop()
+        self._counts.pop()
 
     def _text(self, text: str) -> None:
         if not (said := text.strip()) or not self._open:
@@ -97,11 +108,13 @@ class _Reader:
         raise NotThisFormat(f"{self._name}:{line}:1: entities are not read; accepted: text written out")
 
 
-def _attribute_place(source: str, key: str, line: int, column: int) -> tuple[int, int]:
-    """Line and column of an attribute in the start tag `source`, which begins at line, column."""
-    for found in _ATTRIBUTE.finditer(source):
-        if found[1] == key:
-            lines = source.count("\n", 0, found.start())
-            after = found.start() - (source.rfind("\n", 0, found.start()) + 1)
-            return line + lines, after + 1 if lines else column + found.start()
-    return line, column
+def _attribute_places(source: str, line: int, column: int) -> dict[str, tuple[int, int]]:
+    """Line and column of each attribute in the start tag `source`, which begins at line, column; in one pass."""
+    found, start, after = dict[str, tuple[int, int]](), 0, column  # `after`: the column of source[start]
+    for attribute in _ATTRIBUTE.finditer(source):
+        between = source[start : attribute.start()]
+        line += between.count("\n")
+        after = len(between) - between.rfind("\n") if "\n" in between else after + len(between)
+        start = attribute.start()
+        found.setdefault(attribute[1], (line, after))
+    return found

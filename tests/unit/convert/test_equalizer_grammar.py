@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from equalizer_texts import BINARY_SWAP, one_panel, pipes, server
+from equalizer_texts import BINARY_SWAP, draws, one_panel, pipes, server, takes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -154,10 +154,28 @@ def test_nested_without_end_is_refused_before_the_stack_is_full() -> None:
         ("compound { channel ( canvas 2 view 0 ) }", "no canvas 2; wanted: 0 to 0"),
     ],
 )
-def test_a_name_that_is_not_there_is_refused_with_those_that_are(compounds: str, told: str) -> None:
+def test_a_compound_that_names_what_is_not_there_is_left_out_and_refused_where_it_is_the_only_one(
+    compounds: str, told: str
+) -> None:
+    text = one_panel("", ("a", "b"), more=compounds)
+    made = convert(text, "f.eqc")
+
+    assert made.panels == 1
+    assert [item.line for item in made.not_carried if told in item.why][:1] == [12]
     with pytest.raises(ConfigError) as refused:
-        convert(one_panel("", ("a", "b"), more=compounds), "f.eqc")
+        convert(text.replace("compound { channel ( segment 0 view 0 )\n\n}", ""), "f.eqc")
     assert told in str(refused.value)
+
+
+def test_a_child_that_names_an_unknown_channel_leaves_the_other_children_their_parts() -> None:
+    text = one_panel(draws("b", "range [ 0 .5 ]") + draws("nobody", "range [ .5 1 ]") + takes("b", "nobody"))
+
+    made = convert(text, "f.eqc")
+
+    assert made.panels == 1
+    assert [item.line for item in made.not_carried if 'no channel "nobody"' in item.why and "range" in item.what] == [
+        text[: text.index("nobody")].count("\n") + 1
+    ]
 
 
 def test_a_config_without_channels_shows_nothing_and_is_refused() -> None:

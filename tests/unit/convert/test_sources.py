@@ -99,6 +99,21 @@ def test_xml_that_is_broken_or_odd_is_refused_with_its_place(text: str, says: st
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("<a " + " ".join(f'b{k}="1"' for k in range(60_000)) + "/>", "w.xml:1:1: more than 50000 elements"),
+        ("<a>\n" + "x<b/>" * 60_000 + "</a>", "w.xml:2:249997: more than 50000 elements"),
+        ("<?xml" + " " * 1_000_000 + "?><a/>", "w.xml:1:6: not valid XML"),
+    ],
+)  # fmt: skip
+def test_xml_that_would_take_minutes_is_refused_at_once(text: str, says: str) -> None:
+    with pytest.raises(NotThisFormat) as caught:
+        xml_source.parse(text, "w.xml")
+
+    assert says in str(caught.value)
+
+
 def test_json_nested_too_deeply_is_refused() -> None:
     with pytest.raises(NotThisFormat, match=r"w.json:1:34: nested too deeply"):
         json_source.parse("[" * 40 + "]" * 40, "w.json")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from wall.config.schema import WallConfig
-from wall.convert.equalizer.account import account
+from wall.convert.equalizer.account import account, described
 from wall.convert.equalizer.canvases import leave_other_layouts, read_canvases
 from wall.convert.equalizer.destinations import Destinations
 from wall.convert.equalizer.drawn import Drawn, GraphValues, drawn, share_channels
@@ -13,7 +13,7 @@ from wall.convert.equalizer.grammar import Statement, parse
 from wall.convert.equalizer.marks import mark_compounds, mark_nodes
 from wall.convert.equalizer.resources import read_resources
 from wall.convert.equalizer.wall_values import wall_values
-from wall.convert.report import Conversion
+from wall.convert.report import Conversion, Item
 from wall.errors import ConfigError
 from wall.geometry.panels import expand
 
@@ -26,7 +26,7 @@ def convert(text: str, name: str) -> Conversion:
     """
     top = parse(text, name)
     config = _config(top, name)
-    resources = read_resources(config, _fullscreen(top), name)
+    resources = read_resources(config, _fullscreen(top))
     if not resources.channels:
         raise ConfigError(f"{name}:{config.line}:{config.column}: no channel in this config; wanted: node {{ pipe {{ "
                           "window { channel { } } } }")  # fmt: skip
@@ -49,10 +49,13 @@ def convert(text: str, name: str) -> Conversion:
     mark_nodes(config, resources, _used(panels), graph.hosts)
     mark_compounds(panels)
     carried, left = account(top)
+    shown_ids = {panel["id"] for panel in wall.panels}
     assumed = ["an Equalizer file names no scene: this one shows the courtyard", *wall.assumed]
     return Conversion(
         values=values, carried=carried, not_carried=left, panels=len(wall.panels), ranks=graph.renderers,
         assumed=assumed,
+        origins=[Item(what=described(one.statement), line=one.statement.line) for one in destinations
+                 if one.id in shown_ids],
     )  # fmt: skip
 
 

@@ -30,7 +30,7 @@ class Shown:
 
 
 def read_canvases(config: Statement, resources: Resources, name: str) -> list[Shown]:
-    """All that the canvases show, in the order of the file. Raises ConfigError for a name that is not there."""
+    """All that the canvases show, in the order of the file; a name that is not there is not carried."""
     found: list[Shown] = []
     for canvas in config.all("canvas"):
         views = _views(config, canvas, name)
@@ -86,7 +86,11 @@ def _views(config: Statement, canvas: Statement, name: str) -> list[tuple[Statem
         if key.values[0] == "OFF":
             key.leave("a canvas is not switched off here")
             continue
-        layout = find(config.all("layout"), key, name)
+        try:
+            layout = find(config.all("layout"), key, name)
+        except ConfigError as error:
+            key.leave(_without_name(error, name))
+            continue
         if active is None:
             active = layout
             key.carry("the layout that a run begins with")
@@ -120,8 +124,12 @@ def _channel(segment: Statement, resources: Resources, name: str) -> Channel | N
     key.carry()
     channel = resources.named(str(key.values[0]))
     if channel is None:
-        raise unknown_channel(key, resources, name)
+        _leave_all(segment, _without_name(unknown_channel(key, resources, name), name))
     return channel
+
+
+def _without_name(error: ConfigError, name: str) -> str:
+    return str(error).removeprefix(f"{name}:")
 
 
 def unknown_channel(key: Statement, resources: Resources, name: str) -> ConfigError:
@@ -149,7 +157,11 @@ def _observer(config: Statement, view: Statement, name: str) -> Statement | None
     if key is None:
         return None
     key.carry()
-    return find(config.all("observer"), key, name)
+    try:
+        return find(config.all("observer"), key, name)
+    except ConfigError as error:
+        key.leave(_without_name(error, name))
+        return None
 
 
 def _awake(found: list[Shown]) -> list[Shown]:

@@ -24,6 +24,7 @@ MOST_QUESTIONS = 100_000  # frames may go through each other, in files that nobo
 
 Range = tuple[float, float]
 EVERYTHING: Range = (0.0, 1.0)
+LEAST_RANGE = 1e-6  # of the scene
 
 
 @dataclass(slots=True, eq=False)
@@ -45,8 +46,16 @@ class Compound:
         block = self.statement
         self.view = viewport_of(block)
         if (numbers := block.numbers("range")) is not None:
-            self.range = (numbers[0], numbers[1])
+            self.range = self._range(max(0.0, numbers[0]), min(1.0, numbers[1]))
         self.eyes, self.tasks, self.buffers = (_words(block, word) for word in ("eye", "task", "buffer"))
+
+    def _range(self, low: float, high: float) -> Range | None:
+        """A part of the scene; None, and not carried, where it holds nothing."""
+        if high - low >= LEAST_RANGE:
+            return low, high
+        for one in self.statement.all("range"):
+            one.leave("no part of the scene lies in it: the compound draws what the one above it does")
+        return None
 
     @property
     def places(self) -> bool:

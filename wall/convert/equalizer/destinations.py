@@ -11,6 +11,7 @@ from wall.convert.equalizer.grammar import Statement
 from wall.convert.equalizer.places import WHOLE, Frustum, View, frustum_of, within
 from wall.convert.equalizer.resources import Channel, Resources, unique
 from wall.data import Float64
+from wall.errors import ConfigError
 
 UNSHOWN = "no panel shows this view on this segment"
 SWITCHED = "layouts are not switched as it runs, and no canvas begins with this one"
@@ -51,11 +52,18 @@ class Destinations:
         self._on_canvas = list(self._of_view.values())
         self._of_channel: dict[tuple[Channel, bytes], Destination] = {}
         self.all: list[Destination] = list(self._on_canvas)
+        self._lost: list[ConfigError] = []  # of compounds that name what is not there
 
     def read(self) -> list[Destination]:
-        """The panels, in the order of the file; a file of channels alone shows each of them."""
+        """The panels, in the order of the file; a file of channels alone shows each of them.
+
+        Raises ConfigError if no compound is whole.
+        """
         for block in self._config.all("compound"):
-            self._root(self._compound(block, None))
+            if (whole := self._compound(block, None)) is not None:
+                self._root(whole)
+        if self._lost and not any(one.roots for one in self.all):
+            raise self._lost[0]
         self._drop_cleared()
         for one in self.all:
             one.eyes = _shown_eyes(one)
@@ -84,9 +92,24 @@ class Destinations:
     ) -> Destination:  # fmt: skip
         return Destination(unique(label, self._ids), channel, statement, part, corners, eyes, None)
 
-    def _compound(self, block: Statement, parent: Compound | None) -> Compound:
+    def _compound(self, block: Statement, parent: Compound | None) -> Compound | None:
+        """A compound with all below it; None, and not carried, where it names what is not there."""
         made = Compound(statement=block, parent=parent)
-        key = block.last("channel")
+        try:
+            self._name_place(made)
+        except ConfigError as error:
+            self._lost.append(error)
+            for one in block.walk():
+                one.leave(str(error).removeprefix(f"{self._name}:"))
+            return None
+        children = [self._compound(child, made) for child in block.all("compound")]
+        made.children = [child for child in children if child is not None]
+        made.share_ranges()
+        return made
+
+    def _name_place(self, made: Compound) -> None:
+        """Find the channel, or the segment and view, that it names. Raises ConfigError if there is none."""
+        key = made.statement.last("channel")
         if key is not None and key.body is not None:
             key.carry()
             segment, view = targets(self._config, key, self._name)
@@ -96,9 +119,6 @@ class Destinations:
             made.channel = self._resources.named(str(key.values[0]))
             if made.channel is None:
                 raise unknown_channel(key, self._resources, self._name)
-        made.children = [self._compound(child, made) for child in block.all("compound")]
-        made.share_ranges()
-        return made
 
     def _root(self, compound: Compound) -> None:
         """Find the topmost compounds with a channel: each belongs to a panel."""

@@ -9,7 +9,6 @@ import re
 from dataclasses import dataclass, field
 
 from wall.convert.equalizer.grammar import Statement
-from wall.errors import ConfigError
 
 ASSUMED_PIPE = (1920, 1080)  # pixels of a display that does not say its size
 MOST_PIXELS = 16384
@@ -44,8 +43,8 @@ class Resources:
         return next((channel for channel in self.channels if channel.name == name), None)
 
 
-def read_resources(config: Statement, fullscreen: bool, name: str) -> Resources:
-    """All channels of a config. `fullscreen`: what windows are that do not say it. Raises ConfigError."""
+def read_resources(config: Statement, fullscreen: bool) -> Resources:
+    """All channels of a config. `fullscreen`: what windows are that do not say it."""
     found, ids = Resources(), set[str]()
     for node in config.all("appNode", "node"):
         host = _host(node)
@@ -53,7 +52,7 @@ def read_resources(config: Statement, fullscreen: bool, name: str) -> Resources:
             display, size = _display(pipe), pipe.numbers("viewport")
             for window in pipe.all("window"):
                 for channel in window.all("channel"):
-                    place = _place(channel, window, size, fullscreen, name)
+                    place = _place(channel, window, size, fullscreen)
                     label = channel.text("name")
                     found.channels.append(
                         Channel(
@@ -93,7 +92,7 @@ def _display(pipe: Statement) -> str | None:
 
 
 def _place(
-    channel: Statement, window: Statement, pipe: list[float] | None, fullscreen: bool, name: str
+    channel: Statement, window: Statement, pipe: list[float] | None, fullscreen: bool
 ) -> tuple[tuple[int, int], Rect | None, bool]:
     """Pixels of the channel, its rectangle on the display, and whether the display's size was assumed."""
     own, part = window.numbers("viewport"), channel.numbers("viewport")
@@ -105,10 +104,9 @@ def _place(
     area = (0, 0, width, height) if whole or own is None else _pixels(own, (width, height))
     x, y, w, h = (0, 0, area[2], area[3]) if part is None else _pixels(part, area[2:])
     if not (0 < w <= MOST_PIXELS and 0 < h <= MOST_PIXELS):
-        raise ConfigError(
-            f"{name}:{channel.line}:{channel.column}: channel of {w} x {h} pixels came; "
-            f"wanted: 1 to {MOST_PIXELS} each way"
-        )
+        for one in channel.all("viewport") or window.all("viewport") or [channel]:
+            one.leave(f"a channel of {w} x {h} pixels came; wanted: 1 to {MOST_PIXELS} each way, so it is cut to that")
+        w, h = (min(MOST_PIXELS, max(1, size)) for size in (w, h))
     covers = whole and part is None
     rect = None if covers or _off_screen(window) else (area[0] + x, area[1] + area[3] - y - h, w, h)
     return (w, h), rect, pipe is None and not exact and not (part is not None and _in_pixels(part))

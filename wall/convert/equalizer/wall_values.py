@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from pydantic import ValidationError
 
+from wall.config.screens import PanelConfig
 from wall.convert.equalizer.destinations import Destination
 from wall.convert.equalizer.grammar import Statement
 from wall.convert.equalizer.places import in_a_row
+from wall.convert.panels import FARTHEST_PIXEL
 from wall.data import Float64
 from wall.errors import ConfigError
 
@@ -41,21 +44,28 @@ class WallValues:
 
 
 def wall_values(destinations: list[Destination], eye_base: float | None, name: str) -> WallValues:
-    """Panels with their places and eyes. Raises ConfigError where an eye is in a panel's plane."""
+    """Panels with their places and eyes. Raises ConfigError where no panel can be: what cannot is not carried."""
     assumed: list[str] = []
     _place(destinations, assumed)
     eyes = [_eye(one.observer) for one in destinations]
     _turn_to(destinations, eyes, assumed)
     separation = next((_separation(one.observer) for one in destinations if one.observer is not None), None)
     _step_back(destinations, eyes, assumed)
-    panels, parts = [], []
+    panels, parts, refusals = [], list[PanelPart](), list[ConfigError]()
     for one, eye in zip(destinations, eyes, strict=True):
-        _check_eye(one, eye, name)
         values, ours = _panel(one, assumed)
         if eye != eyes[0]:
             values["eye"] = eye
+        try:
+            _check(one, values, eye, name)
+        except ConfigError as error:
+            refusals.append(error)
+            one.statement.leave(str(error).removeprefix(f"{name}:"))
+            continue
         panels.append(values)
         parts.extend(ours)
+    if not panels and refusals:
+        raise refusals[0]
     views = {id(one.view) for one in destinations if one.view is not None}
     if len(views) > 1:
         assumed.append(f"one camera for all {len(views)} views that the canvases show")
@@ -101,12 +111,20 @@ def _separation(observer: Statement | None) -> float | None:
     return base[0] if base is not None else None
 
 
-def _check_eye(one: Destination, eye: list[float], name: str) -> None:
-    corners = one.corners
+def _check(one: Destination, values: dict[str, Any], eye: list[float], name: str) -> None:
+    """Raise ConfigError for a panel that a configuration refuses, or that its viewer sees from the edge."""
+    corners, at = one.corners, one.statement
+    try:
+        PanelConfig.model_validate(values)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise ConfigError(
+            f"{name}:{at.line}:{at.column}: panel {one.id}: {'.'.join(map(str, first['loc']))}: {first['msg']}; "
+            "wanted: a panel of 0.0001 m or more each way"
+        ) from None
     assert corners is not None
     away = float((np.array(eye) - corners[0]) @ _normal(corners))
     if away < NEAREST:
-        at = one.statement
         raise ConfigError(
             f"{name}:{at.line}:{at.column}: the viewer at {eye} is in the plane of panel {one.id}; "
             "wanted: a wall that faces the viewer"
@@ -197,9 +215,10 @@ def _window(one: Destination, pixels: tuple[int, int]) -> dict[str, int] | None:
     if area is None and whole:
         return None
     left, top, width, height = area or (0, 0, *one.channel.pixels)
-    return {
-        "x": left + round(x * width),
-        "y": top + height - round((y + h) * height),
-        "width": pixels[0],
-        "height": pixels[1],
-    }
+    place = left + round(x * width), top + height - round((y + h) * height)
+    if max(map(abs, place)) > FARTHEST_PIXEL:
+        for viewport in (at.last("viewport") for at in (one.channel.statement, one.channel.statement.parent) if at):
+            if viewport is not None:
+                viewport.leave(f"its window at {place[0]}, {place[1]} is on no display: it fills its display")
+        return None
+    return {"x": place[0], "y": place[1], "width": pixels[0], "height": pixels[1]}
