@@ -66,6 +66,7 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
         worker.forget(batch)
     for number in range(2):  # something moved, nothing moved
         panel.refresh(event, 0.1 * number)
+        clock.advance(0.1)  # so that the picture beneath the rays is refreshed as well
         worker.step(event)
     tiling = worker.tiling()
     if tiling is not None:

@@ -92,7 +92,8 @@ class Picture:
         self._object_starts = np.zeros(len(scene.instances) + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
         self.count = 0
-        self._oldest_kept(0, np.float32(0.0))  # compiled now, not when first there are too many
+        self._oldest_kept(0, np.float32(0.0))  # compiled now, not when first there are too many,
+        kernels_store.close_ranks(*self._store, 0, np.float32(-np.inf))
         self._until_sorted = self._sorts = 0
         self.nearest = np.full((height, width, 4), -1.0, np.float32)
         self.front = np.zeros((height, width, 2), np.float32)
