@@ -85,10 +85,9 @@ def test_a_part_alone_is_not_the_picture(truth: NDArray[np.uint8]) -> None:
 UNUSED = [f"{kind}{k}{r}" for kind in "sf" for k in range(2) for r in (2, 3)] + ["b0", "b1"]
 
 
-@pytest.mark.parametrize("graph", [SORT_LAST, tree()], ids=["direct-send", "tree"])
-def test_adaptive_samples_at_rest_put_together_are_the_sort_first_picture_within_the_filters(graph: str) -> None:
+def test_adaptive_samples_at_rest_put_together_are_the_sort_first_picture_within_the_filters() -> None:
     text = TEXT.replace("[64, 48]", "[32, 24]") + "sampling: {method: adaptive, samples_per_batch: 256}\n"
-    first, last = (still(text + g) for g in (SORT_FIRST, graph))
+    first, last = (still(text + graph) for graph in (SORT_FIRST, tree()))
     assert np.abs(first.astype(int) - last).mean() <= ADAPTIVE_CODES
 
 

@@ -77,7 +77,7 @@ def only_refused(text: str) -> None:
     assert all(line.startswith("m.yaml") for line in refusals)
 
 
-@settings(max_examples=250, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None, derandomize=True)
 @given(st.data())
 def test_text_with_pieces_cut_and_put_in_gives_only_config_errors(data: st.DataObject) -> None:
     text = data.draw(st.sampled_from(TEXTS))
@@ -89,7 +89,7 @@ def test_text_with_pieces_cut_and_put_in_gives_only_config_errors(data: st.DataO
     only_refused(text)
 
 
-@settings(max_examples=250, deadline=None, derandomize=True)
+@settings(max_examples=120, deadline=None, derandomize=True)
 @given(st.data())
 def test_values_replaced_removed_and_added_give_only_config_errors(data: st.DataObject) -> None:
     tree = copy.deepcopy(data.draw(st.sampled_from(TREES)))
@@ -120,7 +120,7 @@ def _mutate(tree: Any, data: st.DataObject) -> None:
         node.append(data.draw(JUNK))
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(st.text(max_size=60))
 def test_any_text_gives_only_config_errors(text: str) -> None:
     only_refused(text)
