@@ -131,6 +131,9 @@ class Graph:
                 return layer
         raise KeyError(rank)
 
+    def sinks_on(self, place: int) -> tuple[Step, ...]:
+        return tuple(step for step in self.steps if step.place == place and isinstance(step.node, SinkNode))
+
     def layers_on(self, place: int) -> tuple[Layer, ...]:
         return tuple(layer for layer in self.layers if layer.place == place)
 

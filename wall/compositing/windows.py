@@ -15,7 +15,7 @@ from wall.geometry.panels import Panel, Wall
 from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour
 from wall.operators.crop import Crop
-from wall.operators.warp import Mesh, Warp
+from wall.operators.warp import Warp
 
 MAX_STEM = 48  # characters of a node's id that added nodes begin with
 
@@ -62,8 +62,7 @@ def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str
     if isinstance(panel.warp, WarpFileConfig):
         chain.append(Warp(op="warp", file=panel.warp.file, **link("warp")))
     elif panel.warp is not None:
-        mesh = Mesh(columns=panel.warp.columns, rows=panel.warp.rows, points=panel.warp.points)
-        chain.append(Warp(op="warp", mesh=mesh, **link("warp")))
+        chain.append(Warp(op="warp", mesh=panel.warp, **link("warp")))
     last = chain[-1].id if chain else node.input
     return [*chain, SinkNode(op="sink", id=name, kind="window", input=last, on=node.on)]
 

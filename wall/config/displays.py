@@ -5,19 +5,16 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from annotated_types import Ge, Le
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from wall.fields import Model, Number, Text, Whole, refusal
-
-FARTHEST_NODE = 4.0  # displays beyond the picture: a warp that goes there is a typing error
+from wall.fields import Model, Number, Text, Whole
+from wall.operators.warp import Mesh
 
 Pixels = Annotated[Whole, Ge(1), Le(16384)]
 Width = Annotated[Number, Ge(0.0), Le(100.0)]
 Gain = Annotated[Number, Ge(0.0), Le(16.0)]
 Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
 PixelPlace = Annotated[Whole, Ge(-65536), Le(65536)]
-Share = Annotated[Number, Ge(-FARTHEST_NODE), Le(1.0 + FARTHEST_NODE)]
-Nodes = Annotated[Whole, Ge(2), Le(1024)]
 RefreshRate = Annotated[Number, Ge(0.1), Le(1000.0)]
 
 
@@ -47,6 +44,9 @@ def _all_sides(value: Any) -> Any:
 
 
 Sides = Annotated[SidesConfig, BeforeValidator(_all_sides, json_schema_input_type=Width | SidesConfig)]
+
+
+WarpGridConfig = Mesh  # what windows hand the operator `warp`
 
 
 def _three(value: Any) -> Any:
@@ -80,23 +80,6 @@ Blend = Annotated[
     Annotated[Literal["none", "auto"], Tag("<word>")] | Annotated[BlendConfig, Tag("<sides>")],
     Discriminator(_kind_of_blend),
 ]
-
-
-class WarpGridConfig(Model):
-    """Where the nodes of a regular grid over the picture go on the display."""
-
-    columns: Nodes = Field(description="nodes side by side, the picture's edges among them")
-    rows: Nodes = Field(description="nodes on top of each other")
-    points: Annotated[tuple[tuple[Share, Share], ...], Field(min_length=4, max_length=65536)] = Field(
-        description="[x, y] of each node, 0..1 of the display from its top left, row by row from the top"
-    )
-
-    @model_validator(mode="after")
-    def _one_point_a_node(self) -> WarpGridConfig:
-        if len(self.points) != self.columns * self.rows:
-            came = f"{len(self.points)} points for {self.columns} x {self.rows} nodes"
-            raise refusal(came, accepted=f"{self.columns * self.rows} points", at=("points",))
-        return self
 
 
 class WarpFileConfig(Model):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
-from wall.config.schema import FrameSync, SinkNode, SkyNode
+from wall.config.schema import FrameSync, SkyNode
 from wall.data import Counters, Event, Framelet, Rect, Survey
 from wall.deepbuffer.kernels import TILE
 from wall.errors import RemoteProtocolError
@@ -45,7 +45,6 @@ class Compositor:
         self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
         steps = [step for step in graph.steps if step.place == rank]
         self._skies = {step.index: PanelSky(plan, step) for step in steps if isinstance(step.node, SkyNode)}
-        self._sinks = [step for step in steps if isinstance(step.node, SinkNode)]
         self.lockstep = Lockstep(graph, rank) if isinstance(graph.sync, FrameSync) else None
         self._pictures = _Pictures(self, compared=False)
         self._compared: _Pictures | None = None  # while two samplers are compared
@@ -216,11 +215,6 @@ class Compositor:
         """Packets and bytes, to other places."""
         return self._pictures.outlets.packets, self._pictures.outlets.bytes
 
-    @property
-    def pixels(self) -> int:
-        """Pixels that operators of this place have written."""
-        return self._pictures.executor.pixels
-
     def samples_shown(self) -> int:
         return sum(layer.buffer.samples_shown for layer in self.layers.values())
 
@@ -252,7 +246,7 @@ class Compositor:
 
     def shown_of(self) -> list[Shown]:
         layout = self._plan.layout
-        return [Shown(layout.graph, sink, layout.wall) for sink in self._sinks]
+        return [Shown(layout.graph, sink, layout.wall) for sink in layout.graph.sinks_on(self._rank)]
 
 
 class _Pictures:

@@ -23,7 +23,6 @@ class Shown:
     """The pictures of one sink: of each panel it shows whole, else one of all that it is given. New where changed."""
 
     def __init__(self, graph: Graph, sink: Step, wall: Wall) -> None:
-        self.node = sink.node
         self._input = sink.inputs[0]
         rect = graph.steps[self._input].rect
         if sink.panels:
@@ -45,16 +44,13 @@ class Shown:
             for name, r in self._rects.items()
         }
 
-    def take(self, changes: Changes, framelets: Mapping[int, Framelet]) -> bool:
-        """Cut out the panels that changed. Returns whether any did."""
+    def take(self, changes: Changes, framelets: Mapping[int, Framelet]) -> None:
+        """Cut out the panels that changed."""
         regions, framelet = changes.get(self._input, []), framelets[self._input]
-        any_new = False
         for name, rect in self._rects.items():
             if any(rect.meets(region) for region in regions):
                 old = self._pictures[name]
                 self._pictures[name] = replace(old, rgb=_bytes_of(framelet, rect), version=old.version + 1)
-                any_new = True
-        return any_new
 
     def pictures(self) -> tuple[PanelPicture, ...]:
         return tuple(self._pictures.values())

@@ -33,9 +33,8 @@ def make_sinks(plan: Plan, place: int, out: Path, *, headless: bool) -> tuple[li
     windows = None if headless else _windows(plan, place)
     sinks: list[Sink | None] = []
     browser: Browser | None = None
-    for step in layout.graph.steps:
-        if step.place != place or not isinstance(step.node, SinkNode):
-            continue
+    for step in layout.graph.sinks_on(place):
+        assert isinstance(step.node, SinkNode)
         kind = step.node.kind
         sink: Sink | None = None
         if kind == "png":

@@ -15,7 +15,7 @@ import numpy as np
 
 from wall.colour import srgb_curve
 from wall.config.schema import METHODS, SkyNode
-from wall.data import Framelet, Rect, Region
+from wall.data import Framelet, Rect
 from wall.errors import ConfigError
 from wall.jit import cache_folder, compiled_kernels
 from wall.operators import kernels
@@ -49,14 +49,10 @@ def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
 
 
 def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
-    layout = plan.layout
-    rank = layout.renderers()[0]
-    tiny = Region(panel=layout.region(rank).panel, rect=TINY)
-    small = replace(plan, layout=replace(layout, regions=(tiny, *layout.regions[1:])))
+    rank = plan.layout.renderers()[0]
     clock = ManualClock()
-    samplers = make_samplers(small, method, tiny, clock)
-    worker = Worker(small, resident, rank, clock, samplers, 0)
-    panel = PanelCompositor(plan, tiny.panel, reconstruction="cpu")  # OpenGL must not be opened before ranks fork
+    worker = _tiny_worker(plan, resident, rank, method, clock)
+    panel = PanelCompositor(plan, plan.layout.region(rank).layer, reconstruction="cpu")  # no OpenGL before ranks fork
     event = replace(first_event(plan, 0.0), sampler=method)
     panel.follow(event)
     packet = worker.step(event)
@@ -75,6 +71,15 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     panel.surveys(0.0)
 
 
+def _tiny_worker(plan: Plan, resident: Resident, rank: int, method: str, clock: ManualClock) -> Worker:
+    """A renderer's only thread, with a few pixels of its region; `method` as in make_samplers."""
+    layout = plan.layout
+    tiny = replace(layout.region(rank), rect=TINY)
+    regions = tuple(tiny if k == rank else layout.region(k) for k in layout.renderers())
+    small = replace(plan, layout=replace(layout, regions=regions))
+    return Worker(small, resident, rank, clock, make_samplers(small, method, tiny, clock), 0)
+
+
 def _layers(plan: Plan, resident: Resident) -> None:
     """Layers that bring more than display bytes, one of each kind, and their way from one moment to another."""
     layout, known = plan.layout, set()
@@ -85,13 +90,8 @@ def _layers(plan: Plan, resident: Resident) -> None:
             continue
         known.add(kind)
         panel = PanelCompositor(plan, layer.index, reconstruction="cpu")
-        tiny = Region(layer=layer.index, panel=layer.panel, rect=TINY)
-        rank = layer.ranks[0]
-        regions = tuple(tiny if k == rank else layout.region(k) for k in layout.renderers())
-        small = replace(plan, layout=replace(layout, regions=regions))
-        clock = ManualClock()
         event = first_event(plan, 0.0)
-        worker = Worker(small, resident, rank, clock, make_samplers(small, "", tiny, clock), 0)
+        worker = _tiny_worker(plan, resident, layer.ranks[0], "", ManualClock())
         panel.follow(event)
         if (packet := worker.step(event)) is not None:
             panel.insert(decode(packet))

@@ -159,15 +159,20 @@ def test_light_is_computed_with_and_bytes_are_shown_within_a_code_of_their_round
     assert (shown[3:] == 0).all(), "outside of the region nothing is written"
 
 
-def test_only_framelets_of_another_moment_are_moved() -> None:
+def two_layers() -> Graph:
+    """Two layers of the left panel, compared by depth."""
     clear = "background: transparent, input:"
-    graph = built(
+    return built(
         nodes(
             "id: sa, op: samples, panel: r0c0", f"id: a, op: reconstruct, {clear} sa",
             "id: sb, op: samples, panel: r0c0", f"id: b, op: reconstruct, {clear} sb",
             "id: d, op: depth, inputs: [a, b]", *PANEL1, "id: w, op: tile, inputs: [d, p1]", WHOLE[5],
         )
     )  # fmt: skip
+
+
+def test_only_framelets_of_another_moment_are_moved() -> None:
+    graph = two_layers()
     a, b = graph.step("a"), graph.step("b")
     sources = {s.index: Framelet.blank(s.rect, s.channels, encoded=s.encoded) for s in (a, b, graph.step("p1"))}
     moved: list[tuple[int, Event, int]] = []
@@ -190,14 +195,7 @@ def test_only_framelets_of_another_moment_are_moved() -> None:
 
 
 def test_what_was_made_of_a_guess_or_for_another_moment_is_made_anew() -> None:
-    clear = "background: transparent, input:"
-    graph = built(
-        nodes(
-            "id: sa, op: samples, panel: r0c0", f"id: a, op: reconstruct, {clear} sa",
-            "id: sb, op: samples, panel: r0c0", f"id: b, op: reconstruct, {clear} sb",
-            "id: d, op: depth, inputs: [a, b]", *PANEL1, "id: w, op: tile, inputs: [d, p1]", WHOLE[5],
-        )
-    )  # fmt: skip
+    graph = two_layers()
     a, b, d = graph.step("a"), graph.step("b"), graph.step("d")
     sources = {s.index: Framelet.blank(s.rect, s.channels, encoded=s.encoded) for s in (a, b, graph.step("p1"))}
 
