@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from small_scenes import Triple, View, instance, quad, view
 
-from wall.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.reconstruction.picture import Picture
 from wall.scene.animation import Keyframes
 from wall.scene.build import Scene, assemble

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from wall.config.loading import loads
-from wall.data import SAMPLE, Batch, Event, Rect
+from wall.core.data import SAMPLE, Batch, Event, Rect
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode, encode
-from wall.processes.panel import PanelCompositor
-from wall.processes.plan import Plan, make_layout, make_plan
+from wall.roles.layer import PanelCompositor
+from wall.roles.plan import Plan, make_layout, make_plan
 
 TEXT = """\
 version: 1

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wall.data import CHANNELS, Channels, Framelet, Rect
+from wall.core.data import CHANNELS, Channels, Framelet, Rect
 from wall.operators.base import Operator
 
 EVERY: Channels = frozenset(CHANNELS)

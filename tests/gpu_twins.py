@@ -10,7 +10,7 @@ from adaptive_pictures import traced
 from numpy.testing import assert_array_equal
 from small_scenes import View
 
-from wall.data import Event, Rect, Samples, Tiling
+from wall.core.data import Event, Rect, Samples, Tiling
 from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.picture import Picture
 from wall.scene.build import Scene

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from wall.data import SAMPLE, Batch, Float64, Rect, Samples
-from wall.errors import RemoteProtocolError
+from wall.core.data import SAMPLE, Batch, Float64, Rect, Samples
+from wall.core.errors import RemoteProtocolError
 from wall.packets.samples import decode
 
 LENGTH_AT, CHECKSUM_AT = 74, 142  # byte offsets in a sample packet's header

@@ -8,7 +8,7 @@ import pytest
 
 from wall.compositing.graph import Graph, build
 from wall.config.loading import loads
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.geometry.panels import expand
 
 WALL = "wall: {grid: {columns: 2, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}"  # r0c0 at x 0, r0c1 at x 8

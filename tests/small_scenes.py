@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wall.config.schema import GridConfig, WallConfig
-from wall.data import Batch, Event, Float32, Float64, Rect, Samples
+from wall.core.data import Batch, Event, Float32, Float64, Rect, Samples
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.panels import Panel, Wall, expand
 from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
+from wall.scene.builtin.shapes import sphere
 from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture
-from wall.scene.shapes import sphere
 from wall.tracing.resident import Resident, make_resident
 from wall.tracing.tracer import Traced, Tracer
 

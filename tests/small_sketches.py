@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wall.drawing.model import Box, Place, Role, Screen, Sketch, Wire
+from wall.commands.drawing.model import Box, Place, Role, Screen, Sketch, Wire
 
 EYE = (0.0, 0.0, 2.0)
 

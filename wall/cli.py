@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from wall.errors import ConfigError, WallError
+from wall.core.errors import ConfigError, WallError
 
 OK, FAILED, REFUSED = 0, 1, 2
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -62,8 +62,8 @@ def run(
 
     [bold]mpirun -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
     """
-    from wall.processes.run import Options
-    from wall.processes.run import run as run_wall
+    from wall.run.launch import Options
+    from wall.run.launch import run as run_wall
 
     loaded = _load(config, scene)
     options = Options(
@@ -101,8 +101,8 @@ def render(
 
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
     """
-    from wall.display.picture_file import check_suffix, write_picture
-    from wall.processes.reference import render as render_picture
+    from wall.commands.render import render as render_picture
+    from wall.display.image_file import check_suffix, write_picture
 
     check_suffix(output)
     loaded = _load(what, None)
@@ -138,7 +138,7 @@ def draw(
 
     [bold]wall draw configs/demo.yaml -o wall.svg[/]
     """
-    from wall.drawing.draw import draw as draw_wall
+    from wall.commands.drawing.draw import draw as draw_wall
 
     page = draw_wall(_load(config, None), output, samples_per_s=samples_per_s, width=width)
     console.print(f"wrote {output}: {page.width:.0f} x {page.height:.0f} mm")
@@ -162,8 +162,8 @@ def screenshot(
 
     [bold]wall screenshot configs/demo.yaml --scale 8 -o wall.png[/]
     """
-    from wall.processes.screenshot import Shot
-    from wall.processes.screenshot import screenshot as take
+    from wall.commands.screenshot import Shot
+    from wall.commands.screenshot import screenshot as take
 
     shot = Shot(size=_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels)
     columns = (
@@ -196,7 +196,7 @@ def identify(
 
     [bold]wall identify configs/demo.yaml --pattern grid[/]
     """
-    from wall.processes.identify import kind_of, show_patterns, write_patterns
+    from wall.commands.identify import kind_of, show_patterns, write_patterns
 
     pattern = kind_of(kind)
     if output is not None:
@@ -209,7 +209,7 @@ def identify(
 @app.command()
 def check(config: ConfigArgument) -> None:
     """Check a configuration, and say what would run where, with what, at what cost."""
-    from wall.processes.check import check as check_config
+    from wall.commands.check import check as check_config
 
     for item in check_config(_load(config, None)):
         console.print(item)
@@ -252,7 +252,7 @@ def convert(
 
     [bold]wall convert cave.pvx -o cave.yaml --report cave.json[/]
     """
-    from wall.convert import command
+    from wall.importers import command
 
     chosen, conversion, yaml = command.convert_file(file, format_name)
     command.write(output, yaml)
@@ -280,7 +280,7 @@ def speed(
 
     [bold]wall measure speed -o speed.jsonl[/]
     """
-    from wall.measure import speed as measured
+    from wall.study.speed import speed as measured
 
     rows = []
     with errors.status("measuring") as status:
@@ -323,10 +323,10 @@ def quality(
 
     [bold]wall measure quality --rates 400k --seeds 1[/]
     """
-    from wall.measure.quality import command
-    from wall.measure.quality.report import write_report
-    from wall.measure.quality.sweep import Wanted, sweep
-    from wall.measure.quality.tables import tables, write_summary
+    from wall.study.quality import command
+    from wall.study.quality.report import write_report
+    from wall.study.quality.sweep import Wanted, sweep
+    from wall.study.quality.tables import tables, write_summary
 
     command.check_installed()
     wanted = Wanted(
@@ -418,7 +418,7 @@ class _Stages:
 
     def _follow_compiler(self) -> None:
         """Move the bar with the kernels that appear in the cache."""
-        from wall.jit import compiled_kernels, kernels_made
+        from wall.core.jit import compiled_kernels, kernels_made
 
         before = compiled_kernels()
         while self._compiling.is_set():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wall.config.schema import METHODS, GridConfig, WallConfig
-from wall.data import Survey
+from wall.core.data import Survey
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.display.browser import Browser
 from wall.geometry.panels import Wall, expand

@@ -9,7 +9,7 @@ import pytest
 from page_hands import drag, eventually, find
 from PIL import Image
 
-from wall.reconstruction.survey import AGE, DENSITY, WORTH
+from wall.reconstruction.statistics import AGE, DENSITY, WORTH
 
 pytestmark = pytest.mark.browser
 

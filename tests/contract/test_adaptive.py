@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from running import write_config
 
+from wall.commands.render import render_plan
 from wall.config.loading import load
-from wall.data import Float32
+from wall.core.data import Float32
 from wall.geometry.cameras import resolve_view
-from wall.processes.plan import Plan, make_layout
-from wall.processes.reference import render_plan
-from wall.processes.single_process import SingleProcess
+from wall.roles.plan import Plan, make_layout
+from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
 from wall.tracing.resident import make_resident
 

@@ -1,6 +1,6 @@
 """One truth: whatever carries the samples, and however many ranks share the work, a still view ends in the same bits.
 
-The truth is processes/single_process.py; everything else is started as a user starts it.
+The truth is run/single_process.py; everything else is started as a user starts it.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from running import mpirun, panels, wall, write_config
 
 from wall.config.loading import load
-from wall.processes.plan import make_layout, make_plan
-from wall.processes.single_process import SingleProcess
+from wall.roles.plan import make_layout, make_plan
+from wall.run.single_process import SingleProcess
 from wall.tracing.resident import make_resident
 
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from running import panels, summary, wall
 
 from wall.config.loading import loads
-from wall.processes.plan import make_layout, make_plan
-from wall.processes.single_process import SingleProcess
+from wall.roles.plan import make_layout, make_plan
+from wall.run.single_process import SingleProcess
 from wall.tracing.resident import make_resident
 
 TEXT = """\

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from wall.commands.render import render_plan
 from wall.config.loading import load
-from wall.data import Float32
+from wall.core.data import Float32
 from wall.geometry.cameras import look_at, resolve_view, seen_from
-from wall.processes.plan import Plan, first_event, make_layout
-from wall.processes.reference import render_plan
-from wall.processes.single_process import SingleProcess
+from wall.roles.plan import Plan, first_event, make_layout
+from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
 from wall.tracing.resident import make_resident
 

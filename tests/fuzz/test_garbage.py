@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, plain_samples, resealed
 
-from wall.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Survey, Tiling
-from wall.errors import RemoteProtocolError
+from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Survey, Tiling
+from wall.core.errors import RemoteProtocolError
 from wall.geometry.steering import parse
 from wall.packets.control import (
     Hands,

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from running import panels, wall, write_config
 
+from wall.commands.render import render_plan
 from wall.config.loading import load
-from wall.measure.quality.metrics import display_values
-from wall.processes.plan import make_layout, make_plan
-from wall.processes.reference import render_plan
+from wall.roles.plan import make_layout, make_plan
+from wall.study.quality.metrics import display_values
 
 SECONDS, STARTED_S = 3.0, 0.9  # a run's path has gone on for so long, and for no more than so much longer
 AHEAD_S, STEP_S = 0.1, 0.03

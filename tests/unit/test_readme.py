@@ -39,7 +39,7 @@ def test_every_shipped_configuration_is_explained() -> None:
 
 
 def test_single_process_is_as_short_as_promised() -> None:
-    lines = (ROOT / "wall/processes/single_process.py").read_text(encoding="utf-8").splitlines()
+    lines = (ROOT / "wall/run/single_process.py").read_text(encoding="utf-8").splitlines()
     promised = re.search(r"in one process, (\d+) lines", README)
     assert promised is not None
     assert len(lines) <= int(promised[1]) <= 100

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
 from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode, SkyNode
-from wall.data import CHANNELS, Channels
+from wall.core.data import CHANNELS, Channels
 from wall.operators.base import Operator
 
 COLOUR: Channels = frozenset({"colour"})

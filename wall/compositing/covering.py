@@ -9,7 +9,7 @@ import numpy as np
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
 from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode, SkyNode
-from wall.data import Rect
+from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
 from wall.operators.base import Operator
 

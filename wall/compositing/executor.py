@@ -14,11 +14,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.colour import srgb_curve
 from wall.compositing.graph import Graph, Step
-from wall.data import Event, Framelet, Rect
-from wall.operators import kernels
+from wall.core.colour import srgb_curve
+from wall.core.data import Event, Framelet, Rect
 from wall.operators.base import Operator
+from wall.operators.kernels import pixels as kernels
 from wall.operators.overlay import Board, Overlay
 
 Regions: TypeAlias = list[Rect]  # of the frame; they may overlap

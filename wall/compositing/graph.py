@@ -30,7 +30,7 @@ from wall.config.schema import (
     SamplesNode,
     SinkNode,
 )
-from wall.data import CHANNELS, Channels, Rect
+from wall.core.data import CHANNELS, Channels, Rect
 from wall.geometry.panels import Wall
 from wall.geometry.regions import Source
 from wall.operators.base import Operator

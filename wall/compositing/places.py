@@ -1,7 +1,7 @@
 """Where nodes run: what `on` says, or where their input is. A place is a compositor's rank; 0 is the head.
 
 Panels are dealt to compositors in order, panels of one host to compositors of that host. A host is wanted of a rank
-here; which of the launched processes gets the rank is found when they know each other (processes/hosts.py).
+here; which of the launched processes gets the rank is found when they know each other (run/hosts.py).
 """
 
 from __future__ import annotations

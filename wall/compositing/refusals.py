@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from wall.config.loading import Loaded
 from wall.config.schema import NodeConfig
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 
 
 class Refusals:

@@ -10,7 +10,7 @@ from typing import Any
 
 from wall.compositing.covering import panel_rect
 from wall.config.schema import NodeConfig, NodeGraph, SinkNode, WarpFileConfig
-from wall.data import Rect
+from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
 from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from wall.fields import Model, Number, Text, Whole
+from wall.core.fields import Model, Number, Text, Whole
 from wall.operators.warp import Mesh
 
 Pixels = Annotated[Whole, Ge(1), Le(16384)]

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from wall.fields import Model, Name, Number, Whole, refusal
+from wall.core.fields import Model, Name, Number, Whole, refusal
 from wall.operators.base import Input, Node
 from wall.operators.registry import OPERATORS, plugins
 

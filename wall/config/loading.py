@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails
 from wall.config import json_schema, yaml_text
 from wall.config.schema import METHODS, CameraConfig, Config, OrbitPathConfig, SceneConfig
 from wall.config.yaml_text import Document, YamlPath
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 
 VERSION = 1
 TOP = f"version: {VERSION}, scene, wall, views"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from wall.config import yaml_text
 from wall.config.loading import Loaded, dump, load, loads
 from wall.config.schema import WallConfig
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 
 
 def with_wall(loaded: Loaded, wall: WallConfig) -> str:

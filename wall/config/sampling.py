@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from annotated_types import Ge, Gt, Le
 from pydantic import Discriminator, Field, Tag
 
-from wall.fields import Model, Number, Whole
+from wall.core.fields import Model, Number, Whole
 
 METHODS = ("adaptive", "framed", "frameless", "hilbert")
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.fields import (
+from wall.core.fields import (
     Color,
     Direction,
     Flag,

@@ -58,7 +58,7 @@ from wall.config.views import (
     PathConfig,
     ViewConfig,
 )
-from wall.fields import Flag, Model, Number, Text, Whole, refusal
+from wall.core.fields import Flag, Model, Number, Text, Whole, refusal
 
 __all__ = [
     "METHODS",

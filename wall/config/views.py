@@ -9,7 +9,7 @@ from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field, model_validator
 
 from wall.config.sampling import SamplingConfig
-from wall.fields import (
+from wall.core.fields import (
     Direction,
     Flag,
     Model,

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Survey
+from wall.core.data import Survey
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

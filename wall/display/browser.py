@@ -21,7 +21,8 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 from PIL import Image
 
-from wall.data import Counters, Survey
+from wall.core.data import Counters, Survey
+from wall.core.errors import RemoteProtocolError, RunError
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.png import QUICK, whole_wall
 from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
@@ -33,7 +34,6 @@ from wall.display.stream import (
     status_message,
     survey_message,
 )
-from wall.errors import RemoteProtocolError, RunError
 from wall.geometry.panels import Wall
 
 IN_FLIGHT = 2  # one on its way while one is drawn; more would only be older

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from wall.errors import RunError
+from wall.core.errors import RunError
 from wall.geometry.panels import Panel
 
 TURNS = {  # picture from window, a (2, 2) matrix row by row, x right and y down: a display mounted turned clockwise

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture, Status, WallPicture
-from wall.errors import LocalProtocolError, RunError
 
 BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keeps its edge
 QUICK = 1  # zlib level: half the time of the default for 15 % more bytes

@@ -14,9 +14,9 @@ from typing import TextIO
 
 import simplejpeg
 
+from wall.core.errors import RunError, WallError
 from wall.display.base import Status, WallPicture
 from wall.display.png import make_folder, whole_wall
-from wall.errors import RunError, WallError
 
 QUALITY = 90  # JPEG: no blocks to be seen on rendered edges, a seventh of the PNG's bytes
 QUEUE_PICTURES = 4  # a slow disk may lag this far; each holds a whole wall in memory

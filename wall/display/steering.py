@@ -11,7 +11,7 @@ import json
 from typing import Any
 from urllib.parse import urlsplit
 
-from wall.errors import RemoteProtocolError
+from wall.core.errors import RemoteProtocolError
 
 MAX_MESSAGE_BYTES = 1024  # the longest honest message has about 80
 MAX_MOVE = 10.0  # wall heights in one message: more than any hand can do in a frame

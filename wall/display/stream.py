@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import simplejpeg
 
-from wall.data import Survey
+from wall.core.data import Survey
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.steering import OVERLAYS
 from wall.geometry.panels import Wall

@@ -18,9 +18,9 @@ import OpenEXR
 import tifffile
 from numpy.typing import NDArray
 
-from wall.colour import srgb_encoded
-from wall.data import Float32
-from wall.errors import ConfigError, LocalProtocolError, RunError
+from wall.core.colour import srgb_encoded
+from wall.core.data import Float32
+from wall.core.errors import ConfigError, LocalProtocolError, RunError
 
 Strips: TypeAlias = Iterable[NDArray[Any]]
 

@@ -11,9 +11,9 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from wall.data import Counters
+from wall.core.data import Counters
 from wall.display.base import PanelPicture, Status, WallPicture
-from wall.display.glass import Glass
+from wall.display.window_host import Glass
 from wall.display.x_server import display_of
 from wall.geometry.panels import Panel
 

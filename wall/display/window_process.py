@@ -28,9 +28,9 @@ from typing import Any
 import glfw
 import moderngl
 
-from wall.display.hands import Hands
+from wall.core.errors import RunError, WallError
 from wall.display.placing import TURNS, Box, Monitor, Place, Wanted, places
-from wall.errors import RunError, WallError
+from wall.display.window_input import Hands
 
 START_WAIT_S = 15.0  # for all windows to be there; llvmpipe compiles its shaders in a tenth of a second
 OPEN_WAIT_S = 1.5  # for an X server to take a client

@@ -7,7 +7,7 @@ import re
 import socket
 from collections.abc import Sequence
 
-from wall.errors import RunError
+from wall.core.errors import RunError
 from wall.geometry.panels import Panel
 
 TIMEOUT_S = 3.0  # for a display of another machine

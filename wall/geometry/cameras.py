@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wall.config.loading import Loaded
 from wall.config.schema import KeyframesPathConfig, OrbitPathConfig, PathConfig
-from wall.data import Camera, Event, Float64
+from wall.core.data import Camera, Event, Float64
 from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
 from wall.geometry.eyes import eye_of, standing_eye
@@ -80,7 +80,7 @@ def seen_from(event: Event, offset: Float64) -> Event:
     return replace(event, camera=replace(event.camera, position=(x, y, z)))
 
 
-class Standpoint:
+class PanelView:
     """Who sees one panel: an eye before the wall, and events as it sees them. The same event gives the same object."""
 
     def __init__(self, view: View, panel: Panel) -> None:

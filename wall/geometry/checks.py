@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from wall.config.loading import Loaded
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.geometry.eyes import panel_path, standing_eye
 from wall.geometry.layout import Overlap
 from wall.geometry.outlines import whole

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wall.data import Float64
+from wall.core.data import Float64
 
 
 def wrapped(times: Sequence[float], time: float, *, loop: bool) -> float:

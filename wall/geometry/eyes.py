@@ -9,8 +9,8 @@ import numpy as np
 from wall.config.loading import Loaded
 from wall.config.views import DEFAULT_FOV_DEGREES
 from wall.config.yaml_text import YamlPath
-from wall.data import Float64
-from wall.errors import ConfigError
+from wall.core.data import Float64
+from wall.core.errors import ConfigError
 from wall.geometry.frusta import distance_before
 from wall.geometry.outlines import outline
 from wall.geometry.panels import Panel, Wall

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wall.data import Camera, Float64
+from wall.core.data import Camera, Float64
 from wall.geometry.panels import Panel
 
 

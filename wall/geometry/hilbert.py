@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.geometry import kernels
+from wall.geometry.kernels import hilbert as kernels
 
 
 def hilbert_order(width: int, height: int) -> NDArray[np.int32]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import SidesConfig
-from wall.data import Float64
+from wall.core.data import Float64
 
 PARALLEL = 1e-6  # sine: a hundredth of a pixel across 16,384 pixels
 SAME_PLANE = 0.01  # pixels behind or before it

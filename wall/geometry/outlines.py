@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.geometry.panels import Panel, Plane, Wall
 
 

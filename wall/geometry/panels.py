@@ -23,7 +23,7 @@ from wall.config.schema import (
     WindowConfig,
 )
 from wall.config.screens import Rotation, Stereo
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.geometry.layout import Overlap, Placed, Placement, place
 from wall.geometry.shorthand import Eye, eyes, grid_panels, raster
 from wall.geometry.shorthand import expanded_config as expanded_config

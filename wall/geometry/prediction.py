@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wall.data import Camera, Event, Float64
-from wall.geometry.screws import between, moved
+from wall.core.data import Camera, Event, Float64
+from wall.geometry.twist import between, moved
 
 SPACING_S = 0.004  # inputs nearer together count as one: their difference would be mostly noise of their times
 REMEMBERED = 16  # inputs

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from wall.data import Rect, Region
-from wall.errors import ConfigError
+from wall.core.data import Rect, Region
+from wall.core.errors import ConfigError
 from wall.geometry.panels import Wall
 
 MAX_EDGE = 4096  # pixels; positions on the wire keep two sub-pixel bits up to this
@@ -58,7 +58,7 @@ def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:
 def split(rect: Rect, n: int) -> tuple[Rect, ...]:
     """Cut a rectangle into n that cover it exactly, of nearly equal area and as square as may be.
 
-    Halves the number again and again, always across the longer edge, in proportion. Each cut is rounded to a
+    SplitSampler the number again and again, always across the longer edge, in proportion. Each cut is rounded to a
     whole pixel, so with edges of parts above 100 pixels areas differ by a few per cent. ValueError unless
     1 <= n <= area.
     """

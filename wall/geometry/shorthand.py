@@ -19,7 +19,7 @@ from wall.config.schema import (
     WindowConfig,
 )
 from wall.config.screens import Stereo
-from wall.data import Float64
+from wall.core.data import Float64
 
 
 class Raster(NamedTuple):

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wall.config.schema import METHODS
-from wall.data import Camera, Float64
-from wall.errors import RemoteProtocolError
+from wall.core.data import Camera, Float64
+from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "survey"]

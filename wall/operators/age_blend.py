@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from wall.data import Channels, Float32, Framelet, Rect
-from wall.fields import Period
+from wall.core.data import Channels, Float32, Framelet, Rect
+from wall.core.fields import Period
 from wall.operators.base import Inputs, Operator
 from wall.operators.means import Weighed, mean
 from wall.operators.parts import bands, later, part

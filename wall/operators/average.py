@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wall.data import Float32, Framelet, Rect
+from wall.core.data import Float32, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.means import Weighed, mean
 from wall.operators.parts import bands, part

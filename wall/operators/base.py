@@ -13,8 +13,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
-from wall.data import Channels, Framelet, Rect
-from wall.fields import Model, Name, Text, Whole
+from wall.core.data import Channels, Framelet, Rect
+from wall.core.fields import Model, Name, Text, Whole
 
 Input = Annotated[Name, Field(description="id of the node whose framelet it takes")]
 Inputs = Annotated[tuple[Name, ...], Field(min_length=1, max_length=4096, description="ids of nodes")]

@@ -20,9 +20,9 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.colour import srgb_decoded, srgb_encoded
-from wall.data import Channels, Float64, Framelet, Rect
-from wall.fields import Number, Whole, refusal
+from wall.core.colour import srgb_decoded, srgb_encoded
+from wall.core.data import Channels, Float64, Framelet, Rect
+from wall.core.fields import Number, Whole, refusal
 from wall.operators.base import Input, Operator
 from wall.operators.parts import bands, copy, part
 

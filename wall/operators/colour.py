@@ -10,9 +10,9 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from wall.colour import srgb_decoded, srgb_encoded
-from wall.data import Channels, Float32, Framelet, Rect
-from wall.fields import Number, Text
+from wall.core.colour import srgb_decoded, srgb_encoded
+from wall.core.data import Channels, Float32, Framelet, Rect
+from wall.core.fields import Number, Text
 from wall.operators.base import Input, Operator
 from wall.operators.lut import Lut, read
 from wall.operators.parts import bands, copy, part

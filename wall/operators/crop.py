@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from wall.data import Framelet, Rect
-from wall.fields import Name, refusal
+from wall.core.data import Framelet, Rect
+from wall.core.fields import Name, refusal
 from wall.operators.base import Area, Input, Operator
 from wall.operators.parts import blank, copy
 

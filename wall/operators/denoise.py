@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from wall.data import Channels, Float32, Framelet, Rect
-from wall.errors import ConfigError, RunError
+from wall.core.data import Channels, Float32, Framelet, Rect
+from wall.core.errors import ConfigError, RunError
 from wall.operators.base import Input, Operator
 from wall.operators.parts import copy, part
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wall.data import BLANK, Channels, Framelet, Rect
-from wall.operators import kernels_depth
+from wall.core.data import BLANK, Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
+from wall.operators.kernels import depth as kernels_depth
 from wall.operators.parts import bands, blank, corner, part
 from wall.operators.winners import bits, choose
 

@@ -7,10 +7,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from wall.colour import srgb_curve
-from wall.data import Framelet, Rect
-from wall.operators import kernels
+from wall.core.colour import srgb_curve
+from wall.core.data import Framelet, Rect
 from wall.operators.base import Input, Operator
+from wall.operators.kernels import pixels as kernels
 from wall.operators.parts import bands, copy, corner
 
 _CURVE = srgb_curve()

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from wall.data import Float32
-from wall.errors import ConfigError
-from wall.operators import kernels_sampling as kernels
+from wall.core.data import Float32
+from wall.core.errors import ConfigError
+from wall.operators.kernels import resample as kernels
 
 SIZES = (2, 256)  # nodes an edge that the format allows
 IGNORED = ("TITLE",)

@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from wall.data import BLANK, Channels, Float32, Framelet, Rect
-from wall.errors import ConfigError
-from wall.fields import Flag, Text, refusal
-from wall.operators import files
+from wall.core.data import BLANK, Channels, Float32, Framelet, Rect
+from wall.core.errors import ConfigError
+from wall.core.fields import Flag, Text, refusal
+from wall.operators import image_file as files
 from wall.operators.base import Area, Input, Operator
 from wall.operators.parts import bands, copy, part
 

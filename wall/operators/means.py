@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wall.data import Channels, Float32, Framelet, Rect
-from wall.operators import kernels
+from wall.core.data import Channels, Float32, Framelet, Rect
+from wall.operators.kernels import pixels as kernels
 from wall.operators.parts import blank, corner, later, part
 
 OF_THE_HEAVIEST: Channels = frozenset({"depth", "time", "object"})

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from wall.data import Channels, Framelet, Rect
+from wall.core.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.winners import choose
 

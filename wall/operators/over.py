@@ -11,9 +11,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from wall.data import Channels, Framelet, Rect
-from wall.operators import kernels
+from wall.core.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
+from wall.operators.kernels import pixels as kernels
 from wall.operators.parts import bands, blank, corner, later, part
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from pydantic import AfterValidator, Field
 
-from wall.data import Float32, Framelet, Rect
-from wall.fields import Text, Whole, refusal
+from wall.core.data import Float32, Framelet, Rect
+from wall.core.fields import Text, Whole, refusal
 from wall.operators.base import Input, Operator
 from wall.operators.parts import copy, part
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import BLANK, Framelet, Rect
+from wall.core.data import BLANK, Framelet, Rect
 
 BAND_PIXELS = (
     1 << 15

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, get_args, get_origin
 
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.operators.age_blend import AgeBlend
 from wall.operators.average import Average
 from wall.operators.base import Operator

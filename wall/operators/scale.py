@@ -17,10 +17,10 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from wall.data import Float32, Float64, Framelet, Rect
-from wall.fields import Number, refusal
-from wall.operators import kernels_sampling as kernels
+from wall.core.data import Float32, Float64, Framelet, Rect
+from wall.core.fields import Number, refusal
 from wall.operators.base import Extent, Input, Operator
+from wall.operators.kernels import resample as kernels
 from wall.operators.parts import corner, later, part
 
 Filter = Literal["box", "triangle", "catmull_rom", "lanczos3"]

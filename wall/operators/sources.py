@@ -9,10 +9,10 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import Field, model_validator
 
-from wall.data import Channels, Framelet, Rect
-from wall.errors import ConfigError
-from wall.fields import FARTHEST, Color, Name, Number, Text, Whole, refusal
-from wall.operators import files
+from wall.core.data import Channels, Framelet, Rect
+from wall.core.errors import ConfigError
+from wall.core.fields import FARTHEST, Color, Name, Number, Text, Whole, refusal
+from wall.operators import image_file as files
 from wall.operators.base import Area, Operator
 from wall.operators.parts import blank, part
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from wall.data import Framelet, Rect
+from wall.core.data import Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.parts import blank, copy, covered
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wall.data import Framelet, Rect
+from wall.core.data import Framelet, Rect
 from wall.operators.base import Input, Operator
 from wall.operators.parts import later
 

@@ -15,11 +15,11 @@ from pydantic import Field, ValidationError, model_validator
 from ruamel.yaml import YAML
 from ruamel.yaml.error import MarkedYAMLError
 
-from wall.data import Float64, Framelet, Rect
-from wall.errors import ConfigError
-from wall.fields import Model, Number, Text, Whole, refusal
-from wall.operators import kernels_sampling as kernels
+from wall.core.data import Float64, Framelet, Rect
+from wall.core.errors import ConfigError
+from wall.core.fields import Model, Number, Text, Whole, refusal
 from wall.operators.base import Input, Operator
+from wall.operators.kernels import resample as kernels
 from wall.operators.parts import blank, later, part
 
 Nodes = Annotated[Whole, Ge(2), Le(1024)]

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Framelet, Rect
-from wall.operators import kernels
+from wall.core.data import Framelet, Rect
+from wall.operators.kernels import pixels as kernels
 from wall.operators.parts import bands, blank, corner, later, part
 
 NOTHING = np.float32(np.nan)  # a key that loses against any

@@ -7,7 +7,7 @@ from enum import IntEnum
 import lz4.block
 import zstandard
 
-from wall.errors import RemoteProtocolError
+from wall.core.errors import RemoteProtocolError
 
 ZSTD_LEVEL = 1  # higher levels gain 3 % and cost three times as much
 

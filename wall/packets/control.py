@@ -15,8 +15,8 @@ import zlib
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeAlias
 
-from wall.data import Camera, Event, Survey
-from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.core.data import Camera, Event, Survey
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.framelets import FrameletPart, parse_part, part_body
 from wall.packets.survey import parse_survey, survey_body
 

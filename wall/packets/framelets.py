@@ -14,9 +14,9 @@ import lz4.block
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
-from wall.errors import RemoteProtocolError
-from wall.packets import kernels_bytes
+from wall.core.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
+from wall.core.errors import RemoteProtocolError
+from wall.packets.kernels import byte_planes as kernels_bytes
 
 HEAD = struct.Struct("<HiiIIBBHHqqddI3d9d")
 MAX_AREA = 1 << 25  # pixels: 8K UHD

@@ -12,12 +12,12 @@ import zlib
 
 import numpy as np
 
-from wall.data import SAMPLE, Batch, Camera, Rect, Samples
-from wall.errors import LocalProtocolError, RemoteProtocolError
-from wall.packets import kernels
+from wall.core.data import SAMPLE, Batch, Camera, Rect, Samples
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets import compact
 from wall.packets.codecs import Codec, compress, expand
-from wall.packets.compact import body as compact
-from wall.packets.compact.kernels import DEPTH_BITS
+from wall.packets.kernels import fixed as kernels
+from wall.packets.kernels.compact_write import DEPTH_BITS
 from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
 __all__ = ["BYTES_A_SAMPLE", "HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]

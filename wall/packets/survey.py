@@ -9,8 +9,8 @@ import struct
 
 import numpy as np
 
-from wall.data import Survey
-from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.core.data import Survey
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
 
 MAX_SIDE = 4096  # tiles
 MAX_RECTS = 65536

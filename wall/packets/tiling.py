@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32, Rect, Tiling
-from wall.errors import LocalProtocolError, RemoteProtocolError
-from wall.packets.planes import kernels
+from wall.core.data import Float32, Rect, Tiling
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets.kernels import bit_planes as kernels
 
 MAGIC, VERSION, KIND_TILING = b"WALL", 2, 9
 MAX_TILES = 65536

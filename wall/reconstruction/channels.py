@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Channels, Event, Float32, Float64, Framelet, Rect, Samples
-from wall.deepbuffer.buffer import DeepBuffer
-from wall.deepbuffer.kernels import TILE
+from wall.core.data import Channels, Event, Float32, Float64, Framelet, Rect, Samples
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_channels as kernels
 from wall.reconstruction.display_values import update_display
+from wall.reconstruction.kernels import channels as kernels
 from wall.reconstruction.picture import Ingredients, Picture
 from wall.reconstruction.pose import Posed
 from wall.scene.build import Scene
@@ -22,7 +22,7 @@ def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: in
     return Framelet.blank(rect, channels, encoded=encoded, order=order)
 
 
-def show_newest(buffer: DeepBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet) -> None:
+def show_newest(buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet) -> None:
     """Bring the dirty tiles of `out` to what each pixel's newest sample shows."""
     if out.encoded:
         update_display(buffer.radiance, dirty, TILE, out.colour)

@@ -8,8 +8,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Event, Float32, Float64, Rect, Samples, Tiling
-from wall.deepbuffer.kernels import TILE
+from wall.core.data import Event, Float32, Float64, Rect, Samples, Tiling
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError, device, gpu_nodes

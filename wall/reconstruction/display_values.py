@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.colour import srgb_curve
-from wall.data import Float32
-from wall.reconstruction import kernels
+from wall.core.colour import srgb_curve
+from wall.core.data import Float32
+from wall.reconstruction.kernels import display_values as kernels
 
 _CURVE = srgb_curve()
 

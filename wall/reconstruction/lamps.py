@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32
-from wall.reconstruction import kernels_relight
+from wall.core.data import Float32
+from wall.reconstruction.kernels import relight as kernels_relight
 from wall.scene.build import Scene
 from wall.scene.model import Moment
 

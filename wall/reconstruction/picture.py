@@ -14,13 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Event, Float32, Float64, Rect, Samples, Tiling
-from wall.deepbuffer.kernels import TILE
-from wall.deepbuffer.kernels_reproject import OUTSIDE
+from wall.core.data import Event, Float32, Float64, Rect, Samples, Tiling
+from wall.deepbuffer.kernels import sort as kernels_store
+from wall.deepbuffer.kernels.expire import AGES, oldest_kept
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import OUTSIDE
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_fill, kernels_relight, kernels_store, kernels_tiling, kernels_visible
-from wall.reconstruction import kernels_picture as kernels
-from wall.reconstruction.kernels_ages import AGES, oldest_kept
+from wall.reconstruction.kernels import fill as kernels_fill
+from wall.reconstruction.kernels import picture as kernels
+from wall.reconstruction.kernels import relight as kernels_relight
+from wall.reconstruction.kernels import tiling as kernels_tiling
+from wall.reconstruction.kernels import visibility as kernels_visible
 from wall.reconstruction.lamps import Relit, matt_objects
 from wall.reconstruction.pose import Pose, Posed, Poses, is_shown
 from wall.scene.build import Scene

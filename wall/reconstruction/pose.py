@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from wall.data import Camera, Event, Float64, Rect
-from wall.deepbuffer.kernels_reproject import object_tables
+from wall.core.data import Camera, Event, Float64, Rect
+from wall.deepbuffer.kernels.reproject import object_tables
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.reconstruction.lamps import NO_LAMPS, Lamps

@@ -11,11 +11,11 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from wall.data import Event, Float32, Rect, Samples
-from wall.sampling import kernels_adaptive as kernels
-from wall.sampling import kernels_tiling
+from wall.core.data import Event, Float32, Rect, Samples
 from wall.sampling.base import Targets
 from wall.sampling.cut import Cut
+from wall.sampling.kernels import adaptive as kernels
+from wall.sampling.kernels import tiling as kernels_tiling
 from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/quality.md

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Event, Float32, Samples
+from wall.core.data import Event, Float32, Samples
 
 Pixels = NDArray[np.int32]  # (n, 2) panel pixels, x then y
 
@@ -23,7 +23,7 @@ class Targets:
 
     xy: Float32  # (n, 2) panel pixels
     event: Event
-    frame: int = 0  # see wall.data.Batch
+    frame: int = 0  # see wall.core.data.Batch
     frame_samples: int = 0
     blend: float = 1.0
 

@@ -25,8 +25,8 @@ import math
 
 import numpy as np
 
-from wall.data import Float32
-from wall.sampling import kernels_cut as kernels
+from wall.core.data import Float32
+from wall.sampling.kernels import cut as kernels
 from wall.sampling.tiles import Integers, Tiles
 
 LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile; in smaller ones rays crowd (docs/quality.md)

@@ -10,7 +10,7 @@ import threading
 
 import numpy as np
 
-from wall.data import Event, Float32, Rect, Samples
+from wall.core.data import Event, Float32, Rect, Samples
 from wall.sampling.base import Targets
 from wall.sampling.ownership import block_order
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.data import Event, Float32, Rect, Samples
-from wall.sampling import kernels
+from wall.core.data import Event, Float32, Rect, Samples
 from wall.sampling.base import Targets
+from wall.sampling.kernels import permutation as kernels
 from wall.sampling.ownership import hilbert_chunks, slots_of
 
 CHUNK = 64  # pixels of the Hilbert curve that are dealt to a thread at a time

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Rect
+from wall.core.data import Rect
 from wall.geometry.hilbert import hilbert_order
 from wall.sampling.base import Pixels
 

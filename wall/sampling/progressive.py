@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.data import Float32, Float64, Rect, Samples
-from wall.sampling import kernels
+from wall.core.data import Float32, Float64, Rect, Samples
+from wall.sampling.kernels import permutation as kernels
 from wall.sampling.ownership import block_order
 
 

@@ -7,8 +7,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32, Float64
-from wall.deepbuffer.kernels import TILE
+from wall.core.data import Float32, Float64
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 Integers = NDArray[np.int32]
 

@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float64
+from wall.core.data import Float64
 
 Vector: TypeAlias = tuple[float, float, float]
 

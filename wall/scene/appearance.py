@@ -15,8 +15,8 @@ import trimesh
 from numpy.typing import NDArray
 from PIL import Image
 
-from wall.colour import srgb_decoded
-from wall.data import Float32
+from wall.core.colour import srgb_decoded
+from wall.core.data import Float32
 from wall.scene.animation import Vector
 from wall.scene.model import Material, Texture
 

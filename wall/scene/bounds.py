@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.scene.model import Instance, Mesh
 
 EXACT_VERTICES = 4_000_000  # placed vertices that are bounded one by one (0.1 s); beyond it boxes are placed

@@ -11,14 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from wall.config.scene import SceneConfig
-from wall.data import Float64
-from wall.errors import SceneError
+from wall.core.data import Float64
+from wall.core.errors import SceneError
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.bounds import framing_sphere, middle, world_boxes
+from wall.scene.builtin.courtyard import courtyard
+from wall.scene.builtin.forest import forest
+from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.configured import configured
-from wall.scene.courtyard import courtyard
-from wall.scene.forest import forest
-from wall.scene.gallery import gallery, gallery_mirrors
 from wall.scene.lights import STUDIO_SKY, default_lights
 from wall.scene.loading import load
 from wall.scene.model import (

@@ -22,8 +22,8 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from wall.data import Float64
-from wall.errors import SceneError
+from wall.core.data import Float64
+from wall.core.errors import SceneError
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere
 from wall.scene.model import Instance, Mesh, Source

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32, Float64
+from wall.core.data import Float32, Float64
 from wall.scene.animation import Motion
 
 

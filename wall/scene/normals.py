@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float64
+from wall.core.data import Float64
 
 CREASE_DEGREES = 40.0  # an icosahedron's 41.8 stays crisp, a 10-sided prism (36) looks round
 ALREADY_FLAT = 1.0 - 1e-9  # cosine; only coplanar triangles hang together, as on a box

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32, Float64
+from wall.core.data import Float32, Float64
 from wall.scene.model import Mesh
 from wall.scene.normals import crease_normals, same_position
 

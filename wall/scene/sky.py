@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wall.data import Float32
+from wall.core.data import Float32
 from wall.scene.model import Sky
 
 SKY_STEPS = 256  # of the table; kernels see it as a constant (jit.kernel_sources)

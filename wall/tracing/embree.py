@@ -21,8 +21,8 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from wall.data import Float32
-from wall.errors import RunError
+from wall.core.data import Float32
+from wall.core.errors import RunError
 
 PACKET = 16  # rays traced together; the widest packet Embree has
 NO_HIT = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID

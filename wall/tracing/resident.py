@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.colour import srgb_decoded
-from wall.data import Float32, Float64
+from wall.core.colour import srgb_decoded
+from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.model import Moment
-from wall.tracing import embree, kernels
-from wall.tracing.packet import ALL, COUNTS, PACKET_FLOATS, SEEN, SEES, SHADE, UNSEEN, Surfaces, Workspace
+from wall.tracing import embree
+from wall.tracing.kernels import trace as kernels
+from wall.tracing.kernels.packet import ALL, COUNTS, PACKET_FLOATS, SEEN, SEES, SHADE, UNSEEN, Surfaces, Workspace
 from wall.tracing.resident import Resident
 
 LIFT_ULPS = 16.0  # float32 roundings between a hit and its secondary ray; eight times what was needed, docs/accuracy.md

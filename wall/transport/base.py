@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from wall.data import Counters
-from wall.errors import LocalProtocolError
+from wall.core.data import Counters
+from wall.core.errors import LocalProtocolError
 
 QUEUED_PACKETS = 2  # that wait at a link for credit; the oldest gives way to a newer one
 MAX_CONTROL = 1024  # control messages that wait unread at one end

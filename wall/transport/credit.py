@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from wall.data import Counters
+from wall.core.data import Counters
 from wall.transport.base import QUEUED_PACKETS, checked
 
 

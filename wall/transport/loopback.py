@@ -11,7 +11,7 @@ import threading
 from collections import deque
 from typing import TypeVar
 
-from wall.data import Counters
+from wall.core.data import Counters
 from wall.transport.base import MAX_CONTROL, Hub, Link, checked
 from wall.transport.credit import HubCredit, LinkCredit
 

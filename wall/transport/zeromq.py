@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import zmq
 
-from wall.data import Counters
-from wall.errors import RunError
+from wall.core.data import Counters
+from wall.core.errors import RunError
 from wall.transport.addresses import reachable
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
 from wall.transport.credit import HubCredit, LinkCredit

@@ -5,8 +5,8 @@ from __future__ import annotations
 from equalizer_texts import draws, one_panel, takes
 
 from wall.config.loading import loads
-from wall.convert.command import convert_text
-from wall.processes.plan import make_layout
+from wall.importers.command import convert_text
+from wall.roles.plan import make_layout
 
 
 def test_a_join_by_depth_holds_the_depths_that_it_compares() -> None:

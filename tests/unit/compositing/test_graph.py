@@ -7,7 +7,7 @@ import pytest
 from wall.compositing.graph import Graph, build
 from wall.config.loading import loads
 from wall.config.schema import PresetGraph
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.geometry.panels import expand
 from wall.geometry.regions import Source, regions
 

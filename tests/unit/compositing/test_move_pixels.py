@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wall.compositing.kernels import gather, move_pixels, true_depth
-from wall.data import Float32, Float64
-from wall.deepbuffer.kernels_reproject import object_tables
+from wall.compositing.kernels.timewarp import gather, move_pixels, true_depth
+from wall.core.data import Float32, Float64
+from wall.deepbuffer.kernels.reproject import object_tables
 
 SIZE = (24, 32)  # rows, columns
 FRAME = np.float64([[-0.16, 0.12, -0.2], [0.01, 0.0, 0.0], [0.0, -0.01, 0.0]])  # a pixel is 0.01 at distance 0.2

@@ -6,7 +6,7 @@ import pytest
 
 from wall.compositing.graph import build
 from wall.config.loading import loads
-from wall.data import Rect
+from wall.core.data import Rect
 from wall.geometry.panels import expand
 
 WALL = """\

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from wall.compositing.executor import tiles_to_regions
-from wall.data import Rect
+from wall.core.data import Rect
 
 TILE = 4
 

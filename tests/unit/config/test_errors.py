@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from wall.config.loading import default_for_model, load, loads, nearest, shown, with_scene
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 
 GOOD = """\
 version: 1

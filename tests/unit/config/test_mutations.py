@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from wall.config import yaml_text
 from wall.config.loading import dump, load, loads
 from wall.config.sampling import METHODS, FramelessSampling, switched
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 NAMES = ("demo", "two_compositors", "cave_corner", "two_panels", "walls/projectors", "walls/stereo")

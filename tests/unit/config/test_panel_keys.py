@@ -9,7 +9,7 @@ import pytest
 from wall.config import yaml_text
 from wall.config.loading import dump, loads
 from wall.config.schema import BlendConfig, Config, SidesConfig, WarpFileConfig, WarpGridConfig
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 
 CORNERS = {"lower_left": [0, 0, 0], "lower_right": [0.4, 0, 0], "upper_left": [0, 0.3, 0]}
 

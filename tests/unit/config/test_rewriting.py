@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from wall import cli
 from wall.config.loading import load, loads
 from wall.config.rewriting import with_wall
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.geometry.panels import Wall, expand, expanded_config
 
 CONFIGS = Path(__file__).parents[3] / "configs"

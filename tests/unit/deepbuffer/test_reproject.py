@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from small_scenes import Triple, View, flat_wall, instance, quad, scene_of, turned, view
 
-from wall.data import Camera, Float64
-from wall.deepbuffer.kernels_reproject import FAR, OUTSIDE, pixel_of, place_of
+from wall.core.data import Camera, Float64
+from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE, pixel_of, place_of
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.frusta import project, ray_frame
 from wall.geometry.panels import Panel

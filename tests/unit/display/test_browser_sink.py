@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wall.data import Survey
+from wall.core.data import Survey
+from wall.core.errors import RunError
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.png import whole_wall
 from wall.display.stream import HEADER, SURVEY_HEADER
-from wall.errors import RunError
 
 PATIENCE_S = 10.0
 

@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from wall.data import Survey
+from wall.core.data import Survey
+from wall.core.errors import RemoteProtocolError
 from wall.display.steering import MAX_MESSAGE_BYTES, OVERLAYS, host_is_ours, origin_is_ours, parse_message
 from wall.display.stream import (
     HEADER,
@@ -22,7 +23,6 @@ from wall.display.stream import (
     status_message,
     survey_message,
 )
-from wall.errors import RemoteProtocolError
 
 GOOD = [
     {"kind": "orbit", "x": 0.25, "y": -1},

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wall.colour import srgb_decoded
 from wall.config.loading import load
 from wall.config.schema import GridConfig, WallConfig
+from wall.core.colour import srgb_decoded
 from wall.display.patterns import KINDS, Kind, pattern
 from wall.display.patterns.gamma import CURVES, dither, gamma
 from wall.display.patterns.ink import CYAN, FAINT, GREEN, PLAIN, fitting, size_of

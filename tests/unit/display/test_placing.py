@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from wall.config.schema import GridConfig, WallConfig
+from wall.core.errors import RunError
 from wall.display.placing import TURNS, Box, Monitor, Wanted, places, wanted_of
-from wall.errors import RunError
 from wall.geometry.panels import expand
 
 LEFT = Monitor("DP-1", Box(0, 0, 1920, 1080), 60)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture, WallPicture
 from wall.display.png import PngSink, file_names, whole_wall, write_png
-from wall.errors import LocalProtocolError, RunError
 
 BEZEL = (1, 2, 3)
 

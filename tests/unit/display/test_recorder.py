@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from wall.core.errors import RunError
 from wall.display.png import whole_wall
 from wall.display.recorder import QUEUE_PICTURES, Recorder
-from wall.errors import RunError
 
 
 def index(folder):

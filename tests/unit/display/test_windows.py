@@ -20,9 +20,9 @@ from Xlib.display import Display
 
 from wall.config.displays import WindowConfig
 from wall.config.schema import GridConfig, WallConfig
+from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture
 from wall.display.window import WindowSink
-from wall.errors import LocalProtocolError, RunError
 from wall.geometry.panels import Panel, expand
 
 RGB = NDArray[np.uint8]

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 from wall.config.loading import loads
+from wall.core.errors import RunError
 from wall.display.x_server import check_displays
-from wall.errors import RunError
 from wall.geometry.panels import Panel, expand
 
 TEXT = """\

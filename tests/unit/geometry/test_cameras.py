@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wall.config.loading import Loaded, loads
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.geometry.cameras import View, default_eye, look_at, resolve_view, rotation_about
 from wall.geometry.curves import catmull_rom, wrapped
 from wall.geometry.frusta import project

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from wall.config.loading import loads
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.geometry.checks import check_wall
 from wall.geometry.panels import expand
 

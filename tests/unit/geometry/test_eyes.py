@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wall.config.loading import Loaded, loads
-from wall.data import Event, Float64
-from wall.errors import ConfigError
-from wall.geometry.cameras import Standpoint, View, resolve_view, seen_from
+from wall.core.data import Event, Float64
+from wall.core.errors import ConfigError
+from wall.geometry.cameras import PanelView, View, resolve_view, seen_from
 from wall.geometry.checks import check_wall
 from wall.geometry.frusta import project, ray_frame
 from wall.geometry.panels import Panel, Wall, expand
@@ -131,7 +131,7 @@ def test_ordinary_panel_is_seen_by_the_view_s_eye_and_its_events_are_the_same_ob
     assert view.eye_of(only) is view.eye
     assert not view.offset(only).any()
     assert seen_from(event, view.offset(only)) is event
-    assert Standpoint(view, only)(event) is event
+    assert PanelView(view, only)(event) is event
 
 
 def test_event_seen_from_elsewhere_differs_in_nothing_but_its_place() -> None:
@@ -147,7 +147,7 @@ def test_event_seen_from_elsewhere_differs_in_nothing_but_its_place() -> None:
 
 def test_same_event_gives_the_same_object_again() -> None:
     view, wall = resolved()
-    seen, event = Standpoint(view, wall.panels[0]), event_of(view)
+    seen, event = PanelView(view, wall.panels[0]), event_of(view)
 
     assert seen(event) is seen(event)
     assert seen(replace(event, camera_event=9)).camera_event == 9

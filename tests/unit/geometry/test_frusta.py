@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wall.config.schema import CornersConfig, GridConfig, PanelConfig, WallConfig
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.geometry.cameras import look_at
 from wall.geometry.frusta import cone_inside, distance_before, project, ray_frame
 from wall.geometry.panels import Panel, expand

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from wall.data import Camera, Event
+from wall.core.data import Camera, Event
 from wall.geometry.cameras import look_at
 from wall.geometry.prediction import GONE_S, JUMP, LONGEST_S, SPACING_S, Predictor
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wall.config.schema import GridConfig, WallConfig
-from wall.data import Rect
-from wall.errors import ConfigError
+from wall.core.data import Rect
+from wall.core.errors import ConfigError
 from wall.geometry.panels import Wall, expand
 from wall.geometry.regions import MAX_EDGE, Source, regions, split
 

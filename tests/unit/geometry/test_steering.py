@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 
 from wall.config.loading import loads
 from wall.config.schema import GridConfig, WallConfig
-from wall.errors import RemoteProtocolError
+from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import look_at, resolve_view
 from wall.geometry.frusta import project
 from wall.geometry.panels import expand

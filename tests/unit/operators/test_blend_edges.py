@@ -7,8 +7,8 @@ import pytest
 from framelets import applied, made, random_framelet, rect
 from pydantic import ValidationError
 
-from wall.colour import srgb_encoded
-from wall.data import Float64, Framelet, Rect
+from wall.core.colour import srgb_encoded
+from wall.core.data import Float64, Framelet, Rect
 from wall.operators.blend_edges import BlendEdges, shares
 from wall.operators.encode import Encode
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from framelets import applied, made, random_framelet, rect
 
-from wall.colour import srgb_decoded, srgb_encoded
-from wall.data import Float32, Float64, Framelet
-from wall.errors import ConfigError
+from wall.core.colour import srgb_decoded, srgb_encoded
+from wall.core.data import Float32, Float64, Framelet
+from wall.core.errors import ConfigError
 from wall.operators.colour import Colour
 from wall.operators.lut import Lut, read
 

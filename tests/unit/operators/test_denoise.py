@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from framelets import applied, made, random_framelet, rect
 
-from wall.data import Framelet
-from wall.errors import ConfigError, RunError
+from wall.core.data import Framelet
+from wall.core.errors import ConfigError, RunError
 from wall.operators.denoise import Denoise
 
 DENOISE = made(Denoise, input="a")

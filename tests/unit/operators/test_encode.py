@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from framelets import applied, made, random_framelet, rect
 
-from wall.colour import srgb_encoded
+from wall.core.colour import srgb_encoded
 from wall.operators.encode import Encode
 from wall.reconstruction.display_values import update_display
 

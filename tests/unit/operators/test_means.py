@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 
-from wall.data import Framelet
+from wall.core.data import Framelet
 from wall.operators.age_blend import AgeBlend
 from wall.operators.average import Average
 

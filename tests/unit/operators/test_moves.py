@@ -7,7 +7,7 @@ import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 from pydantic import ValidationError
 
-from wall.data import BLANK, Framelet
+from wall.core.data import BLANK, Framelet
 from wall.operators.crop import Crop
 from wall.operators.tile import Tile
 

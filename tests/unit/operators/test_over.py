@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from framelets import applied, made, random_framelet, rect
 
-from wall.data import Framelet
+from wall.core.data import Framelet
 from wall.operators.over import Over
 
 OVER = made(Over, inputs=("a", "b", "c"))

@@ -9,7 +9,7 @@ import pytest
 from framelets import made, output_of, random_framelet, rect
 from pydantic import ValidationError
 
-from wall.data import Framelet
+from wall.core.data import Framelet
 from wall.operators.overlay import Board, Overlay
 
 

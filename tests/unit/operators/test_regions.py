@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from wall.data import Framelet, Rect
+from wall.core.data import Framelet, Rect
 from wall.operators.base import Operator
 from wall.operators.registry import OPERATORS
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from framelets import applied, random_framelet, rect
 
-from wall.errors import ConfigError
+from wall.core.errors import ConfigError
 from wall.operators.registry import OPERATORS, name_of, plugins
 
 MODULE = '''\

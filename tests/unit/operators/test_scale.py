@@ -8,7 +8,7 @@ from framelets import applied, made, random_framelet, rect
 from PIL import Image
 from pydantic import ValidationError
 
-from wall.data import Float32, Float64, Framelet
+from wall.core.data import Float32, Float64, Framelet
 from wall.operators.scale import Scale
 
 ROUNDING = 2e-6  # sums of some ten float32 products of values up to 1

@@ -11,9 +11,9 @@ from framelets import applied, made, random_framelet, rect
 from PIL import Image
 from pydantic import ValidationError
 
-from wall.colour import srgb_decoded
-from wall.data import BLANK, Float32
-from wall.errors import ConfigError
+from wall.core.colour import srgb_decoded
+from wall.core.data import BLANK, Float32
+from wall.core.errors import ConfigError
 from wall.operators.mask import Mask
 from wall.operators.sources import Constant, Picture
 

@@ -9,9 +9,9 @@ import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 from pydantic import ValidationError
 
-from wall.data import BLANK, Float64, Framelet
-from wall.errors import ConfigError
-from wall.operators.kernels_sampling import NOWHERE, PLACE
+from wall.core.data import BLANK, Float64, Framelet
+from wall.core.errors import ConfigError
+from wall.operators.kernels.resample import NOWHERE, PLACE
 from wall.operators.warp import Bent, Mesh, Warp
 
 PLACE_ERROR = 0.5 / PLACE * 1.5  # pixels: half a step, and the meshes here stretch by less than 1.5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from framelets import EVERY, applied, assert_equal, made, output_of, random_framelet, rect
 
-from wall.data import BLANK, Framelet
+from wall.core.data import BLANK, Framelet
 from wall.operators import winners
 from wall.operators.base import Operator
 from wall.operators.depth import Depth

@@ -22,10 +22,10 @@ from packet_examples import (
     wrapped,
 )
 
-from wall.data import SAMPLE, Batch, Float64, Rect, Samples
-from wall.errors import LocalProtocolError, RemoteProtocolError
-from wall.packets.compact import kernels
-from wall.packets.compact.tables import make_tables
+from wall.core.data import SAMPLE, Batch, Float64, Rect, Samples
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets.compact_tables import make_tables
+from wall.packets.kernels import compact_write as kernels
 from wall.packets.samples import Codec, decode, encode
 
 HALF_CODE = 0.51  # the exact curve bends between whole codes, most at code 10.3

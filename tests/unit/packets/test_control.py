@@ -15,8 +15,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.data import Camera, Event, Framelet, Rect
-from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.core.data import Camera, Event, Framelet, Rect
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import control
 from wall.packets.control import (
     MAX_COMMANDS,

@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from packet_examples import batch_of
 
-from wall.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, Survey, Tiling
+from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, Survey, Tiling
 from wall.packets import control
 from wall.packets import tiling as tiling_packets
-from wall.packets.compact.kernels import CHANGED, FLAG_BITS, LIT_FLAG_BITS, MIXED_OBJECTS, MIXED_TIMES
-from wall.packets.facing.kernels import RELIT, TURNED
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletPart
+from wall.packets.kernels.compact_write import CHANGED, FLAG_BITS, LIT_FLAG_BITS, MIXED_OBJECTS, MIXED_TIMES
+from wall.packets.kernels.normals import RELIT, TURNED
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
 from wall.packets.tiling import MEASURES, encode_tiling, grid
 

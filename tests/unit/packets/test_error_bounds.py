@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import ArrayLike
 from packet_examples import batch_of, check_bounds, mantissa_bits, subpixel_bits
 
-from wall.data import SAMPLE, Float32, Rect, Samples
+from wall.core.data import SAMPLE, Float32, Rect, Samples
 from wall.packets import samples as wire
 from wall.packets.samples import decode, encode
 

@@ -20,11 +20,12 @@ from packet_examples import (
     resealed,
 )
 
-from wall.data import SAMPLE, Batch, Float64, Rect, Samples
-from wall.errors import RemoteProtocolError
-from wall.packets.compact import body, kernels
-from wall.packets.facing.kernels import normal_code, normal_of
-from wall.packets.planes.kernels import LONGEST_CODE
+from wall.core.data import SAMPLE, Batch, Float64, Rect, Samples
+from wall.core.errors import RemoteProtocolError
+from wall.packets import compact as body
+from wall.packets.kernels import compact_write as kernels
+from wall.packets.kernels.bit_planes import LONGEST_CODE
+from wall.packets.kernels.normals import normal_code, normal_of
 from wall.packets.samples import decode, encode
 
 RECT = Rect(x=0, y=0, width=480, height=270)

@@ -11,8 +11,8 @@ from framelets import EVERY, assert_equal, random_framelet, rect
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.data import CHANNELS, Camera, Event, Framelet
-from wall.errors import RemoteProtocolError
+from wall.core.data import CHANNELS, Camera, Event, Framelet
+from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import MAX_RAW, FrameletPart, bands, bytes_a_pixel
 

@@ -10,8 +10,8 @@ import pytest
 import zstandard
 from packet_examples import CHECKSUM_AT, HEADER, LENGTH_AT, batch_of, check_sane, plain_samples, resealed
 
-from wall.data import Rect
-from wall.errors import RemoteProtocolError
+from wall.core.data import Rect
+from wall.core.errors import RemoteProtocolError
 from wall.packets.samples import HEADER_BYTES, Codec, decode, encode
 
 COUNT_AT, CODEC_AT = 70, 6

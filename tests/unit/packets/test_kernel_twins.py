@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from packet_examples import plain_samples, wrapped
 
-from wall.data import SAMPLE, Float32, Samples
-from wall.packets import kernels
+from wall.core.data import SAMPLE, Float32, Samples
+from wall.packets.kernels import fixed as kernels
 
 RECT = (100, 40, 480, 270)
 X_BITS = Y_BITS = 5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wall.packets.planes import kernels
+from wall.packets.kernels import bit_planes as kernels
 
 WORDS = 4000
 

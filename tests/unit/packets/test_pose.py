@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from packet_examples import batch_of, plain_samples
 
-from wall.data import Camera
-from wall.errors import LocalProtocolError
+from wall.core.data import Camera
+from wall.core.errors import LocalProtocolError
 from wall.packets.samples import decode, encode
 
 LARGEST_CHANGE = 2e-15  # of a rotation's elements, docs/packet_format.md

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from packet_examples import batch_of, batches, check_bounds, check_sane, plain_samples
 
-from wall.data import SAMPLE, Batch, Rect
-from wall.errors import LocalProtocolError
+from wall.core.data import SAMPLE, Batch, Rect
+from wall.core.errors import LocalProtocolError
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, Codec, decode, encode, is_samples
 
 HEADER_FIELDS = [name for name in Batch.__dataclass_fields__ if name != "samples"]

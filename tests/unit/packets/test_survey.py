@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wall.data import Survey
-from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.core.data import Survey
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.survey import parse_survey, survey_body
 

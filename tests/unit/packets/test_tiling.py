@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.data import Float32, Rect, Tiling
-from wall.errors import LocalProtocolError, RemoteProtocolError
+from wall.core.data import Float32, Rect, Tiling
+from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.samples import decode, is_samples
 from wall.packets.tiling import HEADER_BYTES, decode_tiling, encode_tiling, grid, is_tiling
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from small_scenes import directions, view
 
-from wall.deepbuffer.kernels import PIXEL, TILE
+from wall.deepbuffer.kernels.pixel_buffer import PIXEL, TILE
 from wall.geometry.frusta import ray_frame
-from wall.reconstruction import kernels_channels as kernels
+from wall.reconstruction.kernels import channels as kernels
 
 HEIGHT, WIDTH = 2 * TILE - 5, 2 * TILE + 3  # tiles at both edges are cut off
 DIRTY = np.array([[True, False, True], [False, True, False]])

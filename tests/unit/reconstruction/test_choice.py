@@ -112,7 +112,7 @@ def test_a_forked_process_does_not_touch_its_parents_opengl(opengl: Device) -> N
 
 
 def test_moderngl_is_not_loaded_where_nobody_asks_for_a_gpu() -> None:
-    code = "import sys, wall.processes.panel; assert 'moderngl' not in sys.modules, 'loaded'"
+    code = "import sys, wall.roles.layer; assert 'moderngl' not in sys.modules, 'loaded'"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stderr
 

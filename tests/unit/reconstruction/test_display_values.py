@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wall.data import Float32, Float64
+from wall.core.data import Float32, Float64
 from wall.reconstruction.display_values import update_display
 
 CODES_OFF = 1  # the stated bound of the curve's table

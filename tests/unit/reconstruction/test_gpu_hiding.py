@@ -9,10 +9,10 @@ from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import view
 
-from wall.data import Rect, Tiling
+from wall.core.data import Rect, Tiling
 from wall.reconstruction.gpu.device import Device
-from wall.reconstruction.kernels_visible import RIM, WAITS
-from wall.reconstruction.survey import survey_picture
+from wall.reconstruction.kernels.visibility import RIM, WAITS
+from wall.reconstruction.statistics import survey_picture
 
 SIZE = (97, 65)
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)

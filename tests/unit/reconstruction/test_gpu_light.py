@@ -11,7 +11,7 @@ from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import instance, material, quad, sphere_mesh, view
 
-from wall.data import Event
+from wall.core.data import Event
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.gpu.store import LIT_WORDS, WORDS
 from wall.scene.animation import Keyframes, Spin

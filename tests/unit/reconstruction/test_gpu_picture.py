@@ -11,7 +11,7 @@ from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose, assert_array_equal
 from small_scenes import view
 
-from wall.data import Event, Float32, Rect
+from wall.core.data import Event, Float32, Rect
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.gpu.picture import GpuPicture

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wall.data import Float32
-from wall.reconstruction.kernels_ages import AGES, oldest_kept
+from wall.core.data import Float32
+from wall.deepbuffer.kernels.expire import AGES, oldest_kept
 
 NOW = 100.5
 CLASS = 1 / 128  # of an age: as exact as ages are told apart

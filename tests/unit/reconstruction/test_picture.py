@@ -25,7 +25,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from small_scenes import View, picture, view
 
-from wall.data import Float32, Rect
+from wall.core.data import Float32, Rect
 from wall.geometry.cameras import look_at
 from wall.reconstruction.picture import Picture
 from wall.scene.build import Scene

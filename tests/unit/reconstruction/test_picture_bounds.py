@@ -8,7 +8,7 @@ from adaptive_pictures import EVENT_S, GREEN, SIZE, START, centres, event_at, hi
 from numpy.testing import assert_allclose
 from small_scenes import view
 
-from wall.data import SAMPLE, Float32, Samples
+from wall.core.data import SAMPLE, Float32, Samples
 from wall.reconstruction.picture import Picture
 from wall.scene.build import Scene
 

@@ -22,7 +22,7 @@ from adaptive_pictures import (
 )
 from numpy.testing import assert_allclose, assert_array_equal
 
-from wall.data import Camera, Float32, Samples
+from wall.core.data import Camera, Float32, Samples
 from wall.reconstruction.picture import Picture
 from wall.scene.build import Scene
 

@@ -9,7 +9,7 @@ from adaptive_pictures import RED, START, centres, event_at, hits, plate_before_
 from small_scenes import view
 
 from wall.config.sampling import AdaptiveSampling
-from wall.data import Event
+from wall.core.data import Event
 from wall.reconstruction.picture import Picture
 from wall.scene.model import PointLight
 

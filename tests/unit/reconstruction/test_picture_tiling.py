@@ -9,8 +9,8 @@ import pytest
 from adaptive_pictures import GREEN, RED, SIZE, START, centres, event_at, hits, picture_of, plate_before_wall
 from numpy.testing import assert_allclose, assert_array_equal
 
-from wall.data import Rect, Tiling
-from wall.reconstruction import kernels_tiling
+from wall.core.data import Rect, Tiling
+from wall.reconstruction.kernels import tiling as kernels_tiling
 from wall.scene.build import Scene
 
 

@@ -12,10 +12,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from small_scenes import instance, material, quad, sphere_mesh, view
 
-from wall.data import SAMPLE, Event, Float32, Float64, Samples
-from wall.jit import kernel
-from wall.packets.facing.kernels import normal_code, normal_of
-from wall.reconstruction import kernels_relight
+from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.core.jit import kernel
+from wall.packets.kernels.normals import normal_code, normal_of
+from wall.reconstruction.kernels import relight as kernels_relight
 from wall.reconstruction.lamps import Lamps, matt_objects
 from wall.reconstruction.picture import Ingredients, Picture
 from wall.scene.animation import Keyframes, Orbit, Spin

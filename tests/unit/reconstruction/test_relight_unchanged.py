@@ -19,9 +19,9 @@ from adaptive_pictures import START, event_at, picture_of, traced
 from numpy.testing import assert_array_equal
 from small_scenes import instance, material, quad, sphere_mesh, view
 
-from wall.data import SAMPLE, Float64
-from wall.jit import kernel
-from wall.reconstruction import kernels_relight
+from wall.core.data import SAMPLE, Float64
+from wall.core.jit import kernel
+from wall.reconstruction.kernels import relight as kernels_relight
 from wall.scene.animation import Orbit
 from wall.scene.build import Scene, assemble
 from wall.scene.model import DirectionalLight, PointLight, Sky, Source, Track

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wall.data import Float32, Float64
-from wall.deepbuffer.kernels import TILE
-from wall.deepbuffer.kernels_reproject import OUTSIDE
-from wall.reconstruction.kernels_visible import RIM, front_bounds, keep_nearest, weigh
+from wall.core.data import Float32, Float64
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import OUTSIDE
+from wall.reconstruction.kernels.visibility import RIM, front_bounds, keep_nearest, weigh
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from wall.data import Float32
-from wall.reconstruction.kernels_picture import splat
-from wall.reconstruction.kernels_visible import CROWD, RIM, SHARPEST, front_bounds
+from wall.core.data import Float32
+from wall.reconstruction.kernels.picture import splat
+from wall.reconstruction.kernels.visibility import CROWD, RIM, SHARPEST, front_bounds
 
 SIZE = 8  # pixels
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1

@@ -8,10 +8,10 @@ from adaptive_pictures import GREEN, SIZE, START, event_at, hits, picture_of, pl
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wall.data import SAMPLE, Batch, Rect, Tiling
-from wall.deepbuffer.buffer import DeepBuffer
-from wall.reconstruction import kernels_survey as kernels
-from wall.reconstruction.survey import (
+from wall.core.data import SAMPLE, Batch, Rect, Tiling
+from wall.deepbuffer.pixel_buffer import PixelBuffer
+from wall.reconstruction.kernels import statistics as kernels
+from wall.reconstruction.statistics import (
     AGE,
     DENSITY,
     WORTH,
@@ -92,7 +92,7 @@ def test_a_still_picture_counts_the_samples_that_it_has_gathered() -> None:
 
 
 def test_age_and_density_of_newest_samples() -> None:
-    buffer = DeepBuffer(40, 20)
+    buffer = PixelBuffer(40, 20)
     samples = np.zeros(256, SAMPLE)
     x, y = np.meshgrid(np.arange(16), np.arange(16))
     samples["xy"] = np.stack([x.ravel(), y.ravel()], 1) + 0.5

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from wall.data import Event, Float32, Float64
-from wall.deepbuffer.kernels import TILE
-from wall.sampling import kernels_adaptive as kernels
+from wall.core.data import Event, Float32, Float64
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.tiles import Grid, Tiles
 
 PACKET = kernels.PACKET

@@ -10,9 +10,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import ArrayLike
 
-from wall.data import SAMPLE, Event, Float32, Float64, Rect, Samples
-from wall.sampling import kernels_adaptive as kernels
+from wall.core.data import SAMPLE, Event, Float32, Float64, Rect, Samples
 from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler
+from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.tiles import Grid
 
 PACKET = kernels.PACKET

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from wall.data import Float32
-from wall.sampling import kernels_adaptive
-from wall.sampling import kernels_cut as kernels
+from wall.core.data import Float32
 from wall.sampling.cut import BALANCE, COARSE, FINE, GAIN, LEAST_EDGE, MOST_EDGE, Cut
+from wall.sampling.kernels import adaptive as kernels_adaptive
+from wall.sampling.kernels import cut as kernels
 
 SIZES = [(1, 1), (5, 3), (1, 200), (300, 11), (23, 70), (16, 16), (65, 64), (100, 75), (150, 40)]  # width, height
 MANY = 10_000

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wall.data import Event, Rect
+from wall.core.data import Event, Rect
 from wall.sampling.base import Targets
 from wall.sampling.framed import FrameCounter, FramedSampler
 

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from wall.data import Event, Float32, Rect
-from wall.sampling import kernels
+from wall.core.data import Event, Float32, Rect
 from wall.sampling.base import Targets
 from wall.sampling.frameless import FramelessSampler
+from wall.sampling.kernels import permutation as kernels
 
 RECT = Rect(x=3, y=9, width=21, height=14)
 Path = Callable[[int], Event]

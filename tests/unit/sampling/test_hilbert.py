@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from small_scenes import batch_of
 
-from wall.data import SAMPLE, Event, Float32, Rect, Samples
-from wall.deepbuffer.buffer import DeepBuffer
+from wall.core.data import SAMPLE, Event, Float32, Rect, Samples
+from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.sampling.base import Targets
 from wall.sampling.hilbert import STATISTICS_WINDOW, HilbertSampler
 from wall.sampling.ownership import hilbert_chunks
@@ -202,7 +202,7 @@ def test_statistics_leave_foreign_samples_out(camera_path: Path) -> None:
 
 def test_a_still_view_converges_to_the_plain_mean_of_its_four_samples(camera_path: Path) -> None:
     """Old picture 9 everywhere; the new one is x + 2 y at a position: the mean of four is that of the centre."""
-    sampler, deep = hilbert(), DeepBuffer(32, 24)
+    sampler, deep = hilbert(), PixelBuffer(32, 24)
     old, event = samples_at(np.float32([[x, y] for x in range(32) for y in range(24)]), 9.0), camera_path(1)
     deep.insert(batch_of(old, camera_path(0), RECT))
     for number, targets in enumerate(until_idle(sampler, event)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wall.data import SAMPLE, Float32, Rect
+from wall.core.data import SAMPLE, Float32, Rect
 from wall.sampling.progressive import ProgressiveSampler
 
 WHOLE = Rect(x=0, y=0, width=19, height=21)

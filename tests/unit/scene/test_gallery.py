@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from wall.config.loading import load
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.geometry.cameras import View, resolve_view
 from wall.geometry.panels import expand
 from wall.scene.build import Scene, build
-from wall.scene.gallery import gallery, gallery_mirrors
+from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.model import Mesh
 
 FOLDER = Path(__file__).parents[3] / "configs" / "measure"

@@ -11,7 +11,7 @@ import trimesh
 from PIL import Image
 
 from wall.config.scene import SceneConfig
-from wall.errors import SceneError
+from wall.core.errors import SceneError
 from wall.scene.build import Scene, build
 from wall.scene.loading import load, strip_triangles
 from wall.scene.model import Source

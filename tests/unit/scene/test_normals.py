@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from wall.scene.builtin.shapes import box, lathe, sphere
 from wall.scene.normals import CREASE_DEGREES, crease_normals, face_normals
-from wall.scene.shapes import box, lathe, sphere
 
 
 def brute_force(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:

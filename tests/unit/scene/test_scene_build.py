@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from wall.config.scene import SceneConfig
-from wall.errors import SceneError
+from wall.core.errors import SceneError
 from wall.scene.bounds import framing_sphere
 from wall.scene.build import Scene, build
 from wall.scene.lights import STUDIO_SKY, default_lights

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wall.scene.shapes import Shape, box, join, lathe, placed, sphere, torus, torus_knot
+from wall.scene.builtin.shapes import Shape, box, join, lathe, placed, sphere, torus, torus_knot
 
 
 def volume(shape: Shape) -> float:

@@ -20,7 +20,7 @@ from small_scenes import (
     view,
 )
 
-from wall.data import BACKGROUND
+from wall.core.data import BACKGROUND
 from wall.scene.model import DirectionalLight, Material, PointLight, Sky
 
 FLOAT32 = 2e-6  # a dozen float32 roundings, relative

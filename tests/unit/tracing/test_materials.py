@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small_scenes import Picture, Triple, View, instance, material, picture, quad, scene_of, sphere_mesh, turned, view
 
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Texture
 

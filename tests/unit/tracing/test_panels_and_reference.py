@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from small_scenes import View, flat_wall, picture, view
 
+from wall.commands import render as reference
 from wall.config.loading import load
-from wall.data import Float32
+from wall.core.data import Float32
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.panels import Wall
-from wall.processes import reference
 from wall.scene.build import Scene
 from wall.tracing.resident import make_resident
 

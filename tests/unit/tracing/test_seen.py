@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_scenes import Picture, instance, material, quad, raster, scene_of, sphere_mesh, view
 
-from wall.data import Rect
+from wall.core.data import Rect
 from wall.sampling.ownership import block_order
 from wall.scene.model import DirectionalLight
 from wall.tracing.resident import Resident, make_resident

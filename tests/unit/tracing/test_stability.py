@@ -25,7 +25,7 @@ from small_scenes import (
     view,
 )
 
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.reconstruction.display_values import update_display
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Instance, PointLight, Sky

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from small_scenes import Triple, View, directions, instance, material, picture, quad, scene_of, sphere_mesh, view
 
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Light, PointLight, Sky
 from wall.scene.sky import sky_irradiance

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from wall.errors import LocalProtocolError
+from wall.core.errors import LocalProtocolError
 from wall.transport import zeromq
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, QUEUED_PACKETS, Hub, Link
 from wall.transport.factory import connect, open_hub

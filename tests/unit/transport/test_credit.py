@@ -7,7 +7,7 @@ from collections import deque
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.data import Counters
+from wall.core.data import Counters
 from wall.transport.base import QUEUED_PACKETS
 from wall.transport.credit import HubCredit, LinkCredit
 

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import pytest
 import zmq
 
-from wall.errors import RunError
+from wall.core.errors import RunError
 from wall.transport import zeromq
 from wall.transport.addresses import WILDCARDS, reachable
 from wall.transport.base import MAX_MESSAGE_BYTES, Hub

@@ -7,7 +7,7 @@ const TILE = 16;
 const FILL = 0.4;                 // opacity of a tile's colour beneath its outline
 const NAMES = ["", "tiles", "age", "density"];    // wall/display/steering.py, OVERLAYS
 
-// Codes as in wall/reconstruction/survey.py: value = 2^((code - 1) / steps + least); `range`: log2 of both ends shown.
+// Codes as in wall/reconstruction/statistics.py: value = 2^((code - 1) / steps + least); `range`: log2 of both ends shown.
 export const KINDS = {
   tiles: {
     title: "Gain of a sample", steps: 8, least: -28, range: [-20, -4],

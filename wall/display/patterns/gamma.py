@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.colour import srgb_decoded, srgb_encoded
-from wall.data import Float64
+from wall.core.colour import srgb_decoded, srgb_encoded
+from wall.core.data import Float64
 from wall.display.patterns.ink import BRIGHT, fitting, paper, write
 
 CURVES: dict[str, float] = {"1.8": 1.8, "2.0": 2.0, "2.2": 2.2, "sRGB": 0.0, "2.4": 2.4, "2.6": 2.6, "2.8": 2.8}

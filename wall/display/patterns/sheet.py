@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float64
+from wall.core.data import Float64
 from wall.geometry.panels import Panel, Wall
 
 Field = NDArray[np.floating[Any]]  # (h, w), a number for each pixel

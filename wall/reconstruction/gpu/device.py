@@ -14,15 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from wall.colour import CURVE_STEPS
-from wall.deepbuffer.kernels import TILE
-from wall.deepbuffer.kernels_reproject import FAR, NEAREST, OUTSIDE
-from wall.errors import RunError
-from wall.reconstruction import kernels_visible as seen
-from wall.reconstruction.kernels_ages import AGE_SHIFT, AGES
-from wall.reconstruction.kernels_fill import TRUSTED
-from wall.reconstruction.kernels_picture import FORGOTTEN
-from wall.reconstruction.kernels_relight import NORMAL_STEPS
+from wall.core.colour import CURVE_STEPS
+from wall.core.errors import RunError
+from wall.deepbuffer.kernels.expire import AGE_SHIFT, AGES
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import FAR, NEAREST, OUTSIDE
+from wall.reconstruction.kernels import visibility as seen
+from wall.reconstruction.kernels.fill import TRUSTED
+from wall.reconstruction.kernels.picture import FORGOTTEN
+from wall.reconstruction.kernels.relight import NORMAL_STEPS
 
 GROUP = 256  # invocations of a group
 ROW = 32768  # groups in a row; OpenGL promises 65,535

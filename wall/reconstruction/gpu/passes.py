@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.colour import srgb_curve
-from wall.data import Float32
-from wall.deepbuffer.kernels import TILE
+from wall.core.colour import srgb_curve
+from wall.core.data import Float32
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
-from wall.reconstruction.kernels_fill import TRUSTED
+from wall.reconstruction.kernels.fill import TRUSTED
 
 CHANNELS = 4
 PIXELS_A_DISPLAY_ITEM = 4  # twelve codes, three words

@@ -11,15 +11,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Event, Float32, Float64, Rect, Samples, Tiling
-from wall.deepbuffer.kernels import TILE
+from wall.core.data import Event, Float32, Float64, Rect, Samples, Tiling
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
-from wall.reconstruction import kernels_picture as kernels
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import device
 from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
 from wall.reconstruction.gpu.store import GpuStore
+from wall.reconstruction.kernels import picture as kernels
 from wall.reconstruction.lamps import Relit, matt_objects
 from wall.reconstruction.picture import (
     DECAY_PER_RESIDUAL,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32
+from wall.core.data import Float32
 from wall.reconstruction.gpu.device import LAMP_WORDS, Device
 from wall.reconstruction.gpu.store import GpuStore, reserve
 from wall.reconstruction.lamps import Lamps

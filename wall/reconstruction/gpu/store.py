@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.data import Float32
+from wall.core.data import Float32
+from wall.deepbuffer.kernels.expire import AGES
 from wall.reconstruction.gpu.device import GROUP, Device, GpuError
-from wall.reconstruction.kernels_ages import AGES
 from wall.reconstruction.picture import Store
 
 WORD_BYTES = 4

@@ -1,0 +1,96 @@
+"""`wall check` says what is odd about a wall, and which display shows which panel."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from rich.table import Table
+
+from wall.commands.check import check, on_the_cpu
+from wall.config.loading import load
+from wall.core.errors import ConfigError
+from wall.roles.plan import make_layout
+
+CONFIG = """\
+version: 1
+scene: {source: courtyard}
+wall:
+  panels:
+    - id: a
+      pixels: [40, 30]
+      corners: {lower_left: [0, 0, 0], lower_right: [0.4, 0, 0], upper_left: [0, 0.3, 0]}
+      overlap: 0.05
+      host: node1
+      monitor: 2
+    - id: b
+      pixels: [40, 30]
+      corners: {lower_left: [0.35, 0, 0], lower_right: [0.75, 0, 0], upper_left: [0.35, 0.3, 0]}
+      overlap: 0.05
+      rotation: 90
+views: [{id: main}]
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    (folder / "wall.yaml").write_text(text)
+    return folder / "wall.yaml"
+
+
+def test_notes_and_displays_come_before_anything_is_measured(tmp_path: Path) -> None:
+    lines, tables = [], []
+    for item in check(load(written(tmp_path, CONFIG))):
+        (tables if isinstance(item, Table) else lines).append(item)
+        if isinstance(item, str) and item.startswith("note: "):
+            break
+    page = io.StringIO()
+    Console(width=100, file=page).print(tables[0])
+    text = page.getvalue()
+
+    assert "wall.yaml:11:7: wall.panels[1]: panel b: shares 0.05 x 0.3 m of light with panel a" in lines[-1]
+    assert [cell for cell in ("node1", "2", "30", "turned 90") if cell not in text] == []
+
+
+def test_wall_without_named_displays_has_no_table_of_them(tmp_path: Path) -> None:
+    text = CONFIG.replace("host: node1", "bezel: 0").replace("monitor: 2", "stereo: mono")
+
+    first = [item for item, _ in zip(check(load(written(tmp_path, text))), range(3), strict=False)]
+
+    assert all(isinstance(item, str) for item in first)
+
+
+def test_wall_that_is_wrong_is_refused_before_its_scene_is_loaded(tmp_path: Path) -> None:
+    path = written(tmp_path, CONFIG.replace("courtyard", "nowhere.glb").replace("overlap: 0.05", "overlap: 0.01"))
+
+    with pytest.raises(ConfigError, match="pixels covered twice: panels a and b"):
+        make_layout(load(path))
+
+
+def test_layers_that_a_gpu_cannot_make_are_named_with_what_is_needed_of_them(tmp_path: Path) -> None:
+    graph = """\
+graph:
+  nodes:
+    - {id: s, op: samples, panel: a}
+    - {id: far, op: reconstruct, input: s}
+    - {id: t, op: samples, panel: a}
+    - {id: near, op: reconstruct, input: t, background: transparent}
+    - {id: d, op: depth, inputs: [far, near]}
+    - {id: u, op: samples, panel: b}
+    - {id: plain, op: reconstruct, input: u}
+    - {id: left, op: sink, kind: png, input: d}
+    - {id: right, op: sink, kind: png, input: plain}
+reconstruction: gpu
+"""
+    layout = make_layout(load(written(tmp_path, CONFIG + graph)))
+
+    assert list(on_the_cpu(layout)) == [
+        "reconstruction: cpu for far, of which the graph needs more than display bytes: linear light, depth, object",
+        "reconstruction: cpu for near, of which the graph needs more than display bytes: linear light, "
+        "depth, alpha, object, a transparent background",
+    ]
+
+
+def test_a_wall_that_a_gpu_can_make_alone_has_no_line_of_them(tmp_path: Path) -> None:
+    assert list(on_the_cpu(make_layout(load(written(tmp_path, CONFIG))))) == []

@@ -1,0 +1,246 @@
+"""Two samplers on one budget, two pictures: half of the rays each, nothing mixed, everything given back at the end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
+
+from wall.core.data import Batch, Event, Framelet, Rect, Tiling
+from wall.core.errors import RemoteProtocolError
+from wall.packets.control import parse_control, serialise
+from wall.packets.framelets import FrameletPart
+from wall.packets.samples import decode, encode
+from wall.roles.compositor import Compositor
+from wall.roles.layer import PanelCompositor
+from wall.roles.plan import HEAD, Plan, first_event
+from wall.roles.remote_compositor import RemoteCompositor
+from wall.run.control import Control
+from wall.run.single_process import SingleProcess
+from wall.tracing.resident import Resident, make_resident
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of()
+
+
+@pytest.fixture(scope="module")
+def resident(plan: Plan) -> Resident:
+    return make_resident(plan.scene)
+
+
+def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    measures = {name: np.ones(1, np.float32) for name in ("spatial", "temporal", "density")}
+    tiling = Tiling(
+        view=0, panel=0, rect=RECT, rank=1, sequence=1, camera_event=0, scene_event=0, base_time=0.0,
+        rects=np.array([[0, 0, 40, 24]], np.uint16), **measures,
+    )  # fmt: skip
+    panel.tilings[1, RECT] = tiling
+    panel.insert(flat(1.0, event, adaptive=True))
+    refresh(panel, event)
+    assert panel.surveys(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
+
+    chosen = replace(event, sampler="frameless", camera_event=1)
+    panel.follow(chosen)
+    panel.insert(flat(1.0, chosen, adaptive=False, sequence=2))
+    refresh(panel, chosen)
+    assert panel.surveys(1.0)[0].rects.tolist() == [
+        [0, 0, 16, 16], [16, 0, 16, 16], [32, 0, 8, 16], [0, 16, 16, 8], [16, 16, 16, 8], [32, 16, 8, 8],
+    ]  # fmt: skip
+
+
+def test_each_sampler_makes_its_own_picture(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), compare="frameless", camera_event=1)
+    panel.follow(event)
+    for k in range(2):
+        panel.insert(flat(1.0, event, adaptive=True, sequence=2 * k))
+        panel.insert(flat(0.0031308, event, adaptive=False, sequence=2 * k + 1))
+        refresh(panel, event)
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert grey(second(panel)) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)  # IEC 61966-2-1, the straight part
+
+
+def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), compare="frameless", camera_event=1)
+    panel.follow(event)
+    panel.insert(flat(1.0, event, adaptive=True))
+    panel.insert(flat(0.1, event, adaptive=False, sequence=2))
+    refresh(panel, event)
+    alone = replace(event, compare="", camera_event=2)
+    panel.follow(alone)
+    before = grey(panel.picture())
+
+    panel.insert(flat(0.1, event, adaptive=False, sequence=3))
+    refresh(panel, alone)
+
+    assert panel.compared is None
+    assert grey(panel.picture()) == before == pytest.approx(255, abs=1)
+    assert panel.buffer.counters.counts["late"] == RECT.area
+    chosen = replace(alone, sampler="frameless", camera_event=3)
+    panel.follow(chosen)
+    panel.insert(flat(0.0, chosen, adaptive=False, sequence=4))
+    refresh(panel, chosen)
+    assert grey(panel.picture()) == 0, "a sampler that is chosen afterwards is shown"
+
+
+def test_versions_of_second_pictures_grow_from_one_comparison_to_the_next(plan: Plan) -> None:
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    seen = []
+    for k in range(3):
+        both = replace(event, compare="frameless", camera_event=2 * k + 1)
+        panel.follow(both)
+        seen.append(second(panel).version)
+        panel.insert(flat(0.5, both, adaptive=False))
+        refresh(panel, both)
+        seen.append(second(panel).version)
+        panel.follow(replace(event, camera_event=2 * k + 2))
+    assert seen == sorted(set(seen))
+
+
+def test_nothing_is_kept_for_a_second_picture_when_nobody_compares(plan: Plan) -> None:
+    panel = PanelCompositor(plan, 0)
+    assert panel.compared is None
+    assert len(panel.surveys(1.0)) == 1
+
+
+@pytest.mark.parametrize("other", ["framed", "frameless", "hilbert"])
+def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
+    plan: Plan, resident: Resident, other: str, compiled_only: None
+) -> None:
+    single = SingleProcess(plan, resident)
+    (worker,) = single.workers
+    single.event = replace(single.event, compare=other, camera_event=1)
+    for k in range(24):
+        single.event = replace(single.event, camera_event=k + 1)  # it moves: nobody is ever done
+        single.step()
+    assert worker.samples_compared == pytest.approx(worker.samples_traced / 2, abs=128)
+    (panel,) = single.compositor.layers.values()
+    refresh(panel, single.event)
+    assert second(panel).rgb.std() > 10
+    assert panel.picture().rgb.std() > 10
+
+    assert panel.tilings, "the adaptive sampler's tiles come all the same"
+    before = worker.samples_compared
+    single.event = replace(single.event, compare="", camera_event=100)
+    for _ in range(4):
+        assert single.step() == 128
+    assert worker.samples_compared == before
+    assert panel.compared is None
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int, compiled_only: None) -> None:
+    text = TEXT.replace("samples_per_batch", f"threads: {threads}, samples_per_batch")
+    plan = plan_of(text)
+    resident = make_resident(plan.scene)
+    compared, fresh = SingleProcess(plan, resident), SingleProcess(plan, resident)
+    compared.event = replace(compared.event, compare="framed", camera_event=1)
+    for _ in range(30):
+        compared.step()
+    assert np.isfinite(compared.compositor.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
+
+    pictures = []
+    for single in (compared, fresh):
+        single.event = replace(single.event, sampler="frameless", compare="", camera_event=2)
+        pictures.append(single.until_complete()[0].rgb)
+
+    assert pictures[1].std() > 10
+    assert np.array_equal(*pictures)
+
+
+def test_lost_samples_come_back_to_the_sampler_that_chose_them(
+    plan: Plan, resident: Resident, compiled_only: None
+) -> None:
+    """Both are traced to the end of a still view, every third packet is lost: framed shows every pixel all the same."""
+    single = SingleProcess(plan, resident)
+    (worker,), (panel,) = single.workers, single.compositor.layers.values()
+    single.event = replace(single.event, compare="framed", camera_event=1)
+    single.step()
+    for k in range(400):
+        packet = worker.step(single.event)
+        if packet is None:
+            break
+        batch = decode(packet)
+        if k % 3 == 0 and k < 60:
+            worker.forget(batch)
+        else:
+            panel.insert(batch)
+    assert panel.compared is not None
+    assert np.isfinite(panel.compared.buffer.records["time"]).all()
+
+
+ELSEWHERE = """\
+graph:
+  compositors: 2
+  nodes:
+    - {id: s, op: samples, panel: r0c0}
+    - {id: p, op: reconstruct, input: s, on: compositor 1}
+    - {id: png, op: sink, kind: png, input: p}
+"""
+
+
+class Pair:
+    """A further compositor that has the only panel, and the head that hears of it."""
+
+    def __init__(self) -> None:
+        plan = plan_of(TEXT + ELSEWHERE)
+        self.head_hub, control_hub = LoopbackHub(credit_bytes=1 << 20), LoopbackHub(credit_bytes=1 << 20)
+        self.samples = LoopbackHub(credit_bytes=1 << 20)
+        control = Control(LoopbackLink(control_hub.endpoint), plan, 1, same_clock=True)
+        links = {HEAD: LoopbackLink(self.head_hub.endpoint)}
+        self.further = RemoteCompositor(plan, 1, self.samples, control, links, [])
+        self.renderer = LoopbackLink(self.samples.endpoint)
+        self.head = Compositor(plan, HEAD, self.head_hub, {})
+        self.rank = plan.layout.renderers()[0]
+
+    def show(self, event: Event, *batches: Batch) -> None:
+        self.further._compositor.follow(event)
+        self.head.follow(event)
+        for batch in batches:
+            self.renderer.offer(encode(replace(batch, rank=self.rank)))
+        while self.further._compositor.take_in():
+            pass
+        self.further._refresh(event, event, 1.0)
+        self.further._compositor.send()
+        while self.head.take_in():
+            pass
+        self.head.refresh(event, 1.0)
+
+
+def test_a_further_compositor_sends_both_pictures_and_surveys_only_while_asked(plan: Plan) -> None:
+    pair, event = Pair(), first_event(plan, 0.0)
+    pair.show(event, flat(1.0, event, adaptive=True))
+    assert pair.head.surveys(0.0, comparing=False) == ()
+
+    both = replace(event, compare="frameless", camera_event=1, survey=True)
+    pair.show(both, flat(1.0, both, adaptive=True), flat(0.0031308, both, adaptive=False, sequence=2))
+
+    (first,), (other,) = (shown[0].pictures() for shown in (pair.head.shown(), pair.head.compared()))
+    assert grey(first) == pytest.approx(255, abs=1)
+    assert grey(other) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
+    surveys = pair.head.surveys(0.0, comparing=True)
+    assert [survey.compared for survey in surveys] == [False, True]
+    assert (surveys[1].density == 129).all()  # code of 2^0 samples a pixel: 1 + 8 octaves of 16 steps
+    assert [survey.compared for survey in pair.head.surveys(0.0, comparing=False)] == [False]
+
+
+def test_a_survey_of_other_tiles_is_refused(plan: Plan) -> None:
+    panel = PanelCompositor(plan, 0)
+    good = panel.surveys(1.0)[0]
+    head = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
+    head.insert(serialise(good))
+    for wrong in (replace(good, age=good.age[:1], density=good.density[:1]), replace(good, rects=good.rects + 9)):
+        with pytest.raises(RemoteProtocolError, match="survey"):
+            head.insert(serialise(wrong))
+
+
+def test_a_framelet_keeps_whether_it_is_of_the_second_picture() -> None:
+    black = Framelet.blank(Rect(x=0, y=0, width=4, height=4), frozenset({"colour"}), encoded=True)
+    for compared in (False, True):
+        sent = FrameletPart.of(0, black, black.rect, compared=compared)
+        assert parse_control(serialise(sent)) == sent

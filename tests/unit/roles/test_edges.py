@@ -1,0 +1,222 @@
+"""Edges between processes: what changed is sent where it is needed, what gave way is sent again, newest content."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from framelets import assert_equal, random_framelet, rect
+from small_graphs import WHOLE, built, nodes
+
+from wall.compositing.graph import Graph, Step
+from wall.core.data import Camera, Event, Framelet, Rect
+from wall.core.errors import RemoteProtocolError
+from wall.packets.control import parse_control, serialise
+from wall.packets.framelets import FrameletPart
+from wall.roles.edges import NEVER, Outlets, RemoteFramelet, checked_step, needed_from_others, targets_of
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+EVENT = Event(
+    view=0, camera_event=1, scene_event=2, scene_time=0.5, input_time=0.0,
+    camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
+)  # fmt: skip
+S0, P0, S1, P1, W, PNG = WHOLE
+HEAD, FURTHER = 0, 1
+
+
+@pytest.fixture(scope="module")
+def graph() -> Graph:
+    """The right panel's framelet is made by compositor 1, the wall by the head."""
+    return built(nodes(*WHOLE, head="  compositors: 2\n"))
+
+
+class Wire:
+    """A further compositor's outlets, and what the head has of them."""
+
+    def __init__(self, graph: Graph, *, credit: int = 1 << 20) -> None:
+        self.step: Step = graph.step("p1")
+        self.hub = LoopbackHub(credit_bytes=credit)
+        self.link = LoopbackLink(self.hub.endpoint)
+        self.outlets = Outlets(graph, FURTHER, {HEAD: self.link})
+        self.framelet = random_framelet(
+            np.random.default_rng(5), self.step.rect, channels=self.step.channels, encoded=self.step.encoded
+        )
+        self.framelet.event = EVENT
+        self.remote = RemoteFramelet(self.step)
+
+    def change(self, *regions: Rect, number: tuple[int, int] = EVENT.number) -> None:
+        self.outlets.add({self.step.index: list(regions)})
+        self.outlets.send({self.step.index: self.framelet}, number)
+
+    def arrive(self) -> list[FrameletPart]:
+        parts = []
+        for peer, packet in self.hub.drain(1 << 20):
+            part = parse_control(packet)
+            assert isinstance(part, FrameletPart)
+            self.remote.insert(part)
+            parts.append(part)
+            self.hub.release(peer, len(packet))
+        return parts
+
+
+def test_each_place_knows_what_others_need_of_it_and_it_of_them(graph: Graph) -> None:
+    right = graph.step("p1")
+    assert targets_of(graph, FURTHER) == {right.index: (HEAD,)}
+    assert targets_of(graph, HEAD) == {}
+    assert [step.node.id for step in needed_from_others(graph, HEAD)] == ["p1"]
+    assert needed_from_others(graph, FURTHER) == ()
+
+
+def test_a_node_that_several_nodes_of_a_place_use_is_sent_there_once() -> None:
+    graph = built(
+        nodes(*WHOLE, "id: c, op: crop, input: p1, area: [9, 1, 4, 4]", "id: two, op: sink, kind: png, input: c",
+              head="  compositors: 2\n").replace("area: [9, 1, 4, 4]", "area: [9, 1, 4, 4], on: head")
+    )  # fmt: skip
+    assert targets_of(graph, FURTHER) == {graph.step("p1").index: (HEAD,)}
+
+
+def test_only_what_changed_is_sent_and_lands_where_it_was(graph: Graph) -> None:
+    wire = Wire(graph)
+    wire.change(wire.step.rect)
+    (part,) = wire.arrive()
+    assert part.rect == wire.step.rect
+    assert_equal(wire.remote.framelet, wire.framelet)
+    assert wire.remote.take_changes() == [wire.step.rect]
+    assert wire.remote.take_changes() == []
+
+    dirty = rect(10, 2, 3, 2)
+    wire.framelet.colour[dirty.inside(wire.step.rect)] += 1
+    wire.change(dirty)
+    (part,) = wire.arrive()
+    assert part.rect == dirty
+    assert wire.remote.take_changes() == [dirty]
+    assert_equal(wire.remote.framelet, wire.framelet)
+    assert wire.outlets.idle
+
+
+def test_parts_of_one_update_are_shown_together_and_tell_their_number_once(graph: Graph) -> None:
+    wire = Wire(graph)
+    wire.change(rect(8, 0, 1, 1), rect(14, 5, 1, 1))
+    first, second = (parse_control(packet) for _, packet in wire.hub.drain(1 << 20))
+    assert isinstance(first, FrameletPart)
+    assert isinstance(second, FrameletPart)
+    assert ((first.index, first.count), (second.index, second.count)) == ((0, 2), (1, 2))
+
+    wire.remote.insert(first)
+    assert (wire.remote.changed, wire.remote.newest_event) == (False, (-1, -1))
+    wire.remote.insert(second)
+    assert wire.remote.newest_event == EVENT.number
+    assert wire.remote.take_changes() == [rect(8, 0, 1, 1), rect(14, 5, 1, 1)]
+
+
+def test_what_waits_for_a_part_that_gave_way_is_shown_with_the_next_update(graph: Graph) -> None:
+    wire = Wire(graph)
+    wire.change(rect(8, 0, 1, 1), rect(14, 5, 1, 1))
+    first, _ = (parse_control(packet) for _, packet in wire.hub.drain(1 << 20))
+    assert isinstance(first, FrameletPart)
+    wire.remote.insert(first)
+    wire.framelet.moment = 7.0
+    wire.change(rect(14, 5, 1, 1))
+    wire.arrive()
+    assert wire.remote.take_changes() == [rect(8, 0, 1, 1), rect(14, 5, 1, 1)]
+
+
+def test_what_changes_without_credit_is_sent_later_with_its_newest_content(graph: Graph) -> None:
+    wire = Wire(graph, credit=1)  # one packet may be under way
+    wire.change(rect(8, 0, 2, 2))
+    for k in range(3):
+        wire.framelet.colour[...] = k
+        wire.change(rect(9 + k, 1, 2, 2))
+    assert not wire.outlets.idle
+    assert len(wire.arrive()) == 1
+    wire.outlets.send({wire.step.index: wire.framelet}, EVENT.number)
+    (part,) = wire.arrive()
+    assert part.rect == rect(9, 1, 4, 2), "one rectangle around all of it"
+    assert (wire.remote.framelet.colour[1:3, 1:5] == 2).all()
+    assert wire.outlets.idle
+
+
+def test_what_gave_way_at_the_link_is_sent_again(graph: Graph) -> None:
+    """Two packets wait at a link without credit, the oldest gives way."""
+    wire = Wire(graph, credit=1)
+    regions = [rect(8 + k, k, 1, 1) for k in range(4)]
+    for region in regions:  # as `send` would, had the link been ready each time
+        wire.outlets.offer(HEAD, serialise(FrameletPart.of(wire.step.index, wire.framelet, region)))
+    assert not wire.outlets.idle
+    came: list[Rect] = []
+    for _ in range(4):
+        came += [part.rect for part in wire.arrive()]
+        wire.outlets.send({wire.step.index: wire.framelet}, EVENT.number)
+    assert sorted(r.x for r in came) == [8, 9, 10, 11], "nothing is lost"
+
+
+def test_what_gave_way_to_another_picture_s_parts_is_not_forgotten(graph: Graph) -> None:
+    wire = Wire(graph, credit=1)
+    compared = Outlets(graph, FURTHER, {HEAD: wire.link}, compared=True)
+    for outlets in (wire.outlets, wire.outlets, compared, compared):
+        part = FrameletPart.of(wire.step.index, wire.framelet, rect(8, 0, 2, 2), compared=outlets is compared)
+        outlets.offer(HEAD, serialise(part))
+    ((target, part),) = compared.take_strays()
+    assert (target, part.compared) == (HEAD, False)
+    assert compared.take_strays() == []
+    wire.outlets.lose(target, part)
+    assert not wire.outlets.idle
+
+
+def test_in_lock_step_everybody_hears_of_a_frame_in_which_nothing_changed() -> None:
+    lines = [*WHOLE[:5], "id: c, op: constant, panel: r0c1, colour: [1, 0, 0], on: compositor 1"]
+    lines += ["id: n, op: tile, inputs: [p0, c], on: head", PNG, "id: two, op: sink, kind: png, input: n"]
+    graph = built(nodes(*lines, head="  compositors: 2\n  sync: frame\n"), more="sampling: {method: framed}\n")
+    constant = graph.step("c")
+    hub = LoopbackHub(credit_bytes=1 << 20)
+    outlets = Outlets(graph, FURTHER, {HEAD: LoopbackLink(hub.endpoint)})
+    framelets = {
+        k: Framelet.blank(s.rect, s.channels, encoded=s.encoded)
+        for k, s in enumerate(graph.steps) if s.place == FURTHER
+    }  # fmt: skip
+    remote = RemoteFramelet(constant)
+    for frame in range(3):
+        outlets.add({}, all_due=True)
+        assert not outlets.idle
+        outlets.send(framelets, (frame, 0))
+        for _, packet in hub.drain(1 << 20):
+            part = parse_control(packet)
+            assert isinstance(part, FrameletPart)
+            if part.step == constant.index:
+                remote.insert(part)
+        assert remote.newest_event == (frame, 0), "what no camera sees has its frame number too"
+        assert outlets.idle
+
+
+def test_times_are_counted_from_the_newest_part_s_moment() -> None:
+    clear = "background: transparent, input:"
+    graph = built(
+        nodes(
+            S0, f"id: p0, op: reconstruct, {clear} s0, on: compositor 1", "id: sb, op: samples, panel: r0c0",
+            f"id: b, op: reconstruct, {clear} sb", "id: n, op: newest, inputs: [b, p0], on: head", S1, P1,
+            "id: w, op: tile, inputs: [n, p1]", PNG, head="  compositors: 2\n",
+        )
+    )  # fmt: skip
+    remote = RemoteFramelet(graph.step("p0"))
+    sender = Framelet.blank(remote.step.rect, remote.step.channels, encoded=remote.step.encoded)
+    for moment, row in ((10.0, 0), (12.0, 3)):
+        sender.moment = moment
+        sender.channel("time")[row] = -0.5
+        remote.insert(FrameletPart.of(remote.step.index, sender, rect(0, row, 8, 1)))
+    assert remote.framelet.moment == 12.0
+    np.testing.assert_array_equal(remote.framelet.channel("time")[[0, 3], 0], [-2.5, -0.5])
+    assert np.isneginf(remote.framelet.channel("time")[1]).all()
+
+
+def test_parts_of_others_nodes_or_of_another_shape_are_refused(graph: Graph) -> None:
+    wire = Wire(graph)
+    good = FrameletPart.of(wire.step.index, wire.framelet, wire.step.rect)
+    remote = {wire.step.index: wire.remote}
+    assert checked_step(good, remote) is wire.remote
+    with pytest.raises(RemoteProtocolError, match="step 0, which nobody needs here"):
+        checked_step(replace(good, step=0), remote)
+    with pytest.raises(RemoteProtocolError, match="wanted: inside"):
+        wire.remote.insert(replace(good, rect=rect(0, 0, 8, 6)))
+    assert wire.remote.newest_event == NEVER
+    assert wire.remote.take_changes() == []

@@ -1,0 +1,157 @@
+"""A panel whose picture is made on a GPU, and what happens when the GPU is lost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.config.loading import loads
+from wall.core.data import Batch, Event, Rect
+from wall.reconstruction.gpu import device
+from wall.reconstruction.gpu.device import Device, GpuError
+from wall.roles.compositor import Compositor
+from wall.roles.layer import PanelCompositor
+from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
+from wall.run.single_process import SingleProcess
+from wall.tracing.resident import make_resident
+from wall.tracing.tracer import Tracer
+from wall.transport.loopback import LoopbackHub
+
+TEXT = """\
+version: 1
+scene: {{source: courtyard}}
+wall: {{grid: {{columns: {columns}, rows: 1, pixels: [20, 12], size: [0.4, 0.3]}}}}
+views: [{{camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}}}]
+sampling: {{method: adaptive}}
+reconstruction: {wish}
+"""
+INVALID = 1  # no capability of OpenGL: asking for it is a GL_INVALID_ENUM
+
+
+def plan_of(wish: str, *, columns: int = 1) -> Plan:
+    return make_plan(make_layout(loads(TEXT.format(wish=wish, columns=columns), path=Path("wall.yaml"))))
+
+
+@pytest.fixture
+def anything_is_a_gpu(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """So that `auto` takes llvmpipe where there is nothing better."""
+    (tmp_path / "renderD128").touch()
+    monkeypatch.setattr(device, "NODES", (str(tmp_path / "renderD128"),))
+    monkeypatch.setattr(device, "SOFTWARE", ())
+
+
+def batch_of(plan: Plan, event: Event, index: int = 0) -> Batch:
+    """Every pixel's centre once, by the tracer."""
+    panel = plan.layout.wall.panels[index]
+    tracer = Tracer(make_resident(plan.scene), panel, plan.view.eye, coherent=False)
+    tracer.take(event)
+    x, y = np.meshgrid(np.arange(panel.pixels[0]) + 0.5, np.arange(panel.pixels[1]) + 0.5)
+    samples = tracer.trace(np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32))[0].copy()
+    samples["change"] = 0.0
+    return Batch(
+        view=0, rect=Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1]), rank=1, panel=index, sequence=1,
+        camera_event=event.camera_event, scene_event=event.scene_event, base_time=0.0,
+        camera=event.camera, scene_time=event.scene_time, adaptive=True, samples=samples,
+    )  # fmt: skip
+
+
+def shown_on_gpu() -> tuple[Plan, PanelCompositor, Event]:
+    """A panel under `auto` with one sample a pixel, refreshed once."""
+    plan = plan_of("auto")
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    panel.insert(batch_of(plan, event))
+    panel.refresh(event, 0.0)
+    return plan, panel, event
+
+
+def lose(opengl: Device) -> None:
+    """Let OpenGL report an error, as it does when memory ends or a driver is reset."""
+    opengl.context.enable_direct(INVALID)
+
+
+def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device, compiled_only: None) -> None:
+    """Adaptive until nothing is left to do: the sampler's own picture is on the CPU, so both trace the same rays."""
+    shown = {}
+    for wish in ("cpu", "gpu"):
+        plan = plan_of(wish)
+        chain = SingleProcess(plan, make_resident(plan.scene))
+        shown[wish] = chain.until_complete()[0].rgb.astype(int)
+        assert str(chain.compositor.layers[0].reconstruction).startswith(wish)
+    assert len(np.unique(shown["cpu"])) > 50
+    assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
+
+
+def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, compiled_only: None) -> None:
+    """On the CPU each panel is refreshed by a thread of its own; OpenGL's pictures stay with theirs."""
+    shown = {}
+    for wish in ("cpu", "gpu"):
+        plan = plan_of(wish, columns=2)
+        compositor = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
+        event = first_event(plan, 0.0)
+        for number in range(3):
+            for index, panel in compositor.layers.items():
+                panel.insert(batch_of(plan, moved(event, number), index))
+            compositor.refresh(moved(event, number), 0.02 * number)
+        assert len(compositor.surveys(0.1, comparing=False)) == 2
+        assert {panel.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
+        shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.shown()[0].pictures()])
+    assert len(np.unique(shown["cpu"])) > 50
+    assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
+
+
+def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
+    opengl: Device, anything_is_a_gpu: None, compiled_only: None
+) -> None:
+    plan, panel, event = shown_on_gpu()
+    assert panel.reconstruction is not None
+    assert panel.reconstruction.on == "gpu"
+    before = panel.picture().rgb.astype(int)
+
+    lose(opengl)
+    panel.refresh(moved(event, 1), 0.01)  # before anything is old enough to be hidden
+
+    assert panel.reconstruction.on == "cpu"
+    assert "GL_INVALID_ENUM" in panel.reconstruction.why
+    assert panel.buffer.counters.counts["gpu_lost"] == 1
+    assert np.abs(panel.picture().rgb.astype(int) - before).max() <= 1, "what was shown has gone"
+    panel.insert(batch_of(plan, moved(event, 2)))
+    panel.refresh(moved(event, 2), 0.2)
+    assert panel.buffer.counters.counts["gpu_lost"] == 1
+
+
+def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_picture_to_the_cpu(
+    opengl: Device, anything_is_a_gpu: None, compiled_only: None
+) -> None:
+    _, panel, _ = shown_on_gpu()
+    on_gpu = panel.surveys(0.1)[0]
+
+    lose(opengl)
+    on_cpu = panel.surveys(0.1)[0]
+
+    assert panel.reconstruction is not None
+    assert panel.reconstruction.on == "cpu"
+    assert panel.buffer.counters.counts["gpu_lost"] == 1
+    assert np.abs(on_gpu.age.astype(int) - on_cpu.age).max() <= 1
+    assert (on_gpu.density == on_cpu.density).all(), "one sample a pixel"
+
+
+def test_a_lost_gpu_that_was_insisted_on_ends_the_run_with_what_the_driver_said(
+    opengl: Device, compiled_only: None
+) -> None:
+    plan = plan_of("gpu")
+    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
+    panel.insert(batch_of(plan, event))
+    lose(opengl)
+    with pytest.raises(GpuError, match="reports GL_INVALID_ENUM; wanted: a driver that goes on working"):
+        panel.refresh(event, 0.0)
+    panel.insert(batch_of(plan, event))  # the end of a run takes in and shows once more what there is
+    panel.refresh(event, 0.1)
+    assert (panel.picture().rgb > 0).mean() > 0.5
+
+
+def moved(event: Event, number: int) -> Event:
+    """Another event of the same view."""
+    return replace(event, camera_event=number, scene_event=number)

@@ -1,0 +1,62 @@
+"""What a compositor refuses: valid packets that no rank of the run can have sent. They are counted, and do no harm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flat_batches import flat, plan_of
+
+from wall.core.data import Batch, Rect
+from wall.packets.samples import encode
+from wall.roles.compositor import MOST_APART_S, Compositor
+from wall.roles.plan import HEAD, Plan, first_event
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+NOW = 1000.0  # seconds of the head's clock
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of()
+
+
+def batch_of(plan: Plan) -> Batch:
+    """One grey sample a pixel, from the run's only renderer."""
+    return replace(flat(0.5, first_event(plan, NOW), adaptive=True), base_time=NOW, relightable=True)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"rank": HEAD},
+        {"rank": 7},
+        {"rect": Rect(x=0, y=0, width=4096, height=24)},
+        {"base_time": 1e300},
+        {"base_time": -1e300},
+        {"base_time": NOW + 2 * MOST_APART_S},
+        {"base_time": NOW - 2 * MOST_APART_S},
+    ],
+    ids=str,
+)
+def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, change: dict[str, object]) -> None:
+    hub = LoopbackHub(credit_bytes=1 << 20)
+    link = LoopbackLink(hub.endpoint)
+    compositor, event = Compositor(plan, HEAD, hub, {}), first_event(plan, NOW)
+    link.offer(encode(batch_of(plan)))
+    assert compositor.take_in() == 1
+    compositor.refresh(event, NOW)
+    before = compositor.shown()[0].pictures()[0].rgb.copy()
+    assert before.min() > 100
+
+    link.offer(encode(replace(batch_of(plan), **change)))  # type: ignore[arg-type]
+    assert compositor.take_in() == 1
+    link.offer(encode(replace(batch_of(plan), sequence=3)))
+    assert compositor.take_in() == 1
+    compositor.refresh(replace(event, scene_event=1, scene_time=0.5), NOW + 0.1)
+
+    assert compositor.counters.counts == {"bad_packet": 1}
+    assert np.abs(compositor.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1
+    link.close()
+    hub.close()

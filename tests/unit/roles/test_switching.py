@@ -1,0 +1,159 @@
+"""A panel shows the sampler that the viewer asked for, whichever packets come first or last."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
+
+from wall.core.data import Event
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.roles.layer import EARLY_BATCHES, PanelCompositor
+from wall.roles.plan import Plan, first_event
+
+WHITE, BLACK = 1.0, 0.0  # radiance
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of()
+
+
+def asking(method: str, number: int, plan: Plan, *, compare: str = "") -> Event:
+    return replace(first_event(plan, 0.0), sampler=method, compare=compare, camera_event=number)
+
+
+def shown(plan: Plan, event: Event, *, radiance: float) -> PanelCompositor:
+    """A panel that shows samples of one grey of the sampler that `event` names."""
+    panel = PanelCompositor(plan, 0)
+    panel.follow(event)
+    panel.insert(flat(radiance, event, adaptive=event.sampler == "adaptive"))
+    refresh(panel, event)
+    return panel
+
+
+@pytest.mark.parametrize(("old", "new"), [("adaptive", "frameless"), ("frameless", "adaptive")])
+def test_late_samples_of_the_sampler_before_are_left_out_and_counted(plan: Plan, old: str, new: str) -> None:
+    before, after = asking(old, 1, plan), asking(new, 2, plan)
+    panel = shown(plan, before, radiance=BLACK)
+    panel.follow(after)
+    panel.insert(flat(WHITE, after, adaptive=new == "adaptive", sequence=2))
+    refresh(panel, after)
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+
+    panel.insert(flat(BLACK, before, adaptive=old == "adaptive", sequence=3))
+    refresh(panel, after)
+
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert panel.buffer.counters.counts["late"] == RECT.area
+
+
+@pytest.mark.parametrize(("old", "new"), [("adaptive", "frameless"), ("frameless", "adaptive")])
+def test_samples_that_come_before_their_event_wait_for_it(plan: Plan, old: str, new: str) -> None:
+    """A further compositor hears of events by another way than of samples. Framed pixels of a still view come once."""
+    before, after = asking(old, 1, plan), asking(new, 2, plan)
+    panel = shown(plan, before, radiance=BLACK)
+    panel.insert(flat(WHITE, after, adaptive=new == "adaptive", sequence=2))
+    refresh(panel, before)
+    assert grey(panel.picture()) == 0, "not asked for yet"
+
+    panel.follow(after)
+    refresh(panel, after)
+
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert "late" not in panel.buffer.counters.counts
+
+
+def test_without_a_choice_the_configured_sampler_is_shown() -> None:
+    for method in ("adaptive", "frameless"):
+        plan = plan_of(TEXT.replace("method: adaptive", f"method: {method}"))
+        panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), sampler="")
+        for adaptive, radiance in ((True, 0.0031308), (False, WHITE)):
+            panel.insert(flat(radiance, event, adaptive=adaptive))
+        panel.follow(event)
+        refresh(panel, event)
+        expected = 0.0031308 * 12.92 * 255 if method == "adaptive" else 255  # IEC 61966-2-1, the straight part
+        assert grey(panel.picture()) == pytest.approx(expected, abs=1)
+
+
+def test_a_second_picture_has_only_samples_of_its_own_comparison(plan: Plan) -> None:
+    alone, both = asking("frameless", 1, plan), asking("adaptive", 2, plan, compare="framed")
+    panel = shown(plan, alone, radiance=BLACK)
+    panel.insert(flat(WHITE, both, adaptive=True, sequence=2))  # before its event
+    panel.insert(flat(BLACK, alone, adaptive=False, sequence=3))
+    panel.follow(both)
+    panel.insert(flat(WHITE, both, adaptive=False, sequence=4))
+    panel.insert(flat(BLACK, alone, adaptive=False, sequence=5))  # late
+    refresh(panel, both)
+
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert grey(second(panel)) == pytest.approx(255, abs=1)
+    panel.follow(asking("adaptive", 3, plan, compare="hilbert"))
+    panel.insert(flat(WHITE, both, adaptive=False, sequence=6))
+    refresh(panel, both)
+    assert grey(second(panel)) == 0, "of the comparison before"
+
+
+@pytest.mark.parametrize("compare", ["framed", ""])
+def test_the_half_of_a_comparison_that_comes_before_its_event_is_not_lost(plan: Plan, compare: str) -> None:
+    """Of a still view it would never come again, neither when comparing begins nor when it ends."""
+    both = asking("adaptive", 2 if compare else 1, plan, compare="framed")
+    alone = asking("framed", 1 if compare else 2, plan)
+    before, after = (alone, both) if compare else (both, alone)
+    panel = PanelCompositor(plan, 0)
+    panel.follow(before)
+    panel.insert(flat(WHITE, after, adaptive=False, sequence=2))
+    panel.follow(after)
+    refresh(panel, after)
+    assert grey(second(panel) if compare else panel.picture()) == pytest.approx(255, abs=1)
+    assert not panel.buffer.counters.counts.get("late", 0)
+
+
+def test_old_samples_of_another_sampler_of_the_same_kind_are_late(plan: Plan) -> None:
+    before, after = asking("frameless", 1, plan), asking("hilbert", 2, plan)
+    panel = shown(plan, before, radiance=BLACK)
+    panel.follow(after)
+    panel.insert(flat(WHITE, before, adaptive=False, sequence=2))
+    refresh(panel, after)
+    assert grey(panel.picture()) == 0
+    assert panel.buffer.counters.counts["late"] == RECT.area
+
+
+def test_the_picture_stays_until_samples_of_the_other_sampler_come(plan: Plan) -> None:
+    before, after = asking("adaptive", 1, plan), asking("frameless", 2, plan)
+    panel = shown(plan, before, radiance=WHITE)
+    panel.insert(flat(BLACK, before, adaptive=True, sequence=2))  # not refreshed any more
+    panel.follow(after)
+    refresh(panel, after)
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+
+
+def test_back_at_the_adaptive_sampler_all_of_its_picture_is_shown_at_once(plan: Plan) -> None:
+    first, other, again = (asking(method, k, plan) for k, method in enumerate(("adaptive", "frameless", "adaptive")))
+    panel = shown(plan, first, radiance=WHITE)
+    panel.follow(other)
+    panel.insert(flat(BLACK, other, adaptive=False, sequence=2))
+    refresh(panel, other)
+    assert grey(panel.picture()) == 0
+
+    panel.follow(again)
+    batch = flat(WHITE, again, adaptive=True, sequence=3)
+    corner = (batch.samples["xy"] < TILE).all(1)
+    panel.insert(replace(batch, samples=batch.samples[corner]))
+    refresh(panel, again)
+    assert np.abs(panel.picture().rgb.astype(int) - 255).max() <= 1
+
+
+def test_what_comes_long_before_its_event_is_counted_and_left_out(plan: Plan) -> None:
+    now, future = asking("adaptive", 1, plan), asking("frameless", 9, plan)
+    panel = shown(plan, now, radiance=WHITE)
+    for k in range(EARLY_BATCHES + 2):
+        panel.insert(flat(BLACK, future, adaptive=False, sequence=2 + k))
+    assert panel.buffer.counters.counts["early"] == 2 * RECT.area
+
+    panel.follow(asking("adaptive", 9, plan))
+    assert panel.buffer.counters.counts["late"] == EARLY_BATCHES * RECT.area, "of another history: nobody asked"
+    refresh(panel, now)
+    assert grey(panel.picture()) == pytest.approx(255, abs=1)

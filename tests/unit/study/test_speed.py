@@ -1,0 +1,143 @@
+"""The arithmetic and the shape of measurements; how fast anything is decides no test."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from wall import cli
+from wall.core.data import BACKGROUND
+from wall.core.errors import ConfigError, RunError
+from wall.study.speed import record, runs, speed
+from wall.study.speed.tracing import T_FAR, Bench
+from wall.tracing import embree
+from wall.tracing.kernels import trace as kernels
+from wall.tracing.kernels.packet import PRIMARY, SHADOW
+
+KEYS = {"metric", "value", "unit", "limit", "ratio", "command", "machine", "seed", "commit"}
+
+
+def test_ratio_is_the_median_of_the_rounds_own_ratios() -> None:
+    row = record.compared("m", [1.0, 4.0, 2.0], [2.0, 4.0, 2.5], unit="u", at_least=0.8)
+    assert (row.value, row.limit, row.ratio) == (2.0, 2.5, 0.8)
+    assert row.met
+    assert row.spread == pytest.approx(0.25)
+    assert not record.compared("m", [1.0], [2.0], unit="u", at_least=0.8).met
+
+
+@pytest.mark.parametrize(("value", "below", "met"), [(4.0, True, True), (6.0, True, False), (6.0, False, True)])
+def test_bounded_figure_meets_its_limit_on_the_right_side(value: float, below: bool, met: bool) -> None:
+    assert record.bounded("m", value, 5.0, unit="u", below=below).met is met
+
+
+def test_limit_of_zero_is_met_by_zero_alone() -> None:
+    assert record.bounded("m", 0.0, 0.0, unit="u", below=True).met
+    assert not record.bounded("m", 1.0, 0.0, unit="u", below=True).met
+    assert record.bounded("m", 1.0, 0.0, unit="u", below=True).ratio is None
+
+
+def test_rows_are_json_lines_with_every_promised_key(tmp_path: Path, compiled_only: None) -> None:
+    rows = list(speed.measure(["encode"], quick=True, say=lambda names: None))
+    speed.write(tmp_path / "speed.jsonl", [*rows, record.skipped("mitsuba_llvm", "u", "b", "absent")])
+    lines = [json.loads(line) for line in (tmp_path / "speed.jsonl").read_text().splitlines()]
+    assert [line["metric"] for line in lines] == ["mitsuba_llvm", "encode"]
+    assert all(line.keys() >= KEYS for line in lines)
+    assert lines[0]["value"] is None
+    assert lines[1]["value"] > 0
+    assert lines[1]["ratio"] == pytest.approx(lines[1]["value"] / lines[1]["limit"])
+
+
+def test_unknown_metric_is_refused_with_the_known_ones() -> None:
+    with pytest.raises(ConfigError, match=r"--only speed: no such metric; accepted: trace_framed, "):
+        list(speed.measure(["speed"], quick=True, say=lambda names: None))
+
+
+def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def broken(rounds: int, seconds: float) -> list[record.Row]:
+        raise ZeroDivisionError("no samples")
+
+    def works(rounds: int, seconds: float) -> list[record.Row]:
+        return [record.bounded("decode", 1.0, 1.0, unit="u", below=True)]
+
+    monkeypatch.setattr(speed, "GROUPS", ((("encode",), broken), (("decode",), works)))
+    rows = list(speed.measure([], quick=True, say=lambda names: None))
+    assert [(row.metric, row.met, row.failed) for row in rows] == [("encode", None, True), ("decode", True, False)]
+    assert "ZeroDivisionError" in rows[0].note
+    result = CliRunner().invoke(cli.app, ["measure", "speed", "-o", str(tmp_path / "speed.jsonl")])
+    assert result.exit_code == cli.FAILED
+    assert "decode" in (tmp_path / "speed.jsonl").read_text()
+
+
+def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
+    bench = Bench("courtyard")
+    work = bench.tracer._work
+    work.counts[:] = 0
+    kernels.trace(*bench.arguments(bench.raster))
+    assert work.counts[PRIMARY] == 16 * len(bench.hits)
+    assert work.counts[SHADOW] == int((bench.lit != 0).sum())
+    assert np.array_equal(bench.found.ravel() == embree.NO_HIT, bench.samples["object"] == BACKGROUND)
+    assert bench.stopped.any()
+    assert not bench.stopped.all()
+
+
+@pytest.mark.parametrize("mistake", ["lamp rays in metres", "sun rays cut short", "primary rays turned"])
+def test_bare_rays_that_are_not_those_of_tracing_are_refused(compiled_only: None, mistake: str) -> None:
+    bench = Bench("courtyard")
+    bench.check()
+    far = bench.shadows[:, T_FAR]
+    if mistake == "lamp rays in metres":  # directions reach from the hit to the lamp: 1 is the lamp
+        directions = bench.shadows[:, embree.DIRECTION_X : embree.DIRECTION_X + 48].reshape(-1, 3, 16)
+        bench.shadows[:, T_FAR] = np.where(np.isfinite(far), np.linalg.norm(directions, axis=1), far)
+    elif mistake == "sun rays cut short":
+        bench.shadows[:, T_FAR] = np.where(np.isfinite(far), far, 0.01)
+    else:
+        bench.hits[:, embree.DIRECTION_X : embree.DIRECTION_X + 16] += np.float32(0.05)
+    with pytest.raises(RunError, match="found something else than tracing did"):
+        bench.check()
+
+
+SUMMARY = {
+    "seconds": 2.0, "refreshes": 59, "samples_shown": 3e6, "head_cores": 0.2, "samples_traced": 129600,
+    "bytes": 1557760, "latency_ms": {"p50": 30.0, "p95": 50.0, "p99": 60.0},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "met"), [({}, True), ({"head_cores": 0.6}, False), ({"refreshes": 40}, False)])
+def test_compositor_that_saves_its_time_by_missing_refreshes_misses_the_bar(
+    change: dict[str, float], met: bool
+) -> None:
+    assert runs.compositor_row(SUMMARY | change).met is met
+
+
+def test_latency_is_in_refresh_intervals_of_the_median() -> None:
+    row = runs.latency_row(SUMMARY)
+    assert row.value == pytest.approx(0.9)
+    assert row.met
+
+
+def test_run_that_showed_no_input_has_no_latency() -> None:
+    with pytest.raises(RunError, match="no input"):
+        runs.latency_row(SUMMARY | {"latency_ms": dict.fromkeys(("p50", "p95", "p99"), 0.0)})
+
+
+@pytest.mark.parametrize(("more", "met"), [(0, True), (12, False)])
+def test_still_view_that_goes_on_sending_misses_the_bar(more: int, met: bool) -> None:
+    row = runs.static_row(SUMMARY, SUMMARY | {"bytes": 1557760 + more})
+    assert (row.value, row.met) == (more, met)
+
+
+def test_still_view_that_was_never_complete_proves_nothing() -> None:
+    with pytest.raises(RunError, match="not complete"):
+        runs.static_row(SUMMARY | {"samples_traced": 0, "bytes": 0}, SUMMARY | {"bytes": 0})
+
+
+def test_memory_is_that_of_the_largest_renderer() -> None:
+    ranks = [("head", 900), ("renderer", 100), ("renderer", 300), ("compositor", 700)]
+    found = {"ranks": [{"role": role, "peak_memory": mb * 2**20} for role, mb in ranks]}
+    assert runs.renderer_peak(found) == 300.0
+    with pytest.raises(RunError, match="no renderer"):
+        runs.renderer_peak({"ranks": found["ranks"][:1]})

@@ -1,0 +1,1 @@
+"""Commands beside `wall run`: render, screenshot, identify, check, draw."""

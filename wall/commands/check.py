@@ -1,0 +1,113 @@
+"""`wall check`: what a configuration does, before it does it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from rich.table import Table
+
+from wall.config.loading import Loaded
+from wall.geometry.panels import Wall
+from wall.reconstruction.choice import choose
+from wall.roles.edges import targets_of
+from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan
+from wall.roles.worker import Worker, make_samplers
+from wall.run.clock import HeadClock
+from wall.run.warm_up import warm_up
+from wall.scene.needs import describe, needs
+from wall.tracing.resident import make_resident
+
+PROBE_S = 0.3
+MOST_NAMES = 8  # of nodes in a line
+
+
+def check(loaded: Loaded) -> Iterator[str | Table]:
+    """Lines and tables for a reader. Raises ConfigError where the configuration is refused."""
+    layout = make_layout(loaded)
+    check_files(layout)
+    plan = make_plan(layout)
+    scene, wall, sampling = plan.scene, layout.wall, layout.sampling
+    yield f"{loaded.path}: ok"
+    yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
+    if table := _displays(wall):
+        yield table
+    yield (
+        f"scene: {loaded.config.scene.source}, {scene.triangles:,} triangles in {len(scene.instances):,} objects of "
+        f"{len(scene.meshes):,} meshes, "
+        f"{len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
+    )
+    yield f"tracer: {describe(needs(scene))}"
+    for note in (*layout.notes, *scene.notes):
+        yield f"note: {note}"
+    yield f"launch: mpirun -n {layout.size} wall run {loaded.path}"
+    yield _ranks(layout)
+    choice = choose(layout.config.reconstruction)
+    yield f"reconstruction: {choice}"
+    if choice.on == "gpu":
+        yield from on_the_cpu(layout)
+    rate, size = probe(plan)
+    yield (
+        f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
+        f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
+        f"{rate * size / 1e6:.0f} MB/s ({size:.1f} bytes a sample)"
+    )
+
+
+def on_the_cpu(layout: Layout) -> Iterator[str]:
+    """Lines about layers that the CPU makes even where there is a GPU, and why."""
+    found: dict[tuple[str, ...], list[str]] = {}
+    for layer in layout.graph.layers:
+        if more := layout.graph.beyond_bytes(layer):
+            found.setdefault(more, []).append(layer.node)
+    for more, names in found.items():
+        which = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES))
+        yield f"reconstruction: cpu for {which}, of which the graph needs more than display bytes: {', '.join(more)}"
+
+
+def _ranks(layout: Layout) -> Table:
+    """Who does what, and sends it where."""
+    hosts = layout.graph.hosts
+    table = Table(title=f"{layout.size} ranks", title_justify="left")
+    for column in ("rank", "role", *(["host"] if hosts else []), "has", "sends to"):
+        table.add_column(column)
+    for rank in range(layout.size):
+        renders = layout.role(rank) == "renderer"
+        targets = {t for found in targets_of(layout.graph, rank).values() for t in found}
+        names = ", ".join(f"rank {target}" for target in ([layout.target_of(rank)] if renders else sorted(targets)))
+        host = [hosts.get(rank, "any")] if hosts else []
+        table.add_row(str(rank), layout.role(rank), *host, layout.describe(rank), names)
+    return table
+
+
+def _displays(wall: Wall) -> Table | None:
+    """Panels and the displays that show them, where the configuration names any."""
+    rows = [(p, p.host or "", p.display or "", "" if p.monitor is None else str(p.monitor)) for p in wall.panels]
+    if not any(any(names) for _, *names in rows):
+        return None
+    table = Table(title="displays", title_justify="left")
+    for column in ("panel", "pixels", "host", "display", "monitor"):
+        table.add_column(column)
+    for panel, *names in rows:
+        turned = f", turned {panel.rotation}" if panel.rotation else ""
+        table.add_row(panel.id, f"{panel.pixels[0]}x{panel.pixels[1]}{turned}", *names)
+    return table
+
+
+def probe(plan: Plan) -> tuple[float, float]:
+    """Samples a second that one core of this machine traces and encodes of the first renderer, and bytes a sample."""
+    resident = make_resident(plan.scene)
+    warm_up(plan, resident, lambda line: None)
+    rank = plan.layout.renderers()[0]
+    clock = HeadClock()
+    samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
+    worker = Worker(plan, resident, rank, clock, samplers, 0)
+    event = first_event(plan, 0.0)
+    began, size = time.perf_counter(), 0
+    while time.perf_counter() - began < PROBE_S:
+        packet = worker.step(event)
+        size += len(packet or b"")
+        if packet is None:
+            worker.sampler.restart()
+    traced = worker.samples_traced
+    return traced / (time.perf_counter() - began), size / max(traced, 1)

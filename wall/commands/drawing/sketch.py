@@ -1,0 +1,163 @@
+"""From a layout to what its drawing shows: the one file that knows both."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from wall.commands.drawing.model import TIMES, TO, Box, Place, Role, Screen, Sketch, Wire
+from wall.commands.drawing.traffic import bytes_a_sample, framelet_traffic, samples_traffic, si
+from wall.compositing.graph import Graph, Layer, Step
+from wall.config.schema import FrameSync, SinkNode
+from wall.core.data import Float64
+from wall.geometry.eyes import eye_of, standing_eye
+from wall.geometry.panels import Panel
+from wall.roles.plan import HEAD, Layout
+
+SAME_M = 1e-5  # panels whose corners agree so far light one place
+
+
+def sketch(layout: Layout, *, samples_per_s: float) -> Sketch:
+    """Everything to be drawn. `samples_per_s`: expected of a rank, for the bytes of sample streams."""
+    sampling, refresh_hz = layout.sampling, layout.config.views[0].refresh_hz
+    sample_bytes = bytes_a_sample(sampling.method, sampling.samples_per_batch)
+    lock_step = " in lock step" if isinstance(layout.graph.sync, FrameSync) else ""
+    return Sketch(
+        name=Path(layout.loaded.path).name,
+        size=(layout.wall.width, layout.wall.height),
+        screens=_screens(layout),
+        places=_places(layout),
+        boxes=_boxes(layout),
+        wires=tuple(_wires(layout, samples_per_s, sample_bytes)),
+        remarks=(
+            f"samples: {si(samples_per_s, ' samples/s')} a rank, {sample_bytes:.3g} bytes each ({sampling.method})",
+            f"framelets: whole, {refresh_hz:g} a second{lock_step}, before compression; a still view sends less",
+        ),
+    )
+
+
+def _screens(layout: Layout) -> tuple[Screen, ...]:
+    """What hangs on the wall: panels that light the same place are one."""
+    together: dict[tuple[int, ...], list[Panel]] = {}
+    for panel in layout.wall.panels:
+        key = tuple(int(value) for value in np.round(panel.lit.ravel() / SAME_M))
+        together.setdefault(key, []).append(panel)
+    eye, separation = standing_eye(layout.loaded, layout.wall, 0), layout.config.views[0].eye_separation
+    return tuple(_screen(layout, panels, eye, separation) for panels in together.values())
+
+
+def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float) -> Screen:
+    first = panels[0]
+    names = list(dict.fromkeys(panel.of or panel.id for panel in panels))
+    eyes = {tuple(eye_of(panel, eye, separation)) for panel in panels}
+    places = {_maker(layout.graph, panel.index) for panel in panels}
+    hung = dict.fromkeys(" ".join(filter(None, (panel.host, panel.display))) for panel in panels)
+    return Screen(
+        id=_together(names),
+        pixels=first.pixels,
+        corners=first.lit,
+        bezel=(first.bezel.left, first.bezel.right, first.bezel.top, first.bezel.bottom),
+        eyes=tuple(np.array(one) for one in sorted(eyes)),
+        notes=(*_peculiar(panels, len(eyes)), *(host for host in hung if host not in ("", first.id))),
+        place=places.pop() if len(places) == 1 else "",
+        panels=tuple(panel.id for panel in panels) if len(panels) > 1 else (),
+    )
+
+
+def _together(names: list[str]) -> str:
+    """left-eye + right-eye, or wall-left + right: what their beginnings share is said once."""
+    beginnings = [names[0][: sign.end()] for sign in re.finditer(r"[-_.]", names[0])]
+    shared = max((own for own in beginnings if all(name.startswith(own) for name in names)), key=len, default="")
+    return " + ".join([names[0], *(name.removeprefix(shared) for name in names[1:])])
+
+
+def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
+    """What a viewer would not see from the outline."""
+    first = panels[0]
+    said = [first.stereo.replace("_", " ")] if first.stereo != "mono" and len(panels) == 1 else []
+    if len(panels) > 1:
+        said.append("stereo" if eyes == len(panels) else f"{len(panels)} in one place")
+    return [*said, f"turned {first.rotation}°"] if first.rotation else said
+
+
+def _maker(graph: Graph, panel: int) -> str:
+    """The place that takes a panel's samples in; "" if there are several."""
+    places = {layer.place for layer in graph.layers if layer.panel == panel}
+    return _rank_key(places.pop()) if len(places) == 1 else ""
+
+
+def _places(layout: Layout) -> dict[str, Place]:
+    graph, places = layout.graph, {}
+    for rank in range(graph.compositors):
+        role: Role = "compositor" if rank else "head"
+        places[_rank_key(rank)] = Place(label=_rank_key(rank), detail=_on_host(graph, f"rank {rank}", rank), role=role)
+    for layer in graph.layers:
+        key = _ranks_key(layer.ranks)
+        places[key] = Place(label=key, detail=_on_host(graph, "", *layer.ranks), role="renderer")
+    return places
+
+
+def _rank_key(rank: int) -> str:
+    return "head" if rank == HEAD else f"compositor {rank}"
+
+
+def _ranks_key(ranks: tuple[int, ...]) -> str:
+    if len(ranks) == 1:
+        return f"rank {ranks[0]}"
+    if ranks == tuple(range(ranks[0], ranks[-1] + 1)):
+        return f"ranks {ranks[0]}{TO}{ranks[-1]}"
+    return "ranks " + ", ".join(map(str, ranks))
+
+
+def _on_host(graph: Graph, text: str, *ranks: int) -> str:
+    hosts = dict.fromkeys(graph.hosts[rank] for rank in ranks if rank in graph.hosts)
+    return ", ".join(part for part in (text, *hosts) if part)
+
+
+def _boxes(layout: Layout) -> tuple[Box, ...]:
+    """Every node, inputs first."""
+    layers, steps = {one.samples: one for one in layout.graph.layers}, {s.node.id: s for s in layout.graph.steps}
+    return tuple(
+        _samples_box(layout, layers[node.id]) if node.id in layers else _step_box(steps[node.id])
+        for node in layout.graph.nodes
+    )
+
+
+def _samples_box(layout: Layout, layer: Layer) -> Box:
+    place, panel = _ranks_key(layer.ranks), layout.wall.panels[layer.panel]
+    share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
+    return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {place}", place=place, source=True)
+
+
+def _step_box(step: Step) -> Box:
+    node, place = step.node, _rank_key(step.place)
+    if isinstance(node, SinkNode):
+        return Box(id=node.id, op=f"{node.kind} sink", detail="", place=place, sink=True)
+    size = f"{step.rect.width} {TIMES} {step.rect.height} px"
+    return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, place=place, source=not node.sources)
+
+
+def _wires(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Wire]:
+    """Every edge. A framelet goes once to a process, however many nodes need it there: the first wire has its bytes."""
+    graph, refresh_hz = layout.graph, layout.config.views[0].refresh_hz
+    layers = {layer.samples: layer for layer in graph.layers}
+    sent: set[tuple[int, int]] = set()
+    for step in graph.steps:
+        for name in step.node.sources:
+            if name in layers:
+                amount = samples_traffic(len(layers[name].ranks), samples_per_s, sample_bytes)
+                yield Wire(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
+                continue
+            giver = graph.step(name)
+            crosses, key = giver.place != step.place, (giver.index, step.place)
+            whole = framelet_traffic(giver.rect.area, giver.channels, encoded=giver.encoded, refresh_hz=refresh_hz)
+            yield Wire(
+                start=name,
+                end=step.node.id,
+                bytes_per_s=whole if crosses and key not in sent else 0.0,
+                crosses=crosses,
+            )
+            sent.add(key)

@@ -1,1 +1,0 @@
-"""Walls and graphs that were described for other systems, as configurations of this one."""

@@ -1,0 +1,1 @@
+"""Compiled loops over stored samples: insert, reproject, sort, expire."""

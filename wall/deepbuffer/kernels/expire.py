@@ -1,0 +1,45 @@
+"""Which samples are too old to stay, whatever order they are stored in: counted by classes of age."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.core.jit import kernel
+
+AGE_SHIFT = 16  # a class of age: the bits of its float32 above so many; each is 1/128 of an age wide at most
+AGES = 1 << (31 - AGE_SHIFT)
+ZERO = np.float32(0.0)
+
+
+@kernel
+def oldest_kept(state, screen, count, now, wanted, ages):
+    """The time before which samples must go, so that at least `wanted` stay, and no more than a class of age beyond.
+
+    state : (2, capacity) float32, seconds and confidence; screen : (3, capacity) float32, depth > 0 in the picture
+    now : float32 seconds of the store's clock; later times count as now
+    ages : (AGES,) int32, scratch
+
+    Returns
+    -------
+    cutoff : float32 seconds, -inf if there are fewer than `wanted`
+    """
+    ages[:] = 0
+    for k in range(count):
+        age = now - state[0, k]
+        if screen[2, k] > ZERO:
+            ages[np.float32(max(age, ZERO)).view(np.int32) >> AGE_SHIFT] += 1
+    younger = 0
+    for age in range(ages.shape[0]):
+        younger += ages[age]
+        if younger >= wanted:
+            return first_younger(now, np.int32((age + 1) << AGE_SHIFT).view(np.float32))
+    return np.float32(-np.inf)
+
+
+@kernel
+def first_younger(now, limit):
+    """The least float32 time whose age at `now` (float32 seconds, as all here), as float32, is below `limit`."""
+    time = np.nextafter(np.nextafter(now - limit, np.float32(-np.inf)), np.float32(-np.inf))
+    while now - time >= limit:
+        time = np.nextafter(time, np.float32(np.inf))
+    return time

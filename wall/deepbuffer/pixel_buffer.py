@@ -1,0 +1,113 @@
+"""The samples of one panel, newest per pixel, and what they show.
+
+One owner (the compositor that reconstructs the panel), allocated once: 64 bytes a pixel. The batches of an
+unfinished double-buffered frame wait beside it, 37 bytes a pixel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.core.data import Batch, Counters, Float32
+from wall.deepbuffer.kernels import pixel_buffer as kernels
+
+JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
+
+
+class PixelBuffer:
+    """insert(batch) folds samples in; `radiance` is what they show; `take_dirty()` says which tiles changed."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.width, self.height = width, height
+        self.counters = Counters()
+        self.samples_shown = 0
+        self.newest_event = (-1, -1)  # of the samples in the picture
+        self.records = np.zeros((height, width), kernels.PIXEL)
+        self.records["time"], self.records["depth"] = -np.inf, np.inf
+        self._dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)
+        self.frames: dict[int, tuple[int, int]] = {}  # by rank: the event of the newest whole frame
+        self._back: dict[int, _Frame] = {}  # by rank: the frame that is being put together
+
+    @property
+    def radiance(self) -> Float32:
+        """(h, w, 3) float32 linear RGB: a view that insert() writes through."""
+        shown: Float32 = self.records["shown"]
+        return shown
+
+    def insert(self, batch: Batch) -> None:
+        """Show a batch at once, or, for double-buffered frames, when its frame is complete."""
+        if batch.frame == 0:
+            self._show(batch)
+            return
+        order = (batch.camera_event, batch.scene_event, batch.frame)
+        frame = self._back.get(batch.rank)
+        if frame is None or order > frame.order:
+            if frame is not None and frame.batches:
+                self.counters.add("frame_incomplete", frame.arrived)
+            frame = self._back[batch.rank] = _Frame(order, self.width, self.height)
+        if order < frame.order or frame.shown:
+            self.counters.add("late", len(batch.samples))
+            return
+        if frame.take(batch) >= batch.frame_samples:
+            for part in frame.batches:
+                self._show(part)
+            frame.finish()
+            self.frames[batch.rank] = order[:2]
+
+    def _show(self, batch: Batch) -> None:
+        key = np.uint64((batch.camera_event << 32) | batch.scene_event)
+        complete_at = 1 if batch.blend >= 1.0 else JITTER_POSITIONS
+        late, outside = kernels.insert(
+            batch.samples, batch.base_time, key, np.float32(batch.blend), self.records, self._dirty, complete_at
+        )
+        self.counters.add("late", late)
+        self.counters.add("outside", outside)
+        shown = len(batch.samples) - late - outside
+        self.samples_shown += shown
+        if shown and (batch.camera_event, batch.scene_event) > self.newest_event:
+            self.newest_event = (batch.camera_event, batch.scene_event)
+
+    def take_dirty(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+        """(rows, columns) bool of 16-pixel tiles changed since the last call."""
+        dirty = self._dirty.copy()
+        self._dirty[:] = False
+        return dirty
+
+    def oldest_sample(self, now: float) -> float:
+        """Age in seconds of the oldest sample shown; inf while a pixel never had one."""
+        least, never = kernels.oldest(self.records)
+        return float("inf") if never else max(0.0, now - float(least))
+
+
+class _Frame:
+    """A double-buffered frame under way: its batches, shown together when every pixel is there.
+
+    Pixels are counted, not samples: a repeated packet, or one that was lost and traced again, must not complete a
+    frame that has holes. Frames are ordered by their event first: a rank that starts again counts from 1.
+    """
+
+    def __init__(self, order: tuple[int, int, int], width: int, height: int) -> None:
+        self.order, self.arrived, self.shown = order, 0, False
+        self.batches: list[Batch] = []
+        self._sequences: set[int] = set()
+        self._seen = np.zeros(height * width, np.bool_)
+        self._width, self._height, self._pixels, self._skipped = width, height, 0, 0
+
+    def take(self, batch: Batch) -> int:
+        """Keep a batch; returns how many pixels of the frame are there, those skipped as unusable included."""
+        if batch.sequence not in self._sequences:
+            self._sequences.add(batch.sequence)
+            self.batches.append(batch)
+            self._skipped += batch.skipped
+            self.arrived += len(batch.samples) + batch.skipped
+            x, y = np.floor(batch.samples["xy"]).astype(np.int64).T
+            inside = (x >= 0) & (y >= 0) & (x < self._width) & (y < self._height)
+            pixels = (y * self._width + x)[inside]
+            fresh = np.unique(pixels[~self._seen[pixels]])
+            self._seen[fresh] = True
+            self._pixels += len(fresh)
+        return self._pixels + self._skipped
+
+    def finish(self) -> None:
+        """Shown: what comes of it from now on is late."""
+        self.shown, self.batches = True, []

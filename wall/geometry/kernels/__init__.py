@@ -1,0 +1,1 @@
+"""Compiled loops of geometry: the walk along a Hilbert curve."""

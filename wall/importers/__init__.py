@@ -1,0 +1,1 @@
+"""Converts other systems' wall descriptions to configurations."""

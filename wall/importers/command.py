@@ -1,0 +1,137 @@
+"""`wall convert`: a file of another system to YAML, checked, with a report of what could not be carried."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rich.table import Table
+
+from wall.config import yaml_text
+from wall.core.errors import ConfigError
+from wall.importers.dropped_values import fitting
+from wall.importers.formats import MOST_CHARACTERS, Format, detect, known, named
+from wall.importers.report import Conversion, Item
+
+LINES_SHOWN = 8
+MOST_BYTES = 4 * MOST_CHARACTERS  # of UTF-8, for each character
+
+
+def convert_file(path: Path, format_name: str | None = None) -> tuple[Format, Conversion, str]:
+    """The format of a file, what came of it, and the YAML text, which passes the project's own checks.
+
+    Raises ConfigError: the file cannot be read, is of no known format, or cannot be a wall here.
+    """
+    return convert_text(read(path), str(path), format_name)
+
+
+def convert_text(text: str, name: str, format_name: str | None = None) -> tuple[Format, Conversion, str]:
+    """The same for text that errors call `name`."""
+    if len(text) > MOST_CHARACTERS:
+        raise ConfigError(f"{name}: {len(text)} characters are too many; accepted: at most {MOST_CHARACTERS}")
+    chosen = named(format_name) if format_name else detect(text, name)
+    conversion = chosen.convert(text, name)
+    try:
+        layout = fitting(conversion)
+    except ConfigError as error:
+        raise ConfigError(f"{name}: what it describes is refused here: {error}") from error
+    conversion.ranks = len(layout.regions)
+    return chosen, conversion, header(conversion, chosen, Path(name).name) + yaml_text.write(conversion.values)
+
+
+def read(path: Path) -> str:
+    """The text of a file in UTF-8, UTF-16 with its mark, or Latin-1. Raises ConfigError."""
+    try:
+        if (size := path.stat().st_size) > MOST_BYTES:
+            raise ConfigError(f"{path}: {size} bytes are too many; accepted: at most {MOST_BYTES}")
+        data = None
+        if not path.is_dir():
+            with path.open("rb") as file:
+                data = file.read(MOST_BYTES + 1)  # what is no file, such as a pipe, has no size before it is read
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if data is None:
+        raise ConfigError(f"{path}: this is a folder; accepted: {known()}")
+    if len(data) > MOST_BYTES:
+        raise ConfigError(f"{path}: more than {MOST_BYTES} bytes are too many; accepted: at most {MOST_BYTES}")
+    try:
+        if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return data.decode("utf-16")
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # comments in old files; the rest is ASCII
+    if "\0" in text:
+        raise ConfigError(f"{path}:1:1: this is not text; accepted: {known()}")
+    return text
+
+
+def header(conversion: Conversion, chosen: Format, name: str) -> str:
+    """The comment before the YAML: where it comes from, what was assumed, how much is left out."""
+    lines = [f"Converted from {_plain(name)} ({chosen.name}) by `wall convert`."]
+    lines += [_plain(sentence) for sentence in conversion.assumed]
+    if conversion.not_carried:
+        lines.append(f"Not carried: {len(conversion.not_carried)} of its things, which `wall convert` lists.")
+    return "".join(f"# {line}\n" for line in lines) + "\n"
+
+
+def table(conversion: Conversion) -> Table | None:
+    """What was not carried, with its lines; None if all was.
+
+    What is inside another thing that was not is in its row, and equal things are in one.
+    """
+    if not conversion.not_carried:
+        return None
+    rows = Table(title="not carried", title_justify="left")
+    for name in ("line", "what", "why"):
+        rows.add_column(name, justify="left", overflow="fold")
+    groups: dict[tuple[str, str], list[Item]] = {}
+    for item in _outermost(conversion.not_carried):
+        groups.setdefault((_without_indices(item.what), item.why), []).append(item)
+    for (_, why), items in groups.items():
+        lines = [str(line) for line in sorted({item.line for item in items})]
+        more = f" and {len(lines) - LINES_SHOWN} more" if len(lines) > LINES_SHOWN else ""
+        what = items[0].what if len(items) == 1 else f"{items[0].what} and {len(items) - 1} like it"
+        rows.add_row(", ".join(lines[:LINES_SHOWN]) + more, _escaped(what), _escaped(why))
+    return rows
+
+
+def _outermost(items: Sequence[Item]) -> list[Item]:
+    """The items that are in no other one that has the same reason."""
+    named = {(item.what, item.why) for item in items}
+    return [item for item in items if not any((head, item.why) in named for head in _around(item.what))]
+
+
+def _around(what: str) -> Iterator[str]:
+    """The names of all that something is inside of: a, a.b for a.b[2]."""
+    name = what.split(" = ")[0]
+    return (name[:k] for k, ch in enumerate(name) if ch in ".[")
+
+
+def write_report(path: Path, conversion: Conversion) -> None:
+    """The report as JSON. Raises ConfigError if it cannot be written."""
+    write(path, json.dumps(conversion.as_json(), indent=2, ensure_ascii=False) + "\n")
+
+
+def write(path: Path, text: str) -> None:
+    """Write a text file. Raises ConfigError if that cannot be done."""
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+def _without_indices(what: str) -> str:
+    """What something is called without its place in lists, so that equal things can be counted."""
+    return "".join(ch for ch in what.split(" = ")[0] if not ch.isdigit())
+
+
+def _escaped(text: str) -> str:
+    return _plain(text).replace("[", "\\[")
+
+
+def _plain(text: str) -> str:
+    """One printable line."""
+    return "".join(ch if ch.isprintable() else " " for ch in text)

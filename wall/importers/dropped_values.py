@@ -1,0 +1,123 @@
+"""Values that a configuration refuses give way: what can be left out is, and is listed with its line in the source.
+
+The converters clamp what they know of; this is for all else that the loader and the checks of the whole wall refuse.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from wall.config import yaml_text
+from wall.config.loading import loads
+from wall.core.errors import ConfigError
+from wall.importers.panels import enough_ranks
+from wall.importers.report import Conversion, Item
+from wall.roles.plan import Layout, make_layout
+
+ROUNDS = 6  # the loader tells all values at once, then come checks of the wall, then of the graph
+NAME = "YAML"
+OPTIONAL = (
+    "bezel", "overlap", "rotation", "eye", "stereo", "colour", "blend", "warp", "host", "display", "monitor", "window",
+    "refresh_hz", "eye_separation", "scale", "range",
+)  # fmt: skip
+
+_PROBLEM = re.compile(rf"{NAME}:\d+:\d+: ([\w.\[\]]+)(?:: | = )(.*)")
+_WRONG_RANKS = re.compile(r"panel .*: (?:with ranks: \d+ a region is larger than \d+|\d+ ranks are too many)")
+_STEP = re.compile(r"\w+")
+
+Path = tuple[str | int, ...]
+
+
+def fitting(conversion: Conversion) -> Layout:
+    """The layout of the conversion's values, less what it could not be. Raises ConfigError if too little is left.
+
+    `conversion.values` and its account change: a refused optional key goes, a refused panel goes if there are others,
+    refused nodes go for a graph of one picture a panel.
+    """
+    for _ in range(ROUNDS):
+        try:
+            return make_layout(loads(yaml_text.write(conversion.values), name=NAME))
+        except ConfigError as error:
+            gave_way = [_give_way(conversion, path, why) for path, why in _problems(str(error))]
+            if not any(gave_way):
+                raise
+            _without_gone(conversion)
+    return make_layout(loads(yaml_text.write(conversion.values), name=NAME))
+
+
+def _problems(text: str) -> list[tuple[Path, str]]:
+    """Paths that an error names, each once, and what it says of them."""
+    found: dict[Path, str] = {}
+    for line in text.splitlines():
+        if (match := _PROBLEM.match(line)) is not None:
+            steps = tuple(int(step) if step.isdigit() else step for step in _STEP.findall(match[1]))
+            found.setdefault(steps, f"{match[1].split('.')[-1]} {match[2]}")
+    if not found and (match := _WRONG_RANKS.search(text)) is not None:
+        found["graph",] = match[0]
+    return list(found.items())
+
+
+def _give_way(conversion: Conversion, path: Path, why: str) -> bool:
+    """Leave out what stands at a path, or around it. False if the wall cannot be without."""
+    values: Any = conversion.values
+    for step in path:
+        if isinstance(values, dict) and step in OPTIONAL:
+            if values.pop(step, None) is not None:
+                _list(conversion, path, f"{why}; its {step} is left out")
+            return True
+        if not _has(values, step):
+            break
+        values = values[step]
+    if path[:1] == ("graph",):
+        return _plain_graph(conversion, path, why)
+    if path[:2] == ("wall", "panels") and len(path) > 2 and len(conversion.values["wall"]["panels"]) > 1:
+        panel = conversion.values["wall"]["panels"][path[2]]
+        if panel is not None:
+            _list(conversion, path, f"{why}; the panel is left out")
+            conversion.values["wall"]["panels"][path[2]] = None  # goes when all problems, which count it, are read
+        return True
+    return False
+
+
+def _plain_graph(conversion: Conversion, path: Path, why: str) -> bool:
+    """Ranks of its own for each panel instead of the graph. False if it is that already."""
+    plain = enough_ranks(conversion.values["wall"]["panels"])
+    if conversion.values.get("graph") == plain.get("graph"):
+        return False
+    conversion.values.pop("graph", None)
+    conversion.values |= plain
+    _list(conversion, path, f"{why}; each panel has ranks of its own instead, and nothing is composited")
+    return True
+
+
+def _has(values: Any, step: str | int) -> bool:
+    if isinstance(values, dict):
+        return step in values
+    return isinstance(values, list) and isinstance(step, int) and step < len(values)
+
+
+def _without_gone(conversion: Conversion) -> None:
+    """Take panels that are left out, and nodes that may be theirs, out of the values."""
+    wall = conversion.values["wall"]
+    kept = [k for k, panel in enumerate(wall["panels"]) if panel is not None]
+    if len(kept) == len(wall["panels"]):
+        return
+    wall["panels"] = [wall["panels"][k] for k in kept]
+    conversion.origins = [conversion.origins[k] for k in kept if k < len(conversion.origins)]
+    conversion.panels = len(kept)
+    conversion.values.pop("graph", None)
+    conversion.values |= enough_ranks(wall["panels"])
+
+
+def _list(conversion: Conversion, path: Path, why: str) -> None:
+    """Say where in the source it comes from: its panel, else what carried a key of that name, else the file."""
+    number = path[2] if path[:2] == ("wall", "panels") and len(path) > 2 else None
+    if isinstance(number, int) and number < len(conversion.origins):
+        origin = conversion.origins[number]
+    else:
+        words = [step for step in path if isinstance(step, str)]
+        carried = (item for item in conversion.carried if words and words[-1] in item.why + item.what)
+        origin = next(carried, Item(what="the file", line=1))
+    item = Item(what=origin.what, line=origin.line, why=why)
+    conversion.not_carried = sorted([*conversion.not_carried, item], key=lambda item: item.line)

@@ -1,0 +1,110 @@
+"""Tide's configuration.json: `surfaces` of equal screens, `processes` with the screens they draw.
+
+Keys and defaults after tide/core/json/serialization.cpp and SurfaceConfig: a count that is absent is 1; a
+screen is displaysPerScreen displays with the bezels between them; `dimensions` are the surface's metres.
+"""
+
+from __future__ import annotations
+
+from wall.importers import json_source
+from wall.importers.displaycluster import AT_THE_HEAD, CONTENT, read_place
+from wall.importers.panels import configuration, settle
+from wall.importers.report import Conversion
+from wall.importers.source import Node, Source
+from wall.importers.tiles import Screen, Surface, drafts, every_screen, read_count, read_gap, read_screen
+
+STEREO = ("mono", "left", "right", "side_by_side")
+REASONS = {
+    "master": AT_THE_HEAD,
+    "background": "where no panel is, nothing is drawn",
+    "global": "swap locks of the graphics driver: nothing waits for a frame here",
+} | dict.fromkeys(("folders", "launcher", "settings", "webbrowser", "whiteboard"), CONTENT)
+
+
+def convert(text: str, name: str) -> Conversion:
+    """The configuration of a Tide JSON file. Raises NotThisFormat with name:line:column."""
+    source = Source(name, json_source.parse(text, name), REASONS)
+    given = source.root.get("surfaces")
+    if given is None or not given.items:
+        raise source.refuse(given or source.root, "has no surfaces", 'surfaces: [{"displayWidth": ..., ...}]')
+    surfaces = [_surface(source, node) for node in given.items]
+    screens = _screens(source) or every_screen(source, surfaces)
+    panels = drafts(source, surfaces, screens)
+    processes = source.root.get("processes")
+    if processes is not None and len(panels) > len(processes.items) > 0:
+        source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
+    settled, _ = settle(source, panels, None)
+    return source.close(configuration(settled), panels=len(panels), ranks=len(panels))
+
+
+def _surface(source: Source, node: Node) -> Surface:
+    if node.kind != "object":
+        raise source.refuse(node, "is not an object", '{"displayWidth": ..., "displayHeight": ...}')
+    one = read_screen(source, node, ("displayWidth", "displayHeight"))
+    gap = (
+        read_gap(source, node.get("bezelWidth"), one[0]),
+        read_gap(source, node.get("bezelHeight"), one[1]),
+    )
+    each = [read_count(source, node.get(f"displaysPerScreen{axis}"), 1) for axis in "XY"]
+    count = [read_count(source, node.get(f"screenCount{a}") or node.get(f"numScreens{a}"), 1) for a in "XY"]
+    screen = [round(n * size + (n - 1) * between) for n, size, between in zip(each, one, gap, strict=True)]
+    return Surface(
+        node=node,
+        screen=(screen[0], screen[1]),
+        count=(count[0], count[1]),
+        gap=gap,
+        metres=_metres(source, node.get("dimensions")),
+    )
+
+
+def _metres(source: Source, node: Node | None) -> tuple[float, float] | None:
+    """The surface's size: [width, height] or {width, height}; 0 x 0 is Tide's way to say that it is not known."""
+    if node is None:
+        return None
+    parts = node.items if node.kind == "list" else [node.fields[k] for k in ("width", "height") if k in node.fields]
+    sizes = [source.number(part) for part in parts]
+    if len(sizes) != 2 or sizes[0] is None or sizes[1] is None or min(sizes[0], sizes[1]) <= 0:
+        source.drop(node, "is not the surface's width and height in metres")
+        return None
+    source.carry(node, "metres")
+    return sizes[0], sizes[1]
+
+
+def _screens(source: Source) -> list[Screen]:
+    found = []
+    processes = source.root.get("processes")
+    for process in processes.items if processes is not None else []:
+        host = source.text(process.get("host"))
+        source.carry(process.get("host"), "host")
+        screens = process.get("screens")
+        for node in screens.items if screens is not None else []:
+            found.append(_screen(source, node, host))
+    return found
+
+
+def _screen(source: Source, node: Node, host: str | None) -> Screen:
+    surface, column, row = (source.whole(node.get(key)) or 0 for key in ("surface", "i", "j"))
+    fullscreen = source.flag(node.get("fullscreen")) or False
+    screen = Screen(
+        node=node,
+        surface=surface,
+        column=max(0, column),
+        row=max(0, row),
+        host=host,
+        display=source.text(node.get("display")),
+        place=read_place(source, node, fullscreen=fullscreen),
+        stereo=_stereo(source, node.get("stereo")),
+    )
+    for key in ("surface", "i", "j", "display", "fullscreen"):
+        source.carry(node.get(key), "where the panel is" if key in "surface ij" else key)
+    return screen
+
+
+def _stereo(source: Source, node: Node | None) -> str:
+    if node is None:
+        return "mono"
+    if node.value not in STEREO:
+        source.drop(node, f"is not one of {', '.join(STEREO)}")
+        return "mono"
+    source.carry(node, "stereo")
+    return str(node.value)

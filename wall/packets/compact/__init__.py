@@ -1,1 +1,0 @@
-"""The compact body of sample packets: samples sorted by place, told by their differences. See docs/packet_format.md."""

@@ -1,1 +1,0 @@
-"""Normals and hidden lamps of samples, as compact sample packets carry them. See docs/packet_format.md."""

@@ -1,0 +1,1 @@
+"""Compiled loops that pack samples into bytes and read them back."""

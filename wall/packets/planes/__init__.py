@@ -1,1 +1,0 @@
-"""Planes of numbers as streams of bits: all numbers of one kind stand together."""

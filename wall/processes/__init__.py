@@ -1,1 +1,0 @@
-"""Who does what: manager, renderers, compositors, and how they find each other."""

@@ -1,0 +1,1 @@
+"""Compiled loops of reconstruction: visibility, splatting, hole filling, relighting. Arrays in, counts out."""

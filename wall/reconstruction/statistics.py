@@ -1,0 +1,122 @@
+"""How old and how dense the samples of a picture are, tile by tile, for whoever watches: made only when asked for.
+
+Codes are bytes: 0 is none; code c is least * 2^((c - 1) / steps). Rounded to the nearest, so a value is off by at most
+a factor of 2^(1 / (2 steps)); beyond the ends, the end is given.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Float32, Float64, Tiling
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.reconstruction.choice import Reprojected
+from wall.reconstruction.kernels import statistics as kernels
+
+Codes = NDArray[np.uint8]
+
+
+class Scale(NamedTuple):
+    """Steps an octave, and log2 of the value of code 1."""
+
+    steps: int
+    least: int
+
+
+AGE = Scale(16, -10)  # seconds: 1 ms to 59 s; kernels_survey.code_of_age
+DENSITY = Scale(16, -8)  # samples a pixel: 1/256 to 230
+WORTH = Scale(8, -28)  # squared display units: 4e-9 to 13
+
+
+def codes_of(values: Float64 | Float32, scale: Scale) -> Codes:
+    """uint8 codes of values from 0 on; what is 0 or not a number is 0, what is above 0 at least 1."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        codes = np.floor((np.log2(np.float64(values)) - scale.least) * scale.steps + 1.5)
+    return np.where(values > 0.0, np.clip(codes, 1.0, 255.0), 0.0).astype(np.uint8)
+
+
+def values_of(codes: Codes, scale: Scale) -> Float64:
+    """The inverse of codes_of()."""
+    values: Float64 = np.where(codes == 0, 0.0, 2.0 ** ((codes.astype(np.float64) - 1.0) / scale.steps + scale.least))
+    return values
+
+
+def survey_picture(picture: Reprojected, now: float) -> tuple[Codes, Float64]:
+    """Median age of the samples kept, (rows, columns) codes, and samples a pixel, (rows, columns).
+
+    `now`: seconds of the samples' clock. A pixel that stands still counts the samples whose mean it shows, if those are
+    more than are kept of it. Raises GpuError if the picture's GPU has given up.
+    """
+    state, screen, count, epoch = picture.stored()
+    still = picture.still_counts()
+    height, width = still.shape
+    histogram = _histogram(height, width)
+    kernels.count_stored(state, screen, count, np.float32(now - epoch), histogram)
+    gathered = tile_sums(still)
+    return _medians(histogram), np.maximum(histogram.sum(2), gathered) / tile_areas(height, width)
+
+
+def survey_newest(records: NDArray[np.void], now: float) -> tuple[Codes, Float64]:
+    """The same of a deep buffer's (h, w) PIXEL records: each pixel's newest sample, and how many it is the mean of."""
+    height, width = records.shape
+    histogram = _histogram(height, width)
+    kernels.count_newest(records, now, histogram)
+    return _medians(histogram), tile_sums(records["count"]) / tile_areas(height, width)
+
+
+def grid_worth(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16], Float64]:
+    """Tiles of a fixed grid, (n, 4) x, y, width, height, and what one more sample is worth in each, (n,).
+
+    radiance : (h, w, 3) linear RGB; density : (rows, columns) samples a pixel
+    The squared error that a sample is expected to remove is c / (n (n + 1)), c the mean squared difference between
+    neighbouring pixels of the tile (mean of the channels' square roots), n the samples a pixel.
+    """
+    height, width = radiance.shape[:2]
+    contrast = np.empty(density.shape, np.float64)
+    kernels.contrasts(radiance, np.empty((height, width), np.float32), contrast)
+    y, x = np.meshgrid(np.arange(0, height, TILE), np.arange(0, width, TILE), indexing="ij")
+    rects = np.stack([x, y, np.minimum(TILE, width - x), np.minimum(TILE, height - y)], axis=2)
+    return rects.reshape(-1, 4).astype(np.uint16), _expected(contrast, density).ravel()
+
+
+def tiling_worth(tilings: list[Tiling]) -> tuple[NDArray[np.uint16], Float64]:
+    """The tiles of several tilings and what one more sample is worth in each, likewise, from the gradients given."""
+    rects = np.concatenate([t.rects for t in tilings]).astype(np.uint16)
+    spatial = np.concatenate([t.spatial for t in tilings]).astype(np.float64)
+    density = np.concatenate([t.density for t in tilings]).astype(np.float64)
+    return rects, _expected(spatial**2, density)
+
+
+def _expected(contrast: Float64, density: Float64) -> Float64:
+    n = np.maximum(density, 1.0 / TILE**2)
+    worth: Float64 = contrast / (n * (n + 1.0))
+    return worth
+
+
+def tile_sums(values: NDArray[np.generic]) -> Float64:
+    """(rows, columns) sums of (h, w) values over tiles of 16 pixels."""
+    height, width = values.shape
+    rows = np.add.reduceat(values, np.arange(0, height, TILE), axis=0, dtype=np.float64)
+    sums: Float64 = np.add.reduceat(rows, np.arange(0, width, TILE), axis=1)
+    return sums
+
+
+def tile_areas(height: int, width: int) -> Float64:
+    """(rows, columns) pixels of each tile; those at the right and lower edge may be cut."""
+    down = np.minimum(TILE, height - np.arange(0, height, TILE))
+    across = np.minimum(TILE, width - np.arange(0, width, TILE))
+    return np.outer(down, across).astype(np.float64)
+
+
+def _histogram(height: int, width: int) -> NDArray[np.uint32]:
+    return np.zeros((math.ceil(height / TILE), math.ceil(width / TILE), 256), np.uint32)
+
+
+def _medians(histogram: NDArray[np.uint32]) -> Codes:
+    median = np.zeros(histogram.shape[:2], np.uint8)
+    kernels.medians(histogram, median)
+    return median

@@ -1,0 +1,1 @@
+"""Decides what manager, renderers and compositors do with messages and time."""

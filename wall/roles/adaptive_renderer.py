@@ -1,0 +1,89 @@
+"""The adaptive sampler with a picture of its own beneath its rays: it must see what is missing before others do."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from wall.config.schema import AdaptiveSampling
+from wall.core.data import Event, Float32, Rect, Region, Samples
+from wall.core.errors import RunError
+from wall.geometry.cameras import PanelView
+from wall.geometry.prediction import foreseen
+from wall.reconstruction.picture import Picture
+from wall.roles.plan import Plan, make_predictor
+from wall.run.clock import Clock
+from wall.sampling.adaptive import AdaptiveSampler
+from wall.sampling.base import Targets
+from wall.sampling.tiles import Measured
+
+TILINGS_HZ = 15.0  # at most; what they tell changes slowly
+SHARE_OF_TIME = 0.2  # at most spent on refreshing the picture beneath; it may lag behind the displayed one for that
+
+
+class AdaptiveRenderer:
+    """A Sampler: refreshes the picture beneath its band when that is due, then chooses."""
+
+    coherent = AdaptiveSampler.coherent
+
+    def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
+        panel = plan.layout.wall.panels[region.panel]
+        self._seen = PanelView(plan.view, panel)
+        self.picture = Picture(
+            panel, self._seen.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
+        )
+        self._sampler = AdaptiveSampler(
+            band, self.picture, batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
+        )
+        self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
+        self._due, self._chosen_at = float("-inf"), 0.0
+        self.band, self._tiling_due, self._replanned = band, float("-inf"), False
+        self._predictor = make_predictor(plan)
+        self._newest: Event | None = None
+        self._event: Event | None = None  # that rays are traced under
+
+    def choose(self, newest: Event) -> Targets | None:
+        now = self._clock.now()
+        if now >= self._due:
+            self.picture.refresh(self._seen(self._expected(newest, now)), now)
+            self._sampler.replan()
+            self._replanned = True
+            took = self._clock.now() - now
+            self._due = now + max(self._interval, took / SHARE_OF_TIME)
+        elif newest is not self._newest:
+            self._expected(newest, now)
+        self._chosen_at = now
+        return self._sampler.choose(self._event or newest)
+
+    def _expected(self, newest: Event, now: float) -> Event:
+        """What a display that is refreshed now shows; rays are traced for that moment too."""
+        self._predictor.take(newest)
+        expected = self._predictor.at(now)
+        self._newest, self._event = newest, foreseen(newest, expected)
+        return expected
+
+    def observe(self, samples: Samples) -> None:
+        if self._event is not None:
+            self.picture.insert(samples, self._chosen_at, self._seen(self._event))
+            self._sampler.observe(samples)
+
+    def take_tiling(self) -> tuple[Event, float, Measured] | None:
+        """What is known of the tiles, of which event and when; None until it was learnt anew and is due."""
+        if not self._replanned or self._event is None or self._chosen_at < self._tiling_due:
+            return None
+        self._replanned, self._tiling_due = False, self._chosen_at + 1.0 / TILINGS_HZ
+        return self._event, self._chosen_at, self._sampler.measure()
+
+    def forget(self, xy: Float32) -> None:
+        self._sampler.forget(xy)
+
+    def restart(self) -> None:
+        self.picture.clear()
+        self._due = float("-inf")
+
+
+def bands(rect: Rect, count: int) -> list[Rect]:
+    """A region cut into bands, one a thread. Raises RunError if it has fewer pixel rows than threads."""
+    if count > rect.height:
+        raise RunError(f"{count} threads cannot share a region of {rect.height} pixel rows; wanted: at most as many")
+    edges = [rect.height * k // count for k in range(count + 1)]
+    return [Rect(x=rect.x, y=rect.y + top, width=rect.width, height=bottom - top) for top, bottom in pairwise(edges)]

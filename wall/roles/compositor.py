@@ -1,0 +1,288 @@
+"""A compositor: take packets in as they come, and bring the nodes of its place up to date at every display refresh."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
+from wall.config.schema import FrameSync, SkyNode
+from wall.core.data import Counters, Event, Framelet, Rect, Survey
+from wall.core.errors import RemoteProtocolError
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.geometry.panels import Panel
+from wall.packets.control import parse_control
+from wall.packets.framelets import FrameletPart
+from wall.packets.samples import decode, is_samples
+from wall.packets.tiling import decode_tiling, is_tiling
+from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, checked_step, needed_from_others
+from wall.roles.layer import PanelCompositor
+from wall.roles.lockstep import Lockstep
+from wall.roles.plan import HEAD, Plan
+from wall.roles.present import Shown
+from wall.roles.sky import SkyLayer
+from wall.roles.timewarp import Timewarp
+from wall.transport.base import Hub, Link
+
+MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
+MOST_NAMES = 32  # of late inputs that are counted each by itself: a heartbeat holds 64 counts
+DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
+
+
+class Compositor:
+    """The layers and the nodes of one place, fed from its hub; `links` lead to places that need its framelets."""
+
+    def __init__(self, plan: Plan, rank: int, hub: Hub, links: Mapping[int, Link]) -> None:
+        graph = plan.layout.graph
+        self.hub, self.counters = hub, Counters()
+        self.packets = self.bytes = 0
+        self._plan, self._rank, self._links = plan, rank, links
+        self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
+        self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
+        steps = [step for step in graph.steps if step.place == rank]
+        self._skies = {step.index: SkyLayer(plan, step) for step in steps if isinstance(step.node, SkyNode)}
+        self.lockstep = Lockstep(graph, rank) if isinstance(graph.sync, FrameSync) else None
+        self._pictures = _Pictures(self, compared=False)
+        self._compared: _Pictures | None = None  # while two samplers are compared
+        self._refreshed: float | None = None  # when, seconds of the head's clock
+        self._pool: ThreadPoolExecutor | None = None
+        self._surveys: dict[tuple[int, bool], Survey] = {}  # of other places, the newest of each picture
+
+    def follow(self, event: Event) -> None:
+        """Begin or end comparing two samplers, if `event` says so."""
+        for layer in self.layers.values():
+            layer.follow(event)
+        if not event.compare:
+            self._compared = None
+        elif self._compared is None:
+            self._compared = _Pictures(self, compared=True)
+
+    def take_in(self) -> int:
+        """Fold in what has arrived, at most DRAIN_BYTES of it. Returns packets taken."""
+        taken = 0
+        for peer, packet in self.hub.drain(DRAIN_BYTES):
+            taken += 1
+            self.packets += 1
+            self.bytes += len(packet)
+            try:
+                self.insert(packet)
+            except RemoteProtocolError:
+                self.counters.add("bad_packet")
+            self.hub.release(peer, len(packet))
+        return taken
+
+    def insert(self, packet: bytes) -> None:
+        """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
+        if is_samples(packet):
+            batch = decode(packet)
+            self._layer_of(batch.rank, batch.panel, batch.rect, batch.base_time).insert(batch)
+            return
+        if is_tiling(packet):
+            tiling = decode_tiling(packet)
+            self._layer_of(tiling.rank, tiling.panel, tiling.rect, tiling.base_time).take_tiling(tiling)
+            return
+        message = parse_control(packet)
+        if isinstance(message, Survey):
+            self._keep(message)
+        elif isinstance(message, FrameletPart):
+            pictures = self._compared if message.compared else self._pictures
+            if pictures is not None:
+                pictures.insert(message)
+        else:
+            raise RemoteProtocolError("neither samples, tiles, a framelet nor a survey of another compositor's panel")
+
+    def _layer_of(self, rank: int, panel: int, rect: Rect, time: float) -> PanelCompositor:
+        """Whose samples these are. Refuses what no rank of this run can have sent: others' pixels, another time's."""
+        layout = self._plan.layout
+        region = layout.region(rank) if rank in layout.renderers() else None
+        if region is None or region.panel != panel or not region.rect.holds(rect):
+            raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
+        if region.layer not in self.layers:
+            raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
+        if self._refreshed is not None and abs(time - self._refreshed) > MOST_APART_S:
+            raise RemoteProtocolError(f"rank {rank}: from {time:.6g} s; wanted: about {self._refreshed:.6g} s")
+        return self.layers[region.layer]
+
+    def _keep(self, survey: Survey) -> None:
+        panels = self._plan.layout.wall.panels
+        if self._rank != HEAD or survey.panel >= len(panels):
+            raise RemoteProtocolError(f"survey of panel {survey.panel}, which nobody needs here")
+        check_survey(survey, panels[survey.panel])
+        self._surveys[survey.panel, survey.compared] = survey
+
+    def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
+        """Bring the layers and then the nodes of this place up to date. Returns what changed, by step.
+
+        In lock step nothing happens before the frame of `event` is there, or its time is up, unless `force`.
+        """
+        self._refreshed = now
+        late: tuple[str, ...] = ()
+        if self.lockstep is not None and not force:
+            done = self.lockstep.take(event, self.layers, self._pictures.remote, now)
+            if done is None:
+                return {}
+            late = done
+        for name in late:
+            counted = len(self.counters.counts) < MOST_NAMES or f"late {name}" in self.counters.counts
+            self.counters.add(f"late {name}" if counted else "late others")
+        refreshed = self._in_threads(lambda layer: layer.refresh(event, now))
+        fresh: Changes = {}
+        for layer, dirty in zip(self.layers.values(), refreshed, strict=True):
+            if dirty.any():
+                fresh[self._source_of[layer.layer.index]] = tiles_to_regions(dirty, TILE, layer.framelet.rect)
+        for step, sky in self._skies.items():
+            fresh[step] = sky.refresh(event, now)
+        if self._compared is not None:
+            self._compared.step(self._compared_changes(), event)
+        return self._pictures.step(fresh, event)
+
+    def _compared_changes(self) -> Changes:
+        found: Changes = {}
+        for layer in self.layers.values():
+            if layer.compared is not None:
+                dirty = layer.compared.refresh()
+                found[self._source_of[layer.layer.index]] = (
+                    tiles_to_regions(dirty, TILE, layer.framelet.rect) if dirty.any() else []
+                )
+        return found
+
+    def _in_threads(self, work: Callable[[PanelCompositor], NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
+        """Of every layer, a core each: kernels release the GIL, and layers share nothing that is written.
+
+        One after the other where one is on a GPU: that picture belongs to the thread that inserts.
+        """
+        layers = list(self.layers.values())
+        workers = min(len(layers), len(os.sched_getaffinity(0)))
+        if workers < 2 or any(layer.on_gpu for layer in layers):
+            return [work(layer) for layer in layers]
+        if self._pool is None:  # not sooner: ranks are forked before anything is refreshed
+            self._pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")
+        return list(self._pool.map(work, layers))
+
+    def say(self, statistics: Mapping[str, float]) -> None:
+        """Tell the overlays of this place how the run is doing."""
+        self._pictures.executor.say(statistics)
+
+    def send(self) -> None:
+        """Send to other places what changed for them, as far as there is credit."""
+        both = [pictures for pictures in (self._pictures, self._compared) if pictures is not None]
+        for pictures in both:
+            pictures.send()
+        outlets = {pictures.outlets.compared: pictures.outlets for pictures in both}
+        for target, part in [stray for each in outlets.values() for stray in each.take_strays()]:
+            if part.compared in outlets:
+                outlets[part.compared].lose(target, part)
+
+    def offer(self, target: int, packet: bytes) -> None:
+        """Send another packet to another place; parts of framelets that give way to it are sent again."""
+        self._pictures.outlets.offer(target, packet)
+
+    def surveys(self, now: float, *, comparing: bool) -> tuple[Survey, ...]:
+        """Of every picture of every panel: made now for own ones, the newest of the others.
+
+        Of several layers of a panel the first speaks for it.
+        """
+        first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
+        own = [survey for panel in sorted(first) for survey in first[panel].surveys(now)]
+        return (*own, *(survey for (_, second), survey in self._surveys.items() if comparing or not second))
+
+    def shown(self) -> list[Shown]:
+        """What every sink of this place shows, in the order of the graph."""
+        return self._pictures.shown
+
+    def compared(self) -> list[Shown]:
+        """The second pictures, black until something came. None unless two samplers are compared."""
+        return self._compared.shown if self._compared is not None else []
+
+    @property
+    def newest_event(self) -> Number:
+        """The newest event that has a sample in the picture."""
+        numbers = [layer.buffer.newest_event for layer in self.layers.values()]
+        numbers += [remote.newest_event for remote in self._pictures.remote.values()]
+        return max(numbers, default=NEVER)
+
+    @property
+    def idle(self) -> bool:
+        """Whether every framelet that others need has been sent."""
+        return self._pictures.outlets.idle
+
+    @property
+    def sent(self) -> tuple[int, int]:
+        """Packets and bytes, to other places."""
+        return self._pictures.outlets.packets, self._pictures.outlets.bytes
+
+    def samples_shown(self) -> int:
+        return sum(layer.buffer.samples_shown for layer in self.layers.values())
+
+    def drops(self) -> Counters:
+        total = Counters(dict(self.counters.counts))
+        total.merge(self.hub.counters.counts)
+        for layer in self.layers.values():
+            total.merge(layer.buffer.counters.counts)
+        return total
+
+    def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
+        """Fresh: framelets of the sources of this place by step, and those that come from elsewhere."""
+        graph = self._plan.layout.graph
+        remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, self._rank)}
+        sources: dict[int, Framelet] = {step: sky.framelet for step, sky in self._skies.items()}
+        for index, layer in self.layers.items():
+            second = layer.compared
+            if not compared or second is not None:
+                sources[self._source_of[index]] = second.framelet if compared and second else layer.framelet
+        return sources | {step: far.framelet for step, far in remote.items()}, remote
+
+    def executor_of(self, sources: Mapping[int, Framelet]) -> Executor:
+        graph, folder = self._plan.layout.graph, self._plan.layout.loaded.folder
+        reproject = Timewarp(self._plan) if self.lockstep is None else None
+        return Executor(graph, self._rank, sources, folder, reproject)
+
+    def outlets_of(self, *, compared: bool) -> Outlets:
+        return Outlets(self._plan.layout.graph, self._rank, self._links, compared=compared)
+
+    def shown_of(self) -> list[Shown]:
+        layout = self._plan.layout
+        return [Shown(layout.graph, sink, layout.wall) for sink in layout.graph.sinks_on(self._rank)]
+
+
+class _Pictures:
+    """What the nodes of a place make of one set of samples; of two while samplers are compared."""
+
+    def __init__(self, owner: Compositor, *, compared: bool) -> None:
+        self._owner = owner
+        sources, self.remote = owner.pictures_of(compared=compared)
+        self.executor = owner.executor_of(sources)
+        self.outlets = owner.outlets_of(compared=compared)
+        self.shown = owner.shown_of()
+
+    def insert(self, part: FrameletPart) -> None:
+        checked_step(part, self.remote).insert(part)
+
+    def step(self, fresh: Changes, event: Event) -> Changes:
+        arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
+        changes = self.executor.step({**fresh, **arrived}, event)
+        for shown in self.shown:
+            shown.take(changes, self.executor.framelets)
+        lockstep = self._owner.lockstep  # a frame's number is told once: who made it again tells only what changed
+        self.outlets.add(changes, all_due=lockstep is not None and not lockstep.again)
+        return changes
+
+    def send(self) -> None:
+        number = self._owner.newest_event
+        if self._owner.lockstep is not None:
+            number = self._owner.lockstep.done
+        self.outlets.send(self.executor.framelets, number)
+
+
+def check_survey(survey: Survey, panel: Panel) -> None:
+    """Raise RemoteProtocolError for a survey whose tiles are not this panel's."""
+    width, height = panel.pixels
+    if survey.age.shape != (-(-height // TILE), -(-width // TILE)):
+        raise RemoteProtocolError(f"survey of {survey.age.shape} tiles, panel {panel.id} has {width}x{height}")
+    ends = survey.rects[:, :2].astype(np.int64) + survey.rects[:, 2:]
+    if (ends > (width, height)).any():
+        raise RemoteProtocolError(f"survey: a tile reaches outside panel {panel.id} of {width}x{height}")

@@ -1,0 +1,161 @@
+"""The graph's edges between processes: framelets go out in parts, only what changed, and come in as framelets.
+
+Inside a process an edge is a shared framelet, and nothing here is needed.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+
+from wall.compositing.executor import Changes, Regions, merged
+from wall.compositing.graph import Graph, Step
+from wall.core.data import STILL, Event, Framelet, Rect
+from wall.core.errors import RemoteProtocolError
+from wall.packets.control import parse_control, serialise
+from wall.packets.framelets import FrameletPart, bands
+from wall.transport.base import Link
+
+Number = tuple[int, int]  # of an event: camera, scene
+NEVER: Number = (-1, -1)
+NOWHERE = Event(view=0, camera_event=-1, scene_event=-1, scene_time=0.0, input_time=0.0, camera=STILL)
+
+
+class RemoteFramelet:
+    """What a node of another process has made, as far as it came."""
+
+    def __init__(self, step: Step) -> None:
+        self.step, self.newest_event = step, NEVER
+        self.framelet = Framelet.blank(step.rect, step.channels, encoded=step.encoded, order=step.order)
+        self._changed: Regions = []
+        self._waiting: dict[int, FrameletPart] = {}  # of what belongs together, until all is there
+
+    def insert(self, part: FrameletPart) -> None:
+        """Show a part when all that belong to it are there. Raises RemoteProtocolError where it is not of this node."""
+        part.check(self.framelet)
+        first = next(iter(self._waiting.values()), part)
+        if part.index in self._waiting or (first.moment, first.count) != (part.moment, part.count):
+            self._show()  # one of them gave way, and its pixels come later
+        self._waiting[part.index] = part
+        if len(self._waiting) == part.count:
+            self._show()
+            if part.event is not None:
+                self.newest_event = max(self.newest_event, part.event.number)
+
+    def _show(self) -> None:
+        parts, self._waiting = list(self._waiting.values()), {}
+        out = self.framelet
+        for part in parts:
+            part.write(out)
+            out.advance(part.moment, but=part.rect)
+            out.event = part.event
+            self._changed.append(part.rect)
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything came since the changes were taken."""
+        return bool(self._changed)
+
+    def take_changes(self) -> Regions:
+        changed, self._changed = merged(self._changed), []
+        return changed
+
+
+class Outlets:
+    """What other places need of this one: pending regions, sent as soon as there is credit, newest content first."""
+
+    def __init__(self, graph: Graph, place: int, links: Mapping[int, Link], *, compared: bool = False) -> None:
+        self._graph, self._links, self.compared = graph, links, compared
+        self._targets = targets_of(graph, place)
+        self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
+        self._under_way: dict[tuple[int, int], deque[bytes]] = {}  # parts that belong together, not sent yet
+        self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
+        self.packets = self.bytes = 0
+        self._strays: list[tuple[int, FrameletPart]] = []  # targets and parts of other pictures
+
+    def add(self, changes: Changes, *, all_due: bool = False) -> None:
+        """Note what changed. `all_due`: everybody waits for a word, even that nothing did."""
+        for step, targets in self._targets.items():
+            for target in targets:
+                if regions := changes.get(step):
+                    self._pending.setdefault((step, target), []).extend(regions)
+                if all_due:
+                    self._due.add((step, target))
+
+    def send(self, framelets: Mapping[int, Framelet], number: Number) -> None:
+        """Send what is pending where a link is ready. `number`: the newest event that has a sample in it."""
+        for key in dict.fromkeys((*self._under_way, *self._pending, *self._due)):
+            step, target = key
+            while self._links[target].ready():
+                if key not in self._under_way:
+                    if key not in self._pending and key not in self._due:
+                        break
+                    self._begin(key, framelets[step], number)
+                self.offer(target, self._under_way[key].popleft())
+                if not self._under_way[key]:
+                    del self._under_way[key]
+
+    def _begin(self, key: tuple[int, int], framelet: Framelet, number: Number) -> None:
+        """Make the parts of what is pending: they show one moment, so all are made now."""
+        event = framelet.event
+        if event is None and self._graph.sync != "none":
+            event = NOWHERE  # whoever waits for the frame must hear its number, of what no camera sees too
+        told = None if event is None else replace(event, camera_event=number[0], scene_event=number[1])
+        regions = merged(self._pending.pop(key, []))
+        self._due.discard(key)
+        if not regions:
+            regions = [Rect(x=framelet.rect.x, y=framelet.rect.y, width=1, height=1)]
+        rects = [rect for region in regions for rect in bands(region, framelet.channels, encoded=framelet.encoded)]
+        parts = [FrameletPart.of(key[0], framelet, rect, compared=self.compared) for rect in rects]
+        self._under_way[key] = deque(
+            serialise(replace(part, event=told, index=k, count=len(parts))) for k, part in enumerate(parts)
+        )
+
+    def offer(self, target: int, packet: bytes) -> None:
+        """Send a packet; what gives way to it is pending again."""
+        self.packets += 1
+        self.bytes += len(packet)
+        for dropped in self._links[target].offer(packet):
+            lost = parse_control(dropped)
+            if isinstance(lost, FrameletPart) and lost.compared == self.compared:
+                self.lose(target, lost)
+            elif isinstance(lost, FrameletPart):
+                self._strays.append((target, lost))
+
+    def lose(self, target: int, part: FrameletPart) -> None:
+        """A part did not get there: its pixels are pending again."""
+        self._pending.setdefault((part.step, target), []).append(part.rect)
+
+    def take_strays(self) -> list[tuple[int, FrameletPart]]:
+        """What gave way, of other pictures than these."""
+        strays, self._strays = self._strays, []
+        return strays
+
+    @property
+    def idle(self) -> bool:
+        return not self._pending and not self._due and not self._under_way
+
+
+def targets_of(graph: Graph, place: int) -> dict[int, tuple[int, ...]]:
+    """Of every step at a place: the other places that need its framelet."""
+    found = {}
+    for step in graph.steps:
+        others = sorted({graph.steps[user].place for user in step.users} - {place})
+        if step.place == place and others:
+            found[step.index] = tuple(others)
+    return found
+
+
+def needed_from_others(graph: Graph, place: int) -> tuple[Step, ...]:
+    """Steps of other places whose framelets are needed here."""
+    found = {k for step in graph.steps if step.place == place for k in step.inputs if graph.steps[k].place != place}
+    return tuple(graph.steps[k] for k in sorted(found))
+
+
+def checked_step(part: FrameletPart, remote: Mapping[int, RemoteFramelet]) -> RemoteFramelet:
+    """Where a part belongs. Raises RemoteProtocolError where that is not here."""
+    found = remote.get(part.step)
+    if found is None:
+        raise RemoteProtocolError(f"a framelet of step {part.step}, which nobody needs here")
+    return found

@@ -1,0 +1,274 @@
+"""One layer of a panel at its compositor: packets in, a framelet out, only what changed is redone."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.config.schema import AdaptiveSampling
+from wall.core.data import SAMPLE, Batch, Event, Rect, Samples, Survey, Tiling
+from wall.core.errors import RemoteProtocolError
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.pixel_buffer import PixelBuffer
+from wall.display.base import PanelPicture
+from wall.geometry.cameras import PanelView
+from wall.reconstruction.channels import Coverage, blank_framelet, show_newest, show_reprojected
+from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_picture
+from wall.reconstruction.display_values import update_display
+from wall.reconstruction.gpu.device import GpuError
+from wall.reconstruction.gpu.picture import GpuPicture
+from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
+from wall.roles.compared import Compared
+from wall.roles.plan import Plan
+from wall.roles.statistics import survey_of
+
+EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
+
+
+class PanelCompositor:
+    """`follow` events, `insert` batches as they come, `refresh` at every display refresh.
+
+    What is shown is what the viewer asked for, whichever packets come: those of a sampler that is no longer asked for
+    are left out and counted, those of one that this panel has not heard of yet wait until it has.
+    """
+
+    def __init__(self, plan: Plan, index: int, *, reconstruction: Wish | None = None) -> None:
+        """`reconstruction` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
+        graph = plan.layout.graph
+        self.layer, step = graph.layers[index], graph.step(graph.layers[index].node)
+        self.panel = panel = plan.layout.wall.panels[self.layer.panel]
+        self.framelet = blank_framelet(panel, step.channels, encoded=step.encoded, order=step.order)
+        self._plain = not graph.beyond_bytes(self.layer)
+        self._wish: Wish = (reconstruction or plan.layout.config.reconstruction) if self._plain else "cpu"
+        self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
+        self._plan, self._seen = plan, PanelView(plan.view, panel)
+        self._coverage: Coverage | None = None  # beside the reprojected picture of a transparent layer
+        self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
+        self._given_up = False
+        self._shown: Event | None = None  # of the newest picture
+        self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
+        width, height = panel.pixels
+        self.buffer = PixelBuffer(width, height)
+        self._version = 0  # of what is shown
+        self._picture: PanelPicture | None = None
+        self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
+        self._compared_version = 0  # of its next picture
+        self._method: str = plan.layout.sampling.method  # asked for
+        self._compare = ""  # with it
+        self._since = self._followed = 0  # camera events: of the first that asked for these two, of the newest
+        self._anew = False  # the next refresh shows all of the reprojected picture, not only what changed
+        self._early: deque[Batch] = deque()
+
+    @property
+    def _adaptive(self) -> bool:
+        """Whether the first picture is made by reprojection: the adaptive sampler's, or compared by depth."""
+        return self._method == "adaptive" or bool(self._compare) or self.layer.reprojects
+
+    def follow(self, event: Event) -> None:
+        """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
+        was, self._followed = self._adaptive, event.camera_event
+        method = event.sampler or self._plan.layout.sampling.method
+        if (method, event.compare) != (self._method, self._compare):
+            self._since = event.camera_event
+        if event.compare != self._compare:
+            self._compare_with(event.compare)
+        self._method, self._compare = method, event.compare
+        if was != self._adaptive:
+            self._anew = self._reprojected is not None
+            self.buffer.take_dirty()  # what was shown stays until samples of the other sampler come
+        early, self._early = self._early, deque()
+        for batch in early:
+            self.insert(batch)
+
+    def _compare_with(self, method: str) -> None:
+        if self.compared is not None:
+            self._compared_version = self.compared.picture().version + 1
+            self.buffer.counters.merge(self.compared.buffer.counters.counts)
+            self.buffer.samples_shown += self.compared.buffer.samples_shown
+        self.compared = Compared(self.panel, method, version=self._compared_version) if method else None
+
+    def insert(self, batch: Batch) -> None:
+        """Keep a batch for its picture; count it as late or early where there is none."""
+        current = not batch.adaptive and batch.camera_event >= self._since
+        if self._adaptive and (batch.adaptive or (current and self.layer.reprojects)):
+            self._take(batch)
+        elif batch.camera_event > self._followed:  # whose it is, its event will say
+            self._wait(batch)
+        elif current and self.compared is not None:
+            self.compared.buffer.insert(batch)
+        elif current and not self._adaptive:
+            self._take(batch)
+        else:
+            self.buffer.counters.add("late", len(batch.samples))
+
+    def _wait(self, batch: Batch) -> None:
+        if len(self._early) < EARLY_BATCHES:
+            self._early.append(batch)
+        else:
+            self.buffer.counters.add("early", len(batch.samples))
+
+    def _take(self, batch: Batch) -> None:
+        self.buffer.insert(batch)
+        if not (batch.adaptive or self.layer.reprojects) or self._given_up:
+            return
+        if self._reprojected is None:
+            self._reprojected = self._new_picture()
+        samples = batch.samples
+        if self._coverage is not None:
+            samples, covered = self._coverage.split(samples)
+            self._coverage.insert(covered, batch.base_time, batch)
+        try:
+            self._reprojected.insert(samples, batch.base_time, batch)
+        except GpuError as error:
+            self._give_up(error, batch)
+
+    def take_tiling(self, tiling: Tiling) -> None:
+        """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
+
+        Raises RemoteProtocolError where they are not of this panel's pixels or their rank renders others.
+        """
+        layout, key = self._plan.layout, (tiling.rank, tiling.rect)
+        region = layout.region(tiling.rank) if tiling.rank in layout.renderers() else None
+        if region is None or layout.wall.panels[region.panel] is not self.panel or not region.rect.holds(tiling.rect):
+            raise RemoteProtocolError(f"rank {tiling.rank}: tiles of {tiling.rect}; wanted: inside {region}")
+        known = self.tilings.get(key)
+        if known is not None and known.base_time > tiling.base_time:
+            self.buffer.counters.add("late_tilings")
+            return
+        for other in [k for k in self.tilings if k != key and k[0] == tiling.rank and k[1].meets(tiling.rect)]:
+            del self.tilings[other]  # the rank has cut its region anew, among other threads
+        self.tilings[key] = tiling
+        if self._reprojected is not None:
+            self._reprojected.take_tiling(tiling)
+
+    def _new_picture(self) -> Reprojected:
+        sampling, eye = self._plan.layout.sampling, self._seen.eye
+        kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        if self.layer.transparent:
+            self._coverage = Coverage(self.panel, eye, self._plan.scene, samples_per_pixel=kept)
+        made, self.reconstruction = make_picture(self._wish, self.panel, eye, self._plan.scene, samples_per_pixel=kept)
+        if not self._plain:
+            self.reconstruction = Choice(on="cpu", why="the graph needs more of it than display bytes")
+        for tiling in self.tilings.values():
+            made.take_tiling(tiling)
+        return made
+
+    def _give_up(self, error: GpuError, event: Batch | Event) -> Reprojected:
+        """The GPU is lost: the CPU goes on from the newest sample of every pixel.
+
+        Where a GPU was insisted on, those samples are shown where they were traced, and the error is raised.
+        """
+        self.buffer.counters.add("gpu_lost")
+        if self._wish == "gpu":
+            self._reprojected, self._given_up = None, True
+            show_newest(self.buffer, np.ones(self.tiles, np.bool_), False, self.framelet)
+            self._version += 1
+            raise error
+        self._wish = "cpu"
+        self._reprojected = shown = self._new_picture()
+        self.reconstruction = Choice(on="cpu", why=error.problem)
+        samples, newest = _newest(self.buffer)
+        shown.insert(samples, newest, event)
+        return shown
+
+    def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
+        """Bring the framelet up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool.
+
+        Samples of the adaptive sampler are placed anew under `event`; others are shown where they were traced.
+        Raises GpuError if a GPU was asked for and is lost.
+        """
+        dirty = self.buffer.take_dirty()
+        if self._adaptive and self._reprojected is not None:
+            self._shown = self._seen(event)
+            dirty = self._reproject(self._reprojected, self._shown, now)
+        elif dirty.any():
+            self.framelet.advance(now)
+            show_newest(self.buffer, dirty, self.layer.transparent, self.framelet)
+        if dirty.any():
+            self.framelet.event = event
+            self._version += 1
+        return dirty
+
+    def _reproject(self, shown: Reprojected, event: Event, now: float) -> NDArray[np.bool_]:
+        try:
+            shown.refresh(event, now)
+            dirty = shown.take_dirty() | self._anew
+            if self._coverage is not None:
+                dirty |= self._coverage.refresh(event, now)
+            self._anew = False
+            if dirty.any() and (self._plain or not isinstance(shown, Picture)):
+                display(shown, dirty, self.framelet.colour)
+            elif dirty.any() and isinstance(shown, Picture):
+                self.framelet.advance(now)
+                show_reprojected(shown, self._coverage, dirty, self.framelet)
+            return dirty
+        except GpuError as error:
+            return self._reproject(self._give_up(error, event), event, now)
+
+    def has_frame(self, number: tuple[int, int]) -> bool:
+        """Whether every rank has brought a whole frame of that event, or of a newer one."""
+        frames = self.buffer.frames
+        return all(rank in frames and frames[rank] >= number for rank in self.layer.ranks)
+
+    def surveys(self, now: float) -> list[Survey]:
+        """How old and how dense the samples of its pictures are, one Survey a picture.
+
+        Raises GpuError if a GPU was asked for and is lost.
+        """
+        found = [self._survey(now)]
+        if self.compared is not None:
+            found.append(survey_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
+        return found
+
+    def _survey(self, now: float) -> Survey:
+        if not self._adaptive or self._reprojected is None or self._shown is None:
+            return survey_of(self.buffer, [], self.panel.index, compared=False, now=now)  # samples without tiles
+        try:
+            tilings = list(self.tilings.values())
+            return survey_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
+        except GpuError as error:
+            self._give_up(error, self._shown)
+            return self._survey(now)
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether its picture is on a GPU: then it belongs to the thread that inserts."""
+        return isinstance(self._reprojected, GpuPicture)
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Rows and columns of 16-pixel tiles."""
+        width, height = self.panel.pixels
+        return -(-height // TILE), -(-width // TILE)
+
+    def oldest_sample(self, now: float) -> float | None:
+        """Age in seconds of the oldest sample shown; None while a pixel never had one."""
+        age = self.buffer.oldest_sample(now)
+        return age if math.isfinite(age) else None
+
+    def picture(self) -> PanelPicture:
+        """What the layer alone shows after the last refresh, as display bytes."""
+        if self._picture is None or self._picture.version != self._version:
+            rgb = self.framelet.colour
+            if not self.framelet.encoded:
+                rgb = np.empty(rgb.shape, np.uint8)
+                update_display(self.framelet.colour, np.ones(self.tiles, np.bool_), TILE, rgb)
+            screen = self.panel.screen
+            self._picture = PanelPicture(id=self.panel.id, rgb=rgb.copy(), screen=screen, version=self._version)
+        return self._picture
+
+
+def _newest(buffer: PixelBuffer) -> tuple[Samples, float]:
+    """What every pixel shows, as samples of the pixels' centres, and the time of the newest."""
+    shown = np.isfinite(buffer.records["time"])
+    records = buffer.records[shown]
+    newest = float(records["time"].max(initial=-np.inf))
+    samples = np.zeros(len(records), SAMPLE)
+    samples["xy"] = np.argwhere(shown)[:, ::-1] + 0.5
+    samples["radiance"], samples["depth"], samples["object"] = records["shown"], records["depth"], records["object"]
+    samples["time"] = records["time"] - newest
+    samples["unlit"] = np.iinfo(np.uint16).max  # their normals are not known: lamps that move change nothing
+    return samples, newest

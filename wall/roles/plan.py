@@ -1,0 +1,155 @@
+"""Which rank does what: rank 0 is the head, then come further compositors, then the renderers.
+
+The plan is a pure function of the configuration, so every rank works it out alone and all agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from wall.compositing.graph import Graph, Layer, build
+from wall.config.loading import Loaded
+from wall.config.schema import AnySampling, Config, NodeGraph
+from wall.core.data import Event, Region
+from wall.core.errors import ConfigError, SceneError
+from wall.geometry.cameras import View, resolve_view
+from wall.geometry.checks import check_wall
+from wall.geometry.panels import Panel, Wall, expand
+from wall.geometry.prediction import Predictor
+from wall.geometry.regions import regions
+from wall.operators.base import Operator
+from wall.scene.build import Scene
+from wall.scene.build import build as build_scene
+
+HEAD = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """What can be said before the scene is loaded: the wall, the graph, and how many ranks they need."""
+
+    loaded: Loaded
+    wall: Wall
+    graph: Graph
+    regions: tuple[Region, ...]  # of each renderer, in rank order
+    notes: tuple[str, ...] = ()  # of the wall, for `wall check`
+
+    @property
+    def config(self) -> Config:
+        return self.loaded.config
+
+    @property
+    def size(self) -> int:
+        return self.graph.compositors + len(self.regions)
+
+    @property
+    def sampling(self) -> AnySampling:
+        return self.config.sampling_of(0)
+
+    def role(self, rank: int) -> str:
+        if rank == HEAD:
+            return "head"
+        return "compositor" if rank < self.graph.compositors else "renderer"
+
+    def layer(self, rank: int) -> Layer:
+        """What a renderer renders a part of."""
+        return self.graph.layers[self.region(rank).layer]
+
+    def region(self, rank: int) -> Region:
+        return self.regions[rank - self.graph.compositors]
+
+    def panel(self, rank: int) -> Panel:
+        return self.wall.panels[self.region(rank).panel]
+
+    def target_of(self, rank: int) -> int:
+        """The rank that takes a renderer's samples in."""
+        return self.layer(rank).place
+
+    def renderers(self) -> range:
+        return range(self.graph.compositors, self.size)
+
+    def describe(self, rank: int) -> str:
+        """What a rank has of the wall, for tables."""
+        if self.role(rank) != "renderer":
+            return self._describe_place(rank)
+        rect, share = self.region(rank).rect, self.layer(rank).range
+        of = "" if share is None else f", objects {share[0]:.0%} to {share[1]:.0%}"
+        return f"{self.panel(rank).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{of}"
+
+    def _describe_place(self, rank: int) -> str:
+        panels = dict.fromkeys(self.wall.panels[layer.panel].id for layer in self.graph.layers_on(rank))
+        done = [step.node.id for step in self.graph.steps if step.place == rank and isinstance(step.node, Operator)]
+        words = [", ".join(panels)] if panels else []
+        if done and not self.graph.plain:
+            words.append("nodes " + ", ".join(done))
+        return "; ".join(words) or "no panel"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """A layout with its scene and the view of it."""
+
+    layout: Layout
+    scene: Scene
+    view: View
+
+
+def make_layout(loaded: Loaded) -> Layout:
+    """Everything that can be refused before a scene is loaded. Raises ConfigError."""
+    wall = expand(loaded.config.wall)
+    notes = check_wall(loaded, wall)
+    graph = build(loaded, wall)
+    return Layout(loaded=loaded, wall=wall, graph=graph, regions=regions(graph, wall), notes=notes)
+
+
+def check_files(layout: Layout) -> None:
+    """Read the files that nodes name. Raises ConfigError at the node that cannot have its own."""
+    graph = layout.config.graph
+    places = {node.id: k for k, node in enumerate(graph.nodes)} if isinstance(graph, NodeGraph) else {}
+    for step in layout.graph.steps:
+        node = step.node
+        if isinstance(node, Operator):
+            try:
+                node.prepare(layout.loaded.folder, [layout.graph.steps[k].rect for k in step.inputs])
+            except ConfigError as error:
+                path = ("graph", "nodes", places[node.id]) if node.id in places else ("graph",)
+                raise layout.loaded.error(path, str(error)) from error
+
+
+def make_plan(layout: Layout) -> Plan:
+    """Load the scene and aim the view at it. Raises SceneError."""
+    try:
+        scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
+    except SceneError as error:
+        raise layout.loaded.error(("scene", "source"), str(error)) from error
+    return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+
+
+def in_one_place(plan: Plan) -> Plan:
+    """The same plan with every node of its graph on the head: pictures are the same wherever nodes run."""
+    graph = plan.layout.graph
+    graph = replace(
+        graph,
+        steps=tuple(replace(step, place=HEAD) for step in graph.steps),
+        layers=tuple(replace(layer, place=HEAD) for layer in graph.layers),
+    )
+    return replace(plan, layout=replace(plan.layout, graph=graph))
+
+
+def make_predictor(plan: Plan) -> Predictor:
+    """What a compositor foresees its refreshes with."""
+    return Predictor(plan.view.display_delay_s, on=plan.view.predicted and plan.layout.graph.sync == "none")
+
+
+def first_event(plan: Plan, now: float) -> Event:
+    """What every run begins with: the view at time 0."""
+    return Event(
+        view=0,
+        camera_event=0,
+        scene_event=0,
+        scene_time=0.0,
+        input_time=now,
+        camera=plan.view.camera_at(0.0),
+        sampler=plan.layout.sampling.method,
+    )

@@ -1,0 +1,30 @@
+"""A `sky` node at work: what a panel sees where nothing is, made anew when the camera turns."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.compositing.executor import Regions
+from wall.compositing.graph import Step
+from wall.config.schema import SkyNode
+from wall.core.data import Camera, Event
+from wall.geometry.frusta import ray_frame
+from wall.reconstruction.channels import blank_framelet, show_sky
+from wall.roles.plan import Plan
+
+
+class SkyLayer:
+    def __init__(self, plan: Plan, step: Step) -> None:
+        assert isinstance(step.node, SkyNode)
+        self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)
+        self.framelet = blank_framelet(self._panel, step.channels, encoded=step.encoded, order=step.order)
+        self._shown: Camera | None = None
+
+    def refresh(self, event: Event, now: float) -> Regions:
+        """Bring the framelet to what `event` sees. Returns what changed."""
+        if self._shown is not None and self._shown.world_from_wall == event.camera.world_from_wall:
+            return []  # it is the same from everywhere
+        self._shown = event.camera
+        frame = ray_frame(self._panel, self._plan.view.eye_of(self._panel), event.camera)
+        show_sky(self._plan.scene, frame, np.array(self._panel.screen, np.float64), self.framelet)
+        return [self.framelet.rect]

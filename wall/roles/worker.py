@@ -1,0 +1,170 @@
+"""One thread's share of a renderer, and its hot path: choose, trace, observe, encode."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
+from wall.core.data import Batch, Event, Float32, Region, Tiling
+from wall.geometry.cameras import PanelView
+from wall.packets.samples import Codec, encode
+from wall.packets.tiling import encode_tiling
+from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
+from wall.roles.plan import Plan
+from wall.run.clock import Clock
+from wall.sampling.base import Sampler
+from wall.sampling.framed import FrameCounter, FramedSampler
+from wall.sampling.frameless import FramelessSampler
+from wall.sampling.hilbert import HilbertSampler
+from wall.sampling.split import SplitSampler
+from wall.scene.parts import objects_in
+from wall.tracing.resident import Resident
+from wall.tracing.tracer import Tracer
+
+
+class Worker:
+    """Traces its own pixels of one region. `step(newest)` gives the next packet, or None when nothing is missing."""
+
+    def __init__(
+        self, plan: Plan, resident: Resident, rank: int, clock: Clock, samplers: list[Sampler], worker: int
+    ) -> None:
+        layout = plan.layout
+        self.samplers, self.worker = samplers, worker
+        self.samples_traced, self.secondary_rays, self.bad_samples = 0, 0, 0
+        self.samples_compared = 0  # of those traced: by the second of two samplers
+        self._region, self._rank, self._clock = layout.region(rank), rank, clock
+        self._codec = Codec.named(layout.config.transport.codec)
+        share = layout.layer(rank).range
+        seen = objects_in(plan.scene, share) if share is not None else None
+        self._seen = PanelView(plan.view, layout.panel(rank))
+        self._tracers = {
+            coherent: Tracer(resident, layout.panel(rank), self._seen.eye, coherent=coherent, seen=seen)
+            for coherent in (False, True)
+        }
+        self._relightable = resident.needs.relighting
+        self._placed: dict[bool, Event | None] = {False: None, True: None}
+        self._sequence, self._workers = worker, len(samplers)
+        self._tilings = worker
+        self._lost: deque[tuple[Float32, bool]] = deque()
+
+    @property
+    def sampler(self) -> Sampler:
+        return self.samplers[self.worker]
+
+    def step(self, newest: Event) -> bytes | None:
+        while self._lost:
+            xy, adaptive = self._lost.popleft()
+            _of_kind(self.sampler, adaptive).forget(xy)
+        targets = self.sampler.choose(newest)
+        if targets is None:
+            return None
+        event = self._seen(targets.event)
+        tracer = self._tracer_at(event, self.sampler.coherent)
+        began = self._clock.now()
+        samples, cost = tracer.trace(targets.xy)
+        step = max(0.0, self._clock.now() - began) / len(targets.xy)
+        samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
+        self.sampler.observe(samples)
+        chosen = _chosen(self.sampler)
+        self.samples_traced += cost.primary
+        self.samples_compared += cost.primary * (isinstance(self.sampler, SplitSampler) and self.sampler.turn)
+        self.secondary_rays += cost.shadow + cost.secondary
+        self.bad_samples += cost.bad
+        self._sequence += self._workers
+        batch = Batch(
+            view=event.view,
+            panel=self._region.panel,
+            rect=self._region.rect,
+            rank=self._rank,
+            sequence=self._sequence,
+            camera_event=event.camera_event,
+            scene_event=event.scene_event,
+            base_time=began,
+            samples=samples,
+            frame=targets.frame,
+            frame_samples=targets.frame_samples,
+            skipped=cost.bad,
+            blend=targets.blend,
+            camera=event.camera,
+            scene_time=event.scene_time,
+            adaptive=isinstance(chosen, AdaptiveRenderer),
+            relightable=self._relightable,
+        )
+        return encode(batch, self._codec)
+
+    def tiling(self) -> bytes | None:
+        """The packet of the sampler's tiles, if one is due. Between steps, by whoever calls them."""
+        sampler = _of_kind(self.sampler, adaptive=True)
+        if not isinstance(sampler, AdaptiveRenderer) or (due := sampler.take_tiling()) is None:
+            return None
+        event, now, measured = due
+        self._tilings += self._workers
+        return encode_tiling(
+            Tiling(
+                view=event.view, panel=self._region.panel, rect=sampler.band, rank=self._rank,
+                sequence=self._tilings, camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
+                **measured._asdict(),
+            )
+        )  # fmt: skip
+
+    def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
+        tracer = self._tracers[coherent]
+        if self._placed[coherent] is not event:
+            tracer.take(event)
+            self._placed[coherent] = event
+        return tracer
+
+    def forget(self, batch: Batch) -> None:
+        """A packet of ours was dropped before it was sent. May be called while another thread runs `step`."""
+        self._lost.append((batch.samples["xy"], batch.adaptive))
+
+
+def _chosen(sampler: Sampler) -> Sampler:
+    """Whose the newest batch is."""
+    return sampler.sides[sampler.turn] if isinstance(sampler, SplitSampler) else sampler
+
+
+def _of_kind(sampler: Sampler, adaptive: bool) -> Sampler:
+    """Whose a batch was; of the two that are compared exactly one is adaptive."""
+    if not isinstance(sampler, SplitSampler):
+        return sampler
+    first, second = sampler.sides
+    return first if isinstance(first, AdaptiveRenderer) == adaptive else second
+
+
+def make_samplers(plan: Plan, method: str, region: Region, clock: Clock, *, compare: str = "") -> list[Sampler]:
+    """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty.
+
+    `compare`: another method that gets half of the rays, unless empty.
+    """
+    if compare:
+        pairs = zip(
+            make_samplers(plan, method, region, clock), make_samplers(plan, compare, region, clock), strict=True
+        )
+        return [SplitSampler(first, second) for first, second in pairs]
+    sampling = plan.layout.sampling
+    if method:
+        sampling = switched(sampling, method)
+    if isinstance(sampling, AdaptiveSampling):
+        return [AdaptiveRenderer(plan, sampling, region, band, clock) for band in bands(region.rect, sampling.threads)]
+    workers, batch, seed = sampling.threads, sampling.samples_per_batch, sampling.seed
+    if isinstance(sampling, FramedSampling):
+        counter = FrameCounter(workers)
+        return [FramedSampler(region.rect, counter, batch=batch, worker=k, workers=workers) for k in range(workers)]
+    if isinstance(sampling, HilbertSampling):
+        return [
+            HilbertSampler(
+                region.rect,
+                batch=batch,
+                seed=seed,
+                chunk=sampling.chunk_pixels,
+                blend=sampling.blend,
+                camera_update_percent=sampling.camera_update_percent,
+                worker=k,
+                workers=workers,
+            )
+            for k in range(workers)
+        ]
+    return [FramelessSampler(region.rect, batch=batch, seed=seed, worker=k, workers=workers) for k in range(workers)]

@@ -1,0 +1,130 @@
+"""Ranks as forked processes of this machine, watched by rank 0."""
+
+from __future__ import annotations
+
+import ctypes
+import multiprocessing
+import os
+import signal
+import socket
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from multiprocessing.process import BaseProcess
+
+from wall.core.errors import RunError, WallError
+
+START_WAIT_S = 30.0  # forked ranks have little to do before they report; longer means one is stuck
+STOP_WAIT_S = 1.0  # for ranks to end by themselves after they were told to
+_PR_SET_PDEATHSIG = 1
+
+
+class LocalBootstrap:
+    """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
+
+    def __init__(self, rank: int, size: int, pipes: list[socket.socket], children: list[BaseProcess]) -> None:
+        self.rank, self.size = rank, size
+        self._pipes, self._children = pipes, children
+
+    @classmethod
+    def start(cls, size: int, main: Callable[[LocalBootstrap], None]) -> LocalBootstrap:
+        """Fork ranks 1..size-1, each running `main`, and be rank 0."""
+        sys.stdout.flush()
+        sys.stderr.flush()
+        context = multiprocessing.get_context("fork")
+        pairs = [socket.socketpair() for _ in range(size - 1)]
+        children = []
+        ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)  # ranks leave Ctrl-C to the head, from their start
+        for rank in range(1, size):
+            args = (rank, size, pairs, main, os.getpid())
+            child = context.Process(target=_run_child, args=args, name=f"wall rank {rank}")
+            child.start()
+            children.append(child)
+        signal.signal(signal.SIGINT, ctrl_c)
+        for _, theirs in pairs:
+            theirs.close()
+        return cls(0, size, [ours for ours, _ in pairs], list(children))
+
+    def allgather(self, text: str) -> list[str]:
+        if self.rank != 0:
+            _send(self._pipes[0], text)
+            return _receive(self._pipes[0], "rank 0").split("\n")
+        texts = [text]
+        for rank, pipe in enumerate(self._pipes, start=1):
+            texts.append(_receive(pipe, f"rank {rank}"))
+        for pipe in self._pipes:
+            _send(pipe, "\n".join(texts))
+        return texts
+
+    def dead(self) -> dict[int, str]:
+        ended = {}
+        for rank, child in enumerate(self._children, start=1):
+            if child.exitcode:
+                ended[rank] = f"signal {-child.exitcode}" if child.exitcode < 0 else f"exit code {child.exitcode}"
+        return ended
+
+    def finish(self, code: int = 0) -> None:
+        """Wait for the ranks to end, then end them."""
+        limit = time.monotonic() + STOP_WAIT_S
+        for child in self._children:
+            child.join(max(0.0, limit - time.monotonic()))
+        for child in self._children:
+            if child.is_alive():
+                child.kill()
+                child.join(STOP_WAIT_S)
+        for pipe in self._pipes:
+            pipe.close()
+
+
+def _run_child(
+    rank: int,
+    size: int,
+    pairs: list[tuple[socket.socket, socket.socket]],
+    main: Callable[[LocalBootstrap], None],
+    parent: int,
+) -> None:
+    """A forked rank: dies with its parent, leaves Ctrl-C to it, and says why it failed."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for k, (ours, theirs) in enumerate(pairs, start=1):
+        ours.close()
+        if k != rank:
+            theirs.close()
+    code = 1
+    try:
+        main(LocalBootstrap(rank, size, [pairs[rank - 1][1]], []))
+        code = 0
+    except WallError as error:
+        print(f"rank {rank}: {error}", file=sys.stderr, flush=True)
+    except Exception:
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(code)  # no exit handlers of the parent's libraries
+
+
+def _send(pipe: socket.socket, text: str) -> None:
+    data = text.encode()
+    pipe.sendall(len(data).to_bytes(4, "little") + data)
+
+
+def _receive(pipe: socket.socket, who: str) -> str:
+    pipe.settimeout(START_WAIT_S)
+    try:
+        size = int.from_bytes(_exactly(pipe, 4), "little")
+        return _exactly(pipe, size).decode()
+    except (OSError, EOFError) as error:
+        raise RunError(f"{who} did not start: it ended or said nothing for {START_WAIT_S:.0f} s ({error})") from error
+
+
+def _exactly(pipe: socket.socket, size: int) -> bytes:
+    data = b""
+    while len(data) < size:
+        part = pipe.recv(size - len(data))
+        if not part:
+            raise EOFError("connection closed")
+        data += part
+    return data

@@ -1,0 +1,147 @@
+"""Compile the kernels that a scene needs before any rank starts, once a machine, saying so meanwhile.
+
+numba compiles a kernel when it is first called with new argument types; here that happens on a few pixels, in an order
+that lets progress be shown. A lock in the cache folder makes ranks that start together wait for one compiler.
+"""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from wall.config.schema import METHODS, SkyNode
+from wall.core.colour import srgb_curve
+from wall.core.data import Framelet, Rect
+from wall.core.errors import ConfigError
+from wall.core.jit import cache_folder, compiled_kernels
+from wall.operators.base import Operator
+from wall.operators.kernels import pixels as kernels
+from wall.packets.framelets import FrameletPart
+from wall.packets.samples import decode
+from wall.packets.tiling import decode_tiling
+from wall.roles.layer import PanelCompositor
+from wall.roles.plan import Plan, first_event
+from wall.roles.sky import SkyLayer
+from wall.roles.timewarp import Timewarp
+from wall.roles.worker import Worker, make_samplers
+from wall.run.clock import ManualClock
+from wall.tracing.resident import Resident
+
+ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
+TINY = Rect(x=0, y=0, width=8, height=8)
+
+
+def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
+    """Run the chain on a few pixels with every sampler. From the cache it takes a second, compiling half a minute."""
+    doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
+    with _one_compiler():
+        for method in METHODS:
+            say(f"{doing} kernels ({method})")
+            _one_pixel_block(plan, resident, method)
+        say(f"{doing} kernels (compositing)")
+        _layers(plan, resident)
+        _operators(plan)
+        _between(plan)
+
+
+def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
+    rank = plan.layout.renderers()[0]
+    clock = ManualClock()
+    worker = _tiny_worker(plan, resident, rank, method, clock)
+    panel = PanelCompositor(plan, plan.layout.region(rank).layer, reconstruction="cpu")  # no OpenGL before ranks fork
+    event = replace(first_event(plan, 0.0), sampler=method)
+    panel.follow(event)
+    packet = worker.step(event)
+    if packet is not None:
+        batch = decode(packet)
+        panel.insert(batch)
+        worker.forget(batch)
+    for number in range(2):  # something moved, nothing moved
+        panel.refresh(event, 0.1 * number)
+        clock.advance(0.1)  # so that the picture beneath the rays is refreshed as well
+        worker.step(event)
+    tiling = worker.tiling()
+    if tiling is not None:
+        panel.take_tiling(decode_tiling(tiling))
+    panel.buffer.oldest_sample(0.0)
+    panel.surveys(0.0)
+
+
+def _tiny_worker(plan: Plan, resident: Resident, rank: int, method: str, clock: ManualClock) -> Worker:
+    """A renderer's only thread, with a few pixels of its region; `method` as in make_samplers."""
+    layout = plan.layout
+    tiny = replace(layout.region(rank), rect=TINY)
+    regions = tuple(tiny if k == rank else layout.region(k) for k in layout.renderers())
+    small = replace(plan, layout=replace(layout, regions=regions))
+    return Worker(small, resident, rank, clock, make_samplers(small, method, tiny, clock), 0)
+
+
+def _layers(plan: Plan, resident: Resident) -> None:
+    """Layers that bring more than display bytes, one of each kind, and their way from one moment to another."""
+    layout, known = plan.layout, set()
+    for layer in layout.graph.layers:
+        step = layout.graph.step(layer.node)
+        kind = (step.channels, step.encoded, layer.transparent, layer.reprojects)
+        if kind in known or (step.encoded and step.channels == {"colour"}):
+            continue
+        known.add(kind)
+        panel = PanelCompositor(plan, layer.index, reconstruction="cpu")
+        event = first_event(plan, 0.0)
+        worker = _tiny_worker(plan, resident, layer.ranks[0], "", ManualClock())
+        panel.follow(event)
+        if (packet := worker.step(event)) is not None:
+            panel.insert(decode(packet))
+        panel.refresh(event, 0.0)
+        if panel.framelet.depth is not None:
+            Timewarp(plan)(panel.framelet, event, layer.panel)
+
+
+def _operators(plan: Plan) -> None:
+    """Each kind of node of the graph on a few pixels, where that says anything about the whole."""
+    graph, known = plan.layout.graph, set()
+    for step in graph.steps:
+        inputs = [graph.steps[k] for k in step.inputs]
+        kind = (type(step.node), step.channels, step.encoded, *((i.channels, i.encoded) for i in inputs[:2]))
+        if not isinstance(step.node, Operator) or kind in known:
+            continue
+        known.add(kind)
+        rect = replace(step.rect, width=min(8, step.rect.width), height=min(8, step.rect.height))
+        if not all(i.rect.holds(rect) for i in inputs):
+            continue
+        given = [Framelet.blank(rect, i.channels, encoded=i.encoded, order=i.order) for i in inputs]
+        for framelet in given:
+            if framelet.alpha is not None:
+                framelet.alpha[...] = 0.5  # covered in part: what `depth` does with that too
+        out = Framelet.blank(rect, step.channels, encoded=step.encoded and not step.computes)
+        try:
+            prepared = step.node.prepare(plan.layout.loaded.folder, [rect for _ in inputs])
+        except ConfigError:  # a file that fits nothing but the whole; those that fit nothing were refused before
+            continue
+        step.node.apply(given, out, rect, prepared)
+
+
+def _between(plan: Plan) -> None:
+    """What stands between nodes: skies, light to display bytes, the way of a framelet to another process."""
+    graph = plan.layout.graph
+    for step in graph.steps:
+        if isinstance(step.node, SkyNode):
+            SkyLayer(plan, step).refresh(first_event(plan, 0.0), 0.0)
+            break
+    few = Rect(x=0, y=0, width=8, height=8)
+    light = Framelet.blank(few, frozenset({"colour", "depth"}))
+    kernels.encode(light.colour, 0, 0, srgb_curve(), np.empty((8, 8, 3), np.uint8), 0, 0, 8, 8)
+    if graph.compositors > 1:
+        FrameletPart.of(0, light, few).write(light)
+
+
+@contextmanager
+def _one_compiler() -> Iterator[None]:
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield

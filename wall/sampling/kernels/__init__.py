@@ -1,0 +1,1 @@
+"""Compiled loops of the samplers: permutations, scores, the K-D cut."""

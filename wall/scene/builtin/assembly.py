@@ -1,0 +1,60 @@
+"""A small workshop for scenes made by code: name materials and meshes, place them, light them, set them going."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wall.core.data import Float64
+from wall.scene.animation import Motion
+from wall.scene.builtin.shapes import Shape, placed
+from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, Track
+
+
+@dataclass(slots=True)
+class Assembly:
+    """Collects the parts of a Source; every verb returns the number of what it added."""
+
+    meshes: list[Mesh] = field(default_factory=list)
+    materials: list[Material] = field(default_factory=list)
+    textures: list[Texture] = field(default_factory=list)
+    instances: list[Instance] = field(default_factory=list)
+    tracks: list[Track] = field(default_factory=list)
+
+    def material(self, material: Material) -> int:
+        self.materials.append(material)
+        return len(self.materials) - 1
+
+    def texture(self, texture: Texture) -> int:
+        self.textures.append(texture)
+        return len(self.textures) - 1
+
+    def mesh(self, name: str, shape: Shape, material: int) -> int:
+        textured = self.materials[material].texture is not None
+        self.meshes.append(shape.mesh(name, material, textured=textured))
+        return len(self.meshes) - 1
+
+    def place(self, name: str, mesh: int, world_from_object: Float64 | None = None) -> int:
+        matrix = np.eye(4) if world_from_object is None else world_from_object
+        self.instances.append(Instance(name=name, mesh=mesh, world_from_object=matrix))
+        return len(self.instances) - 1
+
+    def put(self, name: str, shape: Shape, material: int) -> int:
+        """A mesh that stands once, where its shape is."""
+        return self.place(name, self.mesh(name, shape, material), placed(0.0, 0.0, 0.0))
+
+    def move(self, objects: str, *motions: Motion) -> None:
+        """Motions of the objects whose names match, the first innermost."""
+        self.tracks += [Track(motion=motion, objects=objects) for motion in motions]
+
+    def source(self, lights: tuple[Light, ...], sky: Sky) -> Source:
+        return Source(
+            meshes=tuple(self.meshes),
+            materials=tuple(self.materials),
+            textures=tuple(self.textures),
+            instances=tuple(self.instances),
+            lights=lights,
+            sky=sky,
+            animation=tuple(self.tracks),
+        )

@@ -1,0 +1,1 @@
+"""Measures speed and image quality. Nothing imports it but the command line."""

@@ -1,0 +1,177 @@
+"""What all baselines share: rays bought on the virtual clock, their samples sent, frames and single rays in turn.
+
+An arm is a *shooter* (spends rays, counts what they cost) with one method: a `Display` that is given whole frames, or a
+`Renderer` that chooses every ray. Neither sees the clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from wall.core.data import SAMPLE, Event, Float32, Float64, Rect, Samples
+from wall.deepbuffer.kernels.reproject import object_tables
+from wall.geometry.frusta import ray_frame
+from wall.reconstruction.pose import Pose
+from wall.sampling.ownership import block_order
+from wall.study.quality.method import Inputs, Setup, centres
+from wall.study.quality.shooter import Shooter
+
+ROUNDING_RAYS = 1e-6  # a ray that is done but for the rounding of times is done
+R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's powers; M. Roberts 2018
+
+
+def pose_of(setup: Setup, event: Event) -> Pose:
+    """The matrices of an event for the whole panel."""
+    return Pose(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorldPose:
+    """The same as a Pose for points that stand still in the world: row 0 the sky, row 1 all else."""
+
+    frame: Float64
+    corner: Float64
+    object_from_eye: Float32  # (2, 12)
+    panel_from_object: Float32  # (2, 12)
+
+
+def world_pose_of(setup: Setup, event: Event) -> WorldPose:
+    """Matrices between the eye and the world, whose origin is moved to where the eye was at time 0."""
+    frame = ray_frame(setup.panel, setup.plan.view.eye, event.camera)
+    corner = np.array(setup.panel.screen, np.float64)
+    anchor = np.eye(4)[None]
+    anchor[0, :3, 3] = setup.plan.view.camera_at(0.0).origin()
+    there, back = np.empty((2, 2, 12), np.float32)
+    object_tables(anchor, event.camera.origin(), frame, corner, there, back)
+    return WorldPose(frame=frame, corner=corner, object_from_eye=there, panel_from_object=back)
+
+
+class Display(Protocol):
+    """The display's side of a framed arm."""
+
+    jittered: bool  # frames of the same event differ, so that another one is worth its rays
+
+    def take(self, raster: Samples, event: Event) -> None:
+        """A frame is complete: (rows, columns) SAMPLE, traced under `event`."""
+        ...
+
+    def picture(self, event: Event) -> Float32:
+        """(h, w, 3) float32 linear RGB, shown when `event` is the newest."""
+        ...
+
+
+class FramedArm:
+    """Frames one after the other, each under the event it began with, shown from its last ray on: double buffering.
+
+    A frame has `grid` = (columns, rows) rays, spread evenly over the panel; jittered ones move together over their
+    cells by the R2 sequence.
+    """
+
+    def __init__(self, setup: Setup, grid: tuple[int, int], display: Display) -> None:
+        columns, rows = grid
+        self._rate, self._display, self._grid = setup.rate, display, grid
+        self._cells = block_order(Rect(x=0, y=0, width=columns, height=rows), worker=0, workers=1)
+        self._spacing = np.array(setup.size, np.float64) / grid
+        self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=True)
+        self._raster = np.zeros((rows, columns), SAMPLE)
+        self._now, self._frame, self._done, self._allowed = 0.0, 0, 0.0, 0
+        self._step = setup.input_step_s
+        self._event: Event | None = self._inputs.event_at(0.0)
+        self._finish(self._event)
+        self._shooter.reset()
+        self.rays = self.secondary = self.bytes = 0
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        rate = self._rate if rays is None else max(0, rays - self._allowed) / max(until - self._now, 1e-9)
+        self._allowed = int(self._rate * until) if rays is None else rays
+        while self._now < until:
+            if self._event is None:
+                event = self._inputs.event_at(self._now)
+                if event is self._last and not self._display.jittered:  # the picture is complete
+                    self._now = min(self._now + self._step, until)
+                    continue
+                self._event, self._done = event, 0.0
+            left = len(self._cells) - self._done
+            if (until - self._now) * rate < left - ROUNDING_RAYS:
+                self._done += (until - self._now) * rate
+                self._now = until
+                break
+            self._now += left / rate
+            self._finish(self._event)
+        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self.rays += int(self._done + ROUNDING_RAYS) if self._event is not None else 0
+
+    def show(self, time: float) -> Float32:
+        return self._display.picture(self._inputs.event_at(time))
+
+    def _finish(self, event: Event) -> None:
+        """Trace the frame under way. A sample that is dropped leaves the pixel's one of the frame before."""
+        self._frame += 1
+        xy = self._positions()
+        samples = self._shooter.trace(xy, event, self._now, frame=self._frame, frame_samples=len(xy))
+        columns, rows = self._grid
+        x, y = (samples["xy"] / self._spacing).astype(np.int64).T
+        self._raster[np.minimum(y, rows - 1), np.minimum(x, columns - 1)] = samples
+        self._display.take(self._raster, event)
+        self._last, self._event = event, None
+
+    def _positions(self) -> Float32:
+        offset: Float64 = np.full(2, 0.5)
+        if self._display.jittered:
+            offset = np.clip((0.5 + (self._frame - 1) * R2) % 1.0, 0.01, 0.99)
+        xy: Float32 = ((self._cells + offset) * self._spacing).astype(np.float32)
+        return xy
+
+
+class Renderer(Protocol):
+    """A method that chooses every ray by itself."""
+
+    coherent: bool
+
+    def choose(self, count: int, event: Event, now: float) -> Float32:
+        """(n, 2) float32 panel pixels, about `count` of them: what is beyond is owed to the next call."""
+        ...
+
+    def take(self, samples: Samples, event: Event, now: float) -> None:
+        """What came of the positions chosen last."""
+        ...
+
+    def picture(self, event: Event, now: float) -> Float32:
+        """(h, w, 3) float32 linear RGB under `event`."""
+        ...
+
+
+class FramelessArm:
+    """Rays of at most Setup.input_step_s share an event, are traced at that span's end and count at once."""
+
+    def __init__(self, setup: Setup, renderer: Renderer) -> None:
+        self._rate, self._renderer = setup.rate, renderer
+        self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=renderer.coherent)
+        self._now, self._owed, self._allowed = 0.0, 0.0, 0
+        self._step = setup.input_step_s
+        event = self._inputs.event_at(0.0)
+        renderer.take(self._shooter.trace(centres(setup), event, 0.0), event, 0.0)
+        self._shooter.reset()
+        self.rays = self.secondary = self.bytes = 0
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        rate = self._rate if rays is None else max(0, rays - self._allowed) / max(until - self._now, 1e-9)
+        self._allowed = int(self._rate * until) if rays is None else rays
+        while self._now < until:
+            end = min(self._now + self._step, until)
+            self._owed += rate * (end - self._now)
+            self._now = end
+            if self._owed + ROUNDING_RAYS < 1.0:
+                continue
+            event = self._inputs.event_at(end)
+            xy = self._renderer.choose(int(self._owed + ROUNDING_RAYS), event, end)
+            if len(xy):
+                self._owed -= len(xy)
+                self._renderer.take(self._shooter.trace(xy, event, end), event, end)
+        self.rays, self.secondary, self.bytes = self._shooter.counts
+
+    def show(self, time: float) -> Float32:
+        return self._renderer.picture(self._inputs.event_at(time), time)

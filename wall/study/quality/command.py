@@ -1,0 +1,108 @@
+"""What the words of `wall measure quality` stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from fnmatch import fnmatchcase
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TypeVar
+
+from wall.config.loading import nearest
+from wall.core.errors import ConfigError, RunError
+from wall.core.jit import PACKAGE
+from wall.study.quality.methods import ARMS
+from wall.study.quality.methods_streams import absent
+from wall.study.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
+
+SCENES = ("orbit", "shadows", "light", "mirrors")
+BESIDE_SCENES = ("jerky", "cuts")  # measured only if asked for: no bar is about them
+SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
+FASTEST_RATE = 1e9
+MOST_CORES = 1024.0
+T = TypeVar("T")
+
+
+NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "matplotlib": "matplotlib"}
+
+
+def check_installed() -> None:
+    """Raises RunError, before anything is measured, where the extra `measure` is not installed."""
+    missing = [name for module, name in NEEDED.items() if find_spec(module) is None]
+    if missing:
+        raise RunError(f"wall measure quality needs {', '.join(missing)}: pip install '.[measure]' in the clone")
+
+
+def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
+    """The configurations given, or the project's own; `scenes` picks some of them by name. Raises ConfigError."""
+    found = tuple(configs) or tuple(_own(name) for name in SCENES)
+    beside = () if configs else tuple(_own(name) for name in BESIDE_SCENES)
+    known = {config.stem: config for config in (*found, *beside)}
+    for config in found:
+        if not config.is_file():
+            raise ConfigError(
+                f"{config}: no such file; accepted: YAML configurations, such as configs/measure/orbit.yaml"
+            )
+    return tuple(known[name] for name in _picked("--scenes", scenes, tuple(known))) if scenes else found
+
+
+def _own(name: str) -> Path:
+    return SCENES_FOLDER / f"{name}.yaml"
+
+
+def arms_of(text: str, *, clock: str) -> tuple[str, ...]:
+    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them.
+
+    Patterns leave out what cannot run here. Raises ConfigError for a name that is unknown, or is of such an arm.
+    """
+    here = tuple(arm for arm in ARMS if arm not in absent())
+    if text:
+        if named := next((word for word in map(str.strip, text.split(",")) if word in absent()), None):
+            raise ConfigError(f"--arms {named}: {absent()[named]}")
+        return _picked("--arms", text, here)
+    return tuple(arm for arm in here if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
+
+
+def rates_of(text: str) -> tuple[float, ...]:
+    """Rays a second, such as 100000,4e5,800k."""
+    return _each("--rates", text, _rate, f"rays a second, more than 0 and at most {FASTEST_RATE:g}") if text else RATES
+
+
+def cores_of(text: str) -> tuple[float, ...]:
+    """CPU seconds a second, such as 1,2."""
+    return _each("--cores", text, _cores, f"CPU seconds a second, more than 0 and at most {MOST_CORES:g}")
+
+
+def _picked(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    picked: dict[str, None] = {}
+    for word in (part.strip() for part in text.split(",")):
+        matching = [name for name in known if fnmatchcase(name, word)]
+        if not matching:
+            raise ConfigError(f"{option} {word}: unknown{nearest(word, known)}; accepted: {', '.join(known)}")
+        picked.update(dict.fromkeys(matching))
+    return tuple(picked)
+
+
+def _each(option: str, text: str, parse: Callable[[str], T], wanted: str) -> tuple[T, ...]:
+    found = []
+    for word in (part.strip() for part in text.split(",")):
+        try:
+            found.append(parse(word))
+        except ValueError:
+            raise ConfigError(f"{option} {word}: wanted {wanted}") from None
+    return tuple(dict.fromkeys(found))
+
+
+def _rate(word: str) -> float:
+    factor = {"k": 1e3, "m": 1e6}.get(word[-1:].lower(), 1.0)
+    rate = float(word[:-1] if factor > 1.0 else word) * factor
+    if not 0.0 < rate <= FASTEST_RATE:
+        raise ValueError(word)
+    return rate
+
+
+def _cores(word: str) -> float:
+    cores = float(word)
+    if not 0.0 < cores <= MOST_CORES:
+        raise ValueError(word)
+    return cores

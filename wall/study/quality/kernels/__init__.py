@@ -1,0 +1,1 @@
+"""Compiled loops of the rival methods that `wall measure quality` compares with."""

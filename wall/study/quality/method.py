@@ -1,0 +1,115 @@
+"""What is compared: an *arm* spends the same rays as every other arm, and shows a picture at every display refresh.
+
+The clock is virtual: ray k of an arm happens at k / rate seconds, with the inputs of that instant (shared by the rays
+of at most INPUT_STEP_S), so a run depends on nothing but its setup and seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from wall.core.data import Event, Float32, Rect
+from wall.geometry.panels import Panel
+from wall.roles.plan import Plan
+from wall.sampling.ownership import block_order
+from wall.scene.model import Moment
+from wall.tracing.resident import Resident
+from wall.tracing.tracer import Tracer
+
+INPUT_STEP_S = 5e-4  # rays of this span share one camera and one scene time: a thirtieth of a 60 Hz refresh
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """One cell of the experiment, whatever the arm."""
+
+    plan: Plan  # a wall of one panel
+    resident: Resident
+    rate: float  # primary rays a second
+    refresh_hz: float
+    seed: int
+    input_step_s: float = INPUT_STEP_S  # longer at equal CPU time, where every look at the inputs is charged
+
+    @property
+    def panel(self) -> Panel:
+        return self.plan.layout.wall.panels[0]
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) of the picture."""
+        return self.panel.pixels
+
+    @property
+    def rect(self) -> Rect:
+        width, height = self.size
+        return Rect(x=0, y=0, width=width, height=height)
+
+    def tracer(self, *, coherent: bool) -> Tracer:
+        return Tracer(self.resident, self.panel, self.plan.view.eye, coherent=coherent)
+
+
+class Inputs:
+    """The newest event at a virtual time. Numbers stay where nothing changed; times must not go back."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+        self._event: Event | None = None
+        self._moment: Moment | None = None
+
+    def event_at(self, time: float) -> Event:
+        plan, last, was = self._plan, self._event, self._moment
+        camera, moment = plan.view.camera_at(time), plan.scene.at(time)
+        cameras, scenes = (0, 0) if last is None else last.number
+        moved = was is None or not _same(was, moment)
+        if last is not None:
+            cameras += camera != last.camera
+            scenes += moved
+        self._moment = moment
+        if last is not None and (cameras, scenes) == last.number:
+            return last
+        self._event = Event(
+            view=0, camera_event=cameras, scene_event=scenes, scene_time=time, input_time=time, camera=camera
+        )
+        return self._event
+
+
+def _same(a: Moment, b: Moment) -> bool:
+    return (
+        np.array_equal(a.world_from_object, b.world_from_object)
+        and np.array_equal(a.point_positions, b.point_positions)
+        and np.array_equal(a.directions, b.directions)
+    )
+
+
+def centres(setup: Setup) -> Float32:
+    """(n, 2) float32: the middle of every pixel, 16 of a 4 x 4 block in a row."""
+    return (block_order(setup.rect, worker=0, workers=1) + 0.5).astype(np.float32)
+
+
+def steps(
+    last: float, until: float, spent: int, allowed: int, step_s: float = INPUT_STEP_S
+) -> Iterator[tuple[float, int]]:
+    """The instants at which rays are traced between two times, and how many there should be in all by then."""
+    count = max(1, round((until - last) / step_s))
+    for k in range(1, count + 1):
+        yield last + (until - last) * k / count, spent + (allowed - spent) * k // count
+
+
+class Arm(Protocol):
+    """A sampler and its filter. It starts with a free picture: one sample a pixel, traced at time 0."""
+
+    rays: int  # primary rays spent so far, the free first picture not counted
+    secondary: int  # shadow and mirror rays beside them
+    bytes: int  # sent to the display so far, as packets that the display's side could work from
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        """Spend the rays of virtual time up to `until` (seconds, growing): `rays` in all, else floor(rate * until)."""
+        ...
+
+    def show(self, time: float) -> Float32:
+        """(h, w, 3) float32 linear RGB: what the display shows from refresh `time` on. Read before the next call."""
+        ...

@@ -1,0 +1,141 @@
+"""The adaptive sampler and its reconstruction as an arm.
+
+`adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
+display has a picture of its own, made from nothing but the packets, as at a compositor; `..._every_2`, `..._every_6`:
+the sampler's is refreshed only at every so many of the display's refreshes. `adaptive:uniform`: every pixel is worth
+the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
+the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
+made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under
+the newest inputs; `..._2`: two refreshes later.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import fields
+from functools import partial
+from typing import Literal
+
+from wall.core.data import Batch, Event, Float32, Tiling
+from wall.packets.tiling import decode_tiling, encode_tiling
+from wall.reconstruction.picture import ALL, Ingredients, Picture
+from wall.roles.adaptive_renderer import TILINGS_HZ
+from wall.sampling.adaptive import AdaptiveSampler
+from wall.sampling.kernels import adaptive as kernels_adaptive
+from wall.study.quality.late_display import LateDisplay
+from wall.study.quality.method import Arm, Inputs, Setup, centres, steps
+from wall.study.quality.shooter import Shooter
+
+
+class AdaptiveArm:
+    def __init__(
+        self,
+        setup: Setup,
+        *,
+        remote: bool = False,
+        every: int = 1,
+        tilings: bool = True,
+        tiling: Literal["grid", "cut"] = "grid",
+        uniform: bool = False,
+        ingredients: Ingredients = ALL,
+        sends: bool = True,
+        late: int = 0,
+        predicted: bool = False,
+        ahead: bool = True,
+    ) -> None:
+        """`every`: refreshes of the display from one of a remote sampler's picture to the next.
+
+        `sends`: whether samples are, not pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay.
+        """
+        eye, scene = setup.plan.view.eye, setup.plan.scene
+        self._setup, self._inputs = setup, Inputs(setup.plan)
+        self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
+        self._shown = self._picture
+        if remote:
+            self._shown = Picture(setup.panel, eye, scene, judging=False)
+        self._shooter = Shooter(
+            setup, coherent=AdaptiveSampler.coherent, adaptive=True, sends=sends,
+            receive=self._receive if remote else None,
+        )  # fmt: skip
+        self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
+        self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
+        self._sampler = AdaptiveSampler(
+            setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
+        )
+        self._now, self._spent, self._every, self._refreshes = 0.0, 0, every, 0
+        self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
+        self._shooter.reset()
+        self.rays, self.secondary, self.bytes = self._shooter.counts
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        allowed = int(self._setup.rate * until) if rays is None else rays
+        for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
+            if owed - self._spent < kernels_adaptive.PACKET:
+                continue
+            event = self._display.traced(self._inputs.event_at(now), now)
+            targets = self._sampler.choose(event, owed - self._spent)
+            if targets is None:
+                self._spent = owed  # no pixel gains: this time passes unused
+                continue
+            self._spent += len(targets.xy)
+            self._trace(targets.xy, event, now)
+        self._now = until
+        self.rays, self.secondary, self.bytes = self._shooter.counts
+
+    def _trace(self, xy: Float32, event: Event, now: float) -> None:
+        samples, _ = self._shooter.shoot(xy, event)
+        self._picture.insert(samples, now, event)  # which writes into them what they contradict
+        self._sampler.observe(samples)
+        self._shooter.send(samples, event, now)
+
+    def _receive(self, batch: Batch) -> None:
+        self._shown.insert(batch.samples, batch.base_time, batch)
+
+    def _send_tiling(self, event: Event, now: float) -> None:
+        """On its way when a refresh is made: the display's next one goes by it."""
+        if now < self._tiling_due or self._picture.nothing_moves:
+            return
+        self._tiling_due = now + 1.0 / TILINGS_HZ
+        self._tilings += 1
+        packet = encode_tiling(
+            Tiling(
+                view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._tilings,
+                camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
+                **self._sampler.measure()._asdict(),
+            )
+        )  # fmt: skip
+        self._shooter.bytes += len(packet)
+        self._shown.take_tiling(decode_tiling(packet))
+
+    def show(self, time: float) -> Float32:
+        event = self._display.made(self._inputs.event_at(time), time)
+        if self._refreshes % self._every == 0:
+            self._picture.refresh(event, time)
+            self._sampler.replan()
+        self._refreshes += 1
+        if self._shown is not self._picture:
+            self._shown.refresh(event, time)
+            self._send_tiling(event, time)
+        return self._display.seen(self._shown.radiance)
+
+
+ARMS: dict[str, Callable[[Setup], Arm]] = {
+    "adaptive": AdaptiveArm,
+    "adaptive:remote": partial(AdaptiveArm, remote=True),
+    "adaptive:remote_no_tilings": partial(AdaptiveArm, remote=True, tilings=False),
+    "adaptive:remote_every_2": partial(AdaptiveArm, remote=True, every=2),
+    "adaptive:remote_every_6": partial(AdaptiveArm, remote=True, every=6),
+    "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
+    "adaptive:uniform": partial(AdaptiveArm, uniform=True),
+    "adaptive:delayed": partial(AdaptiveArm, late=1),
+    "adaptive:delayed_2": partial(AdaptiveArm, late=2),
+    "adaptive:predicted": partial(AdaptiveArm, late=1, predicted=True),
+    "adaptive:predicted_2": partial(AdaptiveArm, late=2, predicted=True),
+    "adaptive:predicted_picture": partial(AdaptiveArm, late=1, predicted=True, ahead=False),
+    "adaptive:predicted_picture_2": partial(AdaptiveArm, late=2, predicted=True, ahead=False),
+    **{
+        f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
+        for field in fields(Ingredients)
+    },
+}

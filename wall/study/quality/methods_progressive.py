@@ -1,0 +1,70 @@
+"""What converges when everything stands still: the yardstick of pictures at rest, no way to show motion.
+
+While anything moves it keeps its last picture. From the first step on in which nothing did it starts empty, and adds
+whole sweeps of samples, spread over each pixel, to a mean; pixels that have none yet show what was there before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from wall.core.data import Event, Float32
+from wall.packets.samples import MAX_SAMPLES
+from wall.sampling.progressive import ProgressiveSampler
+from wall.study.quality.method import Arm, Inputs, Setup, centres, steps
+from wall.study.quality.shooter import Shooter
+
+
+class ProgressiveArm:
+    def __init__(self, setup: Setup) -> None:
+        self._setup, self._inputs = setup, Inputs(setup.plan)
+        self._shooter = Shooter(setup, coherent=True)
+        self._event = self._inputs.event_at(0.0)
+        self._sampler: ProgressiveSampler | None = None
+        self._xy, self._at, self._sweep = centres(setup)[:0], 0, 0
+        self._now, self._spent = 0.0, 0
+        self.rays = self.secondary = self.bytes = 0
+        width, height = setup.size
+        self._before = np.zeros((height, width, 3), np.float32)
+        first = self._fresh()
+        first.add(self._shooter.trace(centres(setup), self._event, 0.0))
+        self._shooter.reset()
+        self._before[:] = first.mean()
+
+    def advance(self, until: float, rays: int | None = None) -> None:
+        """See Arm."""
+        allowed = int(self._setup.rate * until) if rays is None else rays
+        for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
+            event = self._inputs.event_at(now)
+            if event is self._event:
+                self._add(event, min(owed - self._spent, MAX_SAMPLES), now)
+            elif self._sampler is not None:
+                self._before, self._sampler = self.show(now), None
+            self._event, self._spent = event, owed
+        self._now = until
+        self.rays, self.secondary, self.bytes = self._shooter.counts
+
+    def show(self, time: float) -> Float32:
+        if self._sampler is None:
+            return self._before
+        return np.where(self._sampler.counts[:, :, None] > 0, self._sampler.mean(), self._before).astype(np.float32)
+
+    def _add(self, event: Event, count: int, now: float) -> None:
+        if self._sampler is None:
+            self._sampler, self._sweep, self._at = self._fresh(), 0, 0
+        while count > 0:
+            if self._at == 0:
+                self._xy = self._sampler.positions(self._sweep)
+                self._sweep += 1
+            xy = self._xy[self._at : self._at + count]
+            self._at = (self._at + len(xy)) % len(self._xy)
+            count -= len(xy)
+            self._sampler.add(self._shooter.trace(xy, event, now))
+
+    def _fresh(self) -> ProgressiveSampler:
+        return ProgressiveSampler(self._setup.rect, seed=self._setup.seed)
+
+
+ARMS: dict[str, Callable[[Setup], Arm]] = {"progressive": ProgressiveArm}

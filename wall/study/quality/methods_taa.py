@@ -1,0 +1,102 @@
+"""Framed rendering with all that reprojection can do for it: the sceptic's arms.
+
+`taa_*`: every frame's jittered samples are blended into a history at the panel's own resolution. The history follows
+each surface (camera and rigid motion), is resampled by Catmull-Rom, clipped to the variance of the 3x3 samples around,
+and given up where object or depth say that something else was there (Karis 2014; Yang, Liu, Salvi 2020). Beyond common
+practice, in the baseline's favour: a young history weighs as many samples as it has, and while nothing moves nothing
+is clipped and every sample weighs the same, so a picture at rest converges.
+
+Each picture is then warped to every refresh, under the camera and objects of that very moment.
+`framed_warp`: the same warp of plain frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from wall.core.data import Event, Float32, Samples
+from wall.reconstruction.pose import Pose
+from wall.study.quality.baseline import FramedArm, pose_of
+from wall.study.quality.filling import fill_holes
+from wall.study.quality.kernels import taa as kernels_taa
+from wall.study.quality.kernels import warp as kernels_warp
+from wall.study.quality.method import Arm, Setup
+
+GAMMA = 1.0  # deviations that a history may differ; Karis's and the survey's usual 1
+ALPHA = 0.1
+
+
+class TemporalDisplay:
+    """History, and its warp to the moment of display. With `alpha` = 1 there is no history."""
+
+    def __init__(self, setup: Setup, *, alpha: float, warp: bool, jittered: bool = True) -> None:
+        width, height = setup.size
+        self.jittered = jittered
+        self._setup, self._warp = setup, warp
+        self._limit = np.float32(1.0 / alpha - 1.0)
+        self._keep = alpha < 1.0
+        self._shown = np.zeros((height, width, 4), np.float32)
+        self._found = np.zeros((height, width, 5), np.float32)
+        self._moved = np.zeros((height, width, 3), np.float32)
+        self._nearest, self._fallback = np.zeros((2, height, width), np.float32)
+        self._origin = np.zeros((height, width, 3), np.float32)
+        self._warped = np.zeros((height, width, 4), np.float32)
+        self._event: Event | None = None
+        self._pose: Pose | None = None
+
+    def take(self, raster: Samples, event: Event) -> None:
+        still = self._event is not None and event.number == self._event.number and self._keep
+        pose = self._pose if still and self._pose is not None else pose_of(self._setup, event)
+        place, depth = np.empty((*raster.shape, 4), np.float32), np.empty(raster.shape, np.float32)
+        kernels_taa.place_samples(
+            raster, pose.frame, pose.corner, pose.object_from_eye, pose.panel_from_object, place, depth
+        )
+        then = pose if self._pose is None else self._pose
+        history, about = self._shown.copy(), np.ascontiguousarray(self._found[:, :, 3:])
+        if not self._keep:
+            history[:] = 0.0
+        spacing = np.array(self._setup.size, np.float32) / np.array(raster.shape[::-1], np.float32)
+        kernels_taa.accumulate(
+            raster, place, depth, spacing, pose.frame, pose.corner, pose.object_from_eye, then.panel_from_object, still,
+            history, about, self._limit, np.float32(GAMMA), self._shown, self._found,
+        )  # fmt: skip
+        self._event, self._pose = event, pose
+
+    def picture(self, event: Event) -> Float32:
+        if not self._warp or self._event is None or event.number == self._event.number:
+            return self._shown[:, :, :3]
+        table = pose_of(self._setup, event).panel_from_object
+        kernels_warp.move_surfaces(self._found, table, self._moved, self._nearest, self._fallback)
+        kernels_warp.sources(self._moved, self._nearest, self._fallback, self._origin)
+        if kernels_warp.gather(self._shown, self._origin, self._warped):
+            fill_holes(self._warped)
+        return self._warped[:, :, :3]
+
+
+def temporal(divisor: int, alpha: float, warp: bool, setup: Setup) -> FramedArm:
+    """TAA of frames with 1 / divisor of the panel's columns and rows."""
+    width, height = setup.size
+    grid = (max(1, round(width / divisor)), max(1, round(height / divisor)))
+    return FramedArm(setup, grid, TemporalDisplay(setup, alpha=alpha, warp=warp))
+
+
+def framed_warp(divisor: int, setup: Setup) -> FramedArm:
+    """Frames, each warped until the next is complete."""
+    width, height = setup.size
+    grid = (max(1, round(width / divisor)), max(1, round(height / divisor)))
+    return FramedArm(setup, grid, TemporalDisplay(setup, alpha=1.0, warp=True, jittered=False))
+
+
+ARMS: dict[str, Callable[[Setup], Arm]] = {
+    "framed_warp": partial(framed_warp, 1),
+    "taa_full": partial(temporal, 1, ALPHA, True),
+    "taa_half": partial(temporal, 2, ALPHA, True),
+    "taa_quarter": partial(temporal, 4, ALPHA, True),
+    "taa_full_a30": partial(temporal, 1, 0.3, True),
+    "taa_half_a30": partial(temporal, 2, 0.3, True),
+    "taa_quarter_a30": partial(temporal, 4, 0.3, True),
+    "taa_nowarp": partial(temporal, 1, ALPHA, False),
+}

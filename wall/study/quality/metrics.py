@@ -1,0 +1,107 @@
+"""How far shown pictures are from ideal ones, at each scored refresh and over the run.
+
+*Display values* are what a screen is sent before rounding: linear RGB clipped to [0, 1], then the sRGB curve
+(IEC 61966-2-1). `rmse_display` is over pixels, channels and scored refreshes of those; `rmse` is the same of linear
+RGB as it is, unclipped, so that highlights weigh in it. Both stand for lateness too: the ideal picture is the exact
+refresh's.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wall.core.colour import srgb_encoded
+from wall.core.data import Float32
+
+
+def display_values(linear: Float32) -> Float32:
+    """(..., 3) float32 linear RGB to display values in [0, 1]."""
+    return srgb_encoded(linear)
+
+
+def mean_square(a: Float32, b: Float32) -> float:
+    """Mean of the squared differences of two equal-shaped arrays; summed in float64."""
+    difference = (a - b).ravel()
+    return float(np.einsum("i,i->", difference, difference, dtype=np.float64)) / max(len(difference), 1)
+
+
+@dataclass(slots=True, kw_only=True)
+class Score:
+    """Takes a run's pictures in the order of time: `add` for each scored refresh."""
+
+    judged: frozenset[int]  # scored pictures, counted from 0, that the slow metrics are taken of
+    over_time: list[float] = field(default_factory=list)  # RMSE of display values at each scored refresh
+    _linear: float = 0.0
+    _display: float = 0.0
+    _change: float = 0.0
+    _flip: list[float] = field(default_factory=list)
+    _ssim: list[float] = field(default_factory=list)
+    _last: tuple[Float32, Float32] | None = None
+
+    def add(self, shown: Float32, ideal: Float32) -> None:
+        """(h, w, 3) float32 linear RGB each."""
+        a, b = display_values(shown), display_values(ideal)
+        square = mean_square(a, b)
+        if len(self.over_time) in self.judged:
+            self._flip.append(flip(a, b))
+            self._ssim.append(ssim(a, b))
+        if self._last is not None:
+            self._change += mean_square(a - self._last[0], b - self._last[1])
+        self._last = a, b
+        self._linear += mean_square(shown, ideal)
+        self._display += square
+        self.over_time.append(math.sqrt(square))
+
+    @property
+    def rmse(self) -> float:
+        return math.sqrt(self._linear / max(len(self.over_time), 1))
+
+    @property
+    def rmse_display(self) -> float:
+        return math.sqrt(self._display / max(len(self.over_time), 1))
+
+    @property
+    def flicker(self) -> float:
+        """RMSE of the change from one scored refresh to the next, against the ideal's change; display values."""
+        return math.sqrt(self._change / max(len(self.over_time) - 1, 1))
+
+    @property
+    def flip(self) -> float:
+        """Mean LDR-FLIP of the judged pictures, 0 (equal) to 1; 67 pixels a degree."""
+        return float(np.mean(self._flip)) if self._flip else math.nan
+
+    @property
+    def ssim(self) -> float:
+        """Mean structural similarity of the judged pictures, up to 1 (equal)."""
+        return float(np.mean(self._ssim)) if self._ssim else math.nan
+
+
+def flip(shown: Float32, ideal: Float32) -> float:
+    """FLIP of display values. Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", 2020."""
+    import flip_evaluator
+
+    _, mean, _ = flip_evaluator.evaluate(ideal, shown, "LDR", applyMagma=False)
+    return float(mean)
+
+
+def ssim(shown: Float32, ideal: Float32) -> float:
+    """SSIM of display values, 7x7 windows. Wang et al., "Image Quality Assessment", 2004."""
+    from skimage.metrics import structural_similarity
+
+    return float(structural_similarity(ideal, shown, channel_axis=2, data_range=1.0))  # type: ignore[no-untyped-call]
+
+
+def delay_of(error: float, errors: list[float], step_ms: float) -> float | None:
+    """The pure delay of the ideal picture (ms) that has an error: the first at which the curve reaches it.
+
+    `errors[k]` is the error of the ideal picture shown k steps late; linear in between. None: more than any in it.
+    """
+    for k in range(1, len(errors)):
+        low, high = errors[k - 1], errors[k]
+        if high >= error:
+            share = (error - low) / (high - low) if high > low else 0.0
+            return step_ms * (k - 1 + max(share, 0.0))
+    return None

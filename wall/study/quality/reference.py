@@ -1,0 +1,148 @@
+"""The ideal pictures of a scene: converged, traced for the exact time of each scored refresh, kept on disk.
+
+They depend on nothing that arms do. A cache entry is named by a hash of what the tracer is given (geometry, looks,
+every pose and camera) and of the tracer's own text, so a changed scene or tracer starts a new one. Pictures are
+float16: within 2^-11 of their float32 values, a seventh of the smallest step that 8 bits can show.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Event, Float32, Rect
+from wall.core.jit import PACKAGE
+from wall.roles.plan import Plan
+from wall.sampling.progressive import ProgressiveSampler
+from wall.study.quality.method import Inputs
+from wall.tracing.resident import Resident
+from wall.tracing.tracer import Tracer
+
+SAMPLES_A_PIXEL = 64
+SEED = 20050629  # of every gold picture, whatever the arms' seeds
+BAND_ROWS = 32  # traced at a time
+LARGEST = 65504.0  # of float16: brighter light is kept as this
+SMALL_PIXELS = 100_000  # up to here every 2nd refresh is scored, above every 8th
+SMALL_STRIDE, LARGE_STRIDE = 2, 8
+TRACER_SOURCES = ("tracing", "sampling/progressive.py", "sampling/kernels.py", "geometry/frusta.py")
+
+
+def ideal_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: float) -> tuple[int, ...]:
+    """Numbers of the refreshes that have an ideal picture, 0 included."""
+    stride = SMALL_STRIDE if size[0] * size[1] <= SMALL_PIXELS else LARGE_STRIDE
+    return tuple(range(0, int(seconds * refresh_hz + 1e-6) + 1, stride))
+
+
+class Gold:
+    """Ideal pictures at given times; `make` traces those that are not there yet."""
+
+    def __init__(self, plan: Plan, resident: Resident, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL) -> None:
+        """`times` (seconds, growing) are those of the pictures, in order."""
+        self._plan, self._resident, self._spp = plan, resident, spp
+        self._panel = plan.layout.wall.panels[0]
+        inputs = Inputs(plan)
+        self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in times)
+        self.key = _key(plan, self._panel.pixels, self.events, spp)
+        self.folder = cache_folder() / self.key
+        self._pictures, self._done = self._open()
+
+    def __len__(self) -> int:
+        return len(self.events)
+
+    def picture(self, k: int) -> Float32:
+        """(h, w, 3) float32 linear RGB of picture k, which make() has made."""
+        picture: Float32 = self._pictures[self.original(k)].astype(np.float32)
+        return picture
+
+    def original(self, k: int) -> int:
+        """The first picture that shows the same as picture k: nothing moved since."""
+        while k > 0 and self.events[k - 1] is self.events[k]:
+            k -= 1
+        return k
+
+    def missing(self) -> list[int]:
+        """Pictures still to be made."""
+        return [k for k in range(len(self)) if self.original(k) == k and not self._done[k]]
+
+    def make(self, wanted: Iterable[int], progress: Callable[[], None] = lambda: None) -> None:
+        """Trace pictures in this thread; each counts as there only once it is all on disk."""
+        tracer = Tracer(self._resident, self._panel, self._plan.view.eye, coherent=True)
+        for k in wanted:
+            tracer.take(self.events[k])
+            self._pictures[k] = np.minimum(self._trace(tracer), LARGEST)
+            self._pictures.flush()
+            self._done[k] = True
+            self._done.flush()
+            progress()
+
+    def _trace(self, tracer: Tracer) -> NDArray[np.float64]:
+        (width, height), bands = self._panel.pixels, []
+        for y in range(0, height, BAND_ROWS):
+            sampler = ProgressiveSampler(Rect(x=0, y=y, width=width, height=min(BAND_ROWS, height - y)), seed=SEED)
+            for sample in range(self._spp):
+                sampler.add(tracer.trace(sampler.positions(sample))[0])
+            bands.append(sampler.mean())
+        return np.concatenate(bands)
+
+    def _open(self) -> tuple[np.memmap[Any, np.dtype[np.float16]], np.memmap[Any, np.dtype[np.bool_]]]:
+        """The files, made whole before they get their name: another process may be at it too."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        width, height = self._panel.pixels
+        pictures = _mapped(self.folder / "pictures.npy", np.float16, (len(self), height, width, 3))
+        return pictures, _mapped(self.folder / "done.npy", np.bool_, (len(self),))
+
+
+def cache_folder() -> Path:
+    """$XDG_CACHE_HOME/wall/quality, or below ~/.cache."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wall" / "quality"
+
+
+def _mapped(path: Path, dtype: type[np.generic], shape: tuple[int, ...]) -> np.memmap[Any, Any]:
+    if not path.exists():
+        fresh = path.with_name(f"{path.name}.{os.getpid()}")
+        np.lib.format.open_memmap(fresh, mode="w+", dtype=dtype, shape=shape).flush()
+        try:
+            os.link(fresh, path)  # fails where another process was first
+        except FileExistsError:
+            pass
+        finally:
+            fresh.unlink()
+    return np.lib.format.open_memmap(path, mode="r+")
+
+
+def _key(plan: Plan, size: tuple[int, int], events: tuple[Event, ...], spp: int) -> str:
+    digest = hashlib.blake2b(repr((size, spp, SEED)).encode(), digest_size=12)
+    scene = plan.scene
+    still = (scene.meshes, scene.materials, scene.textures, scene.instances, scene.point_lights)
+    _feed(digest, (still, scene.directional_lights, scene.sky, plan.view.eye, plan.layout.wall.panels[0].plane))
+    for event in dict.fromkeys(events):
+        _feed(digest, (event.camera, scene.at(event.scene_time)))
+    _feed(digest, [event.number for event in events])
+    for source in TRACER_SOURCES:
+        path = PACKAGE / source
+        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _feed(digest: hashlib.blake2b, value: object) -> None:
+    """Add a value to a hash: arrays by their bytes, dataclasses and sequences by their parts, the rest by repr."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif is_dataclass(value):
+        for field in fields(value):
+            _feed(digest, getattr(value, field.name))
+    elif isinstance(value, (tuple, list)):
+        digest.update(f"[{len(value)}]".encode())
+        for part in value:
+            _feed(digest, part)
+    else:
+        digest.update(repr(value).encode())

@@ -1,0 +1,236 @@
+"""report.html: one page that holds everything a run found out, with nothing outside it; and its pictures as files."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+
+from PIL import Image
+
+from wall.study.quality.bars import verdicts
+from wall.study.quality.pictures import ERROR_GAIN, Bytes, Moment, moments
+from wall.study.quality.plots import DARK, LIGHT, all_plots
+from wall.study.quality.rows import Row
+from wall.study.quality.summary import (
+    OURS,
+    Compared,
+    arms_at,
+    averaged,
+    best_other,
+    compare,
+    equal_error,
+    geometric,
+    middle,
+    said,
+    scenes,
+    spendings,
+)
+from wall.study.quality.tables_wire import wire_tables
+
+JPEG_QUALITY = 92  # of pictures inside the page; the files beside it are lossless
+STYLE = Path(__file__).with_name("report.css")
+
+
+def write_report(out: Path, rows: Sequence[Row]) -> Path:
+    """report.html, plots/*.png and strips/*.png below `out`. `rows` are of one clock and size, at least one."""
+    light, dark = all_plots(rows, LIGHT), all_plots(rows, DARK)
+    kept = moments(out, rows)
+    for folder in ("plots", "strips"):
+        (out / folder).mkdir(parents=True, exist_ok=True)
+    for name, (_, png) in light.items():
+        (out / "plots" / f"{name}.png").write_bytes(png)
+    for moment in kept:
+        Image.fromarray(moment.strip()).save(out / "strips" / f"{moment.scene}-{moment.time:.2f}s.png")
+    plots = [_plot(title, png, dark[name][1]) for name, (title, png) in light.items()]
+    body = [
+        _head(rows), _bars(rows), _pictures(kept, rows[0].clock), '<h2 id="plots">Plots</h2>', *plots, _errors(rows),
+        _ratios(rows), _equal(rows), _wire(rows), _ablations(rows), _about(rows),
+    ]  # fmt: skip
+    path = out / "report.html"
+    path.write_text(_page("".join(body)), encoding="utf-8")
+    return path
+
+
+def _page(body: str) -> str:
+    style = STYLE.read_text(encoding="utf-8")
+    return (
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" '
+        f'content="light dark"><title>Speed against error</title><style>{style}</style></head>\n'
+        f"<body><main>{body}</main></body></html>\n"
+    )
+
+
+def _head(rows: Sequence[Row]) -> str:
+    first, seeds = rows[0], sorted({row.seed for row in rows})
+    how = "the same rays a second" if first.clock == "virtual" else "the same CPU time, everything charged"
+    about = (
+        f"{first.width} &times; {first.height} pixels, {first.refresh_hz:g} Hz, {escape(', '.join(scenes(rows)))}; "
+        f"every arm had {how}. "
+        f"{len(seeds)} seed{'s' if len(seeds) > 1 else ''}. Error is the RMSE of display values (sRGB, 0 to 1) against "
+        "the ideal picture of each refresh's exact time, so that late and coarse count alike."
+    )
+    tiles = "".join(
+        f'<div class="tile"><b>{c.mean:.1f}&times;</b><span>less error than {escape(c.arm)}</span></div>'
+        for c in [*compare(rows), *best_other(rows)]
+        if c.spending == middle(rows) and c.arm in ("framed", "framed_x10", "frameless", "best other")
+    )
+    lead = f"At {said(middle(rows), first.clock)}, geometric mean over scenes" if tiles else ""
+    note = f'<p class="note">{lead}</p><div class="tiles">{tiles}</div>'
+    return f'<h1>Speed against error</h1><p class="lead">{about}</p>{note}'
+
+
+def _bars(rows: Sequence[Row]) -> str:
+    found = verdicts(rows)
+    if not found:
+        return ""
+    lines = [
+        (
+            v.what,
+            v.wanted,
+            v.came,
+            f'<span class="{"met" if v.met else "missed"}">{"met" if v.met else "missed"}</span>',
+        )
+        for v in found
+    ]
+    return "<h2>Bars</h2>" + _table(("what", "wanted", "came", ""), lines, text=(0, 1, 2, 3), raw=(3,))
+
+
+def _pictures(kept: Sequence[Moment], clock: str) -> str:
+    if not kept:
+        return ""
+    parts = [f'<h2>What was shown</h2><p class="note">Below each picture its |error| &times; {ERROR_GAIN:g}.</p>']
+    for scene in dict.fromkeys(moment.scene for moment in kept):
+        here = [moment for moment in kept if moment.scene == scene]
+        tabs = "".join(_moment(moment, clock, opened=moment is here[0]) for moment in here)
+        parts.append(f"<section><h3>{escape(scene)}</h3>{tabs}</section>")
+    return "".join(parts)
+
+
+def _moment(moment: Moment, clock: str, *, opened: bool) -> str:
+    cards = [f"<figure>{_image(moment.ideal, 'ideal')}<figcaption><b>ideal</b></figcaption></figure>"]
+    for s in moment.shown:
+        ours = ' class="ours"' if s.arm == OURS else ""
+        cards.append(
+            f"<figure{ours}>{_image(s.picture, s.arm)}{_image(s.error, f'error of {s.arm}')}"
+            f"<figcaption><b>{escape(s.arm)}</b> RMSE {s.rmse:.3f}</figcaption></figure>"
+        )
+    title = f"{moment.time:.2f} s, {said(moment.spending, clock)}"
+    return (
+        f"<details{' open' if opened else ''}><summary>{title}</summary>"
+        f'<div class="strip">{"".join(cards)}</div></details>'
+    )
+
+
+def _plot(title: str, light: bytes, dark: bytes) -> str:
+    return (
+        f'<figure class="plot"><figcaption>{escape(title)}</figcaption><picture>'
+        f'<source media="(prefers-color-scheme: dark)" srcset="{_data("png", dark)}">'
+        f'<img src="{_data("png", light)}" alt="{escape(title)}"></picture></figure>'
+    )
+
+
+def _errors(rows: Sequence[Row]) -> str:
+    errors, flips, names = averaged(rows), averaged(rows, "flip"), scenes(rows)
+    parts = ["<h2>Errors</h2>"]
+    for spent in spendings(rows):
+        lines = []
+        for arm in arms_at(rows, spent):
+            keys = [(scene, arm, spent) for scene in names]
+            known = [errors[key] for key in keys if key in errors]
+            flip = [flips[key] for key in keys if key in flips]
+            cells = [f"{errors[key]:.4f}" if key in errors else "" for key in keys]
+            lines.append((geometric(known), (arm, *cells, f"{geometric(known):.4f}", _mean(flip))))
+        table = _table(("arm", *names, "mean", "FLIP"), [line for _, line in sorted(lines)], text=(0,))
+        parts.append(f"<h3>{said(spent, rows[0].clock)}</h3>{table}")
+    return "".join(parts)
+
+
+def _ratios(rows: Sequence[Row]) -> str:
+    found = [c for c in [*compare(rows), *best_other(rows)] if not c.arm.startswith(OURS + ":")]
+    return "<h2>Error of others over error of adaptive</h2>" + _compared(found, rows[0].clock) if found else ""
+
+
+def _ablations(rows: Sequence[Row]) -> str:
+    """What each ingredient is worth: the error without it over the error with all."""
+    found = [c for c in compare(rows) if c.arm.startswith(OURS + ":")]
+    return "<h2>What each ingredient is worth</h2>" + _compared(found, rows[0].clock) if found else ""
+
+
+def _compared(found: Iterable[Compared], clock: str) -> str:
+    lines = [
+        (
+            said(c.spending, clock), c.arm, f"{c.mean:.2f}",
+            f"{c.low:.2f} to {c.high:.2f}" if c.low is not None and c.high is not None else "", f"{c.worst:.2f}",
+            c.worst_scene, "" if c.flip_higher is None else "yes" if c.flip_higher else "no",
+        )
+        for c in sorted(found, key=lambda c: (c.spending, c.mean))
+    ]  # fmt: skip
+    heads = ("", "arm", "mean", "95 % over seeds", "worst", "worst scene", "FLIP higher on every scene")
+    return _table(heads, lines, text=(0, 1, 5, 6))
+
+
+def _equal(rows: Sequence[Row]) -> str:
+    """Only where every arm has a rate."""
+    if rows[0].clock != "virtual":
+        return ""
+    lines = [
+        (said(m.spending, "virtual"), m.scene, f"{m.factor:.1f}", "extrapolated" if m.beyond else "")
+        for m in equal_error(rows)
+    ]
+    head = "<h2>How many times faster framed must be for equal error</h2>"
+    return head + _table(("adaptive at", "scene", "times", ""), lines, text=(0, 1, 3)) if lines else ""
+
+
+def _wire(rows: Sequence[Row]) -> str:
+    """Samples against pictures, on the wire."""
+    return "".join(
+        f'<h2>{escape(t.title)}</h2><p class="note">{escape(t.note)}</p>{_table(t.columns, t.lines, text=t.text)}'
+        for t in wire_tables(rows)
+    )
+
+
+def _about(rows: Sequence[Row]) -> str:
+    commits = sorted({row.commit for row in rows})
+    several = " Rows of several commits stand in one table." if len(commits) > 1 else ""
+    machines, commands = ({getattr(row, name) for row in rows} for name in ("machine", "command"))
+    return (
+        f'<h2>Where this comes from</h2><p class="note">{len(rows)} rows in quality.jsonl. Commit '
+        f"{escape(', '.join(commits))}.{several}<br>{escape('; '.join(sorted(machines)))}<br>"
+        f"<code>{escape('; '.join(sorted(commands)))}</code></p>"
+    )
+
+
+def _table(
+    heads: Sequence[str], lines: Iterable[Sequence[str]], *, text: Sequence[int], raw: Sequence[int] = ()
+) -> str:
+    """`text` columns are left-aligned, `raw` ones are HTML already."""
+    kinds = ["text" if k in text else "number" for k in range(len(heads))]
+    head = "".join(f'<th class="{kind}">{escape(name)}</th>' for name, kind in zip(heads, kinds, strict=True))
+    body = []
+    for line in lines:
+        cells = [cell if k in raw else escape(cell) for k, cell in enumerate(line)]
+        ours = ' class="ours"' if OURS in line else ""
+        body.append(
+            f"<tr{ours}>"
+            + "".join(f'<td class="{kind}">{c}</td>' for c, kind in zip(cells, kinds, strict=True))
+            + "</tr>"
+        )
+    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
+
+
+def _mean(values: Sequence[float]) -> str:
+    return f"{sum(values) / len(values):.3f}" if values else ""
+
+
+def _image(picture: Bytes, name: str) -> str:
+    out = io.BytesIO()
+    Image.fromarray(picture).save(out, format="JPEG", quality=JPEG_QUALITY, subsampling=0)
+    return f'<img src="{_data("jpeg", out.getvalue())}" alt="{escape(name)}" loading="lazy">'
+
+
+def _data(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"

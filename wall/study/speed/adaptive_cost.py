@@ -1,0 +1,203 @@
+"""What adaptive sampling costs beside tracing, and what reconstruction costs at the display: in CPU time of one thread.
+
+An eye slides past the courtyard, one world unit a second, so every refresh places every sample anew.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+
+from wall.config.sampling import AdaptiveSampling
+from wall.core.data import Batch, Event, Float32, Rect, Samples
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.packets.samples import MAX_SAMPLES, encode
+from wall.reconstruction.display_values import update_display
+from wall.reconstruction.picture import Picture
+from wall.roles.adaptive_renderer import SHARE_OF_TIME
+from wall.roles.plan import first_event
+from wall.sampling.adaptive import AdaptiveSampler
+from wall.sampling.ownership import block_order
+from wall.study.speed.record import SEED, Row, bounded, compared, median, reported
+from wall.study.speed.tracing import Bench, plan_of
+from wall.tracing.resident import make_resident
+from wall.tracing.tracer import Tracer
+
+REFRESH_HZ = 60.0
+SLIDE = 1.0  # world units a second
+LARGEST_OVERHEAD, LEAST_OF_LIMIT = 0.25, 0.4
+OWN_RAYS = 16384  # that the sampler would choose, traced alone
+LIVE_S = 1.0  # CPU seconds of a round
+RATE = 400e3  # samples a second that a display is given
+PANELS = {  # metric: pixels, and how many cores reconstruction may use
+    "reconstruct_270": ((480, 270), 0.5),
+    "reconstruct_540": ((960, 540), 2.0),
+    "reconstruct_1080": ((1920, 1080), None),
+}
+SETTLED, MEASURED = 8, 24  # refreshes before, and measured
+CONTROL = ("choose", "insert", "encode")  # stages beside tracing; "refresh" is reconstruction
+
+
+class Session:
+    """An adaptive renderer of one panel, taken apart so that each stage's CPU time is known."""
+
+    def __init__(self, pixels: tuple[int, int] = (480, 270)) -> None:
+        self.plan = plan = plan_of("courtyard", pixels)
+        panel, eye = plan.layout.wall.panels[0], plan.view.eye
+        self.rect = Rect(x=0, y=0, width=pixels[0], height=pixels[1])
+        self._kept = AdaptiveSampling().samples_per_pixel
+        self.picture = self.new_picture(judging=True)
+        self._sampler = AdaptiveSampler(self.rect, self.picture, batch=AdaptiveSampling().samples_per_batch, seed=SEED)
+        self._resident = make_resident(plan.scene)
+        self._tracer = Tracer(self._resident, panel, eye, coherent=self._sampler.coherent)
+        self._first = first_event(plan, 0.0)
+        self.seconds: defaultdict[str, float] = defaultdict(float)  # of each stage
+        self.samples = 0
+        self._now = 0.0
+
+    def new_picture(self, *, judging: bool) -> Picture:
+        panel, eye = self.plan.layout.wall.panels[0], self.plan.view.eye
+        return Picture(panel, eye, self.plan.scene, judging=judging, samples_per_pixel=self._kept)
+
+    def event_at(self, now: float) -> Event:
+        """Where the eye has slid to."""
+        x, y, z = self._first.camera.position
+        camera = replace(self._first.camera, position=(x + SLIDE * now, y, z))
+        return replace(self._first, camera_event=round(now * 1e6), camera=camera)
+
+    def first_picture(self) -> list[Batch]:
+        """One sample a pixel at time 0."""
+        xy, event = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32), self.event_at(0.0)
+        self._tracer.take(event)
+        samples, _ = self._tracer.trace(xy)
+        self.picture.insert(samples, 0.0, event)
+        return [self._batch(samples[k : k + MAX_SAMPLES], event, 0.0) for k in range(0, len(samples), MAX_SAMPLES)]
+
+    def refresh(self, now: float) -> None:
+        """The picture beneath, and every pixel's score."""
+        began = time.thread_time()
+        self.picture.refresh(self.event_at(now), now)
+        self._charge("refresh", began)
+        began = time.thread_time()
+        self._sampler.replan()
+        self._charge("choose", began)
+
+    def step(self, now: float, rays: int | None = None) -> Batch:
+        """One batch, or `rays` rays, from choosing to its packet."""
+        self._now, event = now, self.event_at(now)
+        began = time.thread_time()
+        targets = self._sampler.choose(event, rays)
+        began = self._charge("choose", began)
+        assert targets is not None  # something always moves
+        self._tracer.take(event)
+        samples, _ = self._tracer.trace(targets.xy)
+        began = self._charge("trace", began)
+        self.picture.insert(samples, now, event)
+        began = self._charge("insert", began)
+        self._sampler.observe(samples)
+        began = self._charge("choose", began)
+        batch = self._batch(samples, event, now)
+        encode(batch)
+        self._charge("encode", began)
+        self.samples += len(samples)
+        return batch
+
+    def chosen(self, rays: int) -> tuple[Float32, Event]:
+        """Positions that would be chosen next, and for what; nothing of it is charged."""
+        event = self.event_at(self._now)
+        targets = self._sampler.choose(event, rays)
+        assert targets is not None
+        return targets.xy, event
+
+    def _charge(self, stage: str, began: float) -> float:
+        now = time.thread_time()
+        self.seconds[stage] += now - began
+        return now
+
+    def _batch(self, samples: Samples, event: Event, now: float) -> Batch:
+        return Batch(
+            view=0, panel=0, rect=self.rect, rank=1, sequence=1, camera_event=event.camera_event,
+            scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
+            scene_time=event.scene_time, adaptive=True, relightable=self._resident.needs.relighting,
+        )  # fmt: skip
+
+
+def live(session: Session, seconds: float) -> None:
+    """So much CPU time of one worker by itself, its picture refreshed when that is due, as workers do it."""
+    began = time.thread_time()
+    due, now = 0.0, 0.0
+    while (now := time.thread_time() - began) < seconds:
+        if now >= due:
+            session.refresh(now)
+            due = now + max(1.0 / REFRESH_HZ, (time.thread_time() - began - now) / SHARE_OF_TIME)
+        session.step(now)
+
+
+def rank_side(rounds: int) -> list[Row]:
+    """adaptive_overhead and adaptive_rate: a worker beside its own tracing, and beside Embree's bare rays."""
+    bench = Bench("courtyard")
+    bench.check()
+    bench.bare_rate()
+    rates, bare, own = [], [], []
+    stages: defaultdict[str, float] = defaultdict(float)
+    samples = 0
+    for _ in range(rounds):
+        session = Session()
+        session.first_picture()
+        live(session, 0.1)
+        session.seconds.clear()
+        session.samples = 0
+        live(session, LIVE_S)
+        samples += session.samples
+        rates.append(session.samples / sum(session.seconds.values()) / 1e6)
+        bare.append(bench.bare_rate() / 1e6)
+        own.append(Bench("courtyard", session.chosen(OWN_RAYS)).bare_rate() / 1e6)
+        for stage, took in session.seconds.items():
+            stages[stage] += took
+    overhead = sum(stages[stage] for stage in CONTROL) / stages["trace"]
+    each = {f"{stage}_ns": round(took / samples * 1e9) for stage, took in sorted(stages.items())}
+    about = "courtyard, 480x270, one worker alone, eye slides"
+    note = f"{about}; ns a sample: " + ", ".join(f"{name[:-3]} {ns}" for name, ns in each.items())
+    return [
+        bounded("adaptive_overhead", overhead, LARGEST_OVERHEAD, unit="of tracing", below=True, note=note, **each),
+        compared(
+            "adaptive_rate", rates, bare, unit="M samples/s", at_least=LEAST_OF_LIMIT,
+            note=f"{about}, everything; limit: Embree's rays alone, every pixel in raster order",
+            bare_at_its_own_positions=round(median(own), 3), of_its_own_rays=round(median(rates) / median(own), 3),
+        ),
+    ]  # fmt: skip
+
+
+def display_side(metric: str) -> list[Row]:
+    """Reconstruction of one panel that is sent RATE samples a second, from insertion to 8 bits."""
+    (width, height), limit = PANELS[metric]
+    session = Session((width, height))
+    shown, rgb = session.new_picture(judging=False), np.zeros((height, width, 3), np.uint8)
+    for batch in session.first_picture():
+        shown.insert(batch.samples, 0.0, batch)
+    took = placing = stored = 0.0
+    for refresh in range(1, SETTLED + MEASURED + 1):
+        now = refresh / REFRESH_HZ
+        sent = [session.step(now - part / 4 / REFRESH_HZ, int(RATE / REFRESH_HZ / 4)) for part in (3, 2, 1, 0)]
+        session.refresh(now)
+        began = time.process_time()
+        for batch in sent:
+            shown.insert(batch.samples, batch.base_time, batch)
+        placed = time.process_time()
+        shown.refresh(session.event_at(now), now)
+        done = time.process_time()
+        update_display(shown.radiance, shown.take_dirty(), TILE, rgb)
+        if refresh > SETTLED:
+            took, placing, stored = took + time.process_time() - began, placing + done - placed, stored + shown.count
+    cores = took / MEASURED * REFRESH_HZ
+    ns = placing / stored * 1e9
+    note = (
+        f"courtyard, {width}x{height} at {REFRESH_HZ:g} Hz, {RATE / 1e3:g}k samples/s, eye slides; "
+        f"{stored / MEASURED / 1e3:.0f}k samples stored, {ns:.0f} ns for each and refresh"
+    )
+    if limit is None:
+        return [reported(metric, cores, unit="cores", note=note, ns_a_sample=round(ns, 1))]
+    return [bounded(metric, cores, limit, unit="cores", below=True, note=note, ns_a_sample=round(ns, 1))]

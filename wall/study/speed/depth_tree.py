@@ -1,0 +1,193 @@
+"""Depth layers from eight processes: two compositors before a third one, against one that takes all.
+
+What a tree costs: a framelet is compressed, sent and opened once more. What it saves: the first compositors work at the
+same time, each on half of the layers.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+
+from wall.compositing.executor import Executor
+from wall.compositing.graph import Graph
+from wall.config.loading import loads
+from wall.core.data import BLANK, Framelet, Rect
+from wall.geometry.panels import Panel
+from wall.operators.depth import Depth
+from wall.packets.control import parse_control, serialise
+from wall.packets.framelets import FrameletPart
+from wall.roles.edges import Outlets, RemoteFramelet, needed_from_others
+from wall.roles.plan import Plan, first_event, make_layout
+from wall.scene.parts import objects_in
+from wall.study.speed.record import Row, median, reported
+from wall.study.speed.tracing import plan_of
+from wall.tracing.resident import make_resident
+from wall.tracing.tracer import Tracer
+from wall.transport.zeromq import ZmqHub, ZmqLink
+
+SOURCES, SOURCE_PIXELS = 8, (960, 540)
+FRAMES, SETTLING = 8, 2  # pictures in a round, after some that do not count
+CREDIT_BYTES = 1 << 14  # one framelet under way from each source
+CHANNELS = frozenset({"colour", "depth", "alpha", "object"})
+PATIENCE_S = 60.0  # for a process that should answer within one second
+
+
+def depth_tree(rounds: int) -> list[Row]:
+    """Pictures a second of eight depth layers: two compositors before a third one, against one that takes all."""
+    layers = _layers()
+    one, two = [], []
+    for _ in range(max(2, rounds // 3)):
+        one.append(_pictures_a_second(layered_graph(tree=False), layers))
+        two.append(_pictures_a_second(layered_graph(tree=True), layers))
+    note = (
+        f"courtyard cut into {SOURCES} layers of {SOURCE_PIXELS[0]}x{SOURCE_PIXELS[1]} with depth, alpha and object, "
+        f"every one new for every picture; three processes against one, on {len(os.sched_getaffinity(0))} cores"
+    )
+    ratio = median([b / a for a, b in zip(one, two, strict=True)])
+    more = {"one": round(median(one), 2), "ratio_to_one": round(ratio, 3)}
+    return [reported("depth_tree", median(two), unit="pictures/s", note=note, **more)]
+
+
+def layered_graph(*, tree: bool) -> Graph:
+    """Eight layers, each made on a place of its own; put together on the head, or in halves on 1 and 2 first."""
+    width, height = SOURCE_PIXELS
+    first, half, names = 3 if tree else 1, SOURCES // 2, [f"f{k}" for k in range(SOURCES)]
+    nodes = []
+    for k, name in enumerate(names):
+        nodes.append(f"{{id: s{k}, op: samples, panel: r0c0, range: [{k / SOURCES}, {(k + 1) / SOURCES}]}}")
+        where = f"compositor {first + k}"
+        nodes.append(f"{{id: {name}, op: reconstruct, input: s{k}, background: transparent, on: {where}}}")
+    if tree:
+        nodes.append(f"{{id: d1, op: depth, inputs: [{', '.join(names[:half])}], on: compositor 1}}")
+        nodes.append(f"{{id: d2, op: depth, inputs: [{', '.join(names[half:])}], on: compositor 2}}")
+    nodes.append(f"{{id: all, op: depth, inputs: [{'d1, d2' if tree else ', '.join(names)}], on: head}}")
+    nodes.append("{id: files, op: sink, kind: png, input: all}")
+    text = (
+        "version: 1\nscene: {source: courtyard}\nviews: [{camera: auto}]\n"
+        f"wall: {{grid: {{columns: 1, rows: 1, pixels: [{width}, {height}], size: [0.96, 0.54]}}}}\n"
+        f"graph:\n  compositors: {first + SOURCES}\n  nodes:\n" + "".join(f"  - {node}\n" for node in nodes)
+    )
+    return make_layout(loads(text, name="measure")).graph
+
+
+def _layers() -> list[Framelet]:
+    """What each source of `layered_graph` has: its share of the objects, traced once a pixel."""
+    plan = plan_of("courtyard", SOURCE_PIXELS)
+    panel, resident = plan.layout.wall.panels[0], make_resident(plan.scene)
+    layers = []
+    for k in range(SOURCES):
+        seen = objects_in(plan.scene, (k / SOURCES, (k + 1) / SOURCES))
+        layers.append(_traced(plan, panel, Tracer(resident, panel, plan.view.eye, coherent=True, seen=seen)))
+    return layers
+
+
+def _traced(plan: Plan, panel: Panel, tracer: Tracer) -> Framelet:
+    width, height = panel.pixels
+    event = first_event(plan, 0.0)
+    tracer.take(event)
+    xy = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2) + 0.5
+    samples = tracer.trace(xy.astype(np.float32))[0]
+    rect = Rect(x=0, y=0, width=width, height=height)
+    framelet = replace(Framelet.blank(rect, CHANNELS), event=event)
+    rows, columns = samples["xy"][:, 1].astype(int), samples["xy"][:, 0].astype(int)
+    hit = samples["object"] > 0
+    framelet.colour[rows, columns] = samples["radiance"] * hit[:, None]
+    for name, values in (("depth", samples["depth"]), ("alpha", hit), ("object", samples["object"])):
+        framelet.channel(name)[rows, columns] = np.where(hit, values, BLANK[name][0])
+    return framelet
+
+
+class _Place:
+    """One compositor of `layered_graph`: takes framelets in, does its nodes, sends the head what came of them."""
+
+    def __init__(self, graph: Graph, place: int) -> None:
+        self._graph, self._place = graph, place
+        self.hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES)
+        self._remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, place)}
+        self._executor = Executor(graph, place, {k: far.framelet for k, far in self._remote.items()}, Path())
+        self._link: ZmqLink | None = None
+        self._outlets: Outlets | None = None
+
+    def send_to(self, head: str) -> None:
+        self._link = ZmqLink(head, rank=self._place)
+        self._outlets = Outlets(self._graph, self._place, {0: self._link})
+
+    def picture(self) -> None:
+        """Wait for a new framelet of every source, then make, and send, what comes of them."""
+        came: set[int] = set()
+        limit = time.monotonic() + PATIENCE_S
+        while len(came) < len(self._remote) and time.monotonic() < limit:
+            for peer, packet in self.hub.drain(1):
+                part = parse_control(packet)
+                assert isinstance(part, FrameletPart)
+                self._remote[part.step].insert(part)
+                came.add(part.step)
+                self.hub.release(peer, len(packet))
+            self.hub.wait(0.005)
+        changes = self._executor.step({k: far.take_changes() for k, far in self._remote.items()}, None)
+        if self._outlets is None or self._link is None:
+            return
+        self._outlets.add(changes)
+        while not self._outlets.idle and time.monotonic() < limit:
+            self._outlets.send(self._executor.framelets, (0, 0))
+            self._link.wait(0.001)
+
+
+def _pictures_a_second(graph: Graph, layers: list[Framelet]) -> float:
+    """Of the head, with all that comes before it in processes of their own."""
+    context = multiprocessing.get_context("fork")
+    places = sorted({step.place for step in graph.steps if isinstance(step.node, Depth)} - {0})
+    sources = {graph.step(f"f{k}").index: layer for k, layer in enumerate(layers)}
+    packets = {k: serialise(FrameletPart.of(k, layer, layer.rect)) for k, layer in sources.items()}
+    pipes = {place: context.Pipe() for place in (*places, -1)}
+    children = [context.Process(target=_leaf, args=(graph, p, pipes[p][1]), daemon=True) for p in places]
+    children.append(context.Process(target=_feed, args=(packets, pipes[-1][1]), daemon=True))
+    for child in children:
+        child.start()
+    head = _Place(graph, 0)
+    try:
+        endpoints = {0: head.hub.endpoint}
+        for place in places:
+            pipes[place][0].send(head.hub.endpoint)
+            endpoints[place] = pipes[place][0].recv()
+        users = {k: graph.steps[graph.steps[k].users[0]].place for k in packets}
+        pipes[-1][0].send({k: endpoints[place] for k, place in users.items()})
+        for _ in range(SETTLING):
+            head.picture()
+        began = time.perf_counter()
+        for _ in range(FRAMES):
+            head.picture()
+        return FRAMES / (time.perf_counter() - began)
+    finally:
+        for child in children:
+            child.kill()
+            child.join(5.0)
+        head.hub.close()
+
+
+def _leaf(graph: Graph, place: int, pipe: Connection) -> None:
+    """A compositor before the head, until it is killed or alone."""
+    parent, compositor = os.getppid(), _Place(graph, place)
+    compositor.send_to(pipe.recv())
+    pipe.send(compositor.hub.endpoint)
+    while os.getppid() == parent:
+        compositor.picture()
+
+
+def _feed(packets: dict[int, bytes], pipe: Connection) -> None:
+    """All sources: each sends its framelet whenever the last one has been taken in."""
+    parent = os.getppid()
+    links = {step: ZmqLink(endpoint, rank=step) for step, endpoint in pipe.recv().items()}
+    while os.getppid() == parent:
+        ready = [step for step, link in links.items() if link.ready()]
+        for step in ready:
+            links[step].offer(packets[step])
+        if not ready:
+            time.sleep(0.001)

@@ -1,0 +1,85 @@
+"""What a refresh of a moving picture costs on this machine's GPU, display values on the CPU included."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from wall.core.data import Event, Samples
+from wall.geometry.panels import Panel
+from wall.reconstruction.choice import display
+from wall.reconstruction.gpu.device import GpuError, device
+from wall.reconstruction.gpu.picture import GpuPicture
+from wall.reconstruction.picture import Picture
+from wall.roles.plan import Plan, first_event
+from wall.study.speed.record import SEED, Row, bounded, median, skipped
+from wall.study.speed.tracing import plan_of
+from wall.tracing.resident import make_resident
+from wall.tracing.tracer import Tracer
+
+METRIC, UNIT = "gpu_refresh", "ms"
+PIXELS, SOFTWARE_PIXELS = (1920, 1080), (480, 270)  # a program on the CPU gets a sixteenth
+SAMPLES_PER_PIXEL = 4
+LIMIT_MS = 4.0
+STEP = 0.002  # world units that the eye slides at every refresh
+REFRESH_S = 1.0 / 60.0
+BATCH = 65536
+SETTLING = 3  # refreshes before, for shaders and caches
+
+
+def measure(rounds: int) -> list[Row]:
+    """The courtyard with 4 stored samples a pixel; the eye slides at every refresh, and every sample moves."""
+    bar = f"value <= {LIMIT_MS:g}"
+    try:
+        gpu = device()
+    except GpuError as error:
+        return [skipped(METRIC, UNIT, bar, error.problem)]
+    width, height = PIXELS if gpu.real else SOFTWARE_PIXELS
+    plan = plan_of("courtyard")
+    panel = replace(plan.layout.wall.panels[0], pixels=(width, height))
+    event = first_event(plan, 0.0)
+    samples = _samples(plan, panel, event)
+    on_gpu = GpuPicture(panel, plan.view.eye, plan.scene, samples_per_pixel=SAMPLES_PER_PIXEL)
+    took = _refreshes(on_gpu, samples, event, rounds)
+    on_cpu = Picture(panel, plan.view.eye, plan.scene, judging=False, samples_per_pixel=SAMPLES_PER_PIXEL)
+    cpu = _refreshes(on_cpu, samples, event, min(rounds, 3))
+    note = f"{gpu.renderer}, courtyard at {width}x{height}, {on_gpu.count / (width * height):.1f} samples a pixel"
+    more = {"renderer": gpu.renderer, "width": width, "height": height, "cpu_ms": round(median(cpu), 2)}
+    row = bounded(METRIC, median(took), LIMIT_MS, unit=UNIT, below=True, note=note, **more)
+    if gpu.real:
+        return [row]
+    return [replace(row, met=None, ratio=None, note=f"{note}; the bar is for a GPU, this is a program on the CPU")]
+
+
+def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
+    """So many a pixel at random places, by the tracer."""
+    width, height = panel.pixels
+    tracer = Tracer(make_resident(plan.scene), panel, plan.view.eye, coherent=True)
+    tracer.take(event)
+    xy = np.random.default_rng(SEED).random((SAMPLES_PER_PIXEL, height, width, 2)).astype(np.float32)
+    xy += np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
+    corner = np.nextafter(np.array([width, height], np.float32), np.float32(0.0))
+    places = np.minimum(xy.reshape(-1, 2), corner)
+    traced = [tracer.trace(places[k : k + BATCH])[0].copy() for k in range(0, len(places), BATCH)]
+    samples = np.concatenate(traced)
+    samples["time"] = samples["change"] = 0.0
+    return samples
+
+
+def _refreshes(picture: GpuPicture | Picture, samples: Samples, event: Event, rounds: int) -> list[float]:
+    """Milliseconds from each of `rounds` events to the last display value."""
+    for first in range(0, len(samples), BATCH):
+        picture.insert(samples[first : first + BATCH].copy(), 0.0, event)
+    rgb = np.zeros((picture.rect.height, picture.rect.width, 3), np.uint8)
+    x, y, z = event.camera.position
+    took = []
+    for k in range(SETTLING + rounds):
+        camera = replace(event.camera, position=(x + STEP * k, y, z))
+        moved = replace(event, camera_event=k, camera=camera)
+        began = time.perf_counter()
+        picture.refresh(moved, REFRESH_S * (k + 1))
+        display(picture, picture.take_dirty(), rgb)
+        took.append(1e3 * (time.perf_counter() - began))
+    return took[SETTLING:]
