@@ -1,48 +1,30 @@
 """One decorator for every kernel: nopython, GIL released, IEEE division, cached on disk.
 
-numba's cache checks only the file that a kernel stands in, not the files it imports from, so the cache folder is
-named by a hash over the sources of all kernels: any edit starts a fresh folder.
+numba's disk cache checks only the file that a kernel stands in, not the files that it imports from. So each file's
+kernels have a cache folder of their own, named by a hash over that file and every `wall` file that it imports: an edit
+recompiles what depends on it, and nothing else.
 """
 
 from __future__ import annotations
 
+import ast
 import hashlib
 import os
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-PACKAGE = Path(__file__).resolve().parents[1]
-
-
-def kernel_sources() -> list[Path]:
-    """Every file whose text decides what a kernel compiles to."""
-    others = ["tracing/embree.py", "scene/sky.py", "core/jit.py", "core/data.py"]
-    return sorted([*PACKAGE.rglob("kernels/*.py"), *(PACKAGE / name for name in others)])
-
-
-def cache_folder() -> Path:
-    """Where compiled kernels are kept: $NUMBA_CACHE_DIR or ~/.cache/wall/kernels, then the sources' hash."""
-    # numba does not tell bounds-checked builds apart
-    digest = hashlib.sha256((sys.version + os.environ.get("NUMBA_BOUNDSCHECK", "")).encode())
-    for path in kernel_sources():
-        if path.exists():
-            digest.update(path.read_bytes())
-    base = os.environ.get("NUMBA_CACHE_DIR")
-    root = Path(base) if base else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wall" / "kernels"
-    return root / digest.hexdigest()[:16]
-
-
-_folder = cache_folder()
 os.environ.setdefault("NUMBA_THREADING_LAYER", "workqueue")
 
-import numba  # noqa: E402  (the cache folder must be known first)
+import numba
 
-numba.config.CACHE_DIR = str(_folder)  # type: ignore[attr-defined]
+PACKAGE = Path(__file__).resolve().parents[1]
+
 numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]  # four neighbours in an array, one instruction
 
-
+_used: set[Path] = set()  # cache folders of this process
 _made = 0
 
 
@@ -63,14 +45,53 @@ def inline_kernel(function: Callable[..., Any]) -> Any:
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     global _made
     _made += 1
+    folder = cache_root() / source_hash(Path(function.__code__.co_filename))
+    _used.add(folder)
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # read when a kernel is decorated
     return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
 
 
+def cache_root() -> Path:
+    """The folder of all compiled kernels: $NUMBA_CACHE_DIR, or ~/.cache/wall/kernels."""
+    base = os.environ.get("NUMBA_CACHE_DIR")
+    return Path(base) if base else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wall" / "kernels"
+
+
+@cache
+def source_hash(path: Path) -> str:
+    """Hash of all that decides what a file's kernels compile to: its text and that of the `wall` files it imports."""
+    # numba does not tell bounds-checked builds apart
+    digest = hashlib.sha256((sys.version + numba.__version__ + os.environ.get("NUMBA_BOUNDSCHECK", "")).encode())
+    for source in sorted(_with_imports(path)):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _with_imports(path: Path) -> set[Path]:
+    """A file and the `wall` files that it imports, directly or not."""
+    found, ahead = {Path(__file__).resolve()}, [path.resolve()]
+    while ahead:
+        if (source := ahead.pop()) not in found:
+            found.add(source)
+            ahead += _imports(source)
+    return found
+
+
+@cache
+def _imports(path: Path) -> list[Path]:
+    modules = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == PACKAGE.name:
+            modules |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    files = [PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py") for module in modules]
+    return [file for file in files if file.exists()]
+
+
 def kernels_made() -> int:
-    """How many kernels this process knows; about as many are compiled for a run."""
+    """Kernels that this process knows; about as many are compiled for a run."""
     return _made
 
 
 def compiled_kernels() -> int:
-    """How many specialisations lie in the cache folder."""
-    return len(list(_folder.rglob("*.nbc"))) if _folder.exists() else 0
+    """Compiled kernels in this process's cache folders; one may be there for several argument types."""
+    return sum(len(list(folder.rglob("*.nbc"))) for folder in _used if folder.exists())

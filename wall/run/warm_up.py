@@ -17,7 +17,7 @@ from wall.config.schema import METHODS, SkyNode
 from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
 from wall.core.errors import ConfigError
-from wall.core.jit import cache_folder, compiled_kernels
+from wall.core.jit import cache_root, compiled_kernels
 from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
@@ -140,7 +140,7 @@ def _between(plan: Plan) -> None:
 
 @contextmanager
 def _one_compiler() -> Iterator[None]:
-    folder = cache_folder()
+    folder = cache_root()
     folder.mkdir(parents=True, exist_ok=True)
     with open(folder / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

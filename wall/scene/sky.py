@@ -9,7 +9,7 @@ import numpy as np
 from wall.core.data import Float32
 from wall.scene.model import Sky
 
-SKY_STEPS = 256  # of the table; kernels see it as a constant (jit.kernel_sources)
+SKY_STEPS = 256  # of the table; kernels see it as a constant
 
 
 def sky_irradiance(sky: Sky) -> Float32:

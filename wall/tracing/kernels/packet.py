@@ -1,6 +1,6 @@
 """What 16 rays need, laid out for vector code: the rows of a packet, and the arrays that kernels read.
 
-Kernels see these numbers as constants, so this file belongs to what decides their compilation (jit.kernel_sources).
+Kernels see these numbers as constants, so this file belongs to what decides their compilation.
 """
 
 from __future__ import annotations
