@@ -92,5 +92,5 @@ def hits(
     """Samples made by hand."""
     places = np.asarray(xy, np.float32).reshape(-1, 2)
     samples = np.zeros(len(places), SAMPLE)
-    samples["xy"], samples["radiance"], samples["depth"], samples["object"] = places, color, depth, thing
+    samples["xy"], samples["radiance"], samples["depth"], samples["object_id"] = places, color, depth, thing
     return samples

@@ -33,7 +33,7 @@ def random_framelet(
         "depth": [1.0, 2.0, 3.5, np.inf],
         "alpha": [0.0, 0.25, 0.7, 1.0],
         "time": [-2.0, -1.0, -0.25, -np.inf],
-        "object": [0, 1, 2, 70000],
+        "object_id": [0, 1, 2, 70000],
         "variance": [0.01, 0.5, 2.0, np.inf],
     }
     for name in channels - {"colour"}:

@@ -46,7 +46,7 @@ def batches(draw: st.DrawFn, *, most: int = 20) -> Batch:
         samples["radiance"][:, channel] = draw(_column(COLOURS, n))
     samples["depth"] = draw(_column(DEPTHS, n))
     samples["time"] = draw(_column(st.floats(0.0, 999999.0, width=32), n))
-    samples["object"] = draw(_column(st.integers(0, 2**32 - 1), n))
+    samples["object_id"] = draw(_column(st.integers(0, 2**32 - 1), n))
     word, long = st.integers(0, 65535), st.integers(0, 2**32 - 1)
     return Batch(
         view=draw(word), panel=draw(word), rect=Rect(x=x, y=y, width=width, height=height), rank=draw(word),
@@ -75,7 +75,7 @@ def plain_samples(n: int, *, width: int = 480, height: int = 270, seed: int = 20
     samples["xy"] = np.minimum(rng.random((n, 2)) * (width, height), np.nextafter(np.float32((width, height)), 0))
     samples["radiance"] = rng.gamma(1.0, 0.7, (n, 3))
     samples["depth"] = np.where(rng.random(n) < 0.33, np.inf, rng.uniform(2.0, 40.0, n))
-    samples["object"] = np.where(np.isinf(samples["depth"]), 0, rng.integers(1, 60, n))
+    samples["object_id"] = np.where(np.isinf(samples["depth"]), 0, rng.integers(1, 60, n))
     samples["time"] = np.linspace(0.0, 0.0011, n)
     return samples
 
@@ -84,9 +84,9 @@ def facing_samples(n: int, *, seed: int = 4) -> Samples:
     """(n,) samples of a few objects: plane ones, round ones, each with some shadow."""
     rng = np.random.default_rng(seed)
     samples = plain_samples(n, seed=seed)
-    samples["object"] %= 6
-    round_ones = samples["object"] > 2
-    samples["normal"] = samples["object"][:, None] * (20, -17)
+    samples["object_id"] %= 6
+    round_ones = samples["object_id"] > 2
+    samples["normal"] = samples["object_id"][:, None] * (20, -17)
     samples["normal"][round_ones] = rng.integers(-127, 128, (int(round_ones.sum()), 2))
     samples["unlit"] = rng.choice([0, 1, 5], n, p=[0.7, 0.2, 0.1])
     return samples
@@ -126,7 +126,7 @@ def check_bounds(sent: Batch, came: Batch) -> None:
     bound = np.maximum(colour.max(axis=1, initial=0.0) / 511, 2.0**-25)
     assert (np.abs(b["radiance"] - colour) <= bound[:, None]).all()
     check_depths(a["depth"], b["depth"])
-    assert (b["object"] == wrapped(a["object"])).all()
+    assert (b["object_id"] == wrapped(a["object_id"])).all()
     span = float(a["time"].max(initial=0.0))
     assert (np.abs(np.float64(a["time"]) - b["time"]) <= max(span / 6 * TIME_ROUNDING, 1e-30)).all()
 

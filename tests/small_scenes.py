@@ -174,7 +174,7 @@ def raster(samples: Samples, size: tuple[int, int], cost: Traced) -> Picture:
     radiance = np.full((height, width, 3), np.nan, np.float32)
     depth, objects = np.full((height, width), np.nan, np.float32), np.zeros((height, width), np.uint32)
     x, y = samples["xy"].astype(int).T
-    radiance[y, x], depth[y, x], objects[y, x] = samples["radiance"], samples["depth"], samples["object"]
+    radiance[y, x], depth[y, x], objects[y, x] = samples["radiance"], samples["depth"], samples["object_id"]
     return Picture(radiance=radiance, depth=depth, objects=objects, cost=cost)
 
 

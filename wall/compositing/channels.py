@@ -11,7 +11,7 @@ from wall.core.data import CHANNELS, Channels
 from wall.operators.base import Operator
 
 COLOUR: Channels = frozenset({"colour"})
-RECONSTRUCTED: Channels = frozenset({"colour", "depth", "alpha", "time", "object"})
+RECONSTRUCTED: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
 Interval = tuple[int, int]
 
 

@@ -17,12 +17,12 @@ Float64: TypeAlias = NDArray[np.float64]
 Samples: TypeAlias = NDArray[np.void]
 Channels: TypeAlias = frozenset[str]  # of CHANNELS
 
-CHANNELS = ("colour", "depth", "alpha", "time", "object", "variance")
+CHANNELS = ("colour", "depth", "alpha", "time", "object_id", "variance")
 BLANK: dict[str, tuple[float, Any]] = {  # what a channel holds where nothing is, and its type
     "depth": (np.inf, np.float32),
     "alpha": (0.0, np.float32),
     "time": (-np.inf, np.float32),
-    "object": (0, np.uint32),
+    "object_id": (0, np.uint32),
     "variance": (np.inf, np.float32),
 }
 
@@ -34,8 +34,8 @@ SAMPLE = np.dtype(
         ("radiance", np.float32, (3,)),  # linear RGB, W sr^-1 m^-2
         ("depth", np.float32),  # distance from the eye along the ray, world units; inf = background
         ("time", np.float32),  # seconds after the batch's base time
-        ("object", np.uint32),  # object id
-        ("light", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
+        ("object_id", np.uint32),  # object id
+        ("lighting", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
         ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes
         ("unlit", np.uint16),  # bit k: something is between it and lamp k (directional lights, then points)
         ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
@@ -225,7 +225,7 @@ class Framelet:
     depth: Float32 | None = None  # (h, w) distance from the eye, world units; inf = background
     alpha: Float32 | None = None  # (h, w) 0..1
     time: Float32 | None = None  # (h, w) seconds after `moment`, when it was traced; -inf: nothing has come yet
-    object: NDArray[np.uint32] | None = None  # (h, w) object id
+    object_id: NDArray[np.uint32] | None = None  # (h, w) object id
     variance: Float32 | None = None  # (h, w) of the mean that colour is, linear, mean of the three channels
     order: int = 0  # for ordered operators: the smaller is the nearer
     event: Event | None = None  # whose camera and scene time it shows; None: a picture that knows none

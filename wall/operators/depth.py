@@ -19,7 +19,7 @@ from wall.operators.parts import bands, blank, corner, part
 from wall.operators.winners import bits, choose
 
 DENSE = 0.1  # share of a band: above it, taking all of it costs less than picking pixels
-EVERY: Channels = frozenset({"colour", "depth", "alpha", "object"})
+EVERY: Channels = frozenset({"colour", "depth", "alpha", "object_id"})
 
 
 class Depth(Operator):
@@ -33,7 +33,7 @@ class Depth(Operator):
     inputs: Inputs
 
     NEEDS: ClassVar[Channels] = frozenset({"colour", "depth"})
-    USES: ClassVar[Channels] = frozenset({"alpha", "object"})
+    USES: ClassVar[Channels] = frozenset({"alpha", "object_id"})
     MAKES: ClassVar[Channels] = frozenset({"depth"})
     COMMON_TIME: ClassVar[bool] = True
 
@@ -70,9 +70,9 @@ def _fill_band(inputs: Sequence[Framelet], out: Framelet, band: Rect) -> None:
         source = (bits(framelet.colour), framelet.channel("depth"), framelet.alpha, *corner(framelet, met))
         target, within = (bits(out.colour), *corner(out, met)), (met.x - band.x, met.y - band.y)
         kernels_depth.put_before(*source, *target, near, covered, partial, taken, *within, met.width, met.height)
-        if out.object is not None:
+        if out.object_id is not None:
             won = taken[met.inside(band)].view(np.bool_)
-            np.copyto(part(out, "object", met), part(framelet, "object", met), where=won)
+            np.copyto(part(out, "object_id", met), part(framelet, "object_id", met), where=won)
     for name, values in (("depth", near), ("alpha", covered)):
         if name in out.channels:
             part(out, name, band)[...] = values
@@ -93,11 +93,11 @@ def _fill_pixels(inputs: Sequence[Framelet], out: Framelet, band: Rect, some: An
         colour[k] = _picked(framelet, "colour", band, some).reshape(pixels, 3)
         depth[k] = _picked(framelet, "depth", band, some).ravel()
         alpha[k] = _picked(framelet, "alpha", band, some).ravel()
-        if out.object is not None:
-            thing[k] = _picked(framelet, "object", band, some).ravel()
+        if out.object_id is not None:
+            thing[k] = _picked(framelet, "object_id", band, some).ravel()
     alpha[np.isnan(depth)] = 0.0
     filled = Framelet.blank(Rect(x=0, y=0, width=pixels, height=1), EVERY)
-    result = (filled.colour[0], filled.channel("depth")[0], filled.channel("alpha")[0], filled.channel("object")[0])
+    result = (filled.colour[0], filled.channel("depth")[0], filled.channel("alpha")[0], filled.channel("object_id")[0])
     kernels_depth.fill_by_depth(colour, depth, alpha, thing, *result)
     for name in out.channels:
         here = part(out, name, band)

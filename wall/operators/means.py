@@ -11,7 +11,7 @@ from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.operators.kernels import pixels as kernels
 from wall.operators.parts import blank, corner, later, part
 
-OF_THE_HEAVIEST: Channels = frozenset({"depth", "time", "object"})
+OF_THE_HEAVIEST: Channels = frozenset({"depth", "time", "object_id"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,7 +70,7 @@ class Scale(Operator):
             here = part(out, name, region)
             filtered = _filtered(source.channel(name), across, down, squared=name == "variance")
             here[...] = np.clip(filtered, 0.0, 1.0) if name == "alpha" else filtered
-        for name in out.channels & {"depth", "time", "object"}:
+        for name in out.channels & {"depth", "time", "object_id"}:
             there = source.channel(name)[down.nearest[:, None], across.nearest]
             part(out, name, region)[...] = there + later(source, out) if name == "time" else there
 

@@ -113,7 +113,7 @@ class Warp(Operator):
         inside = places[..., 0] != kernels.NOWHERE
         size = (source.rect.width, source.rect.height)
         x, y = (np.clip((places[..., c] + kernels.PLACE // 2) // kernels.PLACE, 0, size[c] - 1) for c in range(2))
-        for name in out.channels & {"depth", "time", "object"}:
+        for name in out.channels & {"depth", "time", "object_id"}:
             nearest = source.channel(name)[y, x]
             np.copyto(
                 part(out, name, region), nearest + later(source, out) if name == "time" else nearest, where=inside

@@ -28,7 +28,7 @@ def show_newest(buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool
         update_display(buffer.radiance, dirty, TILE, out.colour)
     kernels.channels_of_records(
         buffer.records, dirty, out.moment, transparent, None if out.encoded else out.colour, out.depth, out.alpha,
-        out.time, out.object,
+        out.time, out.object_id,
     )  # fmt: skip
 
 
@@ -46,7 +46,7 @@ class Coverage:
 
     def split(self, samples: Samples) -> tuple[Samples, Samples]:
         """Samples of colours without the background, and of coverage."""
-        hit = (samples["object"] != 0)[:, None]
+        hit = (samples["object_id"] != 0)[:, None]
         colours, covered = samples.copy(), samples.copy()
         colours["radiance"] = np.where(hit, samples["radiance"], np.float32(0.0))
         covered["radiance"] = hit.astype(np.float32)
@@ -73,12 +73,12 @@ def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray
     else:
         kernels.copy_tiles(picture.radiance, dirty, out.colour)
     state, screen, count, epoch = picture.stored()
-    if out.channels & {"depth", "object", "alpha"}:
+    if out.channels & {"depth", "object_id", "alpha"}:
         picture.find_nearest()
         pose, covered = picture.pose, None if coverage is None else coverage.radiance
         depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
         kernels.channels_of_nearest(
-            picture.nearest, pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object
+            picture.nearest, pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
         )
     if out.time is not None:
         kernels.newest_times(state, screen, count, epoch - out.moment, out.time)

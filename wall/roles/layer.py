@@ -268,7 +268,8 @@ def _newest(buffer: PixelBuffer) -> tuple[Samples, float]:
     newest = float(records["time"].max(initial=-np.inf))
     samples = np.zeros(len(records), SAMPLE)
     samples["xy"] = np.argwhere(shown)[:, ::-1] + 0.5
-    samples["radiance"], samples["depth"], samples["object"] = records["shown"], records["depth"], records["object"]
+    samples["radiance"], samples["depth"] = records["shown"], records["depth"]
+    samples["object_id"] = records["object_id"]
     samples["time"] = records["time"] - newest
     samples["unlit"] = np.iinfo(np.uint16).max  # their normals are not known: lamps that move change nothing
     return samples, newest

@@ -28,7 +28,7 @@ class Timewarp:
         rect = framelet.rect
         old, new = self._pose(framelet.event, panel, rect), self._pose(event, panel, rect)
         size = framelet.depth.shape
-        thing = framelet.object if framelet.object is not None else np.zeros(size, np.uint32)
+        thing = framelet.object_id if framelet.object_id is not None else np.zeros(size, np.uint32)
         near, source = np.empty(size, np.float32), np.empty(size, np.int32)
         corner = np.array([rect.x, rect.y], np.float64)
         kernels.move_pixels(

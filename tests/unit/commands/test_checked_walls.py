@@ -86,9 +86,9 @@ reconstruction: gpu
     layout = make_layout(load(written(tmp_path, CONFIG + graph)))
 
     assert list(on_the_cpu(layout)) == [
-        "reconstruction: cpu for far, of which the graph needs more than display bytes: linear light, depth, object",
+        "reconstruction: cpu for far, of which the graph needs more than display bytes: linear light, depth, object_id",
         "reconstruction: cpu for near, of which the graph needs more than display bytes: linear light, "
-        "depth, alpha, object, a transparent background",
+        "depth, alpha, object_id, a transparent background",
     ]
 
 

@@ -17,7 +17,7 @@ QUARTERS = ((0.25, 0.25), (0.75, 0.75), (0.75, 0.25), (0.25, 0.75))
 
 def sample(x: float, y: float, value: float, *, depth: float = 1.0, object_id: int = 1, time: float = 0.0) -> Samples:
     one = np.zeros(1, SAMPLE)
-    one["xy"], one["radiance"], one["depth"], one["object"], one["time"] = (x, y), value, depth, object_id, time
+    one["xy"], one["radiance"], one["depth"], one["object_id"], one["time"] = (x, y), value, depth, object_id, time
     return one
 
 
@@ -55,7 +55,7 @@ def test_a_sample_is_shown_in_the_pixel_that_contains_it() -> None:
     deep = buffer_of(batch(sample(3.99, 5.0, 7.0, depth=2.5, object_id=9, time=0.25)))
     assert np.flatnonzero(deep.radiance[..., 0]).tolist() == [5 * 8 + 3]
     assert deep.records["depth"][5, 3] == 2.5
-    assert deep.records["object"][5, 3] == 9
+    assert deep.records["object_id"][5, 3] == 9
     assert deep.records["time"][5, 3] == 10.25
 
 

@@ -40,8 +40,8 @@ def test_weights_are_one_over_the_variance(random_numbers: np.random.Generator) 
         expected = 1 / (1 / variances).sum(axis=0)
     np.testing.assert_allclose(out.channel("variance"), expected, rtol=1e-5)
     heaviest = weights.argmax(axis=0)
-    objects = np.stack([framelet.channel("object") for framelet in inputs])
-    np.testing.assert_array_equal(out.channel("object"), np.take_along_axis(objects, heaviest[None], 0)[0])
+    objects = np.stack([framelet.channel("object_id") for framelet in inputs])
+    np.testing.assert_array_equal(out.channel("object_id"), np.take_along_axis(objects, heaviest[None], 0)[0])
 
 
 @pytest.mark.parametrize("useless", [np.inf, np.nan, -1.0])

@@ -35,7 +35,7 @@ def test_depth_object_and_time_are_of_the_first_that_can_be_seen(random_numbers:
     inputs[1].moment = 4.0
     out = applied(OVER, *inputs)
     near, far = (framelet.channel("alpha") > 0 for framelet in inputs)
-    for name, nothing in (("depth", np.inf), ("object", 0), ("time", -np.inf)):
+    for name, nothing in (("depth", np.inf), ("object_id", 0), ("time", -np.inf)):
         values = [framelet.channel(name) + (framelet.moment if name == "time" else 0) for framelet in inputs]
         expected = np.where(near, values[0], np.where(far, values[1], nothing))
         np.testing.assert_array_equal(out.channel(name), expected)

@@ -77,7 +77,7 @@ def test_the_frame_is_scaled_about_its_origin_so_neighbours_stay_neighbours() ->
 def test_what_cannot_be_mixed_is_of_the_pixel_at_the_centre(random_numbers: np.random.Generator) -> None:
     source = random_framelet(random_numbers, rect(0, 0, 9, 6))
     out = applied(made(Scale, input="a", factor=1 / 3, filter="triangle"), source)
-    for name in ("depth", "time", "object"):
+    for name in ("depth", "time", "object_id"):
         np.testing.assert_array_equal(out.channel(name), source.channel(name)[1::3, 1::3])
 
 

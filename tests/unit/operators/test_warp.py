@@ -64,14 +64,14 @@ def test_each_place_goes_to_the_pixel_that_shows_it(seed: int) -> None:
 
 
 def test_pixels_are_mixed_of_the_four_around_their_place() -> None:
-    source = Framelet.blank(rect(0, 0, 8, 4), frozenset({"variance", "object"}))
+    source = Framelet.blank(rect(0, 0, 8, 4), frozenset({"variance", "object_id"}))
     source.colour[...] = np.arange(8)[:, None]
     source.channel("variance")[...] = 1.0
-    source.channel("object")[...] = np.arange(8)
+    source.channel("object_id")[...] = np.arange(8)
     out = applied(warp(grid(2, 2) - [0.5 / 8, 0.0]), source)  # half a pixel to the left
     assert out.colour[1, :, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.0]
     assert out.channel("variance")[1].tolist() == [0.5] * 7 + [1.0]
-    assert out.channel("object")[1].tolist() == [1, 2, 3, 4, 5, 6, 7, 7]
+    assert out.channel("object_id")[1].tolist() == [1, 2, 3, 4, 5, 6, 7, 7]
 
 
 def test_what_the_mesh_does_not_reach_is_blank(random_numbers: np.random.Generator) -> None:

@@ -78,7 +78,7 @@ def test_with_alpha_each_surface_fills_what_nearer_ones_left_of_a_pixel(
     inputs.append(random_framelet(random_numbers, rect(4, 3, 9, 9), channels=OPAQUE))  # opaque, and only there
     inputs[0].channel("depth")[random_numbers.random((9, 13)) < 0.2] = np.nan
     out = applied(OPERATORS["depth"], *inputs)
-    assert out.channels == {"colour", "depth", "object", "alpha"}
+    assert out.channels == {"colour", "depth", "object_id", "alpha"}
     for y in range(out.rect.height):
         for x in range(out.rect.width):
             layers = []
@@ -97,8 +97,8 @@ def test_with_alpha_each_surface_fills_what_nearer_ones_left_of_a_pixel(
             np.testing.assert_allclose(out.colour[y, x], colour, atol=COVERAGE_LEFT)
             assert out.channel("alpha")[y, x] == pytest.approx(covered, abs=COVERAGE_LEFT)
             assert out.channel("depth")[y, x] == (layers[0][0] if layers else np.inf)
-            assert out.channel("object")[y, x] == (
-                inputs[layers[0][1]].channel("object")[layers[0][3]] if layers else 0
+            assert out.channel("object_id")[y, x] == (
+                inputs[layers[0][1]].channel("object_id")[layers[0][3]] if layers else 0
             )
 
 
@@ -112,11 +112,11 @@ def test_of_equally_far_surfaces_the_earlier_input_is_seen() -> None:
 
 def test_bands_of_a_large_picture_meet(compiled_only: None, random_numbers: np.random.Generator) -> None:
     where = rect(0, 0, 700, 3 * BAND_PIXELS // 700)
-    inputs = [random_framelet(random_numbers, where, channels=frozenset({"depth", "object"})) for _ in range(3)]
+    inputs = [random_framelet(random_numbers, where, channels=frozenset({"depth", "object_id"})) for _ in range(3)]
     out = applied(OPERATORS["depth"], *inputs)
     depths = np.stack([framelet.channel("depth") for framelet in inputs])
     first = depths.argmin(axis=0)
-    for name in ("colour", "depth", "object"):
+    for name in ("colour", "depth", "object_id"):
         values = np.stack([framelet.channel(name) for framelet in inputs])
         index = first.reshape(1, *first.shape, *[1] * (values.ndim - 3))
         np.testing.assert_array_equal(out.channel(name), np.take_along_axis(values, index, axis=0)[0])

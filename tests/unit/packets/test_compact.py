@@ -77,11 +77,11 @@ def check_compact(sent: Batch, came: Batch) -> None:
     assert (np.isinf(b["depth"]) == ~finite).all()
     depth = np.float64(a["depth"][finite])
     assert (np.abs(depth - b["depth"][finite]) <= np.maximum(depth * 2.0**-12, SMALLEST_NORMAL)).all()
-    assert (b["object"] == wrapped(a["object"])).all()
+    assert (b["object_id"] == wrapped(a["object_id"])).all()
     span = float(a["time"].max(initial=0.0))
     assert (np.abs(np.float64(a["time"]) - b["time"]) <= max(span / 126 * TIME_ROUNDING, 1e-30)).all()
     assert (np.abs(a["change"] - b["change"]) <= 1 / 30 + 1e-6).all()
-    assert not b["light"].any()
+    assert not b["lighting"].any()
 
 
 def through(samples: Samples, *, rect: Rect = RECT) -> Samples:
@@ -98,7 +98,7 @@ def tile_samples(n: int, seed: int = 3) -> Samples:
     samples = plain_samples(n, seed=seed)
     tiles = rng.integers(0, (30, 16), (-(-n // 16), 2)).repeat(16, axis=0)[:n] * 16
     samples["xy"] = tiles + rng.random((n, 2)) * 15.99
-    samples["object"] = 40 + (np.linspace(0, 20, n).astype(int) % 3)
+    samples["object_id"] = 40 + (np.linspace(0, 20, n).astype(int) % 3)
     samples["change"] = np.maximum(rng.random(n) * 4 - 3, 0)
     return samples
 
@@ -172,13 +172,13 @@ def test_times_stay_within_a_126th_of_their_span(span: float) -> None:
 
 def test_objects_beyond_the_range_wrap_and_never_become_background() -> None:
     samples = plain_samples(9)
-    samples["object"] = [0, 1, 16382, 16383, 16384, 32766, 32767, 2**31, 2**32 - 1]
-    assert (through(samples)["object"] > 0).sum() == 8
+    samples["object_id"] = [0, 1, 16382, 16383, 16384, 32766, 32767, 2**31, 2**32 - 1]
+    assert (through(samples)["object_id"] > 0).sum() == 8
 
 
 def test_as_many_objects_as_there_are_ids_fit(compiled_only: None) -> None:
     samples = plain_samples(20_000)
-    samples["object"] = np.random.default_rng(3).permutation(20_000) % 16384
+    samples["object_id"] = np.random.default_rng(3).permutation(20_000) % 16384
     through(samples)
 
 
@@ -188,7 +188,7 @@ def test_samples_that_differ_as_much_as_they_can_fit_the_space_that_is_set_aside
     samples["xy"] = rng.random((600, 2)) * 4095.9
     samples["radiance"] = rng.choice([0.0, 65408.0], (600, 3))
     samples["depth"] = rng.choice(np.float32([1e-38, 3e38, np.inf]), 600)
-    samples["object"] = rng.integers(0, 16384, 600)
+    samples["object_id"] = rng.integers(0, 16384, 600)
     samples["time"], samples["change"] = rng.choice([0.0, 1.0], 600), rng.choice([0.0, 1.0], 600)
     batch = batch_of(samples, rect=Rect(x=0, y=0, width=4096, height=4096), adaptive=True)
     packet = encode(batch)

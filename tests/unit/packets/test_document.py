@@ -90,7 +90,7 @@ def test_the_compact_example_decodes_to_the_values_beside_it_and_is_what_they_en
     assert packet[HEADER_BYTES:] == dumped("compact")
     came, wanted = decode(packet).samples, samples_of(json.loads(block("json compact")))
     np.testing.assert_allclose(came["radiance"], wanted["radiance"], rtol=1e-6)  # machines round products differently
-    assert all((came[name] == wanted[name]).all() for name in ("xy", "depth", "time", "object", "change"))
+    assert all((came[name] == wanted[name]).all() for name in ("xy", "depth", "time", "object_id", "change"))
 
 
 def test_the_example_with_normals_decodes_to_the_values_beside_it_and_is_what_they_encode_to() -> None:
@@ -100,7 +100,7 @@ def test_the_example_with_normals_decodes_to_the_values_beside_it_and_is_what_th
     packet = encode(batch)
     assert packet[HEADER_BYTES:] == dumped("lit")
     came, wanted = decode(packet).samples, samples_of(facing["decoded"])
-    assert all((came[name] == wanted[name]).all() for name in ("object", "normal", "unlit"))
+    assert all((came[name] == wanted[name]).all() for name in ("object_id", "normal", "unlit"))
 
 
 def test_the_flags_of_tiles_are_the_document_s() -> None:

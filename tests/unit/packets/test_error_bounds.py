@@ -160,7 +160,7 @@ def test_first_and_last_time_are_exact() -> None:
 def test_large_object_ids_wrap_and_never_become_background() -> None:
     ids = [0, 1, 16382, 16383, 16384, 32766, 32767, 2**31, 2**32 - 1]
     samples = np.zeros(len(ids), SAMPLE)
-    samples["object"] = ids
-    came = through(samples)["object"]
+    samples["object_id"] = ids
+    came = through(samples)["object_id"]
     assert came[:7].tolist() == [0, 1, 16382, 16383, 1, 16383, 1]
     assert (came[1:] > 0).all()

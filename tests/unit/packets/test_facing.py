@@ -87,7 +87,7 @@ def test_all_else_is_the_same_with_and_without_normals() -> None:
     assert not without.relightable
     assert not without.samples["normal"].any()
     assert not without.samples["unlit"].any()
-    for name in ("xy", "radiance", "depth", "time", "object", "change"):
+    for name in ("xy", "radiance", "depth", "time", "object_id", "change"):
         assert (with_them[name] == without.samples[name]).all()
 
 
@@ -123,7 +123,7 @@ def test_samples_that_differ_as_much_as_they_can_fit_the_space_that_is_set_aside
     samples["xy"] = rng.random((n, 2)) * 4095.9
     samples["radiance"] = rng.choice([0.0, 65408.0], (n, 3))
     samples["depth"] = rng.choice(np.float32([1e-38, 3e38, np.inf]), n)
-    samples["object"] = rng.integers(0, 16384, n)
+    samples["object_id"] = rng.integers(0, 16384, n)
     samples["time"], samples["change"] = rng.choice([0.0, 1.0], n), rng.choice([0.0, 1.0], n)
     samples["normal"], samples["unlit"] = rng.choice([-127, 127], (n, 2)), rng.choice([0, 65535], n)
     most = kernels.WORDS_A_SAMPLE * n + kernels.WORDS_BESIDE

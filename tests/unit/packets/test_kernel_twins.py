@@ -40,7 +40,7 @@ def twin_pack(samples: Samples) -> tuple[NDArray[Any], ...]:
         code = np.floor((octave + 127 - BASE + mantissa) * 2.0**BITS + 0.5)
     depths = np.where(np.isinf(depth), 0xFFFF, code).astype(np.uint16)
     times = np.floor(np.float64(samples["time"]) / np.float64(SPAN) * 3 + 0.5).astype(int)
-    return twin_shared_exponent(samples["radiance"]), x, y, depths, wrapped(samples["object"]), times
+    return twin_shared_exponent(samples["radiance"]), x, y, depths, wrapped(samples["object_id"]), times
 
 
 def twin_unpack(planes: list[NDArray[Any]]) -> Samples:
@@ -55,8 +55,8 @@ def twin_unpack(planes: list[NDArray[Any]]) -> Samples:
     samples["depth"] = np.where(depths == 0xFFFF, np.inf, depth)
     samples["time"] = (objects >> 14) * (np.float64(SPAN) / 3)
     samples["change"] = ((xs >> 14) * 4.0 + (ys >> 14)) / 15
-    samples["light"] = 0.0
-    samples["object"] = objects & 0x3FFF
+    samples["lighting"] = 0.0
+    samples["object_id"] = objects & 0x3FFF
     return samples
 
 
@@ -68,7 +68,7 @@ def moved_samples(n: int) -> Samples:
     samples = plain_samples(n, seed=3)
     samples["xy"] += np.float32(RECT[:2])
     samples["xy"] = np.minimum(samples["xy"], np.float32([579.9, 309.9]))
-    samples["object"][::7] += 20000
+    samples["object_id"][::7] += 20000
     return samples
 
 
@@ -101,7 +101,7 @@ def test_unpack_gives_the_twin_s_samples(n: int) -> None:
     samples = np.empty(n, SAMPLE)
     assert kernels.unpack(*planes, RECT, X_BITS, Y_BITS, BASE, BITS, SPAN, samples) == 0
     wanted = twin_unpack(planes)
-    for name in ("xy", "radiance", "depth", "object"):
+    for name in ("xy", "radiance", "depth", "object_id"):
         assert (samples[name] == wanted[name]).all()
     np.testing.assert_allclose(samples["time"], wanted["time"], rtol=1e-6)
 

@@ -90,5 +90,5 @@ def test_changes_come_back_within_a_thirtieth() -> None:
 
 def test_lighting_stays_at_the_sender() -> None:
     samples = plain_samples(5)
-    samples["light"] = 0.5
-    assert not decode(encode(batch_of(samples))).samples["light"].any()
+    samples["lighting"] = 0.5
+    assert not decode(encode(batch_of(samples))).samples["lighting"].any()

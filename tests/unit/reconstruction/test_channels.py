@@ -29,8 +29,8 @@ def blank() -> dict[str, np.ndarray]:  # type: ignore[type-arg]
 def records() -> np.ndarray:  # type: ignore[type-arg]
     rng = np.random.default_rng(1)
     made = np.zeros((HEIGHT, WIDTH), PIXEL)
-    made["shown"], made["object"] = rng.random((HEIGHT, WIDTH, 3)), rng.integers(0, 3, (HEIGHT, WIDTH))
-    made["depth"] = np.where(made["object"] == 0, np.inf, rng.uniform(1, 9, (HEIGHT, WIDTH)))
+    made["shown"], made["object_id"] = rng.random((HEIGHT, WIDTH, 3)), rng.integers(0, 3, (HEIGHT, WIDTH))
+    made["depth"] = np.where(made["object_id"] == 0, np.inf, rng.uniform(1, 9, (HEIGHT, WIDTH)))
     made["time"] = rng.choice([-np.inf, 1e5 + 0.25, 1e5 - 3.0], (HEIGHT, WIDTH))
     return made
 
@@ -39,10 +39,10 @@ def records() -> np.ndarray:  # type: ignore[type-arg]
 def test_channels_of_newest_samples(transparent: bool) -> None:
     r, out = records(), blank()
     kernels.channels_of_records(r, DIRTY, 1e5, transparent, *out.values())
-    nothing = transparent & (r["object"] == 0)
+    nothing = transparent & (r["object_id"] == 0)
     wanted = {
         "colour": np.where(nothing[..., None], 0, r["shown"]), "depth": r["depth"],
-        "alpha": np.where(nothing, 0.0, 1.0), "time": r["time"] - 1e5, "thing": r["object"],
+        "alpha": np.where(nothing, 0.0, 1.0), "time": r["time"] - 1e5, "thing": r["object_id"],
     }  # fmt: skip
     for name, values in out.items():
         np.testing.assert_array_equal(values[CHANGED], wanted[name][CHANGED].astype(values.dtype), err_msg=name)

@@ -80,8 +80,8 @@ def test_without_new_samples_stored_ones_follow_the_lamps_but_for_those_that_glo
     twins, source = Twins(scene, SEEN), Noise(random_numbers, 6000)
     samples = source.of(twins, event_at(0, SEEN))
     samples["change"] = 0.0
-    samples["radiance"][samples["object"] == 3] = GLOW
-    assert set(np.unique(samples["object"])) == {1, 2, 3}
+    samples["radiance"][samples["object_id"] == 3] = GLOW
+    assert set(np.unique(samples["object_id"])) == {1, 2, 3}
     twins.insert(samples, START, event_at(0, SEEN))
     twins.refresh(event_at(0, SEEN), START)
     before = twins.gpu.radiance.copy()

@@ -36,14 +36,14 @@ def scene() -> Scene:
 
 
 def lit(samples: Samples, light: float, change: float = 0.0) -> Samples:
-    samples["light"], samples["change"] = light, change
+    samples["lighting"], samples["change"] = light, change
     return samples
 
 
 def all_pixels(light: float = NO_CHANGE) -> Samples:
     """The left half shows the wall, the right half the plate; both green, and 4 deep."""
     samples = lit(hits(centres(SIZE), GREEN), light)
-    samples["object"][samples["xy"][:, 0] > SIZE[0] / 2] = PLATE
+    samples["object_id"][samples["xy"][:, 0] > SIZE[0] / 2] = PLATE
     return samples
 
 
@@ -130,7 +130,7 @@ def test_what_a_still_pixel_gathers_is_numpys_mean_and_variance(scene: Scene) ->
     colors = random.uniform(0, 1, (40, 3)).astype(np.float32)
     lights = random.uniform(0, 1, 40).astype(np.float32)
     samples = hits(np.full((40, 2), (20.5, 11.5)), colors)
-    samples["light"] = lights
+    samples["lighting"] = lights
 
     still = at_rest_after(scene, samples[:13], samples[13:]).still[11, 20]
 
@@ -223,8 +223,8 @@ def test_who_judges_finds_changes_of_lighting_and_nothing_else(scene: Scene) -> 
     picture.insert(all_pixels(), START, event_at(0))
     picture.refresh(event_at(0), START)
     found = hits([(2.5, 2.5), (6.5, 2.5), (10.5, 2.5), (14.5, 2.5), (18.5, 2.5), (40.5, 2.5)], RED)
-    found["light"] = NO_CHANGE + np.array([0.0, 0.017, 0.018 + 0.03, -0.018 - 0.03, 0.2, 0.2], np.float32)
-    found["object"] = WALL  # the last one hits another object than what was seen there
+    found["lighting"] = NO_CHANGE + np.array([0.0, 0.017, 0.018 + 0.03, -0.018 - 0.03, 0.2, 0.2], np.float32)
+    found["object_id"] = WALL  # the last one hits another object than what was seen there
     found["change"] = np.nan
 
     picture.insert(found, START, event_at(0))

@@ -107,7 +107,7 @@ def twins(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[n
     """Samples traced where stored ones are now, and which of them hit the same surface points."""
     fresh = traced(scene, event, relit.xy.astype(np.float32), SEEN)
     z = fresh["depth"] * cosines(fresh["xy"])
-    return fresh, (fresh["object"] == relit.name) & (np.abs(z / relit.depth - 1.0) < 1e-4)
+    return fresh, (fresh["object_id"] == relit.name) & (np.abs(z / relit.depth - 1.0) < 1e-4)
 
 
 def cosines(xy: Float32) -> Float64:
@@ -225,7 +225,7 @@ def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(thing: dict[s
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
     for name, changes in ((0, False), (FLOOR, True), (BALL, False)):
-        held, were = relit.radiance[relit.name == name], samples["radiance"][samples["object"] == name]
+        held, were = relit.radiance[relit.name == name], samples["radiance"][samples["object_id"] == name]
         nearest = np.abs(held[:, None] - were[None]).max(axis=2).min(axis=1)
         assert len(held) > 100
         left = (nearest < 1e-6).mean()  # to float32: radiance is about 1

@@ -43,11 +43,11 @@ def old(plan: Plan) -> Framelet:
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     samples = tracer.trace(np.stack([x.ravel(), y.ravel()], 1).astype(np.float32))[0]
     rect = Rect(x=left, y=top, width=width, height=height)
-    framelet = Framelet.blank(rect, frozenset({"colour", "depth", "alpha", "object"}))
+    framelet = Framelet.blank(rect, frozenset({"colour", "depth", "alpha", "object_id"}))
     framelet.colour[..., 0], framelet.colour[..., 1], framelet.colour[..., 2] = x, y, 1.0
     framelet.channel("depth")[...] = samples["depth"].reshape(height, width)
-    framelet.channel("object")[...] = samples["object"].reshape(height, width)
-    framelet.channel("alpha")[...] = framelet.channel("object") != 0
+    framelet.channel("object_id")[...] = samples["object_id"].reshape(height, width)
+    framelet.channel("alpha")[...] = framelet.channel("object_id") != 0
     framelet.event = event
     return framelet
 
@@ -72,7 +72,7 @@ def surfaces(plan: Plan, old: Framelet, event: Event) -> Float64:
     points = old.event.camera.origin() + rays * np.float64(old.channel("depth"))[..., None]
     before, after = (plan.scene.at(t).world_from_object for t in (old.event.scene_time, event.scene_time))
     for k in range(len(plan.scene.instances)):
-        mine = old.channel("object") == k + 1
+        mine = old.channel("object_id") == k + 1
         step = after[k] @ np.linalg.inv(before[k])
         points[mine] = points[mine] @ step[:3, :3].T + step[:3, 3]
     return points
@@ -81,7 +81,7 @@ def surfaces(plan: Plan, old: Framelet, event: Event) -> Float64:
 def test_the_same_moment_is_the_same_framelet(plan: Plan, old: Framelet) -> None:
     assert old.event is not None
     same = Timewarp(plan)(old, old.event, PANEL)
-    for name in ("colour", "alpha", "object"):
+    for name in ("colour", "alpha", "object_id"):
         np.testing.assert_array_equal(same.channel(name), old.channel(name), err_msg=name)
     assert_allclose(same.channel("depth"), old.channel("depth"), rtol=1e-5)
 
@@ -92,7 +92,7 @@ def test_every_pixel_lands_where_its_surface_is_projected(plan: Plan, old: Frame
     moved = Timewarp(plan)(old, event, PANEL)
     assert moved.event is event
 
-    there = (moved.channel("object") != 0) & (moved.colour[..., 2] == 1.0)
+    there = (moved.channel("object_id") != 0) & (moved.colour[..., 2] == 1.0)
     assert there.mean() > 0.15
     i, j = np.nonzero(there)
     sx, sy = (np.floor(moved.colour[..., k][there]).astype(int) for k in range(2))  # whose pixel it was
@@ -105,7 +105,7 @@ def test_every_pixel_lands_where_its_surface_is_projected(plan: Plan, old: Frame
     whole = off <= HALF_PIXEL
     wanted = np.linalg.norm(points - event.camera.origin(), axis=1)
     assert_allclose(moved.channel("depth")[there][whole], wanted[whole], rtol=0.02)  # of the pixel's centre
-    np.testing.assert_array_equal(moved.channel("object")[there], old.channel("object")[sy, sx])
+    np.testing.assert_array_equal(moved.channel("object_id")[there], old.channel("object_id")[sy, sx])
 
 
 def test_things_that_move_go_with_their_object_while_the_camera_stands(plan: Plan, old: Framelet) -> None:
@@ -114,9 +114,9 @@ def test_things_that_move_go_with_their_object_while_the_camera_stands(plan: Pla
     moved = Timewarp(plan)(old, event, PANEL)
     before, after = (plan.scene.at(t).world_from_object for t in (0.0, 0.2))
     moves = np.array([False, *(np.abs(after - before).max(axis=(1, 2)) > 1e-6)])
-    seen = moves[old.channel("object")]
+    seen = moves[old.channel("object_id")]
     assert seen.any(), "something in sight must move for this test to say anything"
-    stood = ~moves[old.channel("object")] & ~moves[moved.channel("object")]
+    stood = ~moves[old.channel("object_id")] & ~moves[moved.channel("object_id")]
     stood &= moved.colour[..., 2] == 1.0
     np.testing.assert_array_equal(moved.colour[stood], old.colour[stood], err_msg="what stands stays, pixel for pixel")
 

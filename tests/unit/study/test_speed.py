@@ -79,7 +79,7 @@ def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
     kernels.trace(*bench.arguments(bench.raster))
     assert work.counts[PRIMARY] == 16 * len(bench.hits)
     assert work.counts[SHADOW] == int((bench.lit != 0).sum())
-    assert np.array_equal(bench.found.ravel() == embree.NO_HIT, bench.samples["object"] == BACKGROUND)
+    assert np.array_equal(bench.found.ravel() == embree.NO_HIT, bench.samples["object_id"] == BACKGROUND)
     assert bench.stopped.any()
     assert not bench.stopped.all()
 

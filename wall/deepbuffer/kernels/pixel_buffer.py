@@ -13,7 +13,7 @@ WHOLE = np.uint8(16)  # in `seen`: one sample stands for the whole pixel
 # what is kept of a pixel: one cache line, so that a sample that lands anywhere costs one miss and not eight
 PIXEL = np.dtype(
     {
-        "names": ["shown", "history", "mean", "depth", "object", "time", "key", "count", "seen"],
+        "names": ["shown", "history", "mean", "depth", "object_id", "time", "key", "count", "seen"],
         "formats": ["3f4", "3f4", "3f4", "f4", "u4", "f8", "u8", "u1", "u1"],
         "offsets": [0, 12, 24, 36, 40, 48, 56, 44, 45],
         "itemsize": 64,
@@ -76,7 +76,7 @@ def insert(samples, base_time, key, blend, records, dirty, complete_at):
         if newest:
             pixel["time"] = time
             pixel["depth"] = samples[k]["depth"]
-            pixel["object"] = samples[k]["object"]
+            pixel["object_id"] = samples[k]["object_id"]
         dirty[y // TILE, x // TILE] = True
     return late, outside
 

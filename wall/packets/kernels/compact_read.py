@@ -199,7 +199,7 @@ def restore(subpixels, columns, rect, base, depth_bits, colour_of_code, samples)
         samples[i]["radiance"][2] = colour_of(blue, noise(lift >> 20), colour_of_code)
         bits = min((max(depth - 1, 0) << shift) + origin, 0x7F7FFFFF)
         samples[i]["depth"] = np.float32(np.inf) if depth == 0 else np.int32(bits).view(np.float32)
-        samples[i]["light"] = ZERO
+        samples[i]["lighting"] = ZERO
     return True
 
 
@@ -259,7 +259,7 @@ def decode(words, rect, base, depth_bits, span, lit, tables, samples):
         return np.int64(-1)
     step = np.float32(span) / np.float32(TIME_STEPS)
     for i in range(n):
-        samples[i]["object"] = np.uint32(palette[who[i]])
+        samples[i]["object_id"] = np.uint32(palette[who[i]])
         samples[i]["time"] = np.float32(times[i]) * step
         samples[i]["change"] = np.float32(changes[i]) / np.float32(CHANGE_STEPS)
     return position

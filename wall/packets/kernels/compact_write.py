@@ -143,7 +143,7 @@ def codes(samples, order, subpixels, base, span, tables, columns):
         bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))
         depth = 1 + ((max(bits, origin) - origin + ((1 << shift) >> 1)) >> shift)
         columns[3, i] = depth if bits < 0x7F800000 else 0
-        name = np.int64(samples[k]["object"])
+        name = np.int64(samples[k]["object_id"])
         if name > LARGEST_OBJECT:
             name = (name - 1) % LARGEST_OBJECT + 1
         columns[4, i] = name

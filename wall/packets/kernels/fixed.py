@@ -97,7 +97,7 @@ def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colou
             depths[k] = np.uint16(INFINITE_DEPTH)
         else:
             depths[k] = np.uint16((max(bits, origin) - origin + half) >> shift)
-        name = np.int64(samples[k]["object"])
+        name = np.int64(samples[k]["object_id"])
         if name > LARGEST_OBJECT:
             name = (name - 1) % LARGEST_OBJECT + 1
         objects[k] = np.uint16(name | (time << POSITION_BITS))
@@ -129,8 +129,8 @@ def unpack(colour, xs, ys, depths, objects, rect, x_bits, y_bits, depth_base, de
         samples[k]["time"] = np.float32(name >> POSITION_BITS) * step
         change = ((x >> POSITION_BITS) << 2) | (y >> POSITION_BITS)
         samples[k]["change"] = np.float32(change) / np.float32(CHANGE_STEPS)
-        samples[k]["light"] = np.float32(0.0)
-        samples[k]["object"] = np.uint32(name & POSITION_MASK)
+        samples[k]["lighting"] = np.float32(0.0)
+        samples[k]["object_id"] = np.uint32(name & POSITION_MASK)
         if depths[k] == INFINITE_DEPTH:
             samples[k]["depth"] = np.float32(np.inf)
         else:

@@ -118,7 +118,7 @@ class GpuPicture:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Take samples in that were traced under `event`. Raises GpuError if the GPU has given up."""
-        known = samples["object"] <= len(self._scene.instances)
+        known = samples["object_id"] <= len(self._scene.instances)
         samples = samples if known.all() else samples[known]
         for first in range(0, len(samples), self._most):
             self._insert(samples[first : first + self._most], base_time, event)

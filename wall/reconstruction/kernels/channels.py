@@ -33,7 +33,7 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
             for y in range(row * TILE, min((row + 1) * TILE, records.shape[0])):
                 for x in range(column * TILE, min((column + 1) * TILE, records.shape[1])):
                     pixel = records[y, x]
-                    nothing = transparent and pixel["object"] == 0
+                    nothing = transparent and pixel["object_id"] == 0
                     if colour is not None:
                         for c in range(3):
                             colour[y, x, c] = ZERO if nothing else pixel["shown"][c]
@@ -44,7 +44,7 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
                     if time is not None:
                         time[y, x] = pixel["time"] - moment
                     if thing is not None:
-                        thing[y, x] = pixel["object"]
+                        thing[y, x] = pixel["object_id"]
 
 
 @kernel

@@ -218,7 +218,7 @@ def take_in(
             if count >= name.shape[0]:
                 return count
             sample, r = samples[k], k - first
-            thing, u, v, z = int(sample["object"]), rows[3, r], rows[4, r], rows[5, r]
+            thing, u, v, z = int(sample["object_id"]), rows[3, r], rows[4, r], rows[5, r]
             if z == NOWHERE:
                 continue
             shown = z > ZERO
@@ -230,7 +230,7 @@ def take_in(
                 name[count] = thing
                 for n in range(3):
                     colour[count, n] = sample["radiance"][n]
-                colour[count, 3] = sample["light"]
+                colour[count, 3] = sample["lighting"]
                 if albedo.shape[1] > 0:
                     surface[count] = surface_of(sample)
                     albedo[0, count] = NOT_RELIT
@@ -248,7 +248,7 @@ def take_in(
                 change = sample["change"]
                 if judging:
                     change = judged(
-                        sample["light"], rows[6, r], rows[7, r], i, j, thing, nearest, lighting, still, residual
+                        sample["lighting"], rows[6, r], rows[7, r], i, j, thing, nearest, lighting, still, residual
                     )
                     sample["change"] = change
                 probes[i // TILE, j // TILE, 0] += ONE
@@ -270,7 +270,7 @@ def find_places(samples, first, last, frame, corner, object_from_eye, table, sha
     bottom, right = np.float32(shape[0]), np.float32(shape[1])
     for k in range(first, last):
         sample, r = samples[k], k - first
-        thing = int(sample["object"])
+        thing = int(sample["object_id"])
         if thing >= object_from_eye.shape[0]:
             rows[5, r] = NOWHERE
             continue
@@ -291,7 +291,7 @@ def look_beneath(samples, first, last, nearest, lighting, still, rows):
         if rows[5, r] > ZERO:
             i, j = int(rows[4, r]), int(rows[3, r])
             sum, weight = lighting[i, j, 0], lighting[i, j, 1]
-            known = (nearest[i, j, 3] == samples[k]["object"]) & (weight > TRUSTED)
+            known = (nearest[i, j, 3] == samples[k]["object_id"]) & (weight > TRUSTED)
             rows[6, r] = sum / weight if known else -ONE
             rows[7, r] = still[i, j, 3]
 
@@ -349,9 +349,9 @@ def gather_still(still, i, j, sample):
     delta = value - pixel[4]
     pixel[4] += delta / pixel[3]
     pixel[5] += delta * (value - pixel[4])
-    delta = sample["light"] - pixel[6]
+    delta = sample["lighting"] - pixel[6]
     pixel[6] += delta / pixel[3]
-    pixel[7] += delta * (sample["light"] - pixel[6])
+    pixel[7] += delta * (sample["lighting"] - pixel[6])
 
 
 @inline_kernel

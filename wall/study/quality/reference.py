@@ -31,7 +31,7 @@ BAND_ROWS = 32  # traced at a time
 LARGEST = 65504.0  # of float16: brighter light is kept as this
 SMALL_PIXELS = 100_000  # up to here every 2nd refresh is scored, above every 8th
 SMALL_STRIDE, LARGE_STRIDE = 2, 8
-TRACER_SOURCES = ("tracing", "sampling/progressive.py", "sampling/kernels.py", "geometry/frusta.py")
+TRACER_SOURCES = ("tracing", "sampling/progressive.py", "sampling/kernels/permutation.py", "geometry/frusta.py")
 
 
 def ideal_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: float) -> tuple[int, ...]:

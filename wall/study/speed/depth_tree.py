@@ -35,7 +35,7 @@ from wall.transport.zeromq import ZmqHub, ZmqLink
 SOURCES, SOURCE_PIXELS = 8, (960, 540)
 FRAMES, SETTLING = 8, 2  # pictures in a round, after some that do not count
 CREDIT_BYTES = 1 << 14  # one framelet under way from each source
-CHANNELS = frozenset({"colour", "depth", "alpha", "object"})
+CHANNELS = frozenset({"colour", "depth", "alpha", "object_id"})
 PATIENCE_S = 60.0  # for a process that should answer within one second
 
 
@@ -97,9 +97,9 @@ def _traced(plan: Plan, panel: Panel, tracer: Tracer) -> Framelet:
     rect = Rect(x=0, y=0, width=width, height=height)
     framelet = replace(Framelet.blank(rect, CHANNELS), event=event)
     rows, columns = samples["xy"][:, 1].astype(int), samples["xy"][:, 0].astype(int)
-    hit = samples["object"] > 0
+    hit = samples["object_id"] > 0
     framelet.colour[rows, columns] = samples["radiance"] * hit[:, None]
-    for name, values in (("depth", samples["depth"]), ("alpha", hit), ("object", samples["object"])):
+    for name, values in (("depth", samples["depth"]), ("alpha", hit), ("object_id", samples["object_id"])):
         framelet.channel(name)[rows, columns] = np.where(hit, values, BLANK[name][0])
     return framelet
 

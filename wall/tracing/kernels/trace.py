@@ -392,8 +392,8 @@ def write_samples(xy, first, count, samples, kept, relit, work):
         sample["radiance"][1] = g
         sample["radiance"][2] = b
         sample["depth"] = p[DEPTH + lane]
-        sample["object"] = np.uint32(p[OBJECT + lane])
-        sample["light"] = math.sqrt(max(p[LIGHT + lane], ZERO))
+        sample["object_id"] = np.uint32(p[OBJECT + lane])
+        sample["lighting"] = math.sqrt(max(p[LIGHT + lane], ZERO))
         sample["change"] = ZERO
         if relit is not None:
             facing = work.bits[FACING + lane]

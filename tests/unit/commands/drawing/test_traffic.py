@@ -28,7 +28,7 @@ def test_ranks_of_a_panel_add_up() -> None:
         (COLOUR, True, 3),
         (COLOUR, False, 12),
         (COLOUR | {"depth"}, False, 16),
-        (COLOUR | {"depth", "alpha", "time", "object", "variance"}, False, 32),
+        (COLOUR | {"depth", "alpha", "time", "object_id", "variance"}, False, 32),
         (COLOUR | {"time"}, True, 7),
     ],
 )

@@ -250,7 +250,7 @@ def store(
         sample, k = samples[s], hands[0]
         if cell[k] >= 0:
             add_along(cell[k], parent, sums, -state[k, 1], state[k, 2], state[k, 3:])
-        row = min(int(sample["object"]), last)
+        row = min(int(sample["object_id"]), last)
         x, y = sample["xy"][0], sample["xy"][1]
         a, b, c = place_of(corner[0] + x, corner[1] + y, sample["depth"], row, frame, object_from_eye)
         place[k, 0], place[k, 1], place[k, 2], place[k, 3] = a, b, c, np.float32(row)

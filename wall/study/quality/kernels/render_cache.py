@@ -228,7 +228,7 @@ def store(
             if seat[slot] >= 0:
                 owner[seat[slot] // width, seat[slot] % width] = -1
             seat[slot] = i * width + j
-        row = min(int(sample["object"]), last)
+        row = min(int(sample["object_id"]), last)
         x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
         a, b, c = place_of(x, y, sample["depth"], row, frame, object_from_eye)
         place[slot, 0], place[slot, 1], place[slot, 2], place[slot, 3] = a, b, c, np.float32(row)

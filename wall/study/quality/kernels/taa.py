@@ -39,7 +39,7 @@ def place_samples(raster, frame, corner, object_from_eye, table, place, depth):
     for i in range(raster.shape[0]):
         for j in range(raster.shape[1]):
             sample = raster[i, j]
-            name = int(sample["object"])
+            name = int(sample["object_id"])
             x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
             a, b, c = place_of(x, y, sample["depth"], name, frame, object_from_eye)
             place[i, j, 0], place[i, j, 1], place[i, j, 2], place[i, j, 3] = a, b, c, np.float32(name)
