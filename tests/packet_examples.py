@@ -1,4 +1,4 @@
-"""Batches of every shape, and the bounds of docs/packet_format.md, in float64 and by another way than the code."""
+"""Batches of every shape, and the float64 bounds of docs/guide/packet_format.md, computed another way than the code."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.kernels import tiling as kernels_tiling
 from wall.sampling.tiles import Division, Grid, Measured
 
-FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/quality.md
+FLOOR_MOVING, FLOOR_STILL = 3e-5, 1e-5  # squared display units; see docs/lab/quality.md
 PACKETS_A_STEP = 4  # between two changes of the cut: of 64 rays
 ENOUGH = 0.5 / 255.0  # half a step of 8 bits
 

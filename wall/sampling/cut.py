@@ -29,7 +29,7 @@ from wall.core.data import Float32
 from wall.sampling.kernels import cut as kernels
 from wall.sampling.tiles import Integers, Tiles
 
-LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile; in smaller ones rays crowd (docs/quality.md)
+LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile; in smaller ones rays crowd (docs/lab/quality.md)
 FINE, COARSE = 16, 40  # pixels, mean edge of the most and the fewest tiles
 BALANCE = 200.0  # K: puts the four scenes of `measure quality` between FINE and COARSE
 GAIN = 0.125  # of the way to balance, at every refresh

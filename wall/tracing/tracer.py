@@ -21,7 +21,7 @@ from wall.tracing.kernels import trace as kernels
 from wall.tracing.kernels.packet import ALL, COUNTS, PACKET_FLOATS, SEEN, SEES, SHADE, UNSEEN, Surfaces, Workspace
 from wall.tracing.resident import Resident
 
-LIFT_ULPS = 16.0  # float32 roundings between a hit and its secondary ray; eight times what was needed, docs/accuracy.md
+LIFT_ULPS = 16.0  # float32 roundings from a hit to its secondary ray; eight times the need, docs/guide/accuracy.md
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

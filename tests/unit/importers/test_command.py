@@ -259,7 +259,7 @@ def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch
 
 
 def test_the_example_of_the_documentation_is_what_comes_out() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "converting.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[3] / "docs" / "guide" / "converting.md").read_text(encoding="utf-8")
     blocks = re.findall(r"^```(\w*)\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     source = next(text for kind, text in blocks if kind == "xml")
 

@@ -43,7 +43,7 @@ class Crop(Operator):
 class Unnamed(Operator):
     input: Input
 '''
-DOCUMENT = Path(__file__).parents[3] / "docs" / "operators.md"
+DOCUMENT = Path(__file__).parents[3] / "docs" / "guide" / "operators.md"
 Installed = Callable[..., None]
 
 

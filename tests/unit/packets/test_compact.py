@@ -1,4 +1,4 @@
-"""The compact layout: every sample comes back once, in its place, within the bounds of docs/packet_format.md."""
+"""The compact layout: every sample comes back once, in its place, within the bounds of docs/guide/packet_format.md."""
 
 from __future__ import annotations
 

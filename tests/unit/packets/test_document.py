@@ -1,4 +1,4 @@
-"""docs/packet_format.md is true: its tables and examples are read from the page and held against the code."""
+"""docs/guide/packet_format.md is true: its tables and examples are read from the page and held against the code."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from wall.packets.kernels.normals import RELIT, TURNED
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
 from wall.packets.tiling import MEASURES, encode_tiling, grid
 
-PAGE = (Path(__file__).parents[3] / "docs" / "packet_format.md").read_text()
+PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
 
 
 def block(kind: str) -> str:

@@ -1,4 +1,4 @@
-"""The error of every quantisation at its worst cases; the bounds are those of docs/packet_format.md."""
+"""The error of every quantisation at its worst cases; the bounds are those of docs/guide/packet_format.md."""
 
 from __future__ import annotations
 

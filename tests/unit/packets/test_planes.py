@@ -1,4 +1,4 @@
-"""Planes of numbers as bits, against codes written as text by the rules of docs/packet_format.md."""
+"""Planes of numbers as bits, against codes written as text by the rules of docs/guide/packet_format.md."""
 
 from __future__ import annotations
 

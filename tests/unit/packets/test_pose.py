@@ -13,7 +13,7 @@ from wall.core.data import Camera
 from wall.core.errors import LocalProtocolError
 from wall.packets.samples import decode, encode
 
-LARGEST_CHANGE = 2e-15  # of a rotation's elements, docs/packet_format.md
+LARGEST_CHANGE = 2e-15  # of a rotation's elements, docs/guide/packet_format.md
 CAMERA = Camera(position=(1e6 + 0.1, -2.5, math.pi), world_from_wall=(0.6, 0.0, 0.8, 0.0, 1.0, 0.0, -0.8, 0.0, 0.6))
 
 

@@ -9,7 +9,7 @@ from wall.core.data import Channels
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
 
 SAMPLES_PER_S = 1e6  # of a rank, where nobody says better: about what one core traces of a small scene
-COMPACT_BYTES_A_SAMPLE = 7.0  # of adaptive batches, header included: the bar of `adaptive_bytes` in docs/measuring.md
+COMPACT_BYTES_A_SAMPLE = 7.0  # adaptive, header included: the limit of `adaptive_bytes`, docs/guide/measuring.md
 ENCODED_BYTES = 3  # a pixel of 8-bit sRGB
 LINEAR_BYTES = 12  # a pixel of three float32
 CHANNEL_BYTES = 4  # a pixel of any other channel: float32 or uint32

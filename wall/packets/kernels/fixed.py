@@ -58,7 +58,7 @@ def depth_range(samples):
 
 @kernel
 def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colour, xs, ys, depths, objects):
-    """Quantise samples; see docs/packet_format.md for the layout and the error bounds.
+    """Quantise samples; see docs/guide/packet_format.md for the layout and the error bounds.
 
     Parameters
     ----------

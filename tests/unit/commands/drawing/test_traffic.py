@@ -10,7 +10,7 @@ COLOUR = frozenset({"colour"})
 
 
 def test_plain_samples_take_twelve_bytes_and_their_share_of_the_header() -> None:
-    """A packet of 4096 samples: a header of 146 bytes and 12 bytes each (docs/packet_format.md)."""
+    """A packet of 4096 samples: a header of 146 bytes and 12 bytes each (docs/guide/packet_format.md)."""
     assert bytes_a_sample("frameless", 4096) == pytest.approx((146 + 12 * 4096) / 4096, abs=1e-12)
 
 
