@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from wall.config.schema import METHODS, GridConfig, WallConfig
-from wall.core.data import Survey
+from wall.core.data import StatisticsImage
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.display.browser import Browser
 from wall.geometry.panels import Wall, expand
@@ -45,7 +45,7 @@ class Source(threading.Thread):
     """Shows a flat colour a panel at 30 Hz; what the page asks for changes colour, sampler and pause.
 
     Panel k has red 40 + 50 k; the sum of orbits moves green by 100 a wall height; blue counts nothing and is 30. Second
-    pictures, while something is compared, are blue. Surveys: see `surveys`.
+    pictures, while something is compared, are blue. Statistics images: see `statistics_images`.
     """
 
     wall: Wall
@@ -57,7 +57,7 @@ class Source(threading.Thread):
     def __post_init__(self) -> None:
         super().__init__(daemon=True)
         self.sink = Browser("127.0.0.1", self.port, self.wall)
-        self.turned, self.paused, self.sampler, self.compare, self.survey = 0.0, False, "hilbert", "", ""
+        self.turned, self.paused, self.sampler, self.compare, self.statistics = 0.0, False, "hilbert", "", ""
         self.version = self.refreshes = 0
         self.stopping = threading.Event()
         self.start()
@@ -80,8 +80,8 @@ class Source(threading.Thread):
             self.sampler, self.compare = command["value"], ""
         elif command["kind"] == "compare":
             self.compare = command["value"]
-        elif command["kind"] == "survey":
-            self.survey = command["value"]
+        elif command["kind"] == "statistics":
+            self.statistics = command["value"]
 
     def green(self) -> int:
         return int(np.clip(100 + 100 * self.turned, 0, 255))
@@ -91,7 +91,7 @@ class Source(threading.Thread):
         return WallPicture(
             width=self.wall.width, height=self.wall.height, panels=panels, time=self.refreshes * REFRESH_S,
             camera_event=self.version, scene_event=0,
-            compared=self.panels(lambda k: SECOND) if self.compare else (), surveys=self.surveys(),
+            compared=self.panels(lambda k: SECOND) if self.compare else (), statistics_images=self.statistics_images(),
         )  # fmt: skip
 
     def panels(self, colour: Callable[[int], tuple[int, int, int]]) -> tuple[PanelPicture, ...]:
@@ -103,16 +103,16 @@ class Source(threading.Thread):
             for p in self.wall.panels
         )  # fmt: skip
 
-    def surveys(self) -> tuple[Survey, ...]:
+    def statistics_images(self) -> tuple[StatisticsImage, ...]:
         """8 x 5 tiles a panel: ages grow from left to right, nothing is in the first column. Two rectangles."""
-        if not self.survey:
+        if not self.statistics:
             return ()
         codes = np.tile(np.arange(8, dtype=np.uint8) * 36, (5, 1))
         rects = np.array([[0, 0, 60, 68], [60, 0, 60, 68]], np.uint16)
         return tuple(
-            Survey(
+            StatisticsImage(
                 panel=p.index, compared=second, age=codes, density=codes[:, ::-1], rects=rects,
-                worth=np.array([60, 200], np.uint8),
+                error_reduction=np.array([60, 200], np.uint8),
             )
             for p in self.wall.panels for second in ((False, True) if self.compare else (False,))
         )  # fmt: skip

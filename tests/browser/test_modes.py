@@ -9,7 +9,7 @@ import pytest
 from page_hands import drag, eventually, find
 from PIL import Image
 
-from wall.reconstruction.statistics import AGE, DENSITY, WORTH
+from wall.reconstruction.statistics import AGE, DENSITY, ERROR_REDUCTION
 
 pytestmark = pytest.mark.browser
 
@@ -124,7 +124,7 @@ def test_comparison_begun_by_another_viewer_is_shown(page, source):
 
 def test_age_map_is_coloured_by_tiles_in_growing_lightness(page, source):
     page.get_by_label("Age", exact=True).click()
-    eventually(page, lambda: source.survey == "on", "surveys are asked for")
+    eventually(page, lambda: source.statistics == "on", "statistics_images are asked for")
     find(page, "canvas.cover")
     grey = looks(page, 0.06, 0.5)
     assert np.ptp(grey) <= STEPS, "nothing is known in the first column: the picture alone, grey"
@@ -162,10 +162,10 @@ def test_o_goes_through_the_overlays_and_none_costs_nothing(page, source):
         overlays.append(page.evaluate("document.body.dataset.overlay"))
         page.wait_for_timeout(150)
     assert overlays == ["tiles", "age", "density", ""]
-    eventually(page, lambda: source.survey == "", "surveys are no longer asked for")
+    eventually(page, lambda: source.statistics == "", "statistics_images are no longer asked for")
     assert page.locator("canvas.cover").count() == 0
     assert not page.is_visible("#legend")
-    assert [c["kind"] for c in source.received] == ["survey", "survey"]
+    assert [c["kind"] for c in source.received] == ["statistics", "statistics"]
     assert similar(looks(page, 0.5, 0.5), FIRST)
 
 
@@ -178,12 +178,12 @@ def test_both_views_have_their_own_map(page, source):
 def test_an_overlay_survives_a_reconnection(page, source, grid):
     port = int(source.sink.address.rsplit(":", 1)[1].strip("/"))
     page.keyboard.press("o")
-    eventually(page, lambda: source.survey == "on", "surveys")
+    eventually(page, lambda: source.statistics == "on", "statistics_images")
     source.stop()
     find(page, "#banner:not([hidden])")
     following = type(source)(grid, port)
     try:
-        eventually(page, lambda: following.survey == "on", "the next run is asked, too")
+        eventually(page, lambda: following.statistics_image == "on", "the next run is asked, too")
     finally:
         following.stop()
     page.complaints = [text for text in page.complaints if "WebSocket connection" not in text]
@@ -212,7 +212,7 @@ def test_everything_fits_in_every_mode(page, source, width, height, view):
 
 def test_the_page_reads_codes_as_they_are_written(page):
     kinds = page.evaluate("import('/overlay.js').then((m) => m.KINDS)")
-    for name, scale in {"age": AGE, "density": DENSITY, "tiles": WORTH}.items():
+    for name, scale in {"age": AGE, "density": DENSITY, "tiles": ERROR_REDUCTION}.items():
         assert (kinds[name]["steps"], kinds[name]["least"]) == tuple(scale)
 
 

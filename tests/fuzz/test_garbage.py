@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, plain_samples, resealed
 
-from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Survey, Tiling
+from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, StatisticsImage, Tiling
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.steering import parse
 from wall.packets.control import (
@@ -58,9 +58,9 @@ CONTROL = [
     framelet("depth", "alpha", encoded=False),
     framelet(*CHANNELS, encoded=False),
     serialise(
-        Survey(
+        StatisticsImage(
             panel=1, compared=True, age=np.ones((2, 3), np.uint8), density=np.ones((2, 3), np.uint8),
-            rects=np.ones((2, 4), np.uint16), worth=np.ones(2, np.uint8),
+            rects=np.ones((2, 4), np.uint16), error_reduction=np.ones(2, np.uint8),
         )
     ),
 ]  # fmt: skip
@@ -113,9 +113,9 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
     elif isinstance(value, Hands):
         with contextlib.suppress(RemoteProtocolError):
             steered(commands_of(value))
-    elif isinstance(value, Survey):
+    elif isinstance(value, StatisticsImage):
         assert value.age.shape == value.density.shape
-        assert value.rects.shape == (len(value.worth), 4)
+        assert value.rects.shape == (len(value.error_reduction), 4)
     elif isinstance(value, Tiling):
         low, size = value.rects[:, :2].astype(int), value.rects[:, 2:].astype(int)
         edges = (value.rect.x + value.rect.width, value.rect.y + value.rect.height)

@@ -150,7 +150,7 @@ class Event:
     sampler: str = ""  # sampling method asked for; "" keeps the configured one
     paused: bool = False
     compare: str = ""  # another method that gets half of the rays, for a picture of its own; "" none
-    survey: bool = False  # somebody looks at Surveys: compositors make them
+    statistics: bool = False  # a viewer shows an overlay: compositors make statistics images
 
     @property
     def number(self) -> tuple[int, int]:
@@ -199,10 +199,10 @@ class Tiling:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Survey:
+class StatisticsImage:
     """How old and how dense the samples of a panel are by tiles of 16 pixels, and the tiles that samplers go by.
 
-    Codes are of reconstruction.survey: 0 is none, the others are logarithmic.
+    Codes are of reconstruction.statistics: 0 is none, the others are logarithmic.
     """
 
     panel: int  # index in Wall.panels
@@ -210,7 +210,7 @@ class Survey:
     age: NDArray[np.uint8]  # (rows, columns) median age of the samples shown
     density: NDArray[np.uint8]  # (rows, columns) samples a pixel
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
-    worth: NDArray[np.uint8]  # (n,) squared error that one more sample is expected to remove
+    error_reduction: NDArray[np.uint8]  # (n,) squared error that one more sample is expected to remove
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Survey
+from wall.core.data import StatisticsImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,7 +37,9 @@ class WallPicture:
     camera_event: int
     scene_event: int
     compared: tuple[PanelPicture, ...] = ()  # second pictures of the panels, while two samplers are compared
-    surveys: tuple[Survey, ...] = ()  # while somebody watches; the same object until there are new ones
+    statistics_images: tuple[
+        StatisticsImage, ...
+    ] = ()  # while somebody watches; the same object until there are new ones
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

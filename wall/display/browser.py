@@ -21,7 +21,7 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 from PIL import Image
 
-from wall.core.data import Counters, Survey
+from wall.core.data import Counters, StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.png import QUICK, whole_wall
@@ -31,8 +31,8 @@ from wall.display.stream import (
     layout_message,
     panel_message,
     picture_message,
+    statistics_message,
     status_message,
-    survey_message,
 )
 from wall.geometry.panels import Wall
 
@@ -68,14 +68,14 @@ class _Viewer:
     told: tuple[bool, str, str] | None = None  # paused, sampler, compared one, as last sent
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
-    surveys: tuple[Survey, ...] = ()  # as last sent
+    statistics_images: tuple[StatisticsImage, ...] = ()  # as last sent
 
 
 class Browser:
     """Serves the page from construction to `close`.
 
-    `commands` gives what the viewers asked for since the last call, checked by steering.parse_message, and `survey`
-    when the first of them puts an overlay on and the last one takes it off.
+    `commands` gives what the viewers asked for since the last call, checked by steering.parse_message, and
+    `statistics` when the first of them puts an overlay on and the last one takes it off.
     """
 
     def __init__(self, host: str, port: int, wall: Wall, *, max_viewers: int = MAX_VIEWERS) -> None:
@@ -88,7 +88,7 @@ class Browser:
         self._commands: deque[dict[str, Any]] = deque()
         self._counters = Counters()
         self._jpegs: dict[_Shown, tuple[int, bytes]] = {}  # version, JPEG; the encoder's own
-        self._surveying = False  # as last told by `commands`
+        self._statistics_wanted = False  # as last told by `commands`
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
@@ -107,9 +107,9 @@ class Browser:
         while self._commands:
             taken.append(self._commands.popleft())
         watching = any(viewer.overlay for viewer in tuple(self._viewers))
-        if watching != self._surveying:
-            self._surveying = watching
-            taken.append({"kind": "survey", "value": "on" if watching else ""})
+        if watching != self._statistics_wanted:
+            self._statistics_wanted = watching
+            taken.append({"kind": "statistics", "value": "on" if watching else ""})
         return taken
 
     def dropped(self) -> dict[str, int]:
@@ -235,7 +235,7 @@ class Browser:
         if message["kind"] == "shown":
             self._drawn(viewer, message["number"])
         elif message["kind"] == "overlay":
-            viewer.overlay, viewer.surveys = message["value"], ()
+            viewer.overlay, viewer.statistics_images = message["value"], ()
         elif len(self._commands) >= MAX_COMMANDS:
             self._counters.add("browser_command_overflow")
         else:
@@ -272,10 +272,10 @@ class Browser:
             await viewer.socket.send_str(status_message(status))
         if len(viewer.in_flight) >= IN_FLIGHT:
             return
-        if viewer.overlay and picture.surveys is not viewer.surveys:
-            viewer.surveys = picture.surveys
-            for survey in picture.surveys:
-                await viewer.socket.send_bytes(survey_message(survey, viewer.overlay))
+        if viewer.overlay and picture.statistics_images is not viewer.statistics_images:
+            viewer.statistics_images = picture.statistics_images
+            for statistics_image in picture.statistics_images:
+                await viewer.socket.send_bytes(statistics_message(statistics_image, viewer.overlay))
         panels = {(False, k): p for k, p in enumerate(picture.panels)}
         panels |= {(True, k): p for k, p in enumerate(picture.compared)}
         changed = {shown: p for shown, p in panels.items() if viewer.versions.get(shown) != p.version}

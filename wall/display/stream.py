@@ -2,7 +2,8 @@
 
 A picture is one JSON message `picture` that says how many panels follow, then one binary message a panel:
 HEADER, then a JPEG. Only panels that changed since the viewer's last picture are sent. While two samplers are compared
-every panel has a second picture. An overlay comes as a binary message a picture of a panel: SURVEY_HEADER, then codes.
+every panel has a second picture. An overlay is a binary message for each picture of a panel: STATISTICS_HEADER, then
+codes.
 """
 
 from __future__ import annotations
@@ -16,13 +17,13 @@ from typing import Any
 import numpy as np
 import simplejpeg
 
-from wall.core.data import Survey
+from wall.core.data import StatisticsImage
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.steering import OVERLAYS
 from wall.geometry.panels import Wall
 
 HEADER = struct.Struct("<2sBBHHHxxII")  # "WP", format, compared, panel, width, height, version, picture number
-SURVEY_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
+STATISTICS_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
 FORMAT = 2
 QUALITY = 88  # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 
@@ -54,17 +55,21 @@ def picture_message(picture: WallPicture, *, panels: int, number: int) -> str:
     )
 
 
-def survey_message(survey: Survey, overlay: str) -> bytes:
+def statistics_message(statistics_image: StatisticsImage, overlay: str) -> bytes:
     """What one overlay of OVERLAYS draws over one panel: codes by tiles, or n rectangles (4 u16) and their n codes."""
-    rows, columns = survey.age.shape
+    rows, columns = statistics_image.age.shape
     tiles = overlay == "tiles"
-    header = SURVEY_HEADER.pack(
-        b"WS", FORMAT, survey.compared, survey.panel, OVERLAYS.index(overlay), rows, columns,
-        len(survey.rects) if tiles else 0,
+    header = STATISTICS_HEADER.pack(
+        b"WS", FORMAT, statistics_image.compared, statistics_image.panel, OVERLAYS.index(overlay), rows, columns,
+        len(statistics_image.rects) if tiles else 0,
     )  # fmt: skip
     if tiles:
-        return header + np.ascontiguousarray(survey.rects, "<u2").tobytes() + survey.worth.tobytes()
-    return header + (survey.age if overlay == "age" else survey.density).tobytes()
+        return (
+            header
+            + np.ascontiguousarray(statistics_image.rects, "<u2").tobytes()
+            + statistics_image.error_reduction.tobytes()
+        )
+    return header + (statistics_image.age if overlay == "age" else statistics_image.density).tobytes()
 
 
 def layout_message(wall: Wall) -> str:

@@ -15,7 +15,7 @@ from wall.core.data import Camera, Float64
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
-Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "survey"]
+Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics"]
 Vector: TypeAlias = tuple[float, float, float]
 
 STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the picture would flip
@@ -27,7 +27,7 @@ NUMBERS: dict[str, tuple[str, ...]] = {"orbit": ("x", "y"), "pan": ("x", "y"), "
 VALUES: dict[str, tuple[str, ...]] = {
     "sampler": METHODS,
     "compare": ("", *(method for method in METHODS if method != "adaptive")),
-    "survey": ("", "on"),
+    "statistics": ("", "on"),
 }
 
 
@@ -37,7 +37,7 @@ class Command:
 
     orbit, pan: x and y are drags in fractions of the wall's height, x to the right, y down. zoom: x is the
     factor by which things grow. pause: stops or resumes. sampler: `value` is one of METHODS. reset: back to
-    the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. survey: "on" has
+    the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that.
     """
 

@@ -15,14 +15,14 @@ import zlib
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, TypeAlias
 
-from wall.core.data import Camera, Event, Survey
+from wall.core.data import Camera, Event, StatisticsImage
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.framelets import FrameletPart, parse_part, part_body
-from wall.packets.survey import parse_survey, survey_body
+from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
 MAGIC, VERSION = b"WALL", 4
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_SURVEY, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is a tiling
+KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is a tiling
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
@@ -104,7 +104,9 @@ class Statistics:
     ranks: int
 
 
-Message: TypeAlias = Event | FrameletPart | Hands | Hello | Heartbeat | Ping | Pong | Statistics | Stop | Survey
+Message: TypeAlias = (
+    Event | FrameletPart | Hands | Hello | Heartbeat | Ping | Pong | Statistics | Stop | StatisticsImage
+)
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
     KIND_HEARTBEAT: Heartbeat,
@@ -156,8 +158,8 @@ def commands_of(hands: Hands) -> list[Any]:
 def _body(message: Message) -> tuple[int, bytes]:
     if isinstance(message, Event):
         return KIND_EVENT, _event_body(message)
-    if isinstance(message, Survey):
-        return KIND_SURVEY, survey_body(message)
+    if isinstance(message, StatisticsImage):
+        return KIND_STATISTICS_IMAGE, statistics_image_body(message)
     if isinstance(message, FrameletPart):
         return KIND_FRAMELET, part_body(message)
     kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
@@ -169,8 +171,8 @@ def _parse_body(kind: int, body: bytes) -> Message:
         return _parse_event(body)
     if kind == KIND_FRAMELET:
         return parse_part(body)
-    if kind == KIND_SURVEY:
-        return parse_survey(body)
+    if kind == KIND_STATISTICS_IMAGE:
+        return parse_statistics_image(body)
     if kind in _JSON_KINDS:
         return _parse_json(_JSON_KINDS[kind], body)
     raise RemoteProtocolError(f"unknown kind of message {kind}")
@@ -183,19 +185,20 @@ def _event_body(event: Event) -> bytes:
     return _EVENT.pack(
         event.view, event.camera_event, event.scene_event, event.scene_time, event.input_time,
         *event.camera.position, *event.camera.world_from_wall, event.paused, sampler, compare,
-        event.survey,
+        event.statistics,
     )  # fmt: skip
 
 
 def _parse_event(body: bytes) -> Event:
     if len(body) != _EVENT.size:
         raise RemoteProtocolError(f"an event of {len(body)} bytes; it has {_EVENT.size}")
-    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler, compare, survey = _EVENT.unpack(
-        body
+    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler, compare, statistics = (
+        _EVENT.unpack(body)
     )
-    if not all(map(math.isfinite, (scene_time, input_time, *pose))) or max(paused, survey) > 1:
+    if not all(map(math.isfinite, (scene_time, input_time, *pose))) or max(paused, statistics) > 1:
         raise RemoteProtocolError(
-            f"event {camera_event}/{scene_event}: a number is not finite, or paused {paused} or survey {survey} above 1"
+            f"event {camera_event}/{scene_event}: a number is not finite, or a flag is above 1: paused {paused}, "
+            f"statistics {statistics}"
         )
     try:
         names = sampler.decode(), compare.decode()
@@ -204,7 +207,7 @@ def _parse_event(body: bytes) -> Event:
     return Event(
         view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=input_time,
         camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=names[0], paused=bool(paused),
-        compare=names[1], survey=bool(survey),
+        compare=names[1], statistics=bool(statistics),
     )  # fmt: skip
 
 

@@ -27,9 +27,9 @@ class Scale(NamedTuple):
     least: int
 
 
-AGE = Scale(16, -10)  # seconds: 1 ms to 59 s; kernels_survey.code_of_age
+AGE = Scale(16, -10)  # seconds: 1 ms to 59 s; kernels.code_of_age
 DENSITY = Scale(16, -8)  # samples a pixel: 1/256 to 230
-WORTH = Scale(8, -28)  # squared display units: 4e-9 to 13
+ERROR_REDUCTION = Scale(8, -28)  # squared display units: 4e-9 to 13
 
 
 def codes_of(values: Float64 | Float32, scale: Scale) -> Codes:
@@ -45,7 +45,7 @@ def values_of(codes: Codes, scale: Scale) -> Float64:
     return values
 
 
-def survey_picture(picture: Reprojected, now: float) -> tuple[Codes, Float64]:
+def statistics_of_store(picture: Reprojected, now: float) -> tuple[Codes, Float64]:
     """Median age of the samples kept, (rows, columns) codes, and samples a pixel, (rows, columns).
 
     `now`: seconds of the samples' clock. A pixel that stands still counts the samples whose mean it shows, if those are
@@ -60,7 +60,7 @@ def survey_picture(picture: Reprojected, now: float) -> tuple[Codes, Float64]:
     return _medians(histogram), np.maximum(histogram.sum(2), gathered) / tile_areas(height, width)
 
 
-def survey_newest(records: NDArray[np.void], now: float) -> tuple[Codes, Float64]:
+def statistics_of_pixels(records: NDArray[np.void], now: float) -> tuple[Codes, Float64]:
     """The same of a deep buffer's (h, w) PIXEL records: each pixel's newest sample, and how many it is the mean of."""
     height, width = records.shape
     histogram = _histogram(height, width)
@@ -68,7 +68,7 @@ def survey_newest(records: NDArray[np.void], now: float) -> tuple[Codes, Float64
     return _medians(histogram), tile_sums(records["count"]) / tile_areas(height, width)
 
 
-def grid_worth(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16], Float64]:
+def grid_error_reduction(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16], Float64]:
     """Tiles of a fixed grid, (n, 4) x, y, width, height, and what one more sample is worth in each, (n,).
 
     radiance : (h, w, 3) linear RGB; density : (rows, columns) samples a pixel
@@ -83,7 +83,7 @@ def grid_worth(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16],
     return rects.reshape(-1, 4).astype(np.uint16), _expected(contrast, density).ravel()
 
 
-def tiling_worth(tilings: list[Tiling]) -> tuple[NDArray[np.uint16], Float64]:
+def tiling_error_reduction(tilings: list[Tiling]) -> tuple[NDArray[np.uint16], Float64]:
     """The tiles of several tilings and what one more sample is worth in each, likewise, from the gradients given."""
     rects = np.concatenate([t.rects for t in tilings]).astype(np.uint16)
     spatial = np.concatenate([t.spatial for t in tilings]).astype(np.float64)
@@ -93,8 +93,8 @@ def tiling_worth(tilings: list[Tiling]) -> tuple[NDArray[np.uint16], Float64]:
 
 def _expected(contrast: Float64, density: Float64) -> Float64:
     n = np.maximum(density, 1.0 / TILE**2)
-    worth: Float64 = contrast / (n * (n + 1.0))
-    return worth
+    error_reduction: Float64 = contrast / (n * (n + 1.0))
+    return error_reduction
 
 
 def tile_sums(values: NDArray[np.generic]) -> Float64:

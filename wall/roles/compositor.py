@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
 from wall.config.schema import FrameSync, SkyNode
-from wall.core.data import Counters, Event, Framelet, Rect, Survey
+from wall.core.data import Counters, Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
@@ -50,7 +50,9 @@ class Compositor:
         self._compared: _Pictures | None = None  # while two samplers are compared
         self._refreshed: float | None = None  # when, seconds of the head's clock
         self._pool: ThreadPoolExecutor | None = None
-        self._surveys: dict[tuple[int, bool], Survey] = {}  # of other places, the newest of each picture
+        self._statistics_images: dict[
+            tuple[int, bool], StatisticsImage
+        ] = {}  # of other places, the newest of each picture
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
@@ -86,14 +88,16 @@ class Compositor:
             self._layer_of(tiling.rank, tiling.panel, tiling.rect, tiling.base_time).take_tiling(tiling)
             return
         message = parse_control(packet)
-        if isinstance(message, Survey):
+        if isinstance(message, StatisticsImage):
             self._keep(message)
         elif isinstance(message, FrameletPart):
             pictures = self._compared if message.compared else self._pictures
             if pictures is not None:
                 pictures.insert(message)
         else:
-            raise RemoteProtocolError("neither samples, tiles, a framelet nor a survey of another compositor's panel")
+            raise RemoteProtocolError(
+                "neither samples, tiles, a framelet nor a statistics_image of another compositor's panel"
+            )
 
     def _layer_of(self, rank: int, panel: int, rect: Rect, time: float) -> PanelCompositor:
         """Whose samples these are. Refuses what no rank of this run can have sent: others' pixels, another time's."""
@@ -107,12 +111,12 @@ class Compositor:
             raise RemoteProtocolError(f"rank {rank}: from {time:.6g} s; wanted: about {self._refreshed:.6g} s")
         return self.layers[region.layer]
 
-    def _keep(self, survey: Survey) -> None:
+    def _keep(self, statistics_image: StatisticsImage) -> None:
         panels = self._plan.layout.wall.panels
-        if self._rank != HEAD or survey.panel >= len(panels):
-            raise RemoteProtocolError(f"survey of panel {survey.panel}, which nobody needs here")
-        check_survey(survey, panels[survey.panel])
-        self._surveys[survey.panel, survey.compared] = survey
+        if self._rank != HEAD or statistics_image.panel >= len(panels):
+            raise RemoteProtocolError(f"statistics_image of panel {statistics_image.panel}, which nobody needs here")
+        check_statistics_image(statistics_image, panels[statistics_image.panel])
+        self._statistics_images[statistics_image.panel, statistics_image.compared] = statistics_image
 
     def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
         """Bring the layers and then the nodes of this place up to date. Returns what changed, by step.
@@ -181,14 +185,21 @@ class Compositor:
         """Send another packet to another place; parts of framelets that give way to it are sent again."""
         self._pictures.outlets.offer(target, packet)
 
-    def surveys(self, now: float, *, comparing: bool) -> tuple[Survey, ...]:
+    def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
         """Of every picture of every panel: made now for own ones, the newest of the others.
 
         Of several layers of a panel the first speaks for it.
         """
         first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
-        own = [survey for panel in sorted(first) for survey in first[panel].surveys(now)]
-        return (*own, *(survey for (_, second), survey in self._surveys.items() if comparing or not second))
+        own = [statistics_image for panel in sorted(first) for statistics_image in first[panel].statistics_images(now)]
+        return (
+            *own,
+            *(
+                statistics_image
+                for (_, second), statistics_image in self._statistics_images.items()
+                if comparing or not second
+            ),
+        )
 
     def shown(self) -> list[Shown]:
         """What every sink of this place shows, in the order of the graph."""
@@ -278,11 +289,13 @@ class _Pictures:
         self.outlets.send(self.executor.framelets, number)
 
 
-def check_survey(survey: Survey, panel: Panel) -> None:
-    """Raise RemoteProtocolError for a survey whose tiles are not this panel's."""
+def check_statistics_image(statistics_image: StatisticsImage, panel: Panel) -> None:
+    """Raise RemoteProtocolError for a statistics image whose tiles are not this panel's."""
     width, height = panel.pixels
-    if survey.age.shape != (-(-height // TILE), -(-width // TILE)):
-        raise RemoteProtocolError(f"survey of {survey.age.shape} tiles, panel {panel.id} has {width}x{height}")
-    ends = survey.rects[:, :2].astype(np.int64) + survey.rects[:, 2:]
+    if statistics_image.age.shape != (-(-height // TILE), -(-width // TILE)):
+        raise RemoteProtocolError(
+            f"statistics_image of {statistics_image.age.shape} tiles, panel {panel.id} has {width}x{height}"
+        )
+    ends = statistics_image.rects[:, :2].astype(np.int64) + statistics_image.rects[:, 2:]
     if (ends > (width, height)).any():
-        raise RemoteProtocolError(f"survey: a tile reaches outside panel {panel.id} of {width}x{height}")
+        raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

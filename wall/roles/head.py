@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from wall.core.data import Event, Survey
+from wall.core.data import Event, StatisticsImage
 from wall.core.errors import RunError
 from wall.display.base import RankStatus, Sink, Status
 from wall.display.window import ALL_CLOSED
@@ -62,8 +62,8 @@ class Head:
         self._refreshes = 0
         self._status: Status | None = None
         self._status_due = 0.0
-        self._surveys: tuple[Survey, ...] = ()
-        self._survey_due = Due()
+        self._statistics_images: tuple[StatisticsImage, ...] = ()
+        self._statistics_due = Due()
 
     def run(self, *, seconds: float | None, until_complete: bool) -> None:
         """The compositor's loop, until time is up, the picture is complete, or nobody renders any more."""
@@ -137,18 +137,18 @@ class Head:
         self._compositor.follow(self._event)
         return self._event
 
-    def _survey(self, now: float, event: Event) -> None:
+    def _statistics_image(self, now: float, event: Event) -> None:
         """Look at the samples for whoever watches them."""
-        if not event.survey:
-            self._surveys = ()
-        elif self._survey_due.now(now):
-            self._surveys = self._compositor.surveys(now, comparing=bool(event.compare))
+        if not event.statistics:
+            self._statistics_images = ()
+        elif self._statistics_due.now(now):
+            self._statistics_images = self._compositor.statistics_images(now, comparing=bool(event.compare))
 
     def _refresh(self, now: float, event: Event, expected: Event, *, force: bool = False) -> None:
         """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
         compositor = self._compositor
         changed = bool(compositor.refresh(expected, now, force=force))
-        self._survey(now, event)
+        self._statistics_image(now, event)
         if changed or self._refreshes == 0:
             self._changed = now
             self._refreshes += 1
@@ -161,7 +161,7 @@ class Head:
                 self.manager.tell(statistics)
         show_all(
             self._plan, self._sinks, compositor.shown(), event, now, status=self._status,
-            compared=compositor.compared(), surveys=self._surveys,
+            compared=compositor.compared(), statistics_images=self._statistics_images,
         )  # fmt: skip
         self.manager.latency.shown(compositor.newest_event, self._clock.now())
         self._release(event)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.core.data import SAMPLE, Batch, Event, Rect, Samples, Survey, Tiling
+from wall.core.data import SAMPLE, Batch, Event, Rect, Samples, StatisticsImage, Tiling
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
@@ -23,7 +23,7 @@ from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
 from wall.roles.compared import Compared
 from wall.roles.plan import Plan
-from wall.roles.statistics import survey_of
+from wall.roles.statistics import statistics_image_of
 
 EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
 
@@ -213,25 +213,27 @@ class PanelCompositor:
         frames = self.buffer.frames
         return all(rank in frames and frames[rank] >= number for rank in self.layer.ranks)
 
-    def surveys(self, now: float) -> list[Survey]:
-        """How old and how dense the samples of its pictures are, one Survey a picture.
+    def statistics_images(self, now: float) -> list[StatisticsImage]:
+        """How old and how dense the samples of its pictures are, one StatisticsImage a picture.
 
         Raises GpuError if a GPU was asked for and is lost.
         """
-        found = [self._survey(now)]
+        found = [self._statistics_image(now)]
         if self.compared is not None:
-            found.append(survey_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
+            found.append(statistics_image_of(self.compared.buffer, [], self.panel.index, compared=True, now=now))
         return found
 
-    def _survey(self, now: float) -> Survey:
+    def _statistics_image(self, now: float) -> StatisticsImage:
         if not self._adaptive or self._reprojected is None or self._shown is None:
-            return survey_of(self.buffer, [], self.panel.index, compared=False, now=now)  # samples without tiles
+            return statistics_image_of(
+                self.buffer, [], self.panel.index, compared=False, now=now
+            )  # samples without tiles
         try:
             tilings = list(self.tilings.values())
-            return survey_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
+            return statistics_image_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
         except GpuError as error:
             self._give_up(error, self._shown)
-            return self._survey(now)
+            return self._statistics_image(now)
 
     @property
     def on_gpu(self) -> bool:

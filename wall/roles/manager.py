@@ -56,7 +56,7 @@ class Director:
         self.paused = False
         self.sampler: str = plan.layout.sampling.method
         self.compare = ""  # with the adaptive sampler, whichever `sampler` is
-        self.survey = False
+        self.statistics = False
         self.event = first_event(plan, now)
 
     def update(self, commands: list[Command], now: float) -> bool:
@@ -73,7 +73,7 @@ class Director:
         sampler = COMPARED_WITH if self.compare else self.sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
         moved = scene_time != old.scene_time
-        if not turned and not moved and (self.paused, self.survey) == (old.paused, old.survey):
+        if not turned and not moved and (self.paused, self.statistics) == (old.paused, old.statistics):
             return False
         self.event = Event(
             view=0,
@@ -85,7 +85,7 @@ class Director:
             sampler=sampler,
             paused=self.paused,
             compare=self.compare,
-            survey=self.survey,
+            statistics=self.statistics,
         )
         return True
 
@@ -109,8 +109,8 @@ class Director:
         elif command.kind == "compare":
             graph = self._plan.layout.graph  # others have no second picture, or no frames of it
             self.compare = command.value if graph.plain and graph.sync == "none" else ""
-        elif command.kind == "survey":
-            self.survey = command.value == "on"
+        elif command.kind == "statistics":
+            self.statistics = command.value == "on"
         else:
             steering = self._steering or Steering.from_view(self._view, self._path_time)
             self._steering = steering.apply(command)

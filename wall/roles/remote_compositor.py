@@ -34,7 +34,7 @@ class RemoteCompositor:
         """`links`: to other places by rank, the head among them; `sinks`: windows on this machine."""
         self._plan, self._rank, self._control, self._links, self._sinks = plan, rank, control, links, sinks
         self._compositor = Compositor(plan, rank, hub, links)
-        self._survey_due = Due()
+        self._statistics_due = Due()
         self._ended = ("", False)  # what the head was told: where Escape was pressed, whether no window is left
         self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
 
@@ -72,9 +72,9 @@ class RemoteCompositor:
         show_all(self._plan, self._sinks, compositor.shown(), event, now)
         if compositor.lockstep is not None and compositor.lockstep.news():
             self._control.beat(self._heartbeat(event, last=False))
-        if event.survey and self._links[HEAD].ready() and self._survey_due.now(now):
-            for survey in compositor.surveys(now, comparing=True):
-                compositor.offer(HEAD, serialise(survey))
+        if event.statistics and self._links[HEAD].ready() and self._statistics_due.now(now):
+            for statistics_image in compositor.statistics_images(now, comparing=True):
+                compositor.offer(HEAD, serialise(statistics_image))
 
     def _tell_hands(self, *, again: bool) -> None:
         """Tell the head what hands did at the windows here; `again`: also if it was told how they ended the run."""

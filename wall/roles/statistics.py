@@ -2,43 +2,45 @@
 
 from __future__ import annotations
 
-from wall.core.data import Survey, Tiling
+from wall.core.data import StatisticsImage, Tiling
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.reconstruction.choice import Reprojected
 from wall.reconstruction.statistics import (
     DENSITY,
-    WORTH,
+    ERROR_REDUCTION,
     codes_of,
-    grid_worth,
-    survey_newest,
-    survey_picture,
-    tiling_worth,
+    grid_error_reduction,
+    statistics_of_pixels,
+    statistics_of_store,
+    tiling_error_reduction,
 )
 
-SURVEY_PERIOD_S = 0.2  # eyes follow colours of tiles no faster
+STATISTICS_PERIOD_S = 0.2  # eyes follow colours of tiles no faster
 
 
-def survey_of(
+def statistics_image_of(
     store: Reprojected | PixelBuffer, tilings: list[Tiling], panel: int, *, compared: bool, now: float
-) -> Survey:
-    """A panel's survey at `now` (seconds of the samples' clock), its tiles from the samplers or else a fixed grid."""
+) -> StatisticsImage:
+    """A panel's statistics image at `now` (seconds of the samples' clock); tiles are the samplers' or a fixed grid."""
     if isinstance(store, PixelBuffer):
-        age, density = survey_newest(store.records, now)
+        age, density = statistics_of_pixels(store.records, now)
     else:
-        age, density = survey_picture(store, now)
-    rects, worth = tiling_worth(tilings) if tilings else grid_worth(store.radiance, density)
-    return Survey(
+        age, density = statistics_of_store(store, now)
+    rects, error_reduction = (
+        tiling_error_reduction(tilings) if tilings else grid_error_reduction(store.radiance, density)
+    )
+    return StatisticsImage(
         panel=panel,
         compared=compared,
         age=age,
         density=codes_of(density, DENSITY),
         rects=rects,
-        worth=codes_of(worth, WORTH),
+        error_reduction=codes_of(error_reduction, ERROR_REDUCTION),
     )
 
 
 class Due:
-    """Says when the next survey is due."""
+    """Says when the next statistics image is due."""
 
     def __init__(self) -> None:
         self._next = float("-inf")
@@ -46,5 +48,5 @@ class Due:
     def now(self, now: float) -> bool:
         if now < self._next:
             return False
-        self._next = now + SURVEY_PERIOD_S
+        self._next = now + STATISTICS_PERIOD_S
         return True

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from wall.compositing.graph import Step
 from wall.config.schema import SinkNode
-from wall.core.data import Event, Survey
+from wall.core.data import Event, StatisticsImage
 from wall.display.base import Sink, Status, WallPicture
 from wall.display.browser import Browser
 from wall.display.png import PngSink
@@ -100,7 +100,7 @@ def show_all(
     *,
     status: Status = STILL,
     compared: list[Shown] | None = None,
-    surveys: tuple[Survey, ...] = (),
+    statistics_images: tuple[StatisticsImage, ...] = (),
 ) -> None:
     """Hand every sink its newest picture."""
     for k, (sink, pictures) in enumerate(zip(sinks, shown, strict=True)):
@@ -115,6 +115,6 @@ def show_all(
             camera_event=event.camera_event,
             scene_event=event.scene_event,
             compared=compared[k].pictures() if compared else (),
-            surveys=surveys,
+            statistics_images=statistics_images,
         )
         sink.show(picture, status)

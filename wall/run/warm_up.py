@@ -68,7 +68,7 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     if tiling is not None:
         panel.take_tiling(decode_tiling(tiling))
     panel.buffer.oldest_sample(0.0)
-    panel.surveys(0.0)
+    panel.statistics_images(0.0)
 
 
 def _tiny_worker(plan: Plan, resident: Resident, rank: int, method: str, clock: ManualClock) -> Worker:

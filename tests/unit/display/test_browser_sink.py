@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from wall.core.data import Survey
+from wall.core.data import StatisticsImage
 from wall.core.errors import RunError
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.png import whole_wall
-from wall.display.stream import HEADER, SURVEY_HEADER
+from wall.display.stream import HEADER, STATISTICS_HEADER
 
 PATIENCE_S = 10.0
 
@@ -175,44 +175,44 @@ def test_second_pictures_are_sent_while_there_are_some_and_only_when_they_change
     assert abs(found[1]["compared", 1][1].astype(int) - 21).max() <= 2
 
 
-async def surveyed(viewer):
+async def received_statistics(viewer):
     """The next binary message."""
     while (message := await viewer.socket.receive()).type is not aiohttp.WSMsgType.BINARY:
         pass
     return message.data
 
 
-def survey(panel=0, value=1):
+def statistics_image(panel=0, value=1):
     codes = np.full((1, 2), value, np.uint8)
-    return Survey(
+    return StatisticsImage(
         panel=panel, compared=False, age=codes, density=codes + 1, rects=np.array([[0, 0, 16, 8]], np.uint16),
-        worth=np.array([value + 2], np.uint8),
+        error_reduction=np.array([value + 2], np.uint8),
     )  # fmt: skip
 
 
-def test_surveys_go_only_to_those_who_look_and_once(browser, picture, status):
+def test_statistics_go_only_to_those_who_look_and_once(browser, picture, status):
     async def act(viewer):
-        browser.show(replace(picture(1), surveys=(survey(),)), status)
+        browser.show(replace(picture(1), statistics_images=(statistics_image(),)), status)
         number, _ = await viewer.next_picture()
         await viewer.drawn(number)
         quiet_before = await viewer.silent_while(0.1)
         await viewer.socket.send_json({"kind": "overlay", "value": "density"})
-        density = await surveyed(viewer)
+        density = await received_statistics(viewer)
         quiet_between = await viewer.silent_while(0.1)
-        browser.show(replace(picture(1), surveys=(survey(value=7),)), status)
-        newer = await surveyed(viewer)
+        browser.show(replace(picture(1), statistics_images=(statistics_image(value=7),)), status)
+        newer = await received_statistics(viewer)
         await viewer.socket.send_json({"kind": "overlay", "value": "tiles"})
-        return quiet_before, quiet_between, density, newer, await surveyed(viewer)
+        return quiet_before, quiet_between, density, newer, await received_statistics(viewer)
 
     quiet_before, quiet_between, density, newer, tiles = with_viewer(browser, act)
     assert quiet_before
     assert quiet_between
-    assert density[SURVEY_HEADER.size :] == bytes([2, 2])
-    assert newer[SURVEY_HEADER.size :] == bytes([8, 8])
-    assert tiles[SURVEY_HEADER.size :] == bytes([0, 0, 0, 0, 16, 0, 8, 0, 9])
+    assert density[STATISTICS_HEADER.size :] == bytes([2, 2])
+    assert newer[STATISTICS_HEADER.size :] == bytes([8, 8])
+    assert tiles[STATISTICS_HEADER.size :] == bytes([0, 0, 0, 0, 16, 0, 8, 0, 9])
 
 
-def test_compositors_survey_from_the_first_overlay_to_the_last_even_if_its_viewer_just_leaves(browser):
+def test_compositors_make_statistics_from_the_first_overlay_to_the_last_even_if_its_viewer_just_leaves(browser):
     def said(found):
         found.extend(browser.commands())
         return found
@@ -229,7 +229,7 @@ def test_compositors_survey_from_the_first_overlay_to_the_last_even_if_its_viewe
         await until(lambda: len(said(found)) > 1)
         return found
 
-    assert with_viewer(browser, act) == [{"kind": "survey", "value": "on"}, {"kind": "survey", "value": ""}]
+    assert with_viewer(browser, act) == [{"kind": "statistics", "value": "on"}, {"kind": "statistics", "value": ""}]
 
 
 def test_answer_to_a_command_does_not_wait_for_the_next_status(browser, picture, status, monkeypatch):

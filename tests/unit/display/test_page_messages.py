@@ -11,17 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from wall.core.data import Survey
+from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.display.steering import MAX_MESSAGE_BYTES, OVERLAYS, host_is_ours, origin_is_ours, parse_message
 from wall.display.stream import (
     HEADER,
-    SURVEY_HEADER,
+    STATISTICS_HEADER,
     encode_jpeg,
     layout_message,
     panel_message,
+    statistics_message,
     status_message,
-    survey_message,
 )
 
 GOOD = [
@@ -68,7 +68,7 @@ BAD = [
     '{"kind": "overlay", "value": "depth"}',
     '{"kind": "overlay", "value": ["age"]}',
     '{"kind": "overlay", "value": null}',
-    '{"kind": "survey", "value": "on"}',
+    '{"kind": "statistics", "value": "on"}',
     '{"kind": "shown", "number": 1.5}',
     '{"kind": "shown", "number": -1}',
     '{"kind": "pause"' + " " * MAX_MESSAGE_BYTES + "}",
@@ -170,15 +170,15 @@ def test_jpeg_stays_close_to_a_smooth_picture(two_panels):
 
 
 @pytest.mark.parametrize(("overlay", "rects", "body"), [("age", 0, 1), ("density", 0, 7), ("tiles", 2, None)])
-def test_survey_message_is_a_16_byte_header_and_what_its_overlay_draws(overlay, rects, body):
+def test_statistics_message_is_a_16_byte_header_and_what_its_overlay_draws(overlay, rects, body):
     codes = np.arange(6, dtype=np.uint8).reshape(2, 3) + 1
-    survey = Survey(
+    statistics_image = StatisticsImage(
         panel=3, compared=True, age=codes, density=codes + 6, rects=np.arange(8, dtype=np.uint16).reshape(2, 4),
-        worth=np.array([40, 41], np.uint8),
+        error_reduction=np.array([40, 41], np.uint8),
     )  # fmt: skip
-    message = survey_message(survey, overlay)
-    assert SURVEY_HEADER.size == 16  # so that the page reads 16-bit numbers behind it
-    assert SURVEY_HEADER.unpack(message[:16]) == (b"WS", 2, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
+    message = statistics_message(statistics_image, overlay)
+    assert STATISTICS_HEADER.size == 16  # so that the page reads 16-bit numbers behind it
+    assert STATISTICS_HEADER.unpack(message[:16]) == (b"WS", 2, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
     if body is not None:
         assert message[16:] == bytes(range(body, body + 6))
     else:

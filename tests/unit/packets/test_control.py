@@ -41,7 +41,7 @@ CAMERAS = st.builds(Camera, position=st.tuples(*[FINITE] * 3), world_from_wall=s
 SAMPLERS = TEXT.filter(lambda name: len(name.encode()) <= 30)
 EVENTS = st.builds(
     Event, view=WORD, camera_event=LONG, scene_event=LONG, scene_time=FINITE, input_time=FINITE, camera=CAMERAS,
-    sampler=SAMPLERS, paused=st.booleans(), compare=SAMPLERS, survey=st.booleans(),
+    sampler=SAMPLERS, paused=st.booleans(), compare=SAMPLERS, statistics=st.booleans(),
 )  # fmt: skip
 HEARTBEATS = st.builds(
     Heartbeat, rank=WORD, time=FINITE, samples_traced=COUNT, samples_shown=COUNT, secondary_rays=COUNT,
@@ -58,7 +58,7 @@ MESSAGES = st.one_of(
 )  # fmt: skip
 EVENT = Event(
     view=1, camera_event=7, scene_event=2, scene_time=2.5, input_time=100.125, sampler="hilbert", paused=True,
-    compare="framed", survey=True,
+    compare="framed", statistics=True,
     camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)),
 )  # fmt: skip
 EXAMPLES: list[Message] = [

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from packet_examples import batch_of
 
-from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, Survey, Tiling
+from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, StatisticsImage, Tiling
 from wall.packets import control
 from wall.packets import tiling as tiling_packets
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletPart
@@ -154,12 +154,12 @@ def test_the_event_table_reads_an_event() -> None:
     camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
     event = Event(
         view=1, camera_event=2, scene_event=3, scene_time=4.5, input_time=5.5, camera=camera, sampler="hilbert",
-        paused=True, compare="framed", survey=True,
+        paused=True, compare="framed", statistics=True,
     )  # fmt: skip
     body = control.serialise(event)[control.HEADER_BYTES :]
     fields = read(table("Event (numbers finite"), body)
     assert fields.pop("size") == len(body) == 186
-    words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "survey": 1}
+    words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "statistics": 1}
     wanted = asdict(event) | camera_fields(camera) | words
     wanted.pop("camera")
     assert fields == wanted
@@ -195,14 +195,14 @@ def test_the_framelet_s_bits_are_the_document_s() -> None:
     assert "width · height at most 2^25" in PAGE
 
 
-def test_the_survey_table_reads_a_survey() -> None:
+def test_the_statistics_table_reads_a_statistics_image() -> None:
     codes = np.arange(6, dtype=np.uint8).reshape(2, 3)
-    survey = Survey(
+    statistics_image = StatisticsImage(
         panel=4, compared=True, age=codes, density=codes + 10, rects=np.arange(8, dtype=np.uint16).reshape(2, 4),
-        worth=np.array([7, 8], np.uint8),
+        error_reduction=np.array([7, 8], np.uint8),
     )  # fmt: skip
-    body = control.serialise(survey)[control.HEADER_BYTES :]
-    fields = read(table("Survey, how old"), body)
+    body = control.serialise(statistics_image)[control.HEADER_BYTES :]
+    fields = read(table("StatisticsImage, how old"), body)
     assert fields == {"panel": 4, "compared": 1, "rows": 2, "columns": 3, "rects": 2, "size": 11}
     rects = b"".join(struct.pack("<H", k) for k in range(8))
     assert body[11:] == bytes(range(6)) + bytes(range(10, 16)) + rects + bytes([7, 8])
@@ -211,7 +211,11 @@ def test_the_survey_table_reads_a_survey() -> None:
 def test_every_kind_of_message_is_listed() -> None:
     listed = dict(re.findall(r"^\| (\d+) \| (\w+) \| (?:JSON|struct)", PAGE, re.MULTILINE))
     kinds = {str(kind): cls.__name__ for kind, cls in control._JSON_KINDS.items()}
-    structs = {control.KIND_EVENT: "Event", control.KIND_FRAMELET: "Framelet", control.KIND_SURVEY: "Survey"}
+    structs = {
+        control.KIND_EVENT: "Event",
+        control.KIND_FRAMELET: "Framelet",
+        control.KIND_STATISTICS_IMAGE: "StatisticsImage",
+    }
     assert listed == kinds | {str(kind): name for kind, name in structs.items()}
 
 

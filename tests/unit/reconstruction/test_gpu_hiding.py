@@ -12,7 +12,7 @@ from small_scenes import view
 from wall.core.data import Rect, Tiling
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.kernels.visibility import RIM, WAITS
-from wall.reconstruction.statistics import survey_picture
+from wall.reconstruction.statistics import statistics_of_store
 
 SIZE = (97, 65)
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)
@@ -116,16 +116,16 @@ def test_watchers_see_the_same_ages_and_densities(
         samples["change"] = 0.0
         twins.refresh(event, START + 0.05 * k)
         twins.insert(samples, START + 0.05 * k, event)
-    on_cpu, on_gpu = (survey_picture(picture, START + 0.3) for picture in (twins.cpu, twins.gpu))
+    on_cpu, on_gpu = (statistics_of_store(picture, START + 0.3) for picture in (twins.cpu, twins.gpu))
     assert np.count_nonzero(on_cpu[0]) >= 34, "all tiles but a corner of one pixel"
     assert_allclose(on_gpu[0].astype(int), on_cpu[0].astype(int), rtol=0, atol=1)
     assert_allclose(on_gpu[1], on_cpu[1], rtol=0.02)
     twins.agree(decided=DECIDED_BY_ROUNDING)
 
 
-def test_an_empty_picture_has_nothing_to_survey(opengl: Device) -> None:
+def test_an_empty_picture_has_nothing_to_statistics_image(opengl: Device) -> None:
     twins = Twins(plate_before_wall(AWAY), SEEN)
-    age, density = survey_picture(twins.gpu, START)
+    age, density = statistics_of_store(twins.gpu, START)
     assert age.shape == density.shape == (5, 7)
     assert not age.any()
     assert not density.any()

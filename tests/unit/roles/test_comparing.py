@@ -33,7 +33,7 @@ def resident(plan: Plan) -> Resident:
     return make_resident(plan.scene)
 
 
-def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
+def test_tiles_of_a_statistics_image_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
     panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
     measures = {name: np.ones(1, np.float32) for name in ("spatial", "temporal", "density")}
     tiling = Tiling(
@@ -43,13 +43,13 @@ def test_tiles_of_a_survey_are_those_that_the_adaptive_sampler_goes_by_else_a_gr
     panel.tilings[1, RECT] = tiling
     panel.insert(flat(1.0, event, adaptive=True))
     refresh(panel, event)
-    assert panel.surveys(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
+    assert panel.statistics_images(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
 
     chosen = replace(event, sampler="frameless", camera_event=1)
     panel.follow(chosen)
     panel.insert(flat(1.0, chosen, adaptive=False, sequence=2))
     refresh(panel, chosen)
-    assert panel.surveys(1.0)[0].rects.tolist() == [
+    assert panel.statistics_images(1.0)[0].rects.tolist() == [
         [0, 0, 16, 16], [16, 0, 16, 16], [32, 0, 8, 16], [0, 16, 16, 8], [16, 16, 16, 8], [32, 16, 8, 8],
     ]  # fmt: skip
 
@@ -105,7 +105,7 @@ def test_versions_of_second_pictures_grow_from_one_comparison_to_the_next(plan: 
 def test_nothing_is_kept_for_a_second_picture_when_nobody_compares(plan: Plan) -> None:
     panel = PanelCompositor(plan, 0)
     assert panel.compared is None
-    assert len(panel.surveys(1.0)) == 1
+    assert len(panel.statistics_images(1.0)) == 1
 
 
 @pytest.mark.parametrize("other", ["framed", "frameless", "hilbert"])
@@ -212,30 +212,32 @@ class Pair:
         self.head.refresh(event, 1.0)
 
 
-def test_a_further_compositor_sends_both_pictures_and_surveys_only_while_asked(plan: Plan) -> None:
+def test_a_further_compositor_sends_both_pictures_and_statistics_only_while_asked(plan: Plan) -> None:
     pair, event = Pair(), first_event(plan, 0.0)
     pair.show(event, flat(1.0, event, adaptive=True))
-    assert pair.head.surveys(0.0, comparing=False) == ()
+    assert pair.head.statistics_images(0.0, comparing=False) == ()
 
-    both = replace(event, compare="frameless", camera_event=1, survey=True)
+    both = replace(event, compare="frameless", camera_event=1, statistics=True)
     pair.show(both, flat(1.0, both, adaptive=True), flat(0.0031308, both, adaptive=False, sequence=2))
 
     (first,), (other,) = (shown[0].pictures() for shown in (pair.head.shown(), pair.head.compared()))
     assert grey(first) == pytest.approx(255, abs=1)
     assert grey(other) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
-    surveys = pair.head.surveys(0.0, comparing=True)
-    assert [survey.compared for survey in surveys] == [False, True]
-    assert (surveys[1].density == 129).all()  # code of 2^0 samples a pixel: 1 + 8 octaves of 16 steps
-    assert [survey.compared for survey in pair.head.surveys(0.0, comparing=False)] == [False]
+    statistics_images = pair.head.statistics_images(0.0, comparing=True)
+    assert [statistics_image.compared for statistics_image in statistics_images] == [False, True]
+    assert (statistics_images[1].density == 129).all()  # code of 2^0 samples a pixel: 1 + 8 octaves of 16 steps
+    assert [statistics_image.compared for statistics_image in pair.head.statistics_images(0.0, comparing=False)] == [
+        False
+    ]
 
 
-def test_a_survey_of_other_tiles_is_refused(plan: Plan) -> None:
+def test_a_statistics_image_of_other_tiles_is_refused(plan: Plan) -> None:
     panel = PanelCompositor(plan, 0)
-    good = panel.surveys(1.0)[0]
+    good = panel.statistics_images(1.0)[0]
     head = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
     head.insert(serialise(good))
     for wrong in (replace(good, age=good.age[:1], density=good.density[:1]), replace(good, rects=good.rects + 9)):
-        with pytest.raises(RemoteProtocolError, match="survey"):
+        with pytest.raises(RemoteProtocolError, match="statistics_image"):
             head.insert(serialise(wrong))
 
 

@@ -165,12 +165,12 @@ def test_in_lock_step_neither_another_sampler_nor_a_comparison_can_be_chosen() -
     assert samplers_of(plan) == ("framed",)
 
 
-def test_a_survey_is_told_without_starting_anything_over(plan: Plan) -> None:
+def test_a_statistics_request_is_told_without_starting_anything_over(plan: Plan) -> None:
     director = Director(plan, 0.0)
     director.update([command(kind="pause")], 0.0)
     before = director.event.number
-    assert director.update([command(kind="survey", value="on")], 0.1)
-    assert director.event.survey
+    assert director.update([command(kind="statistics", value="on")], 0.1)
+    assert director.event.statistics
     assert director.event.number == before
     assert not director.update([], 0.2)
 
@@ -218,7 +218,7 @@ def test_rank_that_never_spoke_is_silent_from_the_start(plan: Plan) -> None:
 
 def test_hands_at_another_compositor_s_windows_steer_and_end_the_run(elsewhere: Manager) -> None:
     link = LoopbackLink(elsewhere._hub.endpoint)
-    wishes = [{"kind": "pause"}, {"kind": "zoom", "x": "much"}, 7, {"kind": "survey", "value": "on"}]
+    wishes = [{"kind": "pause"}, {"kind": "zoom", "x": "much"}, 7, {"kind": "statistics", "value": "on"}]
     for commands in (json.dumps(wishes), "no list"):
         link.send(serialise(Hands(rank=1, commands=commands)))
     link.send(serialise(Hands(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True)))
@@ -226,7 +226,7 @@ def test_hands_at_another_compositor_s_windows_steer_and_end_the_run(elsewhere: 
 
     elsewhere._listen()
 
-    assert elsewhere._asked == [command(kind="pause"), command(kind="survey", value="on")]
+    assert elsewhere._asked == [command(kind="pause"), command(kind="statistics", value="on")]
     assert elsewhere.counters.counts == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
     assert (elsewhere.escape, elsewhere.closed) == ("Escape was pressed", frozenset())
 

@@ -95,7 +95,7 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
             for index, panel in compositor.layers.items():
                 panel.insert(batch_of(plan, moved(event, number), index))
             compositor.refresh(moved(event, number), 0.02 * number)
-        assert len(compositor.surveys(0.1, comparing=False)) == 2
+        assert len(compositor.statistics_images(0.1, comparing=False)) == 2
         assert {panel.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
         shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.shown()[0].pictures()])
     assert len(np.unique(shown["cpu"])) > 50
@@ -126,10 +126,10 @@ def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_pic
     opengl: Device, anything_is_a_gpu: None, compiled_only: None
 ) -> None:
     _, panel, _ = shown_on_gpu()
-    on_gpu = panel.surveys(0.1)[0]
+    on_gpu = panel.statistics_images(0.1)[0]
 
     lose(opengl)
-    on_cpu = panel.surveys(0.1)[0]
+    on_cpu = panel.statistics_images(0.1)[0]
 
     assert panel.reconstruction is not None
     assert panel.reconstruction.on == "cpu"

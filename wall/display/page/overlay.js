@@ -2,7 +2,7 @@
 
 import { GRADIENT, SCALE } from "./colors.js";
 
-const HEADER_BYTES = 16;          // wall/display/stream.py, SURVEY_HEADER
+const HEADER_BYTES = 16;          // wall/display/stream.py, STATISTICS_HEADER
 const TILE = 16;
 const FILL = 0.4;                 // opacity of a tile's colour beneath its outline
 const NAMES = ["", "tiles", "age", "density"];    // wall/display/steering.py, OVERLAYS
@@ -78,7 +78,7 @@ export class Overlay {
 
   #drawTiles({ canvas, place }, buffer, count) {
     const rects = new Uint16Array(buffer, HEADER_BYTES, 4 * count);
-    const worth = new Uint8Array(buffer, HEADER_BYTES + 8 * count, count);
+    const error_reduction = new Uint8Array(buffer, HEADER_BYTES + 8 * count, count);
     const ratio = window.devicePixelRatio || 1;
     canvas.style.width = canvas.style.height = "100%";
     canvas.width = Math.round(canvas.clientWidth * ratio);
@@ -89,7 +89,7 @@ export class Overlay {
     for (let k = 0; k < count; k++) {
       const [x, y, w, h] = rects.subarray(4 * k, 4 * k + 4);
       const left = across(x), top = down(y), width = across(x + w) - left, height = down(y + h) - top;
-      const [red, green, blue, alpha] = this.#tables.tiles[worth[k]];
+      const [red, green, blue, alpha] = this.#tables.tiles[error_reduction[k]];
       c.fillStyle = `rgb(${red} ${green} ${blue} / ${FILL * alpha / 255})`;
       c.fillRect(left, top, width, height);
       c.strokeStyle = `rgb(${red} ${green} ${blue})`;

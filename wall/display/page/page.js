@@ -7,7 +7,7 @@ import { Steering } from "./steering.js";
 import { Wall } from "./wall.js";
 
 const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
-const SURVEY = "S".charCodeAt(0);  // second byte of an overlay's message; a panel has "P"
+const STATISTICS = "S".charCodeAt(0);  // second byte of an overlay's message; a panel has "P"
 const SILENT_MS = 3000;           // status comes four times a second; this long without any is a lost connection
 const RETRY_MS = [250, 500, 1000, 2000];
 const TOO_MANY = 1013;
@@ -45,7 +45,7 @@ function connect() {
 }
 
 function takeBytes(data, pictures) {
-  if (new Uint8Array(data)[1] === SURVEY) overlay.take(data);
+  if (new Uint8Array(data)[1] === STATISTICS) overlay.take(data);
   else pictures.panel(data);
 }
 

@@ -10,7 +10,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 @inline_kernel
 def code_of_age(age):
-    """1 to 255 for seconds: 16 steps an octave from 2^-10 s on; see survey.py."""
+    """1 to 255 for seconds: 16 steps an octave from 2^-10 s on; see statistics.py."""
     if not age > 2.0**-10:
         return 1
     return min(255, 1 + int(np.floor((np.log2(age) + 10.0) * 16.0 + 0.5)))

@@ -14,14 +14,14 @@ from wall.reconstruction.kernels import statistics as kernels
 from wall.reconstruction.statistics import (
     AGE,
     DENSITY,
-    WORTH,
+    ERROR_REDUCTION,
     codes_of,
-    grid_worth,
-    survey_newest,
-    survey_picture,
+    grid_error_reduction,
+    statistics_of_pixels,
+    statistics_of_store,
     tile_areas,
     tile_sums,
-    tiling_worth,
+    tiling_error_reduction,
     values_of,
 )
 
@@ -33,7 +33,7 @@ def near(codes: object, expected: float) -> bool:
     return bool(((value <= expected * HALF_STEP) & (value >= expected / HALF_STEP)).all())
 
 
-@given(st.sampled_from([AGE, DENSITY, WORTH]), st.floats(0.0, 1.0))
+@given(st.sampled_from([AGE, DENSITY, ERROR_REDUCTION]), st.floats(0.0, 1.0))
 def test_codes_are_within_half_a_step(scale: object, position: float) -> None:
     octaves = 254 / scale.steps  # type: ignore[attr-defined]
     value = 2.0 ** (scale.least + position * octaves)  # type: ignore[attr-defined]
@@ -62,7 +62,7 @@ def test_median_age_and_density_of_stored_samples() -> None:
     for count, place, age in ((3, (4.5, 4.5), 0.5), (2, (9.5, 9.5), 0.02), (1, (40.5, 20.5), 2.0)):
         picture.insert(hits([place] * count, GREEN), START - age, event)
 
-    age, density = survey_picture(picture, START)
+    age, density = statistics_of_store(picture, START)
 
     assert near(age[0, 0], 0.5)
     assert near(age[1, 2], 2.0)
@@ -77,7 +77,7 @@ def test_dead_samples_are_not_counted() -> None:
     state, _, count, _ = picture.stored()
     assert count == 2
     state[1, 0], picture.still[:] = 0.0, 0.0
-    assert survey_picture(picture, START + 1.0)[1][0, 0] == pytest.approx(1 / 256)
+    assert statistics_of_store(picture, START + 1.0)[1][0, 0] == pytest.approx(1 / 256)
 
 
 def test_a_still_picture_counts_the_samples_that_it_has_gathered() -> None:
@@ -88,7 +88,7 @@ def test_a_still_picture_counts_the_samples_that_it_has_gathered() -> None:
     picture.refresh(event, START)
     for _ in range(7):
         picture.insert(hits([(4.5, 4.5)], GREEN), START, event)
-    assert survey_picture(picture, START)[1][0, 0] == pytest.approx(7 / 256)
+    assert statistics_of_store(picture, START)[1][0, 0] == pytest.approx(7 / 256)
 
 
 def test_age_and_density_of_newest_samples() -> None:
@@ -105,7 +105,7 @@ def test_age_and_density_of_newest_samples() -> None:
         )
     )  # fmt: skip
 
-    age, density = survey_newest(buffer.records, START + 1.0)
+    age, density = statistics_of_pixels(buffer.records, START + 1.0)
 
     assert near(age[0, 0], 1.0)
     assert density[0, 0] == 1.0
@@ -122,9 +122,9 @@ def test_sums_and_areas_of_cut_tiles() -> None:
 def test_worth_of_a_grid_is_contrast_over_n_n_plus_1() -> None:
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[:8, :15] = 1.0  # 15 edges of 1 below it and 8 at its right, among two of each of 256 pixels
-    rects, worth = grid_worth(radiance, np.ones((1, 2)))
+    rects, error_reduction = grid_error_reduction(radiance, np.ones((1, 2)))
     assert rects.tolist() == [[0, 0, 16, 16], [16, 0, 16, 16]]
-    assert worth.tolist() == pytest.approx([(15 + 8) / (2 * 256) / 2, 0.0])
+    assert error_reduction.tolist() == pytest.approx([(15 + 8) / (2 * 256) / 2, 0.0])
 
 
 def test_contrasts_of_cut_tiles_equal_those_of_numpy() -> None:
@@ -144,12 +144,12 @@ def test_worth_of_a_tiling_comes_from_its_gradients() -> None:
         base_time=0.0, rects=rects, spatial=np.array([0.6, 0.0], np.float32), temporal=np.zeros(2, np.float32),
         density=np.array([2.0, 1.0], np.float32),
     )  # fmt: skip
-    found, worth = tiling_worth([tiling, tiling])
+    found, error_reduction = tiling_error_reduction([tiling, tiling])
     assert found.tolist() == [*rects.tolist(), *rects.tolist()]
-    assert worth[:2] == pytest.approx([0.36 / 6, 0.0])
+    assert error_reduction[:2] == pytest.approx([0.36 / 6, 0.0])
 
 
 def test_size_of_the_maps_is_that_of_the_picture() -> None:
     picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)))
-    age, density = survey_picture(picture, START)
+    age, density = statistics_of_store(picture, START)
     assert age.shape == density.shape == (SIZE[1] // 16, SIZE[0] // 16)

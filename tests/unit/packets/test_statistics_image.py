@@ -1,4 +1,4 @@
-"""Surveys survive the wire exactly; whatever is not a whole one is refused on both sides."""
+"""Statistics images survive the wire exactly; whatever is not a whole one is refused on both sides."""
 
 from __future__ import annotations
 
@@ -7,62 +7,62 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wall.core.data import Survey
+from wall.core.data import StatisticsImage
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.control import parse_control, serialise
-from wall.packets.survey import parse_survey, survey_body
+from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
 
-def survey(rows: int = 3, columns: int = 5, rects: int = 4) -> Survey:
+def statistics_image(rows: int = 3, columns: int = 5, rects: int = 4) -> StatisticsImage:
     rng = np.random.default_rng(rows)
-    return Survey(
+    return StatisticsImage(
         panel=7,
         compared=True,
         age=rng.integers(0, 256, (rows, columns)).astype(np.uint8),
         density=rng.integers(0, 256, (rows, columns)).astype(np.uint8),
         rects=rng.integers(0, 65536, (rects, 4)).astype(np.uint16),
-        worth=rng.integers(0, 256, rects).astype(np.uint8),
+        error_reduction=rng.integers(0, 256, rects).astype(np.uint8),
     )
 
 
 @pytest.mark.parametrize("shape", [(3, 5, 4), (1, 1, 0), (17, 30, 510)])
-def test_a_survey_comes_back_equal(shape: tuple[int, int, int]) -> None:
-    sent = survey(*shape)
+def test_a_statistics_image_comes_back_equal(shape: tuple[int, int, int]) -> None:
+    sent = statistics_image(*shape)
     came = parse_control(serialise(sent))
-    assert isinstance(came, Survey)
+    assert isinstance(came, StatisticsImage)
     assert (came.panel, came.compared) == (7, True)
-    for name in ("age", "density", "rects", "worth"):
+    for name in ("age", "density", "rects", "error_reduction"):
         assert np.array_equal(getattr(came, name), getattr(sent, name)), name
 
 
 def test_a_panel_of_480_x_270_takes_less_than_6_kilobytes() -> None:
     """1,020 codes of tiles, and 9 bytes a tile of the fixed grid."""
-    assert len(serialise(survey(17, 30, 510))) == 16 + 11 + 1020 + 9 * 510 < 6000
+    assert len(serialise(statistics_image(17, 30, 510))) == 16 + 11 + 1020 + 9 * 510 < 6000
 
 
 def test_a_body_cut_anywhere_is_refused() -> None:
-    body = survey_body(survey())
+    body = statistics_image_body(statistics_image())
     for length in range(len(body)):
         with pytest.raises(RemoteProtocolError):
-            parse_survey(body[:length])
+            parse_statistics_image(body[:length])
     with pytest.raises(RemoteProtocolError, match="bytes came of"):
-        parse_survey(body + b"\0")
+        parse_statistics_image(body + b"\0")
 
 
 @pytest.mark.parametrize(("at", "value"), [(2, 2), (3, 0), (4, 255), (5, 0), (9, 255)])
 def test_numbers_out_of_range_are_refused(at: int, value: int) -> None:
-    body = bytearray(survey_body(survey()))
+    body = bytearray(statistics_image_body(statistics_image()))
     body[at] = value
-    with pytest.raises(RemoteProtocolError, match="survey of panel 7"):
-        parse_survey(bytes(body))
+    with pytest.raises(RemoteProtocolError, match="statistics_image of panel 7"):
+        parse_statistics_image(bytes(body))
 
 
 def test_arrays_that_do_not_match_are_not_sent() -> None:
-    good = survey()
+    good = statistics_image()
     for wrong in (
         replace(good, density=good.density[1:]),
-        replace(good, worth=good.worth[1:]),
+        replace(good, error_reduction=good.error_reduction[1:]),
         replace(good, rects=good.rects[:, :3]),
     ):
-        with pytest.raises(LocalProtocolError, match="survey of panel 7"):
+        with pytest.raises(LocalProtocolError, match="statistics_image of panel 7"):
             serialise(wrong)
