@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples, Tiling
+from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels import sort as kernels_store
 from wall.deepbuffer.kernels.expire import AGES, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -156,6 +157,16 @@ class Picture:
             self.still[:] = 0.0
         if self.dirty.any():
             kernels.mix_still(self.base, self.still, self.dirty, self.radiance)
+
+    def feedback(self) -> Feedback:
+        """What a sampler may read after a refresh."""
+        return Feedback(
+            resolved=self.radiance,
+            sample_density=self.gathered[1:-1, 1:-1, 3],
+            accumulation=self.still,
+            temporal_gradient=self.residual,
+            nothing_moves=self.nothing_moves,
+        )
 
     def take_tiling(self, tiling: Tiling) -> None:
         """Learn where change is found, for whoever does not judge: there old samples lose weight sooner."""
