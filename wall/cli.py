@@ -303,7 +303,10 @@ def quality(
         typer.Argument(metavar="[CONFIG]...", help="Scenes to measure on; the project's four if left out"),
     ] = None,
     scenes: Annotated[str, typer.Option(help="Of them only these, such as orbit,light")] = "",
-    arms: Annotated[str, typer.Option(help="Only these, such as framed,adaptive or 'taa_*'; all if left out")] = "",
+    methods: Annotated[
+        str,
+        typer.Option("--methods", "--arms", help="Only these, such as framed,adaptive or 'taa_*'; all if left out"),
+    ] = "",
     rates: Annotated[str, typer.Option(help="Rays a second")] = "100k,400k,800k",
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the picture, pixels")] = "256x256",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Seeds 1 to N")] = 5,
@@ -311,7 +314,7 @@ def quality(
         "OUT/quality"
     ),
     clock: Annotated[
-        str, typer.Option(help="virtual: the same rays for every arm; cpu: the same CPU time")
+        str, typer.Option(help="virtual: the same rays for every method; cpu: the same CPU time")
     ] = "virtual",
     cores: Annotated[str, typer.Option(help="With --clock cpu, instead of rates: CPU seconds a second")] = "1,2",
     refresh_hz: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Pictures shown a second")] = 60.0,
@@ -319,7 +322,7 @@ def quality(
         float | None, typer.Option(min=0.2, max=600.0, help="Of a run; 4, or the camera's path, if left out")
     ] = None,
 ) -> None:
-    """Measure speed against error: every way to spend rays, held against the ideal picture of each refresh.
+    """Measure speed against error: every way to spend rays, held against the reference picture of each refresh.
 
     [bold]wall measure quality --rates 400k --seeds 1[/]
     """
@@ -331,7 +334,7 @@ def quality(
     command.check_installed()
     wanted = Wanted(
         configs=command.configs_of(configs or [], scenes),
-        arms=command.arms_of(arms, clock=clock),
+        methods=command.methods_of(methods, clock=clock),
         rates=command.rates_of(rates),
         size=_size(size) or (256, 256),
         seeds=tuple(range(1, seeds + 1)),

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from wall.core.data import STILL, Camera, Event, Float32
-from wall.study.quality.cell import Cell, setup_of
 from wall.study.quality.late_display import LateDisplay
 from wall.study.quality.method import Setup
-from wall.study.quality.methods import make_arm
+from wall.study.quality.methods import make_method
 from wall.study.quality.metrics import display_values
-from wall.study.quality.reference import Gold
+from wall.study.quality.reference import Reference
+from wall.study.quality.trial import Trial, setup_of
 
 REFRESH_HZ, REFRESHES = 60.0, 16
 SCENE = """\
@@ -30,14 +30,14 @@ views: [{camera: {position: [2.6, 3, 7.1], target: [0, 0.6, -0.3], fov: 45}, pat
 def orbit(tmp_path_factory: pytest.TempPathFactory) -> Setup:
     path = tmp_path_factory.mktemp("late") / "orbit.yaml"
     path.write_text(SCENE)
-    return setup_of(Cell(config=path, arm="adaptive", rate=6e4, size=(64, 64), seed=1, refresh_hz=REFRESH_HZ))
+    return setup_of(Trial(config=path, method="adaptive", rate=6e4, size=(64, 64), seed=1, refresh_hz=REFRESH_HZ))
 
 
 def shown(setup: Setup, name: str) -> list[Float32]:
-    arm, pictures = make_arm(name, setup), []
+    method, pictures = make_method(name, setup), []
     for refresh in range(1, REFRESHES + 1):
-        arm.advance(refresh / REFRESH_HZ)
-        pictures.append(arm.show(refresh / REFRESH_HZ).copy())
+        method.advance(refresh / REFRESH_HZ)
+        pictures.append(method.show(refresh / REFRESH_HZ).copy())
     return pictures
 
 
@@ -55,13 +55,13 @@ def test_prediction_takes_most_of_the_delays_error_off_a_steady_orbit(
 ) -> None:
     """72 degrees a second; two refreshes are three pixels. What is left is under a third of what the delay costs."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    gold = Gold(orbit.plan, orbit.resident, [0.0, REFRESHES / REFRESH_HZ], spp=16)
-    gold.make([1])
-    ideal = display_values(gold.picture(1))
+    reference = Reference(orbit.plan, orbit.resident, [0.0, REFRESHES / REFRESH_HZ], spp=16)
+    reference.make([1])
+    reference = display_values(reference.picture(1))
 
     names = ("adaptive", "adaptive:delayed_2", "adaptive:predicted_2")
     prompt, delayed, predicted = (
-        float(((display_values(shown(orbit, name)[-1]) - ideal) ** 2).mean()) for name in names
+        float(((display_values(shown(orbit, name)[-1]) - reference) ** 2).mean()) for name in names
     )
 
     assert predicted - prompt < (delayed - prompt) / 3

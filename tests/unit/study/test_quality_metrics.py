@@ -40,7 +40,7 @@ def test_linear_error_is_not_clipped_and_display_error_is() -> None:
     assert (score.rmse, score.rmse_display) == (pytest.approx(4.0), 0.0)
 
 
-def test_flicker_counts_changes_that_the_ideal_does_not_have() -> None:
+def test_flicker_counts_changes_that_the_reference_does_not_have() -> None:
     steady, blinking, following = (Score(judged=frozenset()) for _ in range(3))
     black, white = np.zeros((2, 2, 3), np.float32), np.ones((2, 2, 3), np.float32)
     for k in range(5):
@@ -51,27 +51,27 @@ def test_flicker_counts_changes_that_the_ideal_does_not_have() -> None:
 
 
 def test_flip_and_ssim_know_equal_pictures_and_order_worse_ones(random_numbers: np.random.Generator) -> None:
-    ideal = random_numbers.random((64, 64, 3)).astype(np.float32)
-    noise = random_numbers.normal(size=ideal.shape).astype(np.float32)
-    near, far = (np.clip(ideal + share * noise, 0, 1) for share in (0.05, 0.3))
-    assert flip(ideal, ideal) == 0.0
-    assert ssim(ideal, ideal) == pytest.approx(1.0)
-    assert 0.0 < flip(near, ideal) < flip(far, ideal) < 1.0
-    assert 1.0 > ssim(near, ideal) > ssim(far, ideal)
+    reference = random_numbers.random((64, 64, 3)).astype(np.float32)
+    noise = random_numbers.normal(size=reference.shape).astype(np.float32)
+    near, far = (np.clip(reference + share * noise, 0, 1) for share in (0.05, 0.3))
+    assert flip(reference, reference) == 0.0
+    assert ssim(reference, reference) == pytest.approx(1.0)
+    assert 0.0 < flip(near, reference) < flip(far, reference) < 1.0
+    assert 1.0 > ssim(near, reference) > ssim(far, reference)
 
 
 def test_judged_pictures_are_those_asked_for() -> None:
-    ideal = np.full((16, 16, 3), 0.5, np.float32)
+    reference = np.full((16, 16, 3), 0.5, np.float32)
     score = Score(judged=frozenset({1}))
-    score.add(0 * ideal, ideal)
+    score.add(0 * reference, reference)
     assert math.isnan(score.flip)
-    score.add(ideal, ideal)
-    score.add(0 * ideal, ideal)
+    score.add(reference, reference)
+    score.add(0 * reference, reference)
     assert (score.flip, score.ssim) == (0.0, pytest.approx(1.0))
 
 
 @pytest.mark.parametrize(("error", "delay"), [(0.0, 0.0), (0.05, 10.0), (0.1, 20.0), (0.2, 30.0), (0.31, None)])
-def test_delay_equivalent_is_read_off_the_delayed_ideals_own_errors(error: float, delay: float | None) -> None:
+def test_delay_equivalent_is_read_off_the_delayed_references_own_errors(error: float, delay: float | None) -> None:
     found = delay_of(error, [0.0, 0.1, 0.3], 20.0)
     assert found == (None if delay is None else pytest.approx(delay))
 

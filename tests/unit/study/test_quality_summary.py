@@ -15,7 +15,7 @@ from PIL import Image
 from wall.core.errors import ConfigError
 from wall.study.quality import rows as files
 from wall.study.quality.bars import verdicts
-from wall.study.quality.pictures import GAP, IDEAL, moments, picture_path
+from wall.study.quality.pictures import GAP, REFERENCE, moments, picture_path
 from wall.study.quality.plots import lines
 from wall.study.quality.report import write_report
 from wall.study.quality.rows import Row
@@ -23,18 +23,18 @@ from wall.study.quality.summary import best_other, compare, equal_error, interva
 from wall.study.quality.tables import tables, write_summary
 
 PROMISED = [
-    "scene", "arm", "rate", "width", "height", "seed", "clock", "rmse", "rmse_display", "flip", "ssim", "flicker",
+    "scene", "method", "rate", "width", "height", "seed", "clock", "rmse", "rmse_display", "flip", "ssim", "flicker",
     "latency_equivalent_ms", "bytes_per_s", "rays", "cpu_s",
 ]  # fmt: skip
 
 
-def row(scene: str, arm: str, error: float, *, rate: float = 4e5, seed: int = 1, flip: float | None = None) -> Row:
+def row(scene: str, method: str, error: float, *, rate: float = 4e5, seed: int = 1, flip: float | None = None) -> Row:
     return Row(
-        scene=scene, arm=arm, rate=rate, width=256, height=256, seed=seed, clock="virtual", rmse=error,
+        scene=scene, method=method, rate=rate, width=256, height=256, seed=seed, clock="virtual", rmse=error,
         rmse_display=error, flip=error if flip is None else flip, ssim=0.9, flicker=0.01, latency_equivalent_ms=None,
         bytes_per_s=1e6, rays=1_600_000, cpu_s=1.0, secondary=0, cores=1.0, refresh_hz=60.0, seconds=4.0, shown=240,
         error_over_time=[error] * 3, times=[0.1, 0.2, 0.3], still_s=[0.0, 0.1, 0.2],
-        gold="g", config="c.yaml", ablation="", commit="0",
+        reference="g", config="c.yaml", ablation="", commit="0",
         machine="m", command="wall",
     )  # fmt: skip
 
@@ -83,7 +83,7 @@ def test_ratio_is_the_geometric_mean_over_scenes_with_the_worst_named() -> None:
     assert found.flip_higher
 
 
-def test_scene_that_lacks_the_adaptive_arm_is_left_out() -> None:
+def test_scene_that_lacks_the_adaptive_method_is_left_out() -> None:
     rows = [row("a", "adaptive", 0.01), row("a", "framed", 0.08), row("b", "framed", 0.04)]
     assert [found.scenes for found in compare(rows)] == [1]
 
@@ -102,9 +102,7 @@ def test_interval_over_seeds_is_students_of_the_logarithms() -> None:
 
 
 def test_seeds_give_an_interval_around_the_mean() -> None:
-    rows = [
-        row("a", arm, e * (1 + 0.1 * s), seed=s) for arm, e in (("adaptive", 0.01), ("framed", 0.04)) for s in (1, 2)
-    ]
+    rows = [row("a", m, e * (1 + 0.1 * s), seed=s) for m, e in (("adaptive", 0.01), ("framed", 0.04)) for s in (1, 2)]
     rows += [row("a", "framed", 0.05, seed=3), row("a", "adaptive", 0.01, seed=3)]
     (found,) = compare(rows)
     assert found.low is not None
@@ -115,7 +113,7 @@ def test_seeds_give_an_interval_around_the_mean() -> None:
 def test_best_other_is_chosen_per_scene_without_tenfold_rays_and_ablations() -> None:
     errors = {"adaptive": (0.01, 0.01), "taa_half": (0.03, 0.06), "render_cache": (0.05, 0.02)}
     errors |= {"framed_x10": (0.011, 0.011), "adaptive:no_xyz": (0.011, 0.011), "framed": (0.1, 0.1)}
-    rows = [row(scene, arm, e) for arm, pair in errors.items() for scene, e in zip("ab", pair, strict=True)]
+    rows = [row(scene, method, e) for method, pair in errors.items() for scene, e in zip("ab", pair, strict=True)]
     (found,) = best_other(rows)
     assert found.mean == pytest.approx(math.sqrt(3 * 2))
     assert found.worst_scene == "b (render_cache)"
@@ -152,9 +150,9 @@ def test_bars_are_met_and_missed_by_the_figures() -> None:
 
 
 def test_best_other_has_no_bar_until_all_rivals_ran() -> None:
-    rows = [row("a", arm, 0.02 if arm == "adaptive" else 0.04) for arm in ("adaptive", "taa_half", "afr2005")]
+    rows = [row("a", method, 0.02 if method == "adaptive" else 0.04) for method in ("adaptive", "taa_half", "afr2005")]
     assert not [v for v in verdicts(rows) if "best other" in v.what]
-    rows += [row("a", arm, 0.05) for arm in ("render_cache", "reduced_64")]
+    rows += [row("a", method, 0.05) for method in ("render_cache", "reduced_64")]
     (found,) = [v for v in verdicts(rows) if "best other" in v.what]
     assert found.met
     rows += [row("b", "adaptive", 0.01), row("b", "framed", 0.05)]
@@ -163,8 +161,8 @@ def test_best_other_has_no_bar_until_all_rivals_ran() -> None:
 
 def test_equal_cpu_time_has_bars_of_its_own() -> None:
     rows = [
-        replace(row("a", arm, e), clock="cpu")
-        for arm, e in (("adaptive", 0.01), ("framed", 0.021), ("taa_full", 0.012))
+        replace(row("a", method, e), clock="cpu")
+        for method, e in (("adaptive", 0.01), ("framed", 0.021), ("taa_full", 0.012))
     ]
     assert [(v.what, v.met) for v in verdicts(rows)] == [
         ("error of framed over adaptive, 1 core", True),
@@ -183,11 +181,11 @@ def test_summary_file_is_strict_json_even_where_a_number_does_not_exist(tmp_path
 
 
 def test_report_is_one_page_with_nothing_outside_it(tmp_path: Path) -> None:
-    rows = [row(scene, arm, e) for scene in ("a", "<b>") for arm, e in (("adaptive", 0.01), ("framed", 0.06))]
+    rows = [row(scene, method, e) for scene in ("a", "<b>") for method, e in (("adaptive", 0.01), ("framed", 0.06))]
     rows += [row("a", "taa_half", 0.03), row("a", "taa_full", 0.02), row("a", "adaptive:no_xyz", 0.02)]
     rng = np.random.default_rng(1)
-    for arm in (IDEAL, "adaptive", "framed"):
-        path = picture_path(tmp_path, 0, scene="a", size=(256, 256), arm=arm, spent="400000")
+    for method in (REFERENCE, "adaptive", "framed"):
+        path = picture_path(tmp_path, 0, scene="a", size=(256, 256), method=method, spent="400000")
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(rng.integers(0, 256, (8, 8, 3), np.uint8)).save(path)
     page = write_report(tmp_path, rows).read_text()
@@ -203,7 +201,7 @@ def test_report_is_one_page_with_nothing_outside_it(tmp_path: Path) -> None:
     assert Image.open(strip).size == (3 * (8 + GAP), 2 * 8 + GAP)
 
 
-def test_plots_draw_a_family_as_its_best_arm_on_each_scene() -> None:
+def test_plots_draw_a_family_as_its_best_method_on_each_scene() -> None:
     rows = [
         row("a", "taa_half", 0.03),
         row("a", "taa_full", 0.02),
@@ -211,16 +209,17 @@ def test_plots_draw_a_family_as_its_best_arm_on_each_scene() -> None:
         row("b", "taa_full", 0.02),
     ]
     (line,) = lines(rows)
-    assert (line.name, line.arms) == ("best TAA", {("a", 4e5): "taa_full", ("b", 4e5): "taa_half"})
+    assert (line.name, line.methods) == ("best TAA", {("a", 4e5): "taa_full", ("b", 4e5): "taa_half"})
 
 
 def test_kept_picture_says_how_far_it_is_off(tmp_path: Path) -> None:
-    for arm, value in ((IDEAL, 0), ("adaptive", 51), ("framed", 102)):
-        path = picture_path(tmp_path, 1, scene="a", size=(256, 256), arm=arm, spent="400000")
+    for method, value in ((REFERENCE, 0), ("adaptive", 51), ("framed", 102)):
+        path = picture_path(tmp_path, 1, scene="a", size=(256, 256), method=method, spent="400000")
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(np.full((4, 4, 3), value, np.uint8)).save(path)
     (moment,) = moments(tmp_path, [row("a", "adaptive", 0.01), row("a", "framed", 0.06)])
-    assert [(s.arm, s.rmse) for s in moment.shown] == [("adaptive", pytest.approx(0.2)), ("framed", pytest.approx(0.4))]
+    assert [s.method for s in moment.shown] == ["adaptive", "framed"]
+    assert [s.rmse for s in moment.shown] == pytest.approx([0.2, 0.4])
     assert [int(s.error.max()) for s in moment.shown] == [153, 255]
 
 

@@ -11,10 +11,10 @@ from PIL import Image
 from wall.config.loading import loads
 from wall.core.errors import RunError
 from wall.roles.plan import make_layout, make_plan
-from wall.study.quality import methods_streams as arms_streams
+from wall.study.quality import methods_streams
 from wall.study.quality.method import Setup
-from wall.study.quality.methods_adaptive import AdaptiveArm
-from wall.study.quality.methods_streams import StreamArm
+from wall.study.quality.methods_adaptive import AdaptiveMethod
+from wall.study.quality.methods_streams import StreamMethod
 from wall.study.quality.metrics import display_values
 from wall.study.quality.streams import (
     H264,
@@ -141,9 +141,9 @@ def test_video_shows_every_picture_at_once_and_within_its_bound(smooth: Bytes) -
 
 
 def test_video_without_its_library_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch, setup: Setup) -> None:
-    monkeypatch.setattr(arms_streams, "find_spec", lambda name: None)
+    monkeypatch.setattr(methods_streams, "find_spec", lambda name: None)
     with pytest.raises(RunError, match=r"stream_h264 needs PyAV.*pip install"):
-        arms_streams.ARMS["stream_h264"](setup)
+        methods_streams.METHODS["stream_h264"](setup)
 
 
 class Recorded:
@@ -162,37 +162,37 @@ class Recorded:
 
 def test_bytes_are_those_of_all_messages_but_the_free_first(setup: Setup, compiled_only: None) -> None:
     recorded = Recorded(Tiles(setup.size, zstd_tiles()))
-    arm = StreamArm(setup, recorded)
+    method = StreamMethod(setup, recorded)
     for k in range(1, 7):
-        arm.advance(k / REFRESH_HZ)
-        arm.show(k / REFRESH_HZ)
+        method.advance(k / REFRESH_HZ)
+        method.show(k / REFRESH_HZ)
     assert len(recorded.messages) == 6
-    assert arm.bytes == sum(map(len, recorded.messages[1:])) > 0
+    assert method.bytes == sum(map(len, recorded.messages[1:])) > 0
 
 
 def test_lossless_stream_shows_what_the_samples_do_but_for_eight_bits(setup: Setup, compiled_only: None) -> None:
-    ours, arm = AdaptiveArm(setup), arms_streams.ARMS["stream_zstd_tiles"](setup)
+    ours, method = AdaptiveMethod(setup), methods_streams.METHODS["stream_zstd_tiles"](setup)
     for k in range(1, 5):
-        for each in (ours, arm):
+        for each in (ours, method):
             each.advance(k / REFRESH_HZ)
-        a, b = (display_values(each.show(k / REFRESH_HZ)) for each in (ours, arm))
+        a, b = (display_values(each.show(k / REFRESH_HZ)) for each in (ours, method))
         assert np.abs(a - b).max() < 1.5 / 255  # half a code of rounding, one of the curve's table
-    assert (arm.rays, arm.secondary) == (ours.rays, ours.secondary)
+    assert (method.rays, method.secondary) == (ours.rays, ours.secondary)
 
 
 def test_picture_that_did_not_change_costs_nothing(setup: Setup, compiled_only: None) -> None:
-    arm = arms_streams.ARMS["stream_raw"](setup)
-    arm.show(0.0)
-    arm.show(0.0)
-    assert arm.bytes == 0
-    arm.advance(1 / REFRESH_HZ)
-    arm.show(1 / REFRESH_HZ)
-    assert arm.bytes == 3 * setup.rect.area
+    method = methods_streams.METHODS["stream_raw"](setup)
+    method.show(0.0)
+    method.show(0.0)
+    assert method.bytes == 0
+    method.advance(1 / REFRESH_HZ)
+    method.show(1 / REFRESH_HZ)
+    assert method.bytes == 3 * setup.rect.area
 
 
 def test_every_code_survives_the_way_to_light_and_back(tmp_path: Path) -> None:
     from wall.display.image_file import write_picture
 
-    light = arms_streams.light_of_codes()
+    light = methods_streams.light_of_codes()
     write_picture(tmp_path / "ramp.png", np.repeat(light[None, :, None], 3, axis=2))
     assert np.array_equal(np.asarray(Image.open(tmp_path / "ramp.png"))[0, :, 1], np.arange(256))

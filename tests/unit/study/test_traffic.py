@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from wall.core.errors import ConfigError
-from wall.study.quality import command
-from wall.study.quality import methods_streams as arms_streams
+from wall.study.quality import command, methods_streams
 from wall.study.quality import rows as files
 from wall.study.quality.bars import verdicts
 from wall.study.quality.bars_wire import COMPLETE
@@ -25,15 +24,17 @@ from wall.study.quality.traffic import at_rest, crossovers, moving, traffic
 RAW = 3 * 256 * 256 * 60  # bytes a second of 8-bit frames
 
 
-def row(arm: str, sent: list[float], *, scene: str = "a", error: float = 0.01, still: list[float] | None = None) -> Row:
+def row(
+    method: str, sent: list[float], *, scene: str = "a", error: float = 0.01, still: list[float] | None = None
+) -> Row:
     """A compared refresh a second, 400,000 rays in each."""
     times = [float(k) for k in range(1, len(sent) + 1)]
     return Row(
-        scene=scene, arm=arm, rate=4e5, width=256, height=256, seed=1, clock="virtual", rmse=error,
+        scene=scene, method=method, rate=4e5, width=256, height=256, seed=1, clock="virtual", rmse=error,
         rmse_display=error, flip=error, ssim=0.9, flicker=0.01, latency_equivalent_ms=None,
         bytes_per_s=sent[-1] / len(sent), rays=400_000 * len(sent), cpu_s=1.0, secondary=0, cores=1.0, refresh_hz=60.0,
         seconds=times[-1], shown=240, error_over_time=[error] * len(sent), times=times,
-        still_s=still or [0.0] * len(sent), gold="g", config="c.yaml", ablation="", commit="0", machine="m",
+        still_s=still or [0.0] * len(sent), reference="g", config="c.yaml", ablation="", commit="0", machine="m",
         command="wall", bytes_over_time=sent, rays_over_time=[4e5 * t for t in times],
     )  # fmt: skip
 
@@ -117,12 +118,12 @@ def test_streams_are_in_no_best_other_and_drawn_only_where_bytes_are() -> None:
     assert not is_other("stream_jpeg90")
     assert [line.name for line in lines(rows)] == ["adaptive"]
     assert [line.name for line in lines(rows, (*COLOURS, *STREAMED))] == ["adaptive", "stream_jpeg90"]
-    assert set(STREAMED) == set(arms_streams.ARMS)
+    assert set(STREAMED) == set(methods_streams.METHODS)
 
 
 def test_report_holds_the_tables_of_the_wire_only_where_pictures_were_sent_too(tmp_path: Path) -> None:
     still = [0.0, 0.0, 1.0]
-    ours, theirs = (row(arm, [1e6, 2e6, 2.5e6], still=still) for arm in ("adaptive", "stream_jpeg90"))
+    ours, theirs = (row(method, [1e6, 2e6, 2.5e6], still=still) for method in ("adaptive", "stream_jpeg90"))
     assert wire_tables([ours]) == []
     page = write_report(tmp_path, [ours, theirs]).read_text()
     for title in ("Bytes while something moves", "Where samples begin to cost less", "after everything stopped"):
@@ -131,11 +132,11 @@ def test_report_holds_the_tables_of_the_wire_only_where_pictures_were_sent_too(t
         assert {len(line) for line in table.lines} == {len(table.columns)}
 
 
-def test_arm_that_cannot_run_here_is_left_out_of_patterns_and_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(arms_streams, "find_spec", lambda name: None)
-    assert "stream_h264" not in command.arms_of("", clock="virtual")
-    assert command.arms_of("stream_*", clock="virtual") == (
+def test_method_that_cannot_run_is_left_out_of_patterns_and_refused_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(methods_streams, "find_spec", lambda name: None)
+    assert "stream_h264" not in command.methods_of("", clock="virtual")
+    assert command.methods_of("stream_*", clock="virtual") == (
         "stream_raw", "stream_zstd_tiles", "stream_jpeg90", "stream_jpeg90_tiles",
     )  # fmt: skip
-    with pytest.raises(ConfigError, match=r"--arms stream_h264: needs PyAV"):
-        command.arms_of("adaptive,stream_h264", clock="virtual")
+    with pytest.raises(ConfigError, match=r"--methods stream_h264: needs PyAV"):
+        command.methods_of("adaptive,stream_h264", clock="virtual")

@@ -1,4 +1,4 @@
-"""What the adaptive arm is meant to reach, and whether it did: a missed bar is a result like any other."""
+"""What the adaptive method is meant to reach, and whether it did: a missed bar is a result like any other."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from wall.study.quality.summary import (
     OURS,
     SMALLEST,
     Compared,
-    arms_at,
     best_other,
     compare,
     equal_error,
     geometric,
+    methods_at,
     said,
     scenes,
     spending,
@@ -30,21 +30,21 @@ RIVALS = ("taa_", "reduced_", "render_cache", "afr2005")  # of "best other": all
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """error(arm) / error(adaptive) over scenes: a geometric mean and a worst scene."""
+    """error(method) / error(adaptive) over scenes: a geometric mean and a worst scene."""
 
-    arm: str
+    method: str
     mean: float
     worst: float
     clock: str = "virtual"
 
 
 BARS = (
-    Bar(arm="framed", mean=6.0, worst=2.5),
-    Bar(arm="frameless", mean=4.0, worst=0.0),
-    Bar(arm="framed_x10", mean=2.5, worst=1.2),
-    Bar(arm="best other", mean=1.8, worst=1.3),
-    Bar(arm="framed", mean=2.0, worst=0.0, clock="cpu"),
-    Bar(arm="best TAA", mean=1.3, worst=0.0, clock="cpu"),
+    Bar(method="framed", mean=6.0, worst=2.5),
+    Bar(method="frameless", mean=4.0, worst=0.0),
+    Bar(method="framed_x10", mean=2.5, worst=1.2),
+    Bar(method="best other", mean=1.8, worst=1.3),
+    Bar(method="framed", mean=2.0, worst=0.0, clock="cpu"),
+    Bar(method="best TAA", mean=1.3, worst=0.0, clock="cpu"),
 )
 
 
@@ -53,14 +53,14 @@ def verdicts(rows: Sequence[Row]) -> list[Verdict]:
     if not rows:
         return []
     clock = rows[0].clock
-    taa = best_other([row for row in rows if row.arm == OURS or row.arm.startswith("taa_")])
+    taa = best_other([row for row in rows if row.method == OURS or row.method.startswith("taa_")])
     found = compare(rows)
-    known = {("best TAA", c.spending): c for c in taa} | {(c.arm, c.spending): c for c in found}
-    known |= {(c.arm, c.spending): c for c in best_other(rows) if _has_rivals(rows, c.spending)}
+    known = {("best TAA", c.spending): c for c in taa} | {(c.method, c.spending): c for c in found}
+    known |= {(c.method, c.spending): c for c in best_other(rows) if _has_rivals(rows, c.spending)}
     verdicts = []
     for bar in BARS:
         if bar.clock == clock:
-            verdicts += [_ratio(bar, c, clock) for (arm, _), c in sorted(known.items()) if arm == bar.arm]
+            verdicts += [_ratio(bar, c, clock) for (method, _), c in sorted(known.items()) if method == bar.method]
     if clock == "virtual":
         verdicts += [*_equal_error(rows), *_flip(found), *_at_rest(rows), *wire_verdicts(rows)]
     return verdicts
@@ -69,8 +69,8 @@ def verdicts(rows: Sequence[Row]) -> list[Verdict]:
 def _has_rivals(rows: Sequence[Row], spent: float) -> bool:
     """On every scene: where one lacks them, the best of what is there flatters."""
     for scene in scenes(rows):
-        arms = arms_at([row for row in rows if row.scene == scene], spent)
-        if not all(any(arm.startswith(rival) for arm in arms) for rival in RIVALS):
+        methods = methods_at([row for row in rows if row.scene == scene], spent)
+        if not all(any(method.startswith(rival) for method in methods) for rival in RIVALS):
             return False
     return True
 
@@ -78,7 +78,7 @@ def _has_rivals(rows: Sequence[Row], spent: float) -> bool:
 def _ratio(bar: Bar, found: Compared, clock: str) -> Verdict:
     wanted = f"≥ {bar.mean:g}" + (f", worst scene ≥ {bar.worst:g}" if bar.worst else "")
     return Verdict(
-        what=f"error of {bar.arm} over adaptive, {said(found.spending, clock)}",
+        what=f"error of {bar.method} over adaptive, {said(found.spending, clock)}",
         wanted=wanted,
         came=f"{found.mean:.2f}, worst {found.worst:.2f} ({found.worst_scene})",
         met=found.mean >= bar.mean and found.worst >= bar.worst,
@@ -100,10 +100,10 @@ def _equal_error(rows: Sequence[Row]) -> list[Verdict]:
 
 
 def _flip(found: Iterable[Compared]) -> list[Verdict]:
-    others = [c for c in found if c.arm in ("framed", "frameless", "framed_x10")]
+    others = [c for c in found if c.method in ("framed", "frameless", "framed_x10")]
     if not others:
         return []
-    lower = [f"{c.arm} at {said(c.spending, 'virtual')}" for c in others if not c.flip_higher]
+    lower = [f"{c.method} at {said(c.spending, 'virtual')}" for c in others if not c.flip_higher]
     came = f"not {', '.join(lower)}" if lower else "yes"
     what = "FLIP of framed, frameless and framed_x10 above adaptive's on every scene"
     return [Verdict(what=what, wanted="yes", came=came, met=not lower)]
@@ -111,12 +111,12 @@ def _flip(found: Iterable[Compared]) -> list[Verdict]:
 
 def _at_rest(rows: Sequence[Row]) -> list[Verdict]:
     """Where a scene rests for long enough: the first compared refresh AT_REST_S after the stop, every seed."""
-    others = {(r.scene, r.seed, spending(r)): r for r in rows if r.arm == "progressive"}
+    others = {(r.scene, r.seed, spending(r)): r for r in rows if r.method == "progressive"}
     found: dict[float, list[tuple[float, str]]] = {}
     for ours in rows:
         other = others.get((ours.scene, ours.seed, spending(ours)))
         at = next((k for k, still in enumerate(ours.still_s) if still >= AT_REST_S), None)
-        if ours.arm == OURS and other is not None and at is not None and other.times == ours.times:
+        if ours.method == OURS and other is not None and at is not None and other.times == ours.times:
             a, b = ours.error_over_time[at], other.error_over_time[at]
             found.setdefault(spending(ours), []).append((a / max(b, SMALLEST), f"{a:.4f} to {b:.4f} in {ours.scene}"))
     return [

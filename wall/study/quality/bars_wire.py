@@ -19,14 +19,14 @@ COMPLETE = 256  # samples a pixel that a rest must have had time for, before a p
 def wire_verdicts(rows: Sequence[Row]) -> list[Verdict]:
     """As far as the rows say when their bytes were sent."""
     found = traffic(rows)
-    ours = [t for t in found if t.arm == OURS]
+    ours = [t for t in found if t.method == OURS]
     verdicts = []
     for spent in sorted({t.spending for t in ours}):
         here = [t for t in ours if t.spending == spent]
         verdicts.append(_bytes_a_sample(here))
         if (rows[0].width, rows[0].height, rows[0].refresh_hz, spent) == OF_RAW_AT:
             verdicts.append(_of_raw(here))
-        verdicts += _of_lossless(here, [t for t in found if t.arm == LOSSLESS and t.spending == spent])
+        verdicts += _of_lossless(here, [t for t in found if t.method == LOSSLESS and t.spending == spent])
     return [*verdicts, *_silence(at_rest(rows), rows[0].width * rows[0].height)]
 
 
@@ -62,7 +62,7 @@ def _silence(found: Sequence[Rest], pixels: int) -> list[Verdict]:
     """Only of runs that rest for long enough."""
     verdicts = []
     for rest in found:
-        if rest.arm == OURS and rest.rested_s * rest.spending >= COMPLETE * pixels:
+        if rest.method == OURS and rest.rested_s * rest.spending >= COMPLETE * pixels:
             what = f"nothing is sent of a picture at rest, {said(rest.spending, 'virtual')}, {rest.scene}"
             silent = rest.silent_s is not None
             came = f"after {rest.silent_s:.1f} s" if silent else f"not within {rest.rested_s:.1f} s"

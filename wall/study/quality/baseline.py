@@ -1,7 +1,7 @@
 """What all baselines share: rays bought on the virtual clock, their samples sent, frames and single rays in turn.
 
-An arm is a *shooter* (spends rays, counts what they cost) with one method: a `Display` that is given whole frames, or a
-`Renderer` that chooses every ray. Neither sees the clock.
+A framed method has a `Display`, which is given whole frames; a frameless one has a `Renderer`, which chooses every ray.
+Neither sees the clock.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from wall.deepbuffer.kernels.reproject import object_tables
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.pose import Pose
 from wall.sampling.ownership import block_order
-from wall.study.quality.method import Inputs, Setup, centres
-from wall.study.quality.shooter import Shooter
+from wall.study.quality.method import Inputs, MeteredTracer, Setup, centres
 
 ROUNDING_RAYS = 1e-6  # a ray that is done but for the rounding of times is done
 R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's powers; M. Roberts 2018
@@ -50,7 +49,7 @@ def world_pose_of(setup: Setup, event: Event) -> WorldPose:
 
 
 class Display(Protocol):
-    """The display's side of a framed arm."""
+    """The display's side of a framed method."""
 
     jittered: bool  # frames of the same event differ, so that another one is worth its rays
 
@@ -63,7 +62,7 @@ class Display(Protocol):
         ...
 
 
-class FramedArm:
+class FramedMethod:
     """Frames one after the other, each under the event it began with, shown from its last ray on: double buffering.
 
     A frame has `grid` = (columns, rows) rays, spread evenly over the panel; jittered ones move together over their
@@ -75,13 +74,13 @@ class FramedArm:
         self._rate, self._display, self._grid = setup.rate, display, grid
         self._cells = block_order(Rect(x=0, y=0, width=columns, height=rows), worker=0, workers=1)
         self._spacing = np.array(setup.size, np.float64) / grid
-        self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=True)
+        self._inputs, self._tracer = Inputs(setup.plan), MeteredTracer(setup, coherent=True)
         self._raster = np.zeros((rows, columns), SAMPLE)
         self._now, self._frame, self._done, self._allowed = 0.0, 0, 0.0, 0
         self._step = setup.input_step_s
         self._event: Event | None = self._inputs.event_at(0.0)
         self._finish(self._event)
-        self._shooter.reset()
+        self._tracer.reset()
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
@@ -101,7 +100,7 @@ class FramedArm:
                 break
             self._now += left / rate
             self._finish(self._event)
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self.rays, self.secondary, self.bytes = self._tracer.counts
         self.rays += int(self._done + ROUNDING_RAYS) if self._event is not None else 0
 
     def show(self, time: float) -> Float32:
@@ -111,7 +110,7 @@ class FramedArm:
         """Trace the frame under way. A sample that is dropped leaves the pixel's one of the frame before."""
         self._frame += 1
         xy = self._positions()
-        samples = self._shooter.trace(xy, event, self._now, frame=self._frame, frame_samples=len(xy))
+        samples = self._tracer.trace(xy, event, self._now, frame=self._frame, frame_samples=len(xy))
         columns, rows = self._grid
         x, y = (samples["xy"] / self._spacing).astype(np.int64).T
         self._raster[np.minimum(y, rows - 1), np.minimum(x, columns - 1)] = samples
@@ -144,17 +143,17 @@ class Renderer(Protocol):
         ...
 
 
-class FramelessArm:
+class FramelessMethod:
     """Rays of at most Setup.input_step_s share an event, are traced at that span's end and count at once."""
 
     def __init__(self, setup: Setup, renderer: Renderer) -> None:
         self._rate, self._renderer = setup.rate, renderer
-        self._inputs, self._shooter = Inputs(setup.plan), Shooter(setup, coherent=renderer.coherent)
+        self._inputs, self._tracer = Inputs(setup.plan), MeteredTracer(setup, coherent=renderer.coherent)
         self._now, self._owed, self._allowed = 0.0, 0.0, 0
         self._step = setup.input_step_s
         event = self._inputs.event_at(0.0)
-        renderer.take(self._shooter.trace(centres(setup), event, 0.0), event, 0.0)
-        self._shooter.reset()
+        renderer.take(self._tracer.trace(centres(setup), event, 0.0), event, 0.0)
+        self._tracer.reset()
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
@@ -170,8 +169,8 @@ class FramelessArm:
             xy = self._renderer.choose(int(self._owed + ROUNDING_RAYS), event, end)
             if len(xy):
                 self._owed -= len(xy)
-                self._renderer.take(self._shooter.trace(xy, event, end), event, end)
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+                self._renderer.take(self._tracer.trace(xy, event, end), event, end)
+        self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:
         return self._renderer.picture(self._inputs.event_at(time), time)

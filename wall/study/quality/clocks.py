@@ -1,8 +1,8 @@
-"""How much an arm may spend up to a refresh: rays at a rate (virtual), or what its CPU time buys (cpu).
+"""How much a method may spend up to a refresh: rays at a rate (virtual), or what its CPU time buys (cpu).
 
-With the CPU clock an arm has an account: it earns `cores` CPU seconds a second of virtual time, and is charged what
+With the CPU clock a method has an account: it earns `cores` CPU seconds a second of virtual time, and is charged what
 its own advance() and show() took, all threads. Rays get what showing leaves, but at least RAYS_SHARE of what is
-earned; an arm that is overdrawn at a refresh misses it, and the display keeps its picture. Nothing is saved up for
+earned; a method that is overdrawn at a refresh misses it, and the display keeps its picture. Nothing is saved up for
 longer than a refresh.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from wall.core.data import Float32
-from wall.study.quality.method import Arm
+from wall.study.quality.method import Method
 
 STEPS_A_REFRESH = 4  # a CPU budget is handed out in so many parts, so that an estimate can be corrected
 RAYS_SHARE = 0.25  # of what is earned is for rays, however dear showing is
@@ -28,28 +28,28 @@ class Clock(Protocol):
     spent: float  # CPU seconds of advance() and show()
     shown: int
 
-    def refresh(self, arm: Arm, begin: float, end: float) -> Float32:
-        """Take `arm` from `begin` to the refresh at `end`: what the display shows then, (h, w, 3) linear RGB."""
+    def refresh(self, method: Method, begin: float, end: float) -> Float32:
+        """Take `method` from `begin` to the refresh at `end`: what the display shows then, (h, w, 3) linear RGB."""
         ...
 
 
 class VirtualClock:
-    """Every arm has its rate of rays, and all the time that it needs for them."""
+    """Every method has its rate of rays, and all the time that it needs for them."""
 
     def __init__(self) -> None:
         self.spent, self.shown = 0.0, 0
 
-    def refresh(self, arm: Arm, begin: float, end: float) -> Float32:
+    def refresh(self, method: Method, begin: float, end: float) -> Float32:
         started = time.process_time()
-        arm.advance(end)
-        picture = arm.show(end)
+        method.advance(end)
+        picture = method.show(end)
         self.spent += time.process_time() - started
         self.shown += 1
         return picture
 
 
 class CpuClock:
-    """Every arm has the same CPU time."""
+    """Every method has the same CPU time."""
 
     def __init__(
         self, cores: float, *, ray_s: float, show_s: float, picture: Float32, timer: Timer = time.process_time
@@ -62,7 +62,7 @@ class CpuClock:
         weight = cores * GUESS_S / ray_s
         self._rays, self._rays_s = weight, weight * ray_s  # used so far and what they cost, the guess among them
 
-    def refresh(self, arm: Arm, begin: float, end: float) -> Float32:
+    def refresh(self, method: Method, begin: float, end: float) -> Float32:
         earned = self._cores * (end - begin)
         repaid = REPAID * self._mispriced
         self._mispriced -= repaid
@@ -70,31 +70,31 @@ class CpuClock:
         for step in range(STEPS_A_REFRESH):
             until = begin + (end - begin) * (step + 1) / STEPS_A_REFRESH
             least = RAYS_SHARE * earned / STEPS_A_REFRESH if self._planned > 0.0 else 0.0
-            self._advance(arm, until, max((self._planned - self._show_s) / (STEPS_A_REFRESH - step), least))
+            self._advance(method, until, max((self._planned - self._show_s) / (STEPS_A_REFRESH - step), least))
         if self._planned >= 0.0:
-            self._show(arm, end)
+            self._show(method, end)
         return self._picture
 
-    def _advance(self, arm: Arm, until: float, budget: float) -> None:
-        """Grant what `budget` seconds buy. It counts as used at once: an arm may trace a whole frame at its end."""
+    def _advance(self, method: Method, until: float, budget: float) -> None:
+        """Grant what `budget` seconds buy. It counts as used at once: a method may trace a whole frame at its end."""
         ray_s = self._rays_s / self._rays
         granted = max(0, int(budget / ray_s))
         self.allowed += granted
         self._planned -= granted * ray_s
-        before, started = arm.rays, self._timer()
-        arm.advance(until, self.allowed)
-        cost, used = self._charge(started), arm.rays - before
+        before, started = method.rays, self._timer()
+        method.advance(until, self.allowed)
+        cost, used = self._charge(started), method.rays - before
         self._rays, self._rays_s = self._rays + used, self._rays_s + cost
         self._mispriced += cost - used * ray_s
 
-    def _show(self, arm: Arm, time_shown: float) -> None:
+    def _show(self, method: Method, time_shown: float) -> None:
         started = self._timer()
-        picture = arm.show(time_shown)
+        picture = method.show(time_shown)
         cost = self._charge(started)
         self._planned -= cost
         self._show_s += SMOOTHING * (cost - self._show_s)
         self.shown += 1
-        self._picture = picture.copy()  # the arm's own may change before a later refresh that is missed
+        self._picture = picture.copy()  # the method's own may change before a later refresh that is missed
 
     def _charge(self, started: float) -> float:
         cost = self._timer() - started

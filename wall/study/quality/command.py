@@ -11,7 +11,7 @@ from typing import TypeVar
 from wall.config.loading import nearest
 from wall.core.errors import ConfigError, RunError
 from wall.core.jit import PACKAGE
-from wall.study.quality.methods import ARMS
+from wall.study.quality.methods import METHODS
 from wall.study.quality.methods_streams import absent
 from wall.study.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
@@ -50,17 +50,17 @@ def _own(name: str) -> Path:
     return SCENES_FOLDER / f"{name}.yaml"
 
 
-def arms_of(text: str, *, clock: str) -> tuple[str, ...]:
-    """Arms by name or pattern; without any, all but the ablations, as far as the clock knows them.
+def methods_of(text: str, *, clock: str) -> tuple[str, ...]:
+    """Methods by name or pattern; without any, all but the ablations, as far as the clock knows them.
 
-    Patterns leave out what cannot run here. Raises ConfigError for a name that is unknown, or is of such an arm.
+    Patterns leave out what cannot run here. Raises ConfigError for a name that is unknown, or is of such a method.
     """
-    here = tuple(arm for arm in ARMS if arm not in absent())
+    here = tuple(method for method in METHODS if method not in absent())
     if text:
         if named := next((word for word in map(str.strip, text.split(",")) if word in absent()), None):
-            raise ConfigError(f"--arms {named}: {absent()[named]}")
-        return _picked("--arms", text, here)
-    return tuple(arm for arm in here if ":" not in arm and not (clock == "cpu" and arm in NO_RATE_OF_ITS_OWN))
+            raise ConfigError(f"--methods {named}: {absent()[named]}")
+        return _picked("--methods", text, here)
+    return tuple(name for name in here if ":" not in name and not (clock == "cpu" and name in NO_RATE_OF_ITS_OWN))
 
 
 def rates_of(text: str) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""One cell, run: the arm advances from refresh to refresh, what it shows is held against the ideal picture."""
+"""One trial, run: the method advances from refresh to refresh, what it shows is held against the reference picture."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from wall.core.data import Float32
-from wall.study.quality.cell import Cell, duration, scene_of, setup_of
 from wall.study.quality.clocks import STEPS_A_REFRESH, Clock, CpuClock, VirtualClock
-from wall.study.quality.method import Arm, Setup
-from wall.study.quality.methods import make_arm
+from wall.study.quality.method import Method, Setup
+from wall.study.quality.methods import make_method
 from wall.study.quality.metrics import Score, delay_of, display_values, mean_square
-from wall.study.quality.reference import Gold, ideal_refreshes
+from wall.study.quality.reference import Reference, reference_refreshes
 from wall.study.quality.rows import Row
+from wall.study.quality.trial import Trial, duration, scene_of, setup_of
 from wall.study.speed import record
 
 JUDGED_PICTURES = 8  # of a run, by FLIP and SSIM, evenly spread: they are slow
@@ -27,66 +27,67 @@ LONGEST_DELAY_S = 1.0  # that an error is expressed as
 
 Look = Callable[
     [int, float, Float32, Float32], None
-]  # number of the ideal picture, its time, shown, ideal (both linear)
+]  # number of the reference picture, its time, shown, reference (both linear)
 
-_warm: set[tuple[str, tuple[int, int]]] = set()  # arms that this process has run, their kernels loaded
+_warm: set[tuple[str, tuple[int, int]]] = set()  # methods that this process has run, their kernels loaded
 
 
-def gold_of(cell: Cell) -> tuple[Gold, tuple[int, ...]]:
-    """The ideal pictures that a cell is held against, and the refreshes they belong to."""
-    return _gold(cell.config, cell.size, cell.seconds, cell.refresh_hz)
+def reference_of(trial: Trial) -> tuple[Reference, tuple[int, ...]]:
+    """The reference pictures that a trial is held against, and the refreshes they belong to."""
+    return _reference(trial.config, trial.size, trial.seconds, trial.refresh_hz)
 
 
 @lru_cache(maxsize=2)
-def _gold(
+def _reference(
     config: Path, size: tuple[int, int], seconds: float | None, refresh_hz: float
-) -> tuple[Gold, tuple[int, ...]]:
+) -> tuple[Reference, tuple[int, ...]]:
     plan, resident = scene_of(config, size)
-    refreshes = ideal_refreshes(size, seconds=duration(plan, seconds), refresh_hz=refresh_hz)
-    return Gold(plan, resident, [k / refresh_hz for k in refreshes]), refreshes
+    refreshes = reference_refreshes(size, seconds=duration(plan, seconds), refresh_hz=refresh_hz)
+    return Reference(plan, resident, [k / refresh_hz for k in refreshes]), refreshes
 
 
-def run(cell: Cell, look: Look = lambda *_: None) -> Row:
-    """Measure a cell; ideal pictures that are not there yet are made first. Raises ConfigError."""
-    gold, refreshes = gold_of(cell)
-    gold.make(gold.missing())
-    setup = setup_of(cell)
-    arm, clock = _start(cell, setup)
-    scored = {refresh: k for k, refresh in enumerate(refreshes) if refresh >= max(1, SETTLE_S * cell.refresh_hz)}
+def run(trial: Trial, look: Look = lambda *_: None) -> Row:
+    """Measure a trial; reference pictures that are not there yet are made first. Raises ConfigError."""
+    reference, refreshes = reference_of(trial)
+    reference.make(reference.missing())
+    setup = setup_of(trial)
+    method, clock = _start(trial, setup)
+    scored = {refresh: k for k, refresh in enumerate(refreshes) if refresh >= max(1, SETTLE_S * trial.refresh_hz)}
     score, times = Score(judged=_spread(JUDGED_PICTURES, len(scored))), [0.0]
     still: list[float] = []
     spent: list[tuple[int, int]] = []  # bytes and rays up to each scored refresh
     for refresh in range(1, max(refreshes) + 1):
-        now = refresh / cell.refresh_hz
-        shown = clock.refresh(arm, (refresh - 1) / cell.refresh_hz, now)
+        now = refresh / trial.refresh_hz
+        shown = clock.refresh(method, (refresh - 1) / trial.refresh_hz, now)
         if refresh in scored:
-            ideal = gold.picture(scored[refresh])
-            score.add(shown, ideal)
-            look(scored[refresh], now, shown, ideal)
+            wanted = reference.picture(scored[refresh])
+            score.add(shown, wanted)
+            look(scored[refresh], now, shown, wanted)
             times.append(now)
-            still.append(now - gold.events[scored[refresh]].input_time)
-            spent.append((arm.bytes, arm.rays))
-    row = _row(cell, arm, clock, score=score, gold=gold, times=times[1:], still=still)
+            still.append(now - reference.events[scored[refresh]].input_time)
+            spent.append((method.bytes, method.rays))
+    row = _row(trial, method, clock, score=score, reference=reference, times=times[1:], still=still)
     sent, rays = ([float(count) for count in counts] for counts in zip(*spent, strict=True))
     return replace(row, bytes_over_time=sent, rays_over_time=rays)
 
 
-def _start(cell: Cell, setup: Setup) -> tuple[Arm, Clock]:
-    """A fresh arm and its clock; another one has been there before it, so that nothing is compiled while it runs."""
-    refresh_s = 1.0 / cell.refresh_hz
-    if cell.clock == "virtual":
-        if (cell.arm, cell.size) not in _warm:
-            VirtualClock().refresh(make_arm(cell.arm, setup), 0.0, refresh_s)
-            _warm.add((cell.arm, cell.size))
-        return make_arm(cell.arm, setup), VirtualClock()
-    VirtualClock().refresh(make_arm(cell.arm, setup), 0.0, refresh_s)
+def _start(trial: Trial, setup: Setup) -> tuple[Method, Clock]:
+    """A fresh method and its clock; another one has been there before it, so that nothing is compiled while it runs."""
+    refresh_s = 1.0 / trial.refresh_hz
+    if trial.clock == "virtual":
+        if (trial.method, trial.size) not in _warm:
+            VirtualClock().refresh(make_method(trial.method, setup), 0.0, refresh_s)
+            _warm.add((trial.method, trial.size))
+        return make_method(trial.method, setup), VirtualClock()
+    VirtualClock().refresh(make_method(trial.method, setup), 0.0, refresh_s)
     began = time.process_time()
-    arm = make_arm(cell.arm, setup)
+    method = make_method(trial.method, setup)
     traced = time.process_time()
-    arm.show(0.0)
+    method.show(0.0)
     show_s, ray_s = time.process_time() - traced, (traced - began) / setup.rect.area
-    arm = make_arm(cell.arm, replace(setup, rate=cell.cores / ray_s, input_step_s=refresh_s / STEPS_A_REFRESH))
-    return arm, CpuClock(cell.cores, ray_s=ray_s, show_s=show_s, picture=arm.show(0.0).copy())
+    setup = replace(setup, rate=trial.cores / ray_s, input_step_s=refresh_s / STEPS_A_REFRESH)
+    method = make_method(trial.method, setup)
+    return method, CpuClock(trial.cores, ray_s=ray_s, show_s=show_s, picture=method.show(0.0).copy())
 
 
 def _spread(wanted: int, count: int) -> frozenset[int]:
@@ -95,57 +96,64 @@ def _spread(wanted: int, count: int) -> frozenset[int]:
 
 
 def _row(
-    cell: Cell, arm: Arm, clock: Clock, *, score: Score, gold: Gold, times: list[float], still: list[float]
+    trial: Trial,
+    method: Method,
+    clock: Clock,
+    *,
+    score: Score,
+    reference: Reference,
+    times: list[float],
+    still: list[float],
 ) -> Row:
     seconds = times[-1]
     step = times[1] - times[0] if len(times) > 1 else seconds
     return Row(
-        scene=cell.scene,
-        arm=cell.arm,
-        rate=cell.rate if cell.clock == "virtual" else arm.rays / seconds,
-        width=cell.size[0],
-        height=cell.size[1],
-        seed=cell.seed,
-        clock=cell.clock,
+        scene=trial.scene,
+        method=trial.method,
+        rate=trial.rate if trial.clock == "virtual" else method.rays / seconds,
+        width=trial.size[0],
+        height=trial.size[1],
+        seed=trial.seed,
+        clock=trial.clock,
         rmse=score.rmse,
         rmse_display=score.rmse_display,
         flip=score.flip,
         ssim=score.ssim,
         flicker=score.flicker,
-        latency_equivalent_ms=delay_of(score.rmse_display, delay_errors(gold, step), step * 1e3),
-        bytes_per_s=arm.bytes / seconds,
-        rays=arm.rays,
+        latency_equivalent_ms=delay_of(score.rmse_display, delay_errors(reference, step), step * 1e3),
+        bytes_per_s=method.bytes / seconds,
+        rays=method.rays,
         cpu_s=clock.spent,
-        secondary=arm.secondary,
-        cores=cell.cores,
-        refresh_hz=cell.refresh_hz,
+        secondary=method.secondary,
+        cores=trial.cores,
+        refresh_hz=trial.refresh_hz,
         seconds=seconds,
         shown=clock.shown,
         error_over_time=score.over_time,
         times=times,
         still_s=still,
-        gold=gold.key,
-        config=str(cell.config),
-        ablation=cell.arm.partition(":")[2],
+        reference=reference.key,
+        config=str(trial.config),
+        ablation=trial.method.partition(":")[2],
         commit=record.commit(),
         machine=record.machine(),
         command=record.command(),
     )
 
 
-def delay_errors(gold: Gold, step: float) -> list[float]:
-    """RMSE of the display values of the ideal picture shown 0, 1, 2 ... scored refreshes late; kept beside it.
+def delay_errors(reference: Reference, step: float) -> list[float]:
+    """RMSE of the display values of the reference picture shown 0, 1, 2 ... scored refreshes late; kept beside it.
 
-    Before time 0 it shows what it shows at time 0, as every arm does.
+    Before time 0 it shows what it shows at time 0, as every method does.
     """
-    path = gold.folder / "delays.json"
+    path = reference.folder / "delays.json"
     if path.exists():
         found: list[float] = json.loads(path.read_text(encoding="utf-8"))
         return found
-    pictures = [display_values(gold.picture(k)) for k in range(len(gold))]
+    pictures = [display_values(reference.picture(k)) for k in range(len(reference))]
     errors = []
-    for late in range(min(len(gold), round(LONGEST_DELAY_S / step) + 1)):
-        squares = [mean_square(pictures[max(k - late, 0)], pictures[k]) for k in range(1, len(gold))]
+    for late in range(min(len(reference), round(LONGEST_DELAY_S / step) + 1)):
+        squares = [mean_square(pictures[max(k - late, 0)], pictures[k]) for k in range(1, len(reference))]
         errors.append(math.sqrt(sum(squares) / max(len(squares), 1)))
     fresh = path.with_name(f"{path.name}.{os.getpid()}")
     fresh.write_text(json.dumps(errors), encoding="utf-8")

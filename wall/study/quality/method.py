@@ -1,19 +1,20 @@
-"""What is compared: an *arm* spends the same rays as every other arm, and shows a picture at every display refresh.
+"""Methods, which are compared: each spends the same rays and shows an image at every refresh of the display.
 
-The clock is virtual: ray k of an arm happens at k / rate seconds, with the inputs of that instant (shared by the rays
+The clock is virtual: ray k of a method happens at k / rate seconds, with the inputs of that instant (shared by the rays
 of at most INPUT_STEP_S), so a run depends on nothing but its setup and seed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from wall.core.data import Event, Float32, Rect
+from wall.core.data import Batch, Event, Float32, Rect, Samples
 from wall.geometry.panels import Panel
+from wall.packets.samples import MAX_SAMPLES, Codec, decode, encode
 from wall.roles.plan import Plan
 from wall.sampling.ownership import block_order
 from wall.scene.model import Moment
@@ -21,11 +22,12 @@ from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
 
 INPUT_STEP_S = 5e-4  # rays of this span share one camera and one scene time: a thirtieth of a 60 Hz refresh
+ADAPTIVE_PACKET = 4096  # samples of one packet of the adaptive sampler, as its workers send them
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """One cell of the experiment, whatever the arm."""
+    """The surroundings of one trial, whatever the method."""
 
     plan: Plan  # a wall of one panel
     resident: Resident
@@ -99,7 +101,7 @@ def steps(
         yield last + (until - last) * k / count, spent + (allowed - spent) * k // count
 
 
-class Arm(Protocol):
+class Method(Protocol):
     """A sampler and its filter. It starts with a free picture: one sample a pixel, traced at time 0."""
 
     rays: int  # primary rays spent so far, the free first picture not counted
@@ -113,3 +115,70 @@ class Arm(Protocol):
     def show(self, time: float) -> Float32:
         """(h, w, 3) float32 linear RGB: what the display shows from refresh `time` on. Read before the next call."""
         ...
+
+
+class MeteredTracer:
+    """Traces, counts and sends. Who needs what the packets bring passes `receive`; else nobody decodes them."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        *,
+        coherent: bool,
+        adaptive: bool = False,
+        sends: bool = True,
+        receive: Callable[[Batch], None] | None = None,
+    ) -> None:
+        """`adaptive` chooses the packets' layout; without `sends` there are none, as where pictures are sent."""
+        self._tracer, self._rect = setup.tracer(coherent=coherent), setup.rect
+        self._adaptive, self._sends, self._receive = adaptive, sends, receive
+        self._relightable = adaptive and setup.resident.needs.relighting
+        self._sequence = 0
+        self._placed: Event | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """What was spent so far was free."""
+        self.rays = self.secondary = self.bytes = 0
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        """Primary rays, the others, bytes."""
+        return self.rays, self.secondary, self.bytes
+
+    def trace(
+        self, xy: Float32, event: Event, time: float, *, frame: int = 0, frame_samples: int = 0, blend: float = 1.0
+    ) -> Samples:
+        """Samples at (n, 2) float32 panel pixels under `event`, counted and sent at `time` seconds."""
+        samples, dropped = self.shoot(xy, event)
+        self.send(samples, event, time, frame=frame, frame_samples=frame_samples, dropped=dropped, blend=blend)
+        return samples
+
+    def shoot(self, xy: Float32, event: Event) -> tuple[Samples, int]:
+        """The samples alone, for who still writes into them before they are sent; and how many rays gave none."""
+        if self._placed is not event:
+            self._tracer.take(event)
+            self._placed = event
+        samples, cost = self._tracer.trace(xy)
+        self.rays += cost.primary
+        self.secondary += cost.shadow + cost.secondary
+        return samples, cost.bad
+
+    def send(
+        self, samples: Samples, event: Event, time: float, *, frame: int = 0, frame_samples: int = 0,
+        dropped: int = 0, blend: float = 1.0,
+    ) -> None:  # fmt: skip
+        """As packets, at least one, of samples traced under `event`."""
+        size = ADAPTIVE_PACKET if self._adaptive else MAX_SAMPLES
+        for first in range(0, max(len(samples), 1) if self._sends else 0, size):
+            self._sequence += 1
+            batch = Batch(
+                view=0, panel=0, rect=self._rect, rank=0, sequence=self._sequence, camera_event=event.camera_event,
+                scene_event=event.scene_event, base_time=time, samples=samples[first : first + size], frame=frame,
+                frame_samples=frame_samples, skipped=0 if first else dropped, blend=blend, camera=event.camera,
+                scene_time=event.scene_time, adaptive=self._adaptive, relightable=self._relightable,
+            )  # fmt: skip
+            packet = encode(batch, Codec.ZSTD)
+            self.bytes += len(packet)
+            if self._receive is not None:
+                self._receive(decode(packet))

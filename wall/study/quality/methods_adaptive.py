@@ -1,4 +1,4 @@
-"""The adaptive sampler and its reconstruction as an arm.
+"""The adaptive sampler and its reconstruction as a method.
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor; `..._every_2`, `..._every_6`:
@@ -24,11 +24,10 @@ from wall.roles.adaptive_renderer import TILINGS_HZ
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels_adaptive
 from wall.study.quality.late_display import LateDisplay
-from wall.study.quality.method import Arm, Inputs, Setup, centres, steps
-from wall.study.quality.shooter import Shooter
+from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
-class AdaptiveArm:
+class AdaptiveMethod:
     def __init__(
         self,
         setup: Setup,
@@ -54,7 +53,7 @@ class AdaptiveArm:
         self._shown = self._picture
         if remote:
             self._shown = Picture(setup.panel, eye, scene, judging=False)
-        self._shooter = Shooter(
+        self._tracer = MeteredTracer(
             setup, coherent=AdaptiveSampler.coherent, adaptive=True, sends=sends,
             receive=self._receive if remote else None,
         )  # fmt: skip
@@ -65,8 +64,8 @@ class AdaptiveArm:
         )
         self._now, self._spent, self._every, self._refreshes = 0.0, 0, every, 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
-        self._shooter.reset()
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self._tracer.reset()
+        self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def advance(self, until: float, rays: int | None = None) -> None:
         allowed = int(self._setup.rate * until) if rays is None else rays
@@ -81,13 +80,13 @@ class AdaptiveArm:
             self._spent += len(targets.xy)
             self._trace(targets.xy, event, now)
         self._now = until
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def _trace(self, xy: Float32, event: Event, now: float) -> None:
-        samples, _ = self._shooter.shoot(xy, event)
+        samples, _ = self._tracer.shoot(xy, event)
         self._picture.insert(samples, now, event)  # which writes into them what they contradict
         self._sampler.observe(samples)
-        self._shooter.send(samples, event, now)
+        self._tracer.send(samples, event, now)
 
     def _receive(self, batch: Batch) -> None:
         self._shown.insert(batch.samples, batch.base_time, batch)
@@ -105,7 +104,7 @@ class AdaptiveArm:
                 **self._sampler.measure()._asdict(),
             )
         )  # fmt: skip
-        self._shooter.bytes += len(packet)
+        self._tracer.bytes += len(packet)
         self._shown.take_tiling(decode_tiling(packet))
 
     def show(self, time: float) -> Float32:
@@ -120,22 +119,22 @@ class AdaptiveArm:
         return self._display.seen(self._shown.radiance)
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {
-    "adaptive": AdaptiveArm,
-    "adaptive:remote": partial(AdaptiveArm, remote=True),
-    "adaptive:remote_no_tilings": partial(AdaptiveArm, remote=True, tilings=False),
-    "adaptive:remote_every_2": partial(AdaptiveArm, remote=True, every=2),
-    "adaptive:remote_every_6": partial(AdaptiveArm, remote=True, every=6),
-    "adaptive:cut": partial(AdaptiveArm, tiling="cut"),
-    "adaptive:uniform": partial(AdaptiveArm, uniform=True),
-    "adaptive:delayed": partial(AdaptiveArm, late=1),
-    "adaptive:delayed_2": partial(AdaptiveArm, late=2),
-    "adaptive:predicted": partial(AdaptiveArm, late=1, predicted=True),
-    "adaptive:predicted_2": partial(AdaptiveArm, late=2, predicted=True),
-    "adaptive:predicted_picture": partial(AdaptiveArm, late=1, predicted=True, ahead=False),
-    "adaptive:predicted_picture_2": partial(AdaptiveArm, late=2, predicted=True, ahead=False),
+METHODS: dict[str, Callable[[Setup], Method]] = {
+    "adaptive": AdaptiveMethod,
+    "adaptive:remote": partial(AdaptiveMethod, remote=True),
+    "adaptive:remote_no_tilings": partial(AdaptiveMethod, remote=True, tilings=False),
+    "adaptive:remote_every_2": partial(AdaptiveMethod, remote=True, every=2),
+    "adaptive:remote_every_6": partial(AdaptiveMethod, remote=True, every=6),
+    "adaptive:cut": partial(AdaptiveMethod, tiling="cut"),
+    "adaptive:uniform": partial(AdaptiveMethod, uniform=True),
+    "adaptive:delayed": partial(AdaptiveMethod, late=1),
+    "adaptive:delayed_2": partial(AdaptiveMethod, late=2),
+    "adaptive:predicted": partial(AdaptiveMethod, late=1, predicted=True),
+    "adaptive:predicted_2": partial(AdaptiveMethod, late=2, predicted=True),
+    "adaptive:predicted_picture": partial(AdaptiveMethod, late=1, predicted=True, ahead=False),
+    "adaptive:predicted_picture_2": partial(AdaptiveMethod, late=2, predicted=True, ahead=False),
     **{
-        f"adaptive:no_{field.name}": partial(AdaptiveArm, ingredients=Ingredients(**{field.name: False}))
+        f"adaptive:no_{field.name}": partial(AdaptiveMethod, ingredients=Ingredients(**{field.name: False}))
         for field in fields(Ingredients)
     },
 }

@@ -34,11 +34,11 @@ from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Samples
 from wall.reconstruction.pose import Pose
-from wall.study.quality.baseline import FramelessArm, WorldPose, pose_of, world_pose_of
+from wall.study.quality.baseline import FramelessMethod, WorldPose, pose_of, world_pose_of
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import afr as kernels
 from wall.study.quality.kernels import afr_image as picture_kernels
-from wall.study.quality.method import Arm, Setup
+from wall.study.quality.method import Method, Setup
 
 SAMPLES_A_PIXEL = 8  # kept
 SMALLEST_TILE = 4  # pixels; a crosshair fills most of it
@@ -181,11 +181,11 @@ class AdaptiveFrameless:
         return self._pose[1]
 
 
-def afr2005(follow_objects: bool, setup: Setup) -> FramelessArm:
-    return FramelessArm(setup, AdaptiveFrameless(setup, follow_objects=follow_objects))
+def afr2005(follow_objects: bool, setup: Setup) -> FramelessMethod:
+    return FramelessMethod(setup, AdaptiveFrameless(setup, follow_objects=follow_objects))
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {
+METHODS: dict[str, Callable[[Setup], Method]] = {
     "afr2005": partial(afr2005, False),
     "afr2005_object": partial(afr2005, True),
 }

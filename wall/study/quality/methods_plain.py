@@ -1,4 +1,4 @@
-"""The project's blind samplers as arms, with the compositor's own buffer behind their own packets.
+"""The project's blind samplers as methods, with the compositor's own buffer behind their own packets.
 
 A batch is chosen under the newest event, takes its rays' time to trace, and is shown when its last ray is done. Their
 free picture is whatever completes the sampler at time 0: a sample a pixel, or four for `hilbert`.
@@ -17,18 +17,17 @@ from wall.sampling.base import Sampler, Targets
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
-from wall.study.quality.method import Arm, Inputs, Setup, steps
-from wall.study.quality.shooter import Shooter
+from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, steps
 
 FRAMED_BATCH = 4096  # rays of a frame share one event, so a batch may last as long as it likes
 
 
-class SamplerArm:
+class SamplerMethod:
     """Any of the blind samplers: choose, trace, send, insert."""
 
     def __init__(self, setup: Setup, sampler: Sampler) -> None:
         self._rate, self._sampler, self._inputs = setup.rate, sampler, Inputs(setup.plan)
-        self._shooter = Shooter(setup, coherent=sampler.coherent, receive=self._insert)
+        self._tracer = MeteredTracer(setup, coherent=sampler.coherent, receive=self._insert)
         self._buffer = PixelBuffer(*setup.size)
         self._frame: list[Batch] = []  # of double buffering, so far
         self._now = 0.0
@@ -37,11 +36,11 @@ class SamplerArm:
         self._used = self._allowed = 0  # rays' worth of time: of finished batches and waiting; let pass so far
         while (targets := sampler.choose(self._inputs.event_at(0.0))) is not None:
             self._trace(targets)
-        self._shooter.reset()
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self._tracer.reset()
+        self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def advance(self, until: float, rays: int | None = None) -> None:
-        """See Arm."""
+        """See Method."""
         allowed = int(self._rate * until) if rays is None else rays
         for now, owed in steps(self._now, until, self._allowed, allowed, self._step):
             self._now = now
@@ -56,13 +55,13 @@ class SamplerArm:
                 self._trace(self._targets)
                 self._targets = None
         self._allowed = allowed
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:
         return self._buffer.radiance
 
     def _trace(self, targets: Targets) -> None:
-        samples = self._shooter.trace(
+        samples = self._tracer.trace(
             targets.xy, targets.event, self._now, frame=targets.frame, frame_samples=targets.frame_samples,
             blend=targets.blend,
         )  # fmt: skip
@@ -80,22 +79,22 @@ class SamplerArm:
             self._frame.clear()
 
 
-def framed(setup: Setup) -> SamplerArm:
+def framed(setup: Setup) -> SamplerMethod:
     """Double buffering: a frame's event is the one it began under; it is shown from its last ray on."""
-    return SamplerArm(setup, FramedSampler(setup.rect, FrameCounter(1), batch=FRAMED_BATCH))
+    return SamplerMethod(setup, FramedSampler(setup.rect, FrameCounter(1), batch=FRAMED_BATCH))
 
 
-def framed_x10(setup: Setup) -> SamplerArm:
+def framed_x10(setup: Setup) -> SamplerMethod:
     """`framed` with ten times the rays."""
     return framed(replace(setup, rate=10 * setup.rate))
 
 
-def frameless(setup: Setup) -> SamplerArm:
+def frameless(setup: Setup) -> SamplerMethod:
     """Bishop et al.'s: random order, each sample shown at once."""
-    return SamplerArm(setup, FramelessSampler(setup.rect, batch=_batch(setup), seed=setup.seed))
+    return SamplerMethod(setup, FramelessSampler(setup.rect, batch=_batch(setup), seed=setup.seed))
 
 
-def hilbert(setup: Setup) -> SamplerArm:
+def hilbert(setup: Setup) -> SamplerMethod:
     """Parker et al.'s, at the settings that configurations have by default."""
     own = HilbertSampling()
     sampler = HilbertSampler(
@@ -106,7 +105,7 @@ def hilbert(setup: Setup) -> SamplerArm:
         camera_update_percent=own.camera_update_percent,
         blend=own.blend,
     )
-    return SamplerArm(setup, sampler)
+    return SamplerMethod(setup, sampler)
 
 
 def _batch(setup: Setup) -> int:
@@ -114,7 +113,7 @@ def _batch(setup: Setup) -> int:
     return min(MAX_SAMPLES, max(1, int(setup.rate * setup.input_step_s)))
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {
+METHODS: dict[str, Callable[[Setup], Method]] = {
     "framed": framed,
     "framed_x10": framed_x10,
     "frameless": frameless,

@@ -13,14 +13,13 @@ import numpy as np
 from wall.core.data import Event, Float32
 from wall.packets.samples import MAX_SAMPLES
 from wall.sampling.progressive import ProgressiveSampler
-from wall.study.quality.method import Arm, Inputs, Setup, centres, steps
-from wall.study.quality.shooter import Shooter
+from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
-class ProgressiveArm:
+class ProgressiveMethod:
     def __init__(self, setup: Setup) -> None:
         self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._shooter = Shooter(setup, coherent=True)
+        self._tracer = MeteredTracer(setup, coherent=True)
         self._event = self._inputs.event_at(0.0)
         self._sampler: ProgressiveSampler | None = None
         self._xy, self._at, self._sweep = centres(setup)[:0], 0, 0
@@ -29,12 +28,12 @@ class ProgressiveArm:
         width, height = setup.size
         self._before = np.zeros((height, width, 3), np.float32)
         first = self._fresh()
-        first.add(self._shooter.trace(centres(setup), self._event, 0.0))
-        self._shooter.reset()
+        first.add(self._tracer.trace(centres(setup), self._event, 0.0))
+        self._tracer.reset()
         self._before[:] = first.mean()
 
     def advance(self, until: float, rays: int | None = None) -> None:
-        """See Arm."""
+        """See Method."""
         allowed = int(self._setup.rate * until) if rays is None else rays
         for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
             event = self._inputs.event_at(now)
@@ -44,7 +43,7 @@ class ProgressiveArm:
                 self._before, self._sampler = self.show(now), None
             self._event, self._spent = event, owed
         self._now = until
-        self.rays, self.secondary, self.bytes = self._shooter.counts
+        self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:
         if self._sampler is None:
@@ -61,10 +60,10 @@ class ProgressiveArm:
             xy = self._xy[self._at : self._at + count]
             self._at = (self._at + len(xy)) % len(self._xy)
             count -= len(xy)
-            self._sampler.add(self._shooter.trace(xy, event, now))
+            self._sampler.add(self._tracer.trace(xy, event, now))
 
     def _fresh(self) -> ProgressiveSampler:
         return ProgressiveSampler(self._setup.rect, seed=self._setup.seed)
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {"progressive": ProgressiveArm}
+METHODS: dict[str, Callable[[Setup], Method]] = {"progressive": ProgressiveMethod}

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Samples
-from wall.study.quality.baseline import FramedArm
-from wall.study.quality.method import Arm, Setup
+from wall.study.quality.baseline import FramedMethod
+from wall.study.quality.method import Method, Setup
 
 ROWS = (32, 48, 64, 96, 128, 160, 192)  # of FULL_ROWS
 FULL_ROWS = 256
@@ -50,11 +50,11 @@ def between(fine: int, coarse: int) -> tuple[NDArray[np.intp], NDArray[np.intp],
     return np.clip(first, 0, coarse - 1), np.clip(first + 1, 0, coarse - 1), share
 
 
-def reduced(rows: int, setup: Setup) -> FramedArm:
+def reduced(rows: int, setup: Setup) -> FramedMethod:
     """Frames of `rows` rows for every FULL_ROWS of the panel."""
     width, height = setup.size
     grid = (max(1, round(width * rows / FULL_ROWS)), max(1, round(height * rows / FULL_ROWS)))
-    return FramedArm(setup, grid, EnlargingDisplay(setup.size, grid))
+    return FramedMethod(setup, grid, EnlargingDisplay(setup.size, grid))
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {f"reduced_{rows}": partial(reduced, rows) for rows in ROWS}
+METHODS: dict[str, Callable[[Setup], Method]] = {f"reduced_{rows}": partial(reduced, rows) for rows in ROWS}

@@ -20,10 +20,10 @@ import numpy as np
 
 from wall.core.data import Event, Float32, Samples
 from wall.reconstruction.pose import Pose
-from wall.study.quality.baseline import FramelessArm, WorldPose, pose_of, world_pose_of
+from wall.study.quality.baseline import FramelessMethod, WorldPose, pose_of, world_pose_of
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import render_cache as kernels
-from wall.study.quality.method import Arm, Setup
+from wall.study.quality.method import Method, Setup
 
 POINTS_A_PIXEL = 1.5
 AGE_AT_TURN = 128.0  # reached by an undisturbed point when its turn comes again
@@ -103,11 +103,11 @@ class RenderCache:
         return self._pose[1]
 
 
-def render_cache(follow_objects: bool, setup: Setup) -> FramelessArm:
-    return FramelessArm(setup, RenderCache(setup, follow_objects=follow_objects))
+def render_cache(follow_objects: bool, setup: Setup) -> FramelessMethod:
+    return FramelessMethod(setup, RenderCache(setup, follow_objects=follow_objects))
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {
+METHODS: dict[str, Callable[[Setup], Method]] = {
     "render_cache": partial(render_cache, False),
     "render_cache_object": partial(render_cache, True),
 }

@@ -1,4 +1,4 @@
-"""Framed rendering with all that reprojection can do for it: the sceptic's arms.
+"""Framed rendering with all that reprojection can do for it: the sceptic's methods.
 
 `taa_*`: every frame's jittered samples are blended into a history at the panel's own resolution. The history follows
 each surface (camera and rigid motion), is resampled by Catmull-Rom, clipped to the variance of the 3x3 samples around,
@@ -19,11 +19,11 @@ import numpy as np
 
 from wall.core.data import Event, Float32, Samples
 from wall.reconstruction.pose import Pose
-from wall.study.quality.baseline import FramedArm, pose_of
+from wall.study.quality.baseline import FramedMethod, pose_of
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import taa as kernels_taa
 from wall.study.quality.kernels import warp as kernels_warp
-from wall.study.quality.method import Arm, Setup
+from wall.study.quality.method import Method, Setup
 
 GAMMA = 1.0  # deviations that a history may differ; Karis's and the survey's usual 1
 ALPHA = 0.1
@@ -76,21 +76,21 @@ class TemporalDisplay:
         return self._warped[:, :, :3]
 
 
-def temporal(divisor: int, alpha: float, warp: bool, setup: Setup) -> FramedArm:
+def temporal(divisor: int, alpha: float, warp: bool, setup: Setup) -> FramedMethod:
     """TAA of frames with 1 / divisor of the panel's columns and rows."""
     width, height = setup.size
     grid = (max(1, round(width / divisor)), max(1, round(height / divisor)))
-    return FramedArm(setup, grid, TemporalDisplay(setup, alpha=alpha, warp=warp))
+    return FramedMethod(setup, grid, TemporalDisplay(setup, alpha=alpha, warp=warp))
 
 
-def framed_warp(divisor: int, setup: Setup) -> FramedArm:
+def framed_warp(divisor: int, setup: Setup) -> FramedMethod:
     """Frames, each warped until the next is complete."""
     width, height = setup.size
     grid = (max(1, round(width / divisor)), max(1, round(height / divisor)))
-    return FramedArm(setup, grid, TemporalDisplay(setup, alpha=1.0, warp=True, jittered=False))
+    return FramedMethod(setup, grid, TemporalDisplay(setup, alpha=1.0, warp=True, jittered=False))
 
 
-ARMS: dict[str, Callable[[Setup], Arm]] = {
+METHODS: dict[str, Callable[[Setup], Method]] = {
     "framed_warp": partial(framed_warp, 1),
     "taa_full": partial(temporal, 1, ALPHA, True),
     "taa_half": partial(temporal, 2, ALPHA, True),

@@ -1,8 +1,8 @@
-"""How far shown pictures are from ideal ones, at each scored refresh and over the run.
+"""How far shown pictures are from reference ones, at each scored refresh and over the run.
 
 *Display values* are what a screen is sent before rounding: linear RGB clipped to [0, 1], then the sRGB curve
 (IEC 61966-2-1). `rmse_display` is over pixels, channels and scored refreshes of those; `rmse` is the same of linear
-RGB as it is, unclipped, so that highlights weigh in it. Both stand for lateness too: the ideal picture is the exact
+RGB as it is, unclipped, so that highlights weigh in it. Both stand for lateness too: the reference picture is the exact
 refresh's.
 """
 
@@ -41,9 +41,9 @@ class Score:
     _ssim: list[float] = field(default_factory=list)
     _last: tuple[Float32, Float32] | None = None
 
-    def add(self, shown: Float32, ideal: Float32) -> None:
+    def add(self, shown: Float32, reference: Float32) -> None:
         """(h, w, 3) float32 linear RGB each."""
-        a, b = display_values(shown), display_values(ideal)
+        a, b = display_values(shown), display_values(reference)
         square = mean_square(a, b)
         if len(self.over_time) in self.judged:
             self._flip.append(flip(a, b))
@@ -51,7 +51,7 @@ class Score:
         if self._last is not None:
             self._change += mean_square(a - self._last[0], b - self._last[1])
         self._last = a, b
-        self._linear += mean_square(shown, ideal)
+        self._linear += mean_square(shown, reference)
         self._display += square
         self.over_time.append(math.sqrt(square))
 
@@ -65,7 +65,7 @@ class Score:
 
     @property
     def flicker(self) -> float:
-        """RMSE of the change from one scored refresh to the next, against the ideal's change; display values."""
+        """RMSE of the change from one scored refresh to the next, against the reference's change; display values."""
         return math.sqrt(self._change / max(len(self.over_time) - 1, 1))
 
     @property
@@ -79,25 +79,25 @@ class Score:
         return float(np.mean(self._ssim)) if self._ssim else math.nan
 
 
-def flip(shown: Float32, ideal: Float32) -> float:
+def flip(shown: Float32, reference: Float32) -> float:
     """FLIP of display values. Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", 2020."""
     import flip_evaluator
 
-    _, mean, _ = flip_evaluator.evaluate(ideal, shown, "LDR", applyMagma=False)
+    _, mean, _ = flip_evaluator.evaluate(reference, shown, "LDR", applyMagma=False)
     return float(mean)
 
 
-def ssim(shown: Float32, ideal: Float32) -> float:
+def ssim(shown: Float32, reference: Float32) -> float:
     """SSIM of display values, 7x7 windows. Wang et al., "Image Quality Assessment", 2004."""
     from skimage.metrics import structural_similarity
 
-    return float(structural_similarity(ideal, shown, channel_axis=2, data_range=1.0))  # type: ignore[no-untyped-call]
+    return float(structural_similarity(reference, shown, channel_axis=2, data_range=1.0))  # type: ignore[no-untyped-call]
 
 
 def delay_of(error: float, errors: list[float], step_ms: float) -> float | None:
-    """The pure delay of the ideal picture (ms) that has an error: the first at which the curve reaches it.
+    """The pure delay of the reference picture (ms) that has an error: the first at which the curve reaches it.
 
-    `errors[k]` is the error of the ideal picture shown k steps late; linear in between. None: more than any in it.
+    `errors[k]` is the error of the reference picture shown k steps late; linear in between. None: more than any in it.
     """
     for k in range(1, len(errors)):
         low, high = errors[k - 1], errors[k]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wall.study.quality.rows import Row
-from wall.study.quality.summary import OURS, arms_at, averaged, middle, said, scenes, spending, spendings
+from wall.study.quality.summary import OURS, averaged, methods_at, middle, said, scenes, spending, spendings
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -54,10 +54,10 @@ DARK = Theme(ink="#e6edf3", paper="#161b22", grid="#30363d")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """What one line of a plot stands for: an arm, or the best of a family by hindsight, at each spending."""
+    """What one line of a plot stands for: a method, or the best of a family by hindsight, at each spending."""
 
     name: str
-    arms: Mapping[tuple[str, float], str] = field(default_factory=dict)  # (scene, spending) -> arm
+    methods: Mapping[tuple[str, float], str] = field(default_factory=dict)  # (scene, spending) -> method
 
     @property
     def colour(self) -> str:
@@ -69,19 +69,19 @@ class Line:
 
 
 def lines(rows: Sequence[Row], names: Iterable[str] = COLOURS) -> list[Line]:
-    """The lines that plots have: families stand for their best arm on each scene, ablations for nothing."""
+    """The lines that plots have: families stand for their best method on each scene, ablations for nothing."""
     errors, found = averaged(rows), []
     for name in names:
         prefix = FAMILIES.get(name)
         chosen: dict[tuple[str, float], str] = {}
         for spent in spendings(rows):
-            arms = [a for a in arms_at(rows, spent) if (a == name if prefix is None else a.startswith(prefix))]
+            methods = [a for a in methods_at(rows, spent) if (a == name if prefix is None else a.startswith(prefix))]
             for scene in scenes(rows):
-                known = {arm: errors[scene, arm, spent] for arm in arms if (scene, arm, spent) in errors}
+                known = {method: errors[scene, method, spent] for method in methods if (scene, method, spent) in errors}
                 if known:
-                    chosen[scene, spent] = min(known, key=lambda arm: known[arm])
+                    chosen[scene, spent] = min(known, key=lambda method: known[method])
         if chosen:
-            found.append(Line(name=name, arms=chosen))
+            found.append(Line(name=name, methods=chosen))
     return found
 
 
@@ -91,8 +91,8 @@ def over_time(rows: Sequence[Row], spent: float, theme: Theme) -> bytes:
 
     def draw(axes: Axes, scene: str) -> None:
         for line in drawn:
-            arm = line.arms.get((scene, spent))
-            runs = [row for row in rows if (row.scene, row.arm, spending(row)) == (scene, arm, spent)]
+            method = line.methods.get((scene, spent))
+            runs = [row for row in rows if (row.scene, row.method, spending(row)) == (scene, method, spent)]
             runs = [row for row in runs if row.times == runs[0].times]
             if runs:
                 mean = np.mean([row.error_over_time for row in runs], axis=0)
@@ -109,11 +109,11 @@ def against(
     errors, drawn = averaged(rows), lines(rows, names)
     prices: dict[tuple[str, str, float], list[float]] = {}
     for row in rows:
-        prices.setdefault((row.scene, row.arm, spending(row)), []).append(x(row))
+        prices.setdefault((row.scene, row.method, spending(row)), []).append(x(row))
 
     def draw(axes: Axes, scene: str) -> None:
         for line in drawn:
-            keys = [(scene, arm, spent) for (s, spent), arm in line.arms.items() if s == scene]
+            keys = [(scene, method, spent) for (s, spent), method in line.methods.items() if s == scene]
             points = [(float(np.mean(prices[key])), errors[key]) for key in keys if key in errors]
             points = [point for point in points if point[0] > 0.0]
             if points:

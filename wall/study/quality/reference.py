@@ -1,6 +1,6 @@
-"""The ideal pictures of a scene: converged, traced for the exact time of each scored refresh, kept on disk.
+"""The reference pictures of a scene: converged, traced for the exact time of each scored refresh, kept on disk.
 
-They depend on nothing that arms do. A cache entry is named by a hash of what the tracer is given (geometry, looks,
+They depend on nothing that methods do. A cache entry is named by a hash of what the tracer is given (geometry, looks,
 every pose and camera) and of the tracer's own text, so a changed scene or tracer starts a new one. Pictures are
 float16: within 2^-11 of their float32 values, a seventh of the smallest step that 8 bits can show.
 """
@@ -26,7 +26,7 @@ from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
 
 SAMPLES_A_PIXEL = 64
-SEED = 20050629  # of every gold picture, whatever the arms' seeds
+SEED = 20050629  # of every reference picture, whatever the methods' seeds
 BAND_ROWS = 32  # traced at a time
 LARGEST = 65504.0  # of float16: brighter light is kept as this
 SMALL_PIXELS = 100_000  # up to here every 2nd refresh is scored, above every 8th
@@ -34,14 +34,14 @@ SMALL_STRIDE, LARGE_STRIDE = 2, 8
 TRACER_SOURCES = ("tracing", "sampling/progressive.py", "sampling/kernels/permutation.py", "geometry/frusta.py")
 
 
-def ideal_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: float) -> tuple[int, ...]:
-    """Numbers of the refreshes that have an ideal picture, 0 included."""
+def reference_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: float) -> tuple[int, ...]:
+    """Numbers of the refreshes that have a reference picture, 0 included."""
     stride = SMALL_STRIDE if size[0] * size[1] <= SMALL_PIXELS else LARGE_STRIDE
     return tuple(range(0, int(seconds * refresh_hz + 1e-6) + 1, stride))
 
 
-class Gold:
-    """Ideal pictures at given times; `make` traces those that are not there yet."""
+class Reference:
+    """Reference pictures at given times; `make` traces those that are not there yet."""
 
     def __init__(self, plan: Plan, resident: Resident, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL) -> None:
         """`times` (seconds, growing) are those of the pictures, in order."""

@@ -17,12 +17,12 @@ from wall.study.quality.rows import Row
 from wall.study.quality.summary import (
     OURS,
     Compared,
-    arms_at,
     averaged,
     best_other,
     compare,
     equal_error,
     geometric,
+    methods_at,
     middle,
     said,
     scenes,
@@ -69,14 +69,14 @@ def _head(rows: Sequence[Row]) -> str:
     how = "the same rays a second" if first.clock == "virtual" else "the same CPU time, everything charged"
     about = (
         f"{first.width} &times; {first.height} pixels, {first.refresh_hz:g} Hz, {escape(', '.join(scenes(rows)))}; "
-        f"every arm had {how}. "
+        f"every method had {how}. "
         f"{len(seeds)} seed{'s' if len(seeds) > 1 else ''}. Error is the RMSE of display values (sRGB, 0 to 1) against "
-        "the ideal picture of each refresh's exact time, so that late and coarse count alike."
+        "the reference picture of each refresh's exact time, so that late and coarse count alike."
     )
     tiles = "".join(
-        f'<div class="tile"><b>{c.mean:.1f}&times;</b><span>less error than {escape(c.arm)}</span></div>'
+        f'<div class="tile"><b>{c.mean:.1f}&times;</b><span>less error than {escape(c.method)}</span></div>'
         for c in [*compare(rows), *best_other(rows)]
-        if c.spending == middle(rows) and c.arm in ("framed", "framed_x10", "frameless", "best other")
+        if c.spending == middle(rows) and c.method in ("framed", "framed_x10", "frameless", "best other")
     )
     lead = f"At {said(middle(rows), first.clock)}, geometric mean over scenes" if tiles else ""
     note = f'<p class="note">{lead}</p><div class="tiles">{tiles}</div>'
@@ -111,12 +111,12 @@ def _pictures(kept: Sequence[Moment], clock: str) -> str:
 
 
 def _moment(moment: Moment, clock: str, *, opened: bool) -> str:
-    cards = [f"<figure>{_image(moment.ideal, 'ideal')}<figcaption><b>ideal</b></figcaption></figure>"]
+    cards = [f"<figure>{_image(moment.reference, 'reference')}<figcaption><b>reference</b></figcaption></figure>"]
     for s in moment.shown:
-        ours = ' class="ours"' if s.arm == OURS else ""
+        ours = ' class="ours"' if s.method == OURS else ""
         cards.append(
-            f"<figure{ours}>{_image(s.picture, s.arm)}{_image(s.error, f'error of {s.arm}')}"
-            f"<figcaption><b>{escape(s.arm)}</b> RMSE {s.rmse:.3f}</figcaption></figure>"
+            f"<figure{ours}>{_image(s.picture, s.method)}{_image(s.error, f'error of {s.method}')}"
+            f"<figcaption><b>{escape(s.method)}</b> RMSE {s.rmse:.3f}</figcaption></figure>"
         )
     title = f"{moment.time:.2f} s, {said(moment.spending, clock)}"
     return (
@@ -138,43 +138,43 @@ def _errors(rows: Sequence[Row]) -> str:
     parts = ["<h2>Errors</h2>"]
     for spent in spendings(rows):
         lines = []
-        for arm in arms_at(rows, spent):
-            keys = [(scene, arm, spent) for scene in names]
+        for method in methods_at(rows, spent):
+            keys = [(scene, method, spent) for scene in names]
             known = [errors[key] for key in keys if key in errors]
             flip = [flips[key] for key in keys if key in flips]
-            cells = [f"{errors[key]:.4f}" if key in errors else "" for key in keys]
-            lines.append((geometric(known), (arm, *cells, f"{geometric(known):.4f}", _mean(flip))))
-        table = _table(("arm", *names, "mean", "FLIP"), [line for _, line in sorted(lines)], text=(0,))
+            trials = [f"{errors[key]:.4f}" if key in errors else "" for key in keys]
+            lines.append((geometric(known), (method, *trials, f"{geometric(known):.4f}", _mean(flip))))
+        table = _table(("method", *names, "mean", "FLIP"), [line for _, line in sorted(lines)], text=(0,))
         parts.append(f"<h3>{said(spent, rows[0].clock)}</h3>{table}")
     return "".join(parts)
 
 
 def _ratios(rows: Sequence[Row]) -> str:
-    found = [c for c in [*compare(rows), *best_other(rows)] if not c.arm.startswith(OURS + ":")]
+    found = [c for c in [*compare(rows), *best_other(rows)] if not c.method.startswith(OURS + ":")]
     return "<h2>Error of others over error of adaptive</h2>" + _compared(found, rows[0].clock) if found else ""
 
 
 def _ablations(rows: Sequence[Row]) -> str:
     """What each ingredient is worth: the error without it over the error with all."""
-    found = [c for c in compare(rows) if c.arm.startswith(OURS + ":")]
+    found = [c for c in compare(rows) if c.method.startswith(OURS + ":")]
     return "<h2>What each ingredient is worth</h2>" + _compared(found, rows[0].clock) if found else ""
 
 
 def _compared(found: Iterable[Compared], clock: str) -> str:
     lines = [
         (
-            said(c.spending, clock), c.arm, f"{c.mean:.2f}",
+            said(c.spending, clock), c.method, f"{c.mean:.2f}",
             f"{c.low:.2f} to {c.high:.2f}" if c.low is not None and c.high is not None else "", f"{c.worst:.2f}",
             c.worst_scene, "" if c.flip_higher is None else "yes" if c.flip_higher else "no",
         )
         for c in sorted(found, key=lambda c: (c.spending, c.mean))
     ]  # fmt: skip
-    heads = ("", "arm", "mean", "95 % over seeds", "worst", "worst scene", "FLIP higher on every scene")
+    heads = ("", "method", "mean", "95 % over seeds", "worst", "worst scene", "FLIP higher on every scene")
     return _table(heads, lines, text=(0, 1, 5, 6))
 
 
 def _equal(rows: Sequence[Row]) -> str:
-    """Only where every arm has a rate."""
+    """Only where every method has a rate."""
     if rows[0].clock != "virtual":
         return ""
     lines = [
@@ -212,11 +212,11 @@ def _table(
     head = "".join(f'<th class="{kind}">{escape(name)}</th>' for name, kind in zip(heads, kinds, strict=True))
     body = []
     for line in lines:
-        cells = [cell if k in raw else escape(cell) for k, cell in enumerate(line)]
+        trials = [trial if k in raw else escape(trial) for k, trial in enumerate(line)]
         ours = ' class="ours"' if OURS in line else ""
         body.append(
             f"<tr{ours}>"
-            + "".join(f'<td class="{kind}">{c}</td>' for c, kind in zip(cells, kinds, strict=True))
+            + "".join(f'<td class="{kind}">{c}</td>' for c, kind in zip(trials, kinds, strict=True))
             + "</tr>"
         )
     return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'

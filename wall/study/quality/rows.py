@@ -1,4 +1,4 @@
-"""quality.jsonl: one line a cell, appended as it is measured; what is there already is not measured again."""
+"""quality.jsonl: one line a trial, appended as it is measured; what is there already is not measured again."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from wall.core.errors import ConfigError
-from wall.study.quality.cell import Cell
+from wall.study.quality.trial import Trial
 
 FILE = "quality.jsonl"
 
@@ -19,10 +19,10 @@ Identity = tuple[object, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What is known of one cell: a line of the file, keys in this order."""
+    """What is known of one trial: a line of the file, keys in this order."""
 
     scene: str
-    arm: str
+    method: str
     rate: float  # primary rays a second that were asked for; with clock "cpu" that were spent
     width: int
     height: int
@@ -41,11 +41,11 @@ class Row:
     cores: float
     refresh_hz: float
     seconds: float
-    shown: int  # refreshes for which the arm had CPU time to make a picture; all of them with clock "virtual"
+    shown: int  # refreshes for which the method had CPU time to make a picture; all of them with clock "virtual"
     error_over_time: list[float]  # RMSE of display values at each scored refresh
     times: list[float]  # of them, seconds
     still_s: list[float]  # at them, for how long at least nothing had moved
-    gold: str  # name of the ideal pictures
+    reference: str  # name of the reference pictures
     config: str
     ablation: str
     commit: str
@@ -56,20 +56,20 @@ class Row:
 
     @property
     def identity(self) -> Identity:
-        """Equal for two rows that are the same cell of the same scene."""
+        """Equal for two rows that are the same trial of the same scene."""
         rate = 0.0 if self.clock == "cpu" else self.rate
-        how = (self.clock, self.cores if self.clock == "cpu" else 0.0, self.refresh_hz, self.gold)
-        return (self.scene, self.arm, rate, self.width, self.height, self.seed, *how)
+        how = (self.clock, self.cores if self.clock == "cpu" else 0.0, self.refresh_hz, self.reference)
+        return (self.scene, self.method, rate, self.width, self.height, self.seed, *how)
 
     def json_line(self) -> str:
         return json.dumps({name: _plain(value) for name, value in asdict(self).items()}, allow_nan=False)
 
 
-def identity(cell: Cell, gold: str) -> Identity:
-    """Of the row that a cell will have, held against the ideal pictures of that name."""
-    cores = cell.cores if cell.clock == "cpu" else 0.0
-    rate = 0.0 if cell.clock == "cpu" else cell.rate
-    return (cell.scene, cell.arm, rate, *cell.size, cell.seed, cell.clock, cores, cell.refresh_hz, gold)
+def identity(trial: Trial, reference: str) -> Identity:
+    """Of the row that a trial will have, held against the reference pictures of that name."""
+    cores = trial.cores if trial.clock == "cpu" else 0.0
+    rate = 0.0 if trial.clock == "cpu" else trial.rate
+    return (trial.scene, trial.method, rate, *trial.size, trial.seed, trial.clock, cores, trial.refresh_hz, reference)
 
 
 def append(path: Path, row: Row) -> None:
@@ -94,7 +94,7 @@ def read(path: Path) -> list[Row]:
 
 
 def newest(rows: Iterable[Row]) -> list[Row]:
-    """One row a cell: of several, the last."""
+    """One row a trial: of several, the last."""
     return list({row.identity: row for row in rows}.values())
 
 

@@ -1,6 +1,6 @@
 """What many rows say together: how much better, how surely, where worst, and how much faster others would have to be.
 
-An arm is compared at each *spending*: a rate of rays, or CPU cores with the CPU clock. Errors are RMSE of display
+A method is compared at each *spending*: a rate of rays, or CPU cores with the CPU clock. Errors are RMSE of display
 values, averaged over seeds; ratios are error(other) / error(adaptive), averaged over scenes geometrically.
 """
 
@@ -15,23 +15,23 @@ from itertools import pairwise
 from wall.study.quality.rows import Row
 
 OURS = "adaptive"
-STREAMS = "stream_"  # arms that send pictures of OURS
+STREAMS = "stream_"  # methods that send pictures of OURS
 BESIDE = ("framed_x10", "progressive")  # not the same spending, or not a way to show motion: in no "best of the others"
-TENFOLD = {"framed": "framed_x10"}  # further points of an arm's error against its rate
+TENFOLD = {"framed": "framed_x10"}  # further points of a method's error against its rate
 STUDENT_95 = (math.nan, 12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262)  # by degrees of freedom
 NORMAL_95 = 1.96
 
 SMALLEST = 1e-9  # error that ratios are taken of: far below what any picture has, and more than none
 
-Key = tuple[str, str, float]  # scene, arm, spending
+Key = tuple[str, str, float]  # scene, method, spending
 Errors = Mapping[Key, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compared:
-    """An arm against the adaptive one at one spending, over the scenes that have both."""
+    """A method against the adaptive one at one spending, over the scenes that have both."""
 
-    arm: str
+    method: str
     spending: float
     mean: float  # geometric, of the ratios
     low: float | None  # 95 % interval of the mean over seeds; None with a single seed
@@ -44,9 +44,9 @@ class Compared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Matched:
-    """How many times faster an arm must be to reach the adaptive one's error, on one scene."""
+    """How many times faster a method must be to reach the adaptive one's error, on one scene."""
 
-    arm: str
+    method: str
     scene: str
     spending: float
     factor: float  # inf: not at any rate, as far as the measured ones tell
@@ -61,38 +61,38 @@ def averaged(rows: Iterable[Row], measure: str = "rmse_display") -> dict[Key, fl
     """Mean over seeds of a measure, at least SMALLEST, where every row has it."""
     found: dict[Key, list[float | None]] = defaultdict(list)
     for row in rows:
-        found[row.scene, row.arm, spending(row)].append(getattr(row, measure))
+        found[row.scene, row.method, spending(row)].append(getattr(row, measure))
     known = {key: [v for v in values if v is not None] for key, values in found.items()}
     whole = {key: values for key, values in known.items() if len(values) == len(found[key])}
     return {key: max(sum(values) / len(values), SMALLEST) for key, values in whole.items()}
 
 
 def compare(rows: Sequence[Row], *, ours: str = OURS) -> list[Compared]:
-    """Every arm against `ours` at every spending. A scene that lacks either is left out."""
+    """Every method against `ours` at every spending. A scene that lacks either is left out."""
     flips, found = averaged(rows, "flip"), []
     for spent in spendings(rows):
-        for arm in arms_at(rows, spent):
-            if arm == ours:
+        for method in methods_at(rows, spent):
+            if method == ours:
                 continue
-            ratios = _ratios(averaged(rows), arm, spent, ours)
+            ratios = _ratios(averaged(rows), method, spent, ours)
             if not ratios:
                 continue
-            higher = [flips.get((s, arm, spent), math.nan) > flips.get((s, ours, spent), math.nan) for s in ratios]
-            by_seed = [_ratios(averaged(part), arm, spent, ours) for part in _seeds(rows)]
-            found.append(_compared(arm, spent, ratios, by_seed, flip_higher=all(higher)))
+            higher = [flips.get((s, method, spent), math.nan) > flips.get((s, ours, spent), math.nan) for s in ratios]
+            by_seed = [_ratios(averaged(part), method, spent, ours) for part in _seeds(rows)]
+            found.append(_compared(method, spent, ratios, by_seed, flip_higher=all(higher)))
     return found
 
 
 def best_other(rows: Sequence[Row]) -> list[Compared]:
-    """At every spending the best of all other arms, chosen for each scene by hindsight."""
+    """At every spending the best of all other methods, chosen for each scene by hindsight."""
     errors, found = averaged(rows), []
     for spent in spendings(rows):
-        others = [arm for arm in arms_at(rows, spent) if is_other(arm)]
+        others = [method for method in methods_at(rows, spent) if is_other(method)]
         best: dict[str, str] = {}
         for scene in scenes(rows):
-            known = {arm: errors[scene, arm, spent] for arm in others if (scene, arm, spent) in errors}
+            known = {method: errors[scene, method, spent] for method in others if (scene, method, spent) in errors}
             if known and (scene, OURS, spent) in errors:
-                best[scene] = min(known, key=lambda arm: known[arm])
+                best[scene] = min(known, key=lambda method: known[method])
         ratios = {f"{s} ({a})": errors[s, a, spent] / errors[s, OURS, spent] for s, a in best.items()}
         if ratios:
             by_seed = [_best_ratios(averaged(part), best, spent) for part in _seeds(rows)]
@@ -100,22 +100,22 @@ def best_other(rows: Sequence[Row]) -> list[Compared]:
     return found
 
 
-def is_other(arm: str) -> bool:
-    """Whether an arm is another way to spend the same: not ours, sent as samples or as pictures, nor one beside."""
-    return arm.partition(":")[0] != OURS and arm not in BESIDE and not arm.startswith(STREAMS)
+def is_other(method: str) -> bool:
+    """Whether a method is another way to spend the same: not ours, sent as samples or as pictures, nor one beside."""
+    return method.partition(":")[0] != OURS and method not in BESIDE and not method.startswith(STREAMS)
 
 
-def equal_error(rows: Sequence[Row], arm: str = "framed") -> list[Matched]:
-    """How much faster `arm` must be, for each scene and rate of the adaptive one."""
+def equal_error(rows: Sequence[Row], method: str = "framed") -> list[Matched]:
+    """How much faster `method` must be, for each scene and rate of the adaptive one."""
     errors, found = averaged(rows), []
     for scene, name, rate in sorted(errors):
         if name != OURS:
             continue
-        curve = {r: e for (s, a, r), e in errors.items() if s == scene and a == arm}
-        curve |= {10.0 * r: e for (s, a, r), e in errors.items() if s == scene and a == TENFOLD.get(arm)}
+        curve = {r: e for (s, a, r), e in errors.items() if s == scene and a == method}
+        curve |= {10.0 * r: e for (s, a, r), e in errors.items() if s == scene and a == TENFOLD.get(method)}
         if len(curve) >= 2:
             needed, beyond = rate_for(curve, errors[scene, OURS, rate])
-            found.append(Matched(arm=arm, scene=scene, spending=rate, factor=needed / rate, beyond=beyond))
+            found.append(Matched(method=method, scene=scene, spending=rate, factor=needed / rate, beyond=beyond))
     return found
 
 
@@ -167,9 +167,9 @@ def middle(rows: Iterable[Row]) -> float:
     return found[len(found) // 2]
 
 
-def arms_at(rows: Iterable[Row], spent: float) -> list[str]:
+def methods_at(rows: Iterable[Row], spent: float) -> list[str]:
     """In the order of the file."""
-    return list(dict.fromkeys(row.arm for row in rows if spending(row) == spent))
+    return list(dict.fromkeys(row.method for row in rows if spending(row) == spent))
 
 
 def said(spent: float, clock: str) -> str:
@@ -179,16 +179,16 @@ def said(spent: float, clock: str) -> str:
     return f"{spent / 1e6:g} M rays/s" if spent >= 1e6 else f"{spent / 1e3:g} k rays/s"
 
 
-def _ratios(errors: Errors, arm: str, spent: float, ours: str) -> dict[str, float]:
+def _ratios(errors: Errors, method: str, spent: float, ours: str) -> dict[str, float]:
     found = {}
     for scene, name, rate in errors:
-        if name == arm and rate == spent and (scene, ours, spent) in errors:
-            found[scene] = errors[scene, arm, spent] / errors[scene, ours, spent]
+        if name == method and rate == spent and (scene, ours, spent) in errors:
+            found[scene] = errors[scene, method, spent] / errors[scene, ours, spent]
     return found
 
 
 def _best_ratios(errors: Errors, best: Mapping[str, str], spent: float) -> dict[str, float]:
-    pairs = {scene: ((scene, arm, spent), (scene, OURS, spent)) for scene, arm in best.items()}
+    pairs = {scene: ((scene, method, spent), (scene, OURS, spent)) for scene, method in best.items()}
     return {scene: errors[a] / errors[b] for scene, (a, b) in pairs.items() if a in errors and b in errors}
 
 
@@ -200,13 +200,13 @@ def _seeds(rows: Iterable[Row]) -> list[list[Row]]:
 
 
 def _compared(
-    arm: str, spent: float, ratios: Mapping[str, float], by_seed: Iterable[Mapping[str, float]], *,
+    method: str, spent: float, ratios: Mapping[str, float], by_seed: Iterable[Mapping[str, float]], *,
     flip_higher: bool | None,
 ) -> Compared:  # fmt: skip
     worst = min(ratios, key=lambda scene: ratios[scene])
     whole = [geometric(part.values()) for part in by_seed if len(part) == len(ratios)]
     low, high = interval(whole) or (None, None)
     return Compared(
-        arm=arm, spending=spent, mean=geometric(ratios.values()), low=low, high=high, worst=ratios[worst],
+        method=method, spending=spent, mean=geometric(ratios.values()), low=low, high=high, worst=ratios[worst],
         worst_scene=worst, scenes=len(ratios), flip_higher=flip_higher,
     )  # fmt: skip

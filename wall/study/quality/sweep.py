@@ -1,4 +1,4 @@
-"""All cells of a quality run, in as many processes as there are cores; first the ideal pictures, then the arms."""
+"""All trials of a quality run, in as many processes as there are cores; reference pictures first."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from typing import TypeVar
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
 from wall.display.image_file import write_picture
-from wall.study.quality.cell import Cell
-from wall.study.quality.experiment import gold_of, run
-from wall.study.quality.methods import check_arm
-from wall.study.quality.pictures import IDEAL, LOOKS, picture_path, spent_by
+from wall.study.quality.experiment import reference_of, run
+from wall.study.quality.methods import check_method
+from wall.study.quality.pictures import LOOKS, REFERENCE, picture_path, spent_by
 from wall.study.quality.rows import FILE, Row, append, identity, newest, read
+from wall.study.quality.trial import Trial
 
 CLOCKS = ("virtual", "cpu")
 RATES = (100_000.0, 400_000.0, 800_000.0)  # the article's
-TRIED = 400_000.0  # rays a second that an arm is tried out with before it is given CPU time
+TRIED = 400_000.0  # rays a second that a method is tried out with before it is given CPU time
 SIZE, SEEDS = (256, 256), (1, 2, 3, 4, 5)
-PICTURES_A_TASK = 4  # ideal pictures that a process makes in one go
-NO_RATE_OF_ITS_OWN = ("framed_x10",)  # arms that are defined by a rate, which the CPU clock does not have
+PICTURES_A_TASK = 4  # reference pictures that a process makes in one go
+NO_RATE_OF_ITS_OWN = ("framed_x10",)  # methods that are defined by a rate, which the CPU clock does not have
 
 Watch = Callable[[str, int, int], None]  # what is being done, how much is done, of how much
 T = TypeVar("T")
@@ -38,7 +38,7 @@ class Wanted:
     """What a run is to measure: the product of these."""
 
     configs: tuple[Path, ...]
-    arms: tuple[str, ...]
+    methods: tuple[str, ...]
     out: Path
     rates: tuple[float, ...] = RATES
     size: tuple[int, int] = SIZE
@@ -48,18 +48,18 @@ class Wanted:
     refresh_hz: float = 60.0
     seconds: float | None = None
 
-    def cells(self) -> list[Cell]:
+    def trials(self) -> list[Trial]:
         """Scene by scene, seed by seed, so that a run that is cut short has whole comparisons. Raises ConfigError."""
         self.check()
         spendings = (
             [(rate, 1.0) for rate in self.rates] if self.clock == "virtual" else [(TRIED, c) for c in self.cores]
         )
         return [
-            Cell(
-                config=config, arm=arm, rate=rate, size=self.size, seed=seed, refresh_hz=self.refresh_hz,
+            Trial(
+                config=config, method=method, rate=rate, size=self.size, seed=seed, refresh_hz=self.refresh_hz,
                 seconds=self.seconds, clock=self.clock, cores=cores,
             )
-            for config, seed, (rate, cores), arm in product(self.configs, self.seeds, spendings, self.arms)
+            for config, seed, (rate, cores), method in product(self.configs, self.seeds, spendings, self.methods)
         ]  # fmt: skip
 
     def covers(self, row: Row) -> bool:
@@ -67,10 +67,10 @@ class Wanted:
         return (row.clock, (row.width, row.height), row.refresh_hz) == (self.clock, self.size, self.refresh_hz)
 
     def check(self) -> None:
-        for arm in self.arms:
-            check_arm(arm)
-            if self.clock == "cpu" and arm in NO_RATE_OF_ITS_OWN:
-                raise ConfigError(f"--arms {arm}: it has ten times the rate of others, and --clock cpu has no rate")
+        for method in self.methods:
+            check_method(method)
+            if self.clock == "cpu" and method in NO_RATE_OF_ITS_OWN:
+                raise ConfigError(f"--methods {method}: it has ten times the rate, and --clock cpu has no rate")
         if self.clock not in CLOCKS:
             raise ConfigError(f"--clock {self.clock}: no such clock; accepted: {', '.join(CLOCKS)}")
         names = [config.stem for config in self.configs]
@@ -83,47 +83,49 @@ def sweep(wanted: Wanted, watch: Watch) -> list[Row]:
 
     Those are of the wanted clock, size and refreshes: of earlier calls too, unless their scene has changed since.
     """
-    cells = wanted.cells()
+    trials = wanted.trials()
     path = wanted.out / FILE
     have = {row.identity for row in read(path)}
     pool = ProcessPoolExecutor(
         _processes(wanted), mp_context=multiprocessing.get_context("fork"), initializer=_ignore_interrupts
     )
     try:
-        golds = _make_ideals(pool, cells, watch)
-        todo = [cell for cell in cells if identity(cell, golds[cell.config]) not in have]
-        tasks = [partial(measure, cell, wanted.out if cell.seed == wanted.seeds[0] else None) for cell in todo]
+        references = _make_references(pool, trials, watch)
+        todo = [trial for trial in trials if identity(trial, references[trial.config]) not in have]
+        tasks = [partial(measure, trial, wanted.out if trial.seed == wanted.seeds[0] else None) for trial in todo]
         for done, row in enumerate(_as_completed(pool, tasks), start=1):
             append(path, row)
-            watch(f"{row.scene} {row.arm}", done, len(todo))
+            watch(f"{row.scene} {row.method}", done, len(todo))
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         for child in multiprocessing.active_children():
             child.terminate()
         raise
     pool.shutdown()
-    now = {config.stem: key for config, key in golds.items()}
-    return [row for row in newest(read(path)) if wanted.covers(row) and row.gold == now.get(row.scene, row.gold)]
+    now = {config.stem: key for config, key in references.items()}
+    return [
+        row for row in newest(read(path)) if wanted.covers(row) and row.reference == now.get(row.scene, row.reference)
+    ]
 
 
-def measure(cell: Cell, out: Path | None) -> Row:
-    """The row of a cell; some of its pictures are kept below `out` unless that is None."""
+def measure(trial: Trial, out: Path | None) -> Row:
+    """The row of a trial; some of its pictures are kept below `out` unless that is None."""
     if out is None:
-        return run(cell)
-    gold, _ = gold_of(cell)
-    looks = {round(share * (len(gold) - 1)): number for number, share in enumerate(LOOKS)}
+        return run(trial)
+    reference, _ = reference_of(trial)
+    looks = {round(share * (len(reference) - 1)): number for number, share in enumerate(LOOKS)}
 
-    def path(arm: str, picture: int) -> Path:
-        spent = spent_by(cell)
-        return picture_path(out, looks[picture], scene=cell.scene, size=cell.size, arm=arm, spent=spent)
+    def path(method: str, picture: int) -> Path:
+        spent = spent_by(trial)
+        return picture_path(out, looks[picture], scene=trial.scene, size=trial.size, method=method, spent=spent)
 
-    def look(picture: int, time: float, shown: Float32, ideal: Float32) -> None:
+    def look(picture: int, time: float, shown: Float32, reference: Float32) -> None:
         if picture in looks:
-            _keep(path(cell.arm, picture), shown)
-            _keep(path(IDEAL, picture), ideal)
+            _keep(path(trial.method, picture), shown)
+            _keep(path(REFERENCE, picture), reference)
 
-    path(IDEAL, next(iter(looks))).parent.mkdir(parents=True, exist_ok=True)
-    return run(cell, look)
+    path(REFERENCE, next(iter(looks))).parent.mkdir(parents=True, exist_ok=True)
+    return run(trial, look)
 
 
 def _keep(path: Path, picture: Float32) -> None:
@@ -133,30 +135,30 @@ def _keep(path: Path, picture: Float32) -> None:
     own.replace(path)
 
 
-def _make_ideals(pool: ProcessPoolExecutor, cells: Sequence[Cell], watch: Watch) -> dict[Path, str]:
-    """Make every ideal picture that the cells need. Returns the name of each configuration's."""
-    first = list({cell.config: cell for cell in reversed(cells)}.values())[::-1]
+def _make_references(pool: ProcessPoolExecutor, trials: Sequence[Trial], watch: Watch) -> dict[Path, str]:
+    """Make every reference picture that the trials need. Returns the name of each configuration's."""
+    first = list({trial.config: trial for trial in reversed(trials)}.values())[::-1]
     keys: dict[Path, str] = {}
     tasks: list[partial[int]] = []
     total = done = 0
-    for cell, (key, missing) in zip(first, pool.map(_missing, first), strict=True):
-        keys[cell.config] = key
+    for trial, (key, missing) in zip(first, pool.map(_missing, first), strict=True):
+        keys[trial.config] = key
         chunks = [missing[k : k + PICTURES_A_TASK] for k in range(0, len(missing), PICTURES_A_TASK)]
-        tasks += [partial(_make, cell, chunk) for chunk in chunks]
+        tasks += [partial(_make, trial, chunk) for chunk in chunks]
         total += len(missing)
     for made in _as_completed(pool, tasks):
         done += made
-        watch("ideal pictures", done, total)
+        watch("reference pictures", done, total)
     return keys
 
 
-def _missing(cell: Cell) -> tuple[str, list[int]]:
-    gold, _ = gold_of(cell)
-    return gold.key, gold.missing()
+def _missing(trial: Trial) -> tuple[str, list[int]]:
+    reference, _ = reference_of(trial)
+    return reference.key, reference.missing()
 
 
-def _make(cell: Cell, pictures: list[int]) -> int:
-    gold_of(cell)[0].make(pictures)
+def _make(trial: Trial, pictures: list[int]) -> int:
+    reference_of(trial)[0].make(pictures)
     return len(pictures)
 
 
@@ -170,7 +172,7 @@ def _as_completed(pool: ProcessPoolExecutor, tasks: Sequence[Callable[[], T]]) -
 
 def _processes(wanted: Wanted) -> int:
     """One a core; with the CPU clock one alone, so that nothing else disturbs what is measured."""
-    return 1 if wanted.clock == "cpu" else max(1, min(len(os.sched_getaffinity(0)), len(wanted.cells())))
+    return 1 if wanted.clock == "cpu" else max(1, min(len(os.sched_getaffinity(0)), len(wanted.trials())))
 
 
 def _ignore_interrupts() -> None:

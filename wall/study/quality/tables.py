@@ -15,12 +15,12 @@ from wall.study.quality.bars import verdicts
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import (
     OURS,
-    arms_at,
     averaged,
     best_other,
     compare,
     equal_error,
     geometric,
+    methods_at,
     said,
     scenes,
     spendings,
@@ -37,33 +37,35 @@ def tables(rows: Sequence[Row]) -> list[Table]:
 
 
 def errors_table(rows: Sequence[Row]) -> Table:
-    """RMSE: a line an arm and spending, the best first, a column a scene."""
+    """RMSE: a line a method and spending, the best first, a column a scene."""
     errors, flips, clock = averaged(rows), averaged(rows, "flip"), rows[0].clock
     names = scenes(rows)
-    found = _table("RMSE of display values (0 to 1)", "", "arm", *names, "mean", "FLIP")
+    found = _table("RMSE of display values (0 to 1)", "", "method", *names, "mean", "FLIP")
     for spent in spendings(rows):
         lines = []
-        for arm in arms_at(rows, spent):
-            keys = [(scene, arm, spent) for scene in names if (scene, arm, spent) in errors]
+        for method in methods_at(rows, spent):
+            keys = [(scene, method, spent) for scene in names if (scene, method, spent) in errors]
             flip = [flips[key] for key in keys if key in flips]
-            lines.append((geometric(errors[key] for key in keys), sum(flip) / max(len(flip), 1), arm))
-        for mean, flip_mean, arm in sorted(lines):
-            cells = [f"{errors[s, arm, spent]:.4f}" if (s, arm, spent) in errors else "" for s in names]
-            style = "bold" if arm == OURS else ""
-            found.add_row(said(spent, clock), arm, *cells, f"{mean:.4f}", f"{flip_mean:.3f}", style=style)
+            lines.append((geometric(errors[key] for key in keys), sum(flip) / max(len(flip), 1), method))
+        for mean, flip_mean, method in sorted(lines):
+            trials = [f"{errors[s, method, spent]:.4f}" if (s, method, spent) in errors else "" for s in names]
+            style = "bold" if method == OURS else ""
+            found.add_row(said(spent, clock), method, *trials, f"{mean:.4f}", f"{flip_mean:.3f}", style=style)
         found.add_section()
     return found
 
 
 def ratios_table(rows: Sequence[Row]) -> Table:
     found = _table(
-        "error of others over error of adaptive", "", "arm", "mean", "95 %", "worst", "worst scene", "FLIP higher"
+        "error of others over error of adaptive", "", "method", "mean", "95 %", "worst", "worst scene", "FLIP higher"
     )
-    for row in sorted([*compare(rows), *best_other(rows)], key=lambda c: (c.spending, c.arm == "best other", c.mean)):
+    for row in sorted(
+        [*compare(rows), *best_other(rows)], key=lambda c: (c.spending, c.method == "best other", c.mean)
+    ):
         interval = f"{row.low:.2f} to {row.high:.2f}" if row.low is not None and row.high is not None else ""
         higher = "" if row.flip_higher is None else "everywhere" if row.flip_higher else "NOT everywhere"
         found.add_row(
-            said(row.spending, rows[0].clock), row.arm, f"{row.mean:.2f}", interval, f"{row.worst:.2f}",
+            said(row.spending, rows[0].clock), row.method, f"{row.mean:.2f}", interval, f"{row.worst:.2f}",
             row.worst_scene, higher,
         )  # fmt: skip
     return found
@@ -89,8 +91,8 @@ def _wire(wanted: Lines) -> Table:
 def write_summary(path: Path, rows: Sequence[Row]) -> None:
     """Everything the tables say, as JSON; numbers that do not exist are null."""
     errors = [
-        {"scene": scene, "arm": arm, "spending": spent, "rmse_display": error}
-        for (scene, arm, spent), error in averaged(rows).items()
+        {"scene": scene, "method": method, "spending": spent, "rmse_display": error}
+        for (scene, method, spent), error in averaged(rows).items()
     ]
     summary = {
         "clock": rows[0].clock if rows else None,
@@ -119,6 +121,6 @@ def _finite(value: Any) -> Any:
 def _table(title: str, *columns: str) -> Table:
     found = Table(title=title, title_justify="left")
     for column in columns:
-        left = column in ("", "arm", "what", "wanted", "came", "met", "worst scene", "FLIP higher")
+        left = column in ("", "method", "what", "wanted", "came", "met", "worst scene", "FLIP higher")
         found.add_column(column, justify="left" if left else "right")
     return found

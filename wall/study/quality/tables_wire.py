@@ -23,7 +23,7 @@ class Lines:
 
 def wire_tables(rows: Sequence[Row]) -> list[Lines]:
     """Those that the rows have anything for. Samples alone are no comparison, so streams must be among them."""
-    if not any(row.arm != OURS for row in concerned(rows)):
+    if not any(row.method != OURS for row in concerned(rows)):
         return []
     return [found for found in (_moving(rows), _crossing(rows), _resting(rows)) if found.lines]
 
@@ -32,8 +32,8 @@ def _moving(rows: Sequence[Row]) -> Lines:
     clock = rows[0].clock
     lines = [
         (
-            t.scene, said(t.spending, clock), t.arm, _bytes(t.bytes_per_s), f"{t.raw:.3f}",
-            f"{t.bytes_a_sample:.2f}" if t.arm == OURS else "", f"{t.error:.4f}", f"{t.cpu:.2f}",
+            t.scene, said(t.spending, clock), t.method, _bytes(t.bytes_per_s), f"{t.raw:.3f}",
+            f"{t.bytes_a_sample:.2f}" if t.method == OURS else "", f"{t.error:.4f}", f"{t.cpu:.2f}",
         )
         for t in sorted(traffic(rows), key=lambda t: (t.scene, t.spending, -t.bytes_per_s))
     ]  # fmt: skip
@@ -42,7 +42,7 @@ def _moving(rows: Sequence[Row]) -> Lines:
         note=(
             f"Samples against pictures of the same renderer. Raw 8-bit frames: {_bytes(raw_bytes_per_s(rows[0]))}/s."
         ),
-        columns=("scene", "", "arm", "bytes/s", "of raw", "bytes a sample", "RMSE", "CPU s a second"),
+        columns=("scene", "", "method", "bytes/s", "of raw", "bytes a sample", "RMSE", "CPU s a second"),
         lines=tuple(lines),
         text=(0, 1, 2),
     )
@@ -52,7 +52,7 @@ def _crossing(rows: Sequence[Row]) -> Lines:
     first = rows[0]
     lines = [
         (
-            said(c.spending, first.clock), c.arm, f"{c.bytes_a_pixel:.4f}", f"{c.bytes_a_sample:.2f}",
+            said(c.spending, first.clock), c.method, f"{c.bytes_a_pixel:.4f}", f"{c.bytes_a_sample:.2f}",
             f"{c.density:.4f}", f"{c.density_per_s:.2f}", f"{c.refresh_hz:.0f} Hz", size_of(c.pixels), f"{c.error:.2f}",
         )
         for c in sorted(crossovers(rows), key=lambda c: (c.spending, -c.density))
@@ -66,8 +66,8 @@ def _crossing(rows: Sequence[Row]) -> Lines:
             f"{first.refresh_hz:g} Hz, if bytes a pixel and bytes a sample stay what they were."
         ),
         columns=(
-            "", "arm", "bytes a pixel", "bytes a sample", "samples a pixel and refresh", "samples a pixel and second",
-            "refreshes from", "panels from", "error over adaptive's",
+            "", "method", "bytes a pixel", "bytes a sample", "samples a pixel and refresh",
+            "samples a pixel and second", "refreshes from", "panels from", "error over adaptive's",
         ),
         lines=tuple(lines),
         text=(0, 1),
@@ -78,7 +78,7 @@ def _resting(rows: Sequence[Row]) -> Lines:
     clock = rows[0].clock
     lines = [
         (
-            rest.scene, said(rest.spending, clock), rest.arm,
+            rest.scene, said(rest.spending, clock), rest.method,
             *("" if w is None else _bytes(w) for w in rest.windows),
             "not yet" if rest.silent_s is None else f"{rest.silent_s:.1f} s",
         )
@@ -87,7 +87,7 @@ def _resting(rows: Sequence[Row]) -> Lines:
     windows = tuple(f"{a:g}-{b:g} s" for a, b in pairwise(REST_EDGES_S))
     seen = [k for k in range(len(windows)) if any(line[3 + k] for line in lines)]
     kept = [0, 1, 2, *(3 + k for k in seen), 3 + len(windows)]
-    columns = ("scene", "", "arm", *windows, "silent after")
+    columns = ("scene", "", "method", *windows, "silent after")
     return Lines(
         title="Bytes a second after everything stopped",
         note="Of the first seed. A picture that does not change is not sent, nor is a sample that would gain nothing.",

@@ -23,10 +23,10 @@ RAW_BYTES_A_PIXEL = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traffic:
-    """One arm of one scene while something moves, mean over seeds."""
+    """One method of one scene while something moves, mean over seeds."""
 
     scene: str
-    arm: str
+    method: str
     spending: float
     bytes_per_s: float
     raw: float  # of the bytes of raw 8-bit frames, one every refresh
@@ -39,7 +39,7 @@ class Traffic:
 class Crossover:
     """Where samples and one kind of pictures cost the same, from geometric means over scenes."""
 
-    arm: str
+    method: str
     spending: float
     bytes_a_pixel: float  # of each picture sent
     bytes_a_sample: float
@@ -52,10 +52,10 @@ class Crossover:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rest:
-    """Bytes a second of one arm after everything stopped, in the windows between REST_EDGES_S; None: not seen."""
+    """Bytes a second of one method after everything stopped, in the windows between REST_EDGES_S; None: not seen."""
 
     scene: str
-    arm: str
+    method: str
     spending: float
     rested_s: float  # when the run ended
     windows: tuple[float | None, ...]
@@ -64,7 +64,7 @@ class Rest:
 
 def concerned(rows: Sequence[Row]) -> list[Row]:
     """Rows of samples and of streams of one clock and size, that say when their bytes were sent."""
-    return [r for r in rows if (r.arm == OURS or r.arm.startswith(STREAMS)) and r.bytes_over_time]
+    return [r for r in rows if (r.method == OURS or r.method.startswith(STREAMS)) and r.bytes_over_time]
 
 
 def raw_bytes_per_s(row: Row) -> float:
@@ -84,20 +84,20 @@ def moving(row: Row) -> tuple[float, float, float]:
 
 
 def traffic(rows: Sequence[Row]) -> list[Traffic]:
-    """Every scene, arm and spending in which something moved, in the order of the file."""
+    """Every scene, method and spending in which something moved, in the order of the file."""
     errors, cpu = averaged(rows), averaged(rows, "cpu_s")
     found: dict[tuple[str, str, float], list[Row]] = defaultdict(list)
     for row in concerned(rows):
-        found[row.scene, row.arm, spending(row)].append(row)
+        found[row.scene, row.method, spending(row)].append(row)
     result = []
-    for (scene, arm, spent), here in found.items():
+    for (scene, method, spent), here in found.items():
         sent, rays, seconds = (sum(parts) for parts in zip(*map(moving, here), strict=True))
         if seconds > 0.0:
             result.append(
                 Traffic(
-                    scene=scene, arm=arm, spending=spent, bytes_per_s=sent / seconds,
+                    scene=scene, method=method, spending=spent, bytes_per_s=sent / seconds,
                     raw=sent / seconds / raw_bytes_per_s(here[0]), bytes_a_sample=sent / max(rays, 1.0),
-                    error=errors[scene, arm, spent], cpu=cpu[scene, arm, spent] / here[0].seconds,
+                    error=errors[scene, method, spent], cpu=cpu[scene, method, spent] / here[0].seconds,
                 )
             )  # fmt: skip
     return result
@@ -105,27 +105,27 @@ def traffic(rows: Sequence[Row]) -> list[Traffic]:
 
 def crossovers(rows: Sequence[Row]) -> list[Crossover]:
     """Every stream at every spending that samples have too, over the scenes that have both."""
-    known = {(t.arm, t.spending, t.scene): t for t in traffic(rows)}
+    known = {(t.method, t.spending, t.scene): t for t in traffic(rows)}
     found = []
-    for arm, spent in dict.fromkeys((t.arm, t.spending) for t in known.values() if t.arm != OURS):
+    for method, spent in dict.fromkeys((t.method, t.spending) for t in known.values() if t.method != OURS):
         pairs = [
-            (known[OURS, spent, s], known[arm, spent, s])
+            (known[OURS, spent, s], known[method, spent, s])
             for s in scenes(rows)
-            if (OURS, spent, s) in known and (arm, spent, s) in known
+            if (OURS, spent, s) in known and (method, spent, s) in known
         ]
         if pairs and all(ours.bytes_per_s > 0.0 and theirs.bytes_per_s > 0.0 for ours, theirs in pairs):
-            found.append(_crossover(arm, spent, pairs, rows[0]))
+            found.append(_crossover(method, spent, pairs, rows[0]))
     return found
 
 
-def _crossover(arm: str, spent: float, pairs: Sequence[tuple[Traffic, Traffic]], row: Row) -> Crossover:
+def _crossover(method: str, spent: float, pairs: Sequence[tuple[Traffic, Traffic]], row: Row) -> Crossover:
     pixels, hz = row.width * row.height, row.refresh_hz
     sample = geometric(ours.bytes_a_sample for ours, _ in pairs)
     pixel = geometric(theirs.bytes_per_s / (pixels * hz) for _, theirs in pairs)
     rate = geometric(ours.bytes_per_s / ours.bytes_a_sample for ours, _ in pairs)  # that was spent while it moved
     density = pixel / sample
     return Crossover(
-        arm=arm, spending=spent, bytes_a_pixel=pixel, bytes_a_sample=sample, density=density,
+        method=method, spending=spent, bytes_a_pixel=pixel, bytes_a_sample=sample, density=density,
         density_per_s=density * hz, refresh_hz=rate / pixels / density, pixels=rate / hz / density,
         error=geometric(theirs.error / ours.error for ours, theirs in pairs),
     )  # fmt: skip
@@ -141,8 +141,8 @@ def at_rest(rows: Sequence[Row]) -> list[Rest]:
             windows = tuple(_window(row, since + a, since + b) for a, b in pairwise(REST_EDGES_S))
             found.append(
                 Rest(
-                    scene=row.scene, arm=row.arm, spending=spending(row), rested_s=row.still_s[-1], windows=windows,
-                    silent_s=_silent(row, since),
+                    scene=row.scene, method=row.method, spending=spending(row), rested_s=row.still_s[-1],
+                    windows=windows, silent_s=_silent(row, since),
                 )
             )  # fmt: skip
     return found

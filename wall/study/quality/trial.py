@@ -1,4 +1,4 @@
-"""One cell of the experiment: which scene, which arm, at what rate, on which panel; and the plan it is run on."""
+"""One trial of the experiment: which scene, which method, at what rate, on which panel; and the plan it is run on."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ WALL_HEIGHT_M = 0.27  # of the forced panel; only the angle that it fills matter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
-    """What one run is; two equal cells give equal pictures (with the virtual clock)."""
+class Trial:
+    """What one run is; two equal trials give equal pictures (with the virtual clock)."""
 
     config: Path
-    arm: str
+    method: str
     rate: float  # primary rays a second; with clock "cpu" the rate that batches are sized for
     size: tuple[int, int]
     seed: int
@@ -41,10 +41,10 @@ class Cell:
         return self.config.stem
 
 
-def setup_of(cell: Cell) -> Setup:
-    """The experiment's surroundings of a cell. Raises ConfigError."""
-    plan, resident = scene_of(cell.config, cell.size)
-    return Setup(plan=plan, resident=resident, rate=cell.rate, refresh_hz=cell.refresh_hz, seed=cell.seed)
+def setup_of(trial: Trial) -> Setup:
+    """The experiment's surroundings of a trial. Raises ConfigError."""
+    plan, resident = scene_of(trial.config, trial.size)
+    return Setup(plan=plan, resident=resident, rate=trial.rate, refresh_hz=trial.refresh_hz, seed=trial.seed)
 
 
 @lru_cache(maxsize=2)

@@ -1,4 +1,4 @@
-"""Every baseline through the interface of arms: what it spends, what it counts, what it shows."""
+"""Every baseline through the interface of methods: what it spends, what it counts, what it shows."""
 
 from __future__ import annotations
 
@@ -16,16 +16,13 @@ from wall.core.data import Camera, Float32, Float64
 from wall.deepbuffer.kernels.reproject import pixel_of, place_of
 from wall.geometry.frusta import project
 from wall.roles.plan import make_layout, make_plan
-from wall.study.quality import methods_afr as arms_afr
-from wall.study.quality import methods_reduced as arms_reduced
-from wall.study.quality import methods_render_cache as arms_render_cache
-from wall.study.quality import methods_taa as arms_taa
-from wall.study.quality.baseline import FramedArm, world_pose_of
-from wall.study.quality.method import INPUT_STEP_S, Arm, Inputs, Setup
+from wall.study.quality import methods_afr, methods_reduced, methods_render_cache, methods_taa
+from wall.study.quality.baseline import FramedMethod, world_pose_of
+from wall.study.quality.method import INPUT_STEP_S, Inputs, Method, Setup
 from wall.tracing.resident import make_resident
 
-FRAMED = {**arms_taa.ARMS, **arms_reduced.ARMS}
-FRAMELESS = {**arms_render_cache.ARMS, **arms_afr.ARMS}
+FRAMED = {**methods_taa.METHODS, **methods_reduced.METHODS}
+FRAMELESS = {**methods_render_cache.METHODS, **methods_afr.METHODS}
 CROSSHAIR = 6  # rays that are chosen together
 REFRESH_HZ = 60.0
 WIDTH, HEIGHT = 48, 32
@@ -68,44 +65,44 @@ def setup(folders: dict[tuple[str, str], Path]) -> MakeSetup:
     return lambda moves, rate=20_000.0: replace(setup_of(folders[moves], moves), rate=rate)
 
 
-def run(arm: Arm, seconds: float) -> Float32:
+def run(method: Method, seconds: float) -> Float32:
     """Every refresh up to `seconds`, then what is shown."""
-    shown = arm.show(0.0)
+    shown = method.show(0.0)
     for refresh in range(1, round(seconds * REFRESH_HZ) + 1):
-        arm.advance(refresh / REFRESH_HZ)
-        shown = arm.show(refresh / REFRESH_HZ)
+        method.advance(refresh / REFRESH_HZ)
+        shown = method.show(refresh / REFRESH_HZ)
     return shown.copy()
 
 
 def error(setup: Setup, shown: Float32, at: float) -> float:
     """RMSE of linear radiance, clipped at 1, against 64 samples a pixel."""
-    ideal = render_plan(setup.plan, spp=64, seed=7, at=at)
-    assert ideal is not None
-    return float(np.sqrt(np.mean((np.minimum(shown, 1.0) - np.minimum(ideal, 1.0)) ** 2)))
+    reference = render_plan(setup.plan, spp=64, seed=7, at=at)
+    assert reference is not None
+    return float(np.sqrt(np.mean((np.minimum(shown, 1.0) - np.minimum(reference, 1.0)) ** 2)))
 
 
 @pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("name", FRAMED)
-def test_a_framed_arm_under_a_moving_camera_has_spent_exactly_its_rays(name: str, setup: MakeSetup) -> None:
+def test_a_framed_method_under_a_moving_camera_has_spent_exactly_its_rays(name: str, setup: MakeSetup) -> None:
     given = setup(CAMERA_ORBITS)
-    arm = FRAMED[name](given)
-    run(arm, 0.25)
+    method = FRAMED[name](given)
+    run(method, 0.25)
     idle = 0 if "taa" in name else given.rate * INPUT_STEP_S + 1  # until the first new input
-    assert 5000 - idle <= arm.rays <= 5000
-    assert arm.secondary > 0
-    assert arm.bytes > 0
+    assert 5000 - idle <= method.rays <= 5000
+    assert method.secondary > 0
+    assert method.bytes > 0
 
 
 @pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("name", FRAMELESS)
-def test_a_frameless_arm_owes_less_than_a_crosshair_of_its_rays(name: str, setup: MakeSetup) -> None:
-    arm = FRAMELESS[name](setup(CAMERA_ORBITS))
+def test_a_frameless_method_owes_less_than_a_crosshair_of_its_rays(name: str, setup: MakeSetup) -> None:
+    method = FRAMELESS[name](setup(CAMERA_ORBITS))
     for refresh in range(1, 16):
-        arm.advance(refresh / REFRESH_HZ)
-        arm.show(refresh / REFRESH_HZ)
+        method.advance(refresh / REFRESH_HZ)
+        method.show(refresh / REFRESH_HZ)
         spent = int(20_000.0 * refresh / REFRESH_HZ + 1e-6)
-        assert spent - CROSSHAIR < arm.rays <= spent
-    assert arm.bytes > 0
+        assert spent - CROSSHAIR < method.rays <= spent
+    assert method.bytes > 0
 
 
 @pytest.mark.usefixtures("compiled_only")
@@ -121,36 +118,36 @@ def test_equal_setups_show_equal_pictures_of_finite_light(name: str, setup: Make
 
 @pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("name", ["taa_half", "reduced_64", "render_cache", "afr2005"])
-def test_an_arm_told_how_many_rays_to_spend_spends_those(name: str, setup: MakeSetup) -> None:
-    arm = (FRAMED | FRAMELESS)[name](setup(CAMERA_ORBITS))
-    arm.advance(0.1, rays=700)
-    assert 700 - 10 <= arm.rays <= 700  # reduced_64 waits 0.5 ms for its first new input, that is 4 rays
+def test_a_method_told_how_many_rays_to_spend_spends_those(name: str, setup: MakeSetup) -> None:
+    method = (FRAMED | FRAMELESS)[name](setup(CAMERA_ORBITS))
+    method.advance(0.1, rays=700)
+    assert 700 - 10 <= method.rays <= 700  # reduced_64 waits 0.5 ms for its first new input, that is 4 rays
 
 
 @pytest.mark.usefixtures("compiled_only")
 def test_a_frame_is_shown_from_its_last_ray_on(setup: MakeSetup) -> None:
     given = setup(CAMERA_ORBITS, rate=WIDTH * HEIGHT / 0.1)  # a frame takes 0.1 s, begun at the first new input
-    display = arms_reduced.EnlargingDisplay(given.size, given.size)
-    arm = FramedArm(given, given.size, display)
-    free = arm.show(0.0).copy()
-    arm.advance(0.1)
-    np.testing.assert_array_equal(arm.show(0.1), free)
-    arm.advance(0.1 + INPUT_STEP_S)
-    assert not np.array_equal(arm.show(0.1 + INPUT_STEP_S), free)
+    display = methods_reduced.EnlargingDisplay(given.size, given.size)
+    method = FramedMethod(given, given.size, display)
+    free = method.show(0.0).copy()
+    method.advance(0.1)
+    np.testing.assert_array_equal(method.show(0.1), free)
+    method.advance(0.1 + INPUT_STEP_S)
+    assert not np.array_equal(method.show(0.1 + INPUT_STEP_S), free)
 
 
 @pytest.mark.usefixtures("compiled_only")
 def test_a_plain_frame_of_a_still_scene_costs_no_more_rays(setup: MakeSetup) -> None:
-    arm = FRAMED["framed_warp"](setup(NOTHING_MOVES))
-    run(arm, 0.25)
-    assert arm.rays == 0
+    method = FRAMED["framed_warp"](setup(NOTHING_MOVES))
+    run(method, 0.25)
+    assert method.rays == 0
 
 
 @pytest.mark.usefixtures("compiled_only")
 def test_temporal_antialiasing_of_a_still_scene_converges(setup: MakeSetup) -> None:
     given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ)
-    arm = FRAMED["taa_full"](given)
-    one, many = error(given, arm.show(0.0), 0.0), error(given, run(arm, 0.6), 0.0)
+    method = FRAMED["taa_full"](given)
+    one, many = error(given, method.show(0.0), 0.0), error(given, run(method, 0.6), 0.0)
     assert many < one / 3  # random ones would leave a sixth after 36 frames; R2 within a pixel is no worse
 
 
@@ -165,7 +162,7 @@ def test_half_resolution_frames_of_a_still_scene_grow_sharper_than_one_full_fram
 @pytest.mark.parametrize("moves", [CAMERA_ORBITS, THE_FLOOR_TURNS], ids=["camera", "object"])
 def test_the_warp_takes_away_most_of_a_frames_lateness(moves: tuple[str, str], setup: MakeSetup) -> None:
     given = setup(moves, rate=1.0)  # no frame is ever complete: only the free one, 0.1 s old
-    late = arms_reduced.reduced(arms_reduced.FULL_ROWS, given)
+    late = methods_reduced.reduced(methods_reduced.FULL_ROWS, given)
     warped = FRAMED["framed_warp"](given)
     late.advance(0.1)
     warped.advance(0.1)
@@ -177,9 +174,9 @@ def test_the_warp_takes_away_most_of_a_frames_lateness(moves: tuple[str, str], s
 def test_points_of_objects_follow_them_and_points_of_the_world_do_not(name: str, setup: MakeSetup) -> None:
     given, errors = setup(THE_FLOOR_TURNS), {}
     for space in (name, f"{name}_object"):
-        arm = FRAMELESS[space](given)
-        arm.advance(0.1, rays=0)  # only the free picture's samples, 0.1 s old
-        errors[space] = error(given, arm.show(0.1), 0.1)
+        method = FRAMELESS[space](given)
+        method.advance(0.1, rays=0)  # only the free picture's samples, 0.1 s old
+        errors[space] = error(given, method.show(0.1), 0.1)
     assert errors[f"{name}_object"] < 0.9 * errors[name]  # the filters blur either; 0.84 and 0.86
 
 
