@@ -88,7 +88,7 @@ def facing_samples(n: int, *, seed: int = 4) -> Samples:
     round_ones = samples["object_id"] > 2
     samples["normal"] = samples["object_id"][:, None] * (20, -17)
     samples["normal"][round_ones] = rng.integers(-127, 128, (int(round_ones.sum()), 2))
-    samples["unlit"] = rng.choice([0, 1, 5], n, p=[0.7, 0.2, 0.1])
+    samples["light_visibility"] = ~rng.choice(np.uint32([0, 1, 5]), n, p=[0.7, 0.2, 0.1])
     return samples
 
 

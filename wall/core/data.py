@@ -28,6 +28,9 @@ BLANK: dict[str, tuple[float, Any]] = {  # what a channel holds where nothing is
 
 BACKGROUND = 0  # object id of rays that left the scene; object k of the scene has id k + 1
 
+# The light visibility mask of a sample has 32 bits: the scene's directional lights first, then its point lights. A bit
+# is set where nothing stands between the point and the light, also where the surface is turned away from it and where
+# the scene has no such light. It is 0 where it is not known: such a sample keeps its radiance when lights move.
 SAMPLE = np.dtype(
     [
         ("xy", np.float32, (2,)),  # panel pixels
@@ -37,7 +40,7 @@ SAMPLE = np.dtype(
         ("object_id", np.uint32),  # object id
         ("lighting", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
         ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes
-        ("unlit", np.uint16),  # bit k: something is between it and lamp k (directional lights, then points)
+        ("light_visibility", np.uint32),  # light visibility mask, bit k: nothing hides light k from the point
         ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
     ]
 )

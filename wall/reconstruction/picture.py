@@ -335,7 +335,7 @@ class Store(NamedTuple):
     colour: Float32  # (capacity, 4) radiance and square root of lighting
     state: Float32  # (2, capacity) seconds of the store's clock, confidence 0..1
     screen: Float32  # (3, capacity) x, y, depth in the picture
-    surface: NDArray[np.int32]  # (capacity,) normal and lamps out of sight; none if never relit
+    surface: NDArray[np.int32]  # (capacity,) normal and visible lights; none if never relit
     albedo: Float32  # (3, capacity) what it reflects, NOT_RELIT if that is not known; none if never relit
 
     @classmethod

@@ -273,5 +273,5 @@ def _newest(buffer: PixelBuffer) -> tuple[Samples, float]:
     samples["radiance"], samples["depth"] = records["shown"], records["depth"]
     samples["object_id"] = records["object_id"]
     samples["time"] = records["time"] - newest
-    samples["unlit"] = np.iinfo(np.uint16).max  # their normals are not known: lamps that move change nothing
+    samples["light_visibility"] = 0  # their normals are not known: lights that move change nothing
     return samples, newest

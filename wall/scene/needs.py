@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 from wall.scene.build import Scene
 
-MOST_LAMPS = 16  # bits of a sample's `unlit`
+MOST_RELIT_LIGHTS = 16  # bits of the light visibility mask that packets and stores carry; SAMPLE has 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +40,7 @@ def needs(scene: Scene) -> Needs:
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
         emission=any(max(material.emission) > 0.0 for material in materials),
-        relighting=scene.animated and 0 < len(scene.point_lights) + len(scene.directional_lights) <= MOST_LAMPS,
+        relighting=scene.animated and 0 < len(scene.point_lights) + len(scene.directional_lights) <= MOST_RELIT_LIGHTS,
     )
 
 

@@ -100,7 +100,7 @@ def test_the_example_with_normals_decodes_to_the_values_beside_it_and_is_what_th
     packet = encode(batch)
     assert packet[HEADER_BYTES:] == dumped("lit")
     came, wanted = decode(packet).samples, samples_of(facing["decoded"])
-    assert all((came[name] == wanted[name]).all() for name in ("object_id", "normal", "unlit"))
+    assert all((came[name] == wanted[name]).all() for name in ("object_id", "normal", "light_visibility"))
 
 
 def test_the_flags_of_tiles_are_the_document_s() -> None:

@@ -32,6 +32,7 @@ RECT = Rect(x=0, y=0, width=480, height=270)
 NUMBERS = (RECT.x, RECT.y, RECT.width, RECT.height)
 WIRE_STEPS = 2 / 127  # of a component: 127/31 and two roundings are at most 2.55 apart, and both ends are whole
 WIRE_ANGLE = np.sqrt(18) * WIRE_STEPS  # see octahedral()
+SENT_LIGHTS = np.uint32(0xFFFF)  # bits of the light visibility mask that packets bring
 
 
 def octahedral(codes: NDArray[np.int64]) -> Float64:
@@ -55,7 +56,7 @@ def placed(samples: Samples) -> Samples:
 def check_facing(sent: Samples, came: Samples) -> None:
     a, b = placed(sent), placed(came)
     assert np.abs(np.maximum(a["normal"].astype(int), -127) - b["normal"]).max(initial=0) <= 2
-    assert (a["unlit"] == b["unlit"]).all()
+    assert (a["light_visibility"] & SENT_LIGHTS == b["light_visibility"] & SENT_LIGHTS).all()
 
 
 def lit(samples: Samples, rect: Rect = RECT) -> Batch:
@@ -73,7 +74,7 @@ def test_normals_come_back_within_two_steps_and_lamps_exactly(n: int) -> None:
 @given(batch=batches(), data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_any_batch_brings_its_normals_and_lamps(batch: Batch, data: st.DataObject) -> None:
-    for name, values in (("normal", st.integers(-128, 127)), ("unlit", st.integers(0, 65535))):
+    for name, values in (("normal", st.integers(-128, 127)), ("light_visibility", st.integers(0, 2**32 - 1))):
         column = batch.samples[name].ravel()
         batch.samples[name] = np.reshape([data.draw(values) for _ in column], batch.samples[name].shape)
     came = decode(encode(replace(batch, adaptive=True, relightable=True)))
@@ -86,7 +87,7 @@ def test_all_else_is_the_same_with_and_without_normals() -> None:
     with_them, without = decode(encode(lit(samples))).samples, decode(encode(batch_of(samples, adaptive=True)))
     assert not without.relightable
     assert not without.samples["normal"].any()
-    assert not without.samples["unlit"].any()
+    assert not without.samples["light_visibility"].any()
     for name in ("xy", "radiance", "depth", "time", "object_id", "change"):
         assert (with_them[name] == without.samples[name]).all()
 
@@ -111,6 +112,7 @@ def test_a_normal_that_was_sent_once_does_not_change_when_it_is_sent_again() -> 
 
 def test_tiles_of_one_normal_and_one_light_cost_two_bits() -> None:
     samples = plain_samples(600)
+    samples["light_visibility"] = 2**32 - 1
     tiles = len({tuple(k) for k in (samples["xy"] // 16).astype(int).tolist()})
     more = len(encode(lit(samples))) - len(encode(batch_of(samples, adaptive=True)))
     assert 8 * more <= 2 * tiles + 31
@@ -125,7 +127,8 @@ def test_samples_that_differ_as_much_as_they_can_fit_the_space_that_is_set_aside
     samples["depth"] = rng.choice(np.float32([1e-38, 3e38, np.inf]), n)
     samples["object_id"] = rng.integers(0, 16384, n)
     samples["time"], samples["change"] = rng.choice([0.0, 1.0], n), rng.choice([0.0, 1.0], n)
-    samples["normal"], samples["unlit"] = rng.choice([-127, 127], (n, 2)), rng.choice([0, 65535], n)
+    samples["normal"] = rng.choice([-127, 127], (n, 2))
+    samples["light_visibility"] = rng.choice(np.uint32([0, 2**32 - 1]), n)
     most = kernels.WORDS_A_SAMPLE * n + kernels.WORDS_BESIDE
     words = np.full(2 * most, 0xDEADBEEF, np.uint32)
 

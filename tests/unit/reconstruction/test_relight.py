@@ -74,7 +74,7 @@ class Stored:
     depth: Float32
     name: NDArray[np.int32]
     radiance: Float32  # (n, 3)
-    unlit: NDArray[np.int32]
+    hidden: NDArray[np.int32]  # lights
     albedo: Float32  # (n, 3); (0, 3) if nothing is ever relit
 
 
@@ -85,7 +85,8 @@ def stored(shown: Picture) -> Stored:
     return Stored(
         xy=s.screen[:2, :n].T[kept], depth=s.screen[2, :n][kept], name=s.name[:n][kept],
         radiance=s.colour[:n, :3][kept],
-        unlit=s.surface[:n][kept[: len(s.surface)]] >> 16 & 0xFFFF, albedo=s.albedo[:, :n].T[kept[: s.albedo.shape[1]]],
+        hidden=~s.surface[:n][kept[: len(s.surface)]] >> 16 & 0xFFFF,
+        albedo=s.albedo[:, :n].T[kept[: s.albedo.shape[1]]],
     )  # fmt: skip
 
 
@@ -147,7 +148,7 @@ def as_sent(samples: Samples) -> Samples:
 def comparable(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[np.bool_]]:
     """Samples traced where stored ones are now, and which of them hit the same points of things, in full light."""
     fresh, same = twins(scene, relit, event)
-    return fresh, same & (relit.unlit == 0) & (fresh["unlit"] == 0) & (relit.name > 0)
+    return fresh, same & (relit.hidden == 0) & (fresh["light_visibility"] == 2**32 - 1) & (relit.name > 0)
 
 
 @pytest.mark.parametrize(("wire", "turn"), [(False, TRACED), (True, SENT)])
@@ -163,7 +164,7 @@ def test_surface_colours_are_known_as_well_as_normals_are(wire: bool, turn: floa
     light = np.float64(fresh["radiance"][known]) / found
     bound = albedo * turn * steepness(scene, places_of(scene, fresh[known], event), 0.0) / light
     assert known.sum() > 1000
-    assert (held.unlit[known] > 0).sum() > 50
+    assert (held.hidden[known] > 0).sum() > 50
     assert (np.abs(found - albedo) <= bound + ROUNDING * albedo).all()
     assert (np.abs(found - albedo) > 0.1 * bound).any()
 
@@ -205,7 +206,7 @@ def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
     scene, event = yard(), event_at(1, SEEN, scene_time=LATER)
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
-    dark = (relit.unlit == 3) & (relit.name == FLOOR)
+    dark = (relit.hidden == 3) & (relit.name == FLOOR)
     ambient = ALBEDOS[FLOOR] * np.float64(sky_irradiance(SKY))[-1]
     assert dark.sum() > 1
     assert_allclose(relit.radiance[dark], np.broadcast_to(ambient, (int(dark.sum()), 3)), rtol=2 * TRACED)
@@ -258,7 +259,7 @@ def test_light_below_the_darkest_says_nothing_about_a_colour(radiance_of: float,
         )
     )  # fmt: skip
     lamps = Lamps.at(scene, scene.at(0.0))
-    surface, albedo = np.zeros(1, np.int32), np.full((3, 1), kernels_relight.NOT_RELIT, np.float32)
+    surface, albedo = np.full(1, -1 << 16, np.int32), np.full((3, 1), kernels_relight.NOT_RELIT, np.float32)
     sample = np.zeros(1, SAMPLE)
     sample["radiance"] = 1e-5
     zero = np.float32(0.0)
@@ -282,7 +283,7 @@ def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: Non
     lamps, sky = Lamps.at(scene, scene.at(0.0)), sky_irradiance(SKY)
     u, v = (k.ravel() for k in np.meshgrid(np.arange(-127, 128), np.arange(-127, 128)))
     n = len(u)
-    surface = ((u & 255) | ((v & 255) << 8)).astype(np.int32)
+    surface = ((u & 255) | ((v & 255) << 8) | (-1 << 16)).astype(np.int32)
     colour, albedo = np.zeros((n, 4), np.float32), np.ones((3, n), np.float32)
     place, name = np.zeros((3, n), np.float32), np.full(n, FLOOR, np.int32)
     changed = np.ones(3, np.uint8)

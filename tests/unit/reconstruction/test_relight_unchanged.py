@@ -61,7 +61,7 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     lamps[:, :, 3:] = 10 ** rng.uniform(-1, 2, (THINGS, SUNS + POINTS, 1)) * rng.uniform(0.3, 1, (*lamps.shape[:2], 3))
     up = unit(rng, THINGS).astype(np.float32)
     samples = np.zeros(COUNT, SAMPLE)
-    samples["normal"], samples["unlit"] = rng.integers(-127, 128, (COUNT, 2)), rng.integers(0, 32, COUNT)
+    samples["normal"], samples["light_visibility"] = rng.integers(-127, 128, (COUNT, 2)), rng.integers(0, 32, COUNT)
     samples["radiance"] = 10 ** rng.uniform(-4, 1, (COUNT, 1)) * rng.uniform(0.1, 1, (COUNT, 3))
     place = rng.uniform(-1.5, 1.5, (3, COUNT)).astype(np.float32)
     name = np.sort(rng.integers(0, THINGS, COUNT)).astype(np.int32)
@@ -77,7 +77,7 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     traced_radiance = np.float64(samples["radiance"][known])
     off = np.abs(colour[known, :3] / traced_radiance - 1.0)
     light = traced_radiance / albedo.T[known]
-    faced = faced_light(lamps[name[known]], place.T[known], samples["unlit"][known]) + sky.max(axis=0)
+    faced = faced_light(lamps[name[known]], place.T[known], samples["light_visibility"][known]) + sky.max(axis=0)
     grazing = faced / light
     assert known.mean() > 0.7
     assert (off <= ROUNDINGS * 2.0**-24 * grazing).all()
@@ -86,12 +86,12 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     assert ((grazing > 0.9 * GRAZING) & (grazing <= GRAZING)).any()
 
 
-def faced_light(lamps: np.ndarray, place: np.ndarray, unlit: np.ndarray) -> Float64:
+def faced_light(lamps: np.ndarray, place: np.ndarray, visible: np.ndarray) -> Float64:
     """(n, 3) float64: what unhidden lamps (n, lamps, 6) would give if each were faced."""
     total = np.zeros((len(place), 3))
     for k in range(SUNS + POINTS):
         square = ((np.float64(lamps[:, k, :3]) - place) ** 2).sum(axis=1)
-        weight = (1.0 if k < SUNS else 1.0 / square) * (1 - (unlit >> k & 1))
+        weight = (1.0 if k < SUNS else 1.0 / square) * (visible >> k & 1)
         total += weight[:, None] * np.float64(lamps[:, k, 3:])
     return total
 

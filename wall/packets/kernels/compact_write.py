@@ -7,7 +7,7 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.packets.kernels.bit_planes import bits_of, folded, put_all, put_plane
 from wall.packets.kernels.fixed import LARGEST_COLOUR, LARGEST_OBJECT, SHORTEST_SPAN_S, depth_range
-from wall.packets.kernels.normals import exchange, flag_facing, normal_code, put_facing
+from wall.packets.kernels.normals import exchange, flag_facing, hidden_lights, normal_code, put_facing
 
 SUBPIXEL_BITS = 3
 DEPTH_BITS = 11  # mantissa bits of a depth code
@@ -126,7 +126,8 @@ def codes(samples, order, subpixels, base, span, tables, columns):
     """Quantise samples (n,) SAMPLE in some order.
 
     base : float32 exponent of depth code 1; span : float32 seconds of time code 63
-    columns : (7, n) int32, written: luma, orange, green, depth, object, time, change; (10, n): normal (2) and unlit too
+    columns : (7, n) int32, written: luma, orange, green, depth, object, time, change; (10, n): also normal (2) and
+        hidden lights
     """
     _, _, colour_of_code, code_of_bucket = tables
     per_second = ZERO if span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / span
@@ -152,7 +153,7 @@ def codes(samples, order, subpixels, base, span, tables, columns):
         if columns.shape[0] > 7:
             columns[7, i] = normal_code(samples[k]["normal"][0])
             columns[8, i] = normal_code(samples[k]["normal"][1])
-            columns[9, i] = samples[k]["unlit"]
+            columns[9, i] = hidden_lights(samples[k])
 
 
 @kernel

@@ -25,6 +25,13 @@ def normal_of(code):
     return (254 * np.int64(code) + NORMAL_CODES) // (2 * NORMAL_CODES)
 
 
+@inline_kernel
+def hidden_lights(sample):
+    """The inverted light visibility mask of a sample: its first LAMP_BITS bits, which the wire carries, of 32."""
+    every = np.uint32((1 << LAMP_BITS) - 1)
+    return np.int64(every ^ (sample["light_visibility"] & every))
+
+
 @kernel
 def exchange(who, lamps, known, reading):
     """lamps (n,) int32 become their exclusive or with those of the last sample of the same object, or back.
@@ -114,13 +121,17 @@ def read_facing(words, position, starts, flags, facing):
 
 @kernel
 def restore_facing(facing, samples):
-    """Normals and lamps of samples (n,) SAMPLE from codes (3, n) int32, zero from (0, n); False if out of range."""
+    """Normals and visible lights of samples (n,) SAMPLE from codes (3, n) int32, zero from (0, n).
+
+    Returns False if a normal is out of range.
+    """
     for i in range(samples.shape[0]):
-        u = v = unlit = np.int64(0)
+        u = v = np.int64(0)
+        samples[i]["light_visibility"] = np.uint32(0)
         if facing.shape[0] > 0:
-            u, v, unlit = np.int64(facing[0, i]), np.int64(facing[1, i]), np.int64(facing[2, i])
+            u, v = np.int64(facing[0, i]), np.int64(facing[1, i])
+            samples[i]["light_visibility"] = np.uint32(0xFFFFFFFF) ^ np.uint32(facing[2, i])
         if max(abs(u), abs(v)) > NORMAL_CODES:
             return False
         samples[i]["normal"][0], samples[i]["normal"][1] = normal_of(u), normal_of(v)
-        samples[i]["unlit"] = unlit
     return True

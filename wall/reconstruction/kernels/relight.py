@@ -1,6 +1,6 @@
 """What lamps add to the colour of stored samples when lamps or objects move: everything but who is in whose shadow.
 
-A sample remembers its surface colour, its normal and which lamps were hidden from it; lamps come in each object's own
+A sample remembers its surface colour, its normal and which lights reach it; lamps come in each object's own
 frame. The model is the tracer's own (matt surfaces, the sky unoccluded); shadows stay until rays find them moved.
 """
 
@@ -91,7 +91,7 @@ def lighting(px, py, pz, surface, lamps, suns, up, irradiance):
     green = irradiance[i, 1] + f * (irradiance[i + 1, 1] - irradiance[i, 1])
     blue = irradiance[i, 2] + f * (irradiance[i + 1, 2] - irradiance[i, 2])
     for n in range(lamps.shape[0]):
-        if (surface >> (16 + n)) & 1:
+        if not (surface >> (16 + n)) & 1:
             continue
         lx, ly, lz = lamps[n, 0], lamps[n, 1], lamps[n, 2]
         weight = ONE
@@ -108,9 +108,9 @@ def lighting(px, py, pz, surface, lamps, suns, up, irradiance):
 
 @inline_kernel
 def surface_of(sample):
-    """A sample's normal (2 x 8 bits) and hidden lamps (16 bits) in one int32."""
+    """A sample's normal (2 x 8 bits) and the first 16 bits of its light visibility mask in one int32."""
     u, v = np.int32(sample["normal"][0]) & 255, np.int32(sample["normal"][1]) & 255
-    return u | (v << 8) | (np.int32(sample["unlit"]) << 16)
+    return u | (v << 8) | (np.int32(sample["light_visibility"] & np.uint32(0xFFFF)) << 16)
 
 
 @inline_kernel
@@ -183,7 +183,7 @@ def add_lamp(place, surface, first, last, lamp, number, sun, rows):
         square = max(dx * dx + dy * dy + dz * dz, TINY)
         fall = ONE if sun else ONE / (square * math.sqrt(square))
         facing = max(rows[k] * dx + rows[CHUNK + k] * dy + rows[2 * CHUNK + k] * dz, ZERO)
-        seen = np.float32(1 - ((surface[first + k] >> (16 + number)) & 1))
+        seen = np.float32((surface[first + k] >> (16 + number)) & 1)
         weight = seen * facing * fall
         rows[3 * CHUNK + k] += weight * red
         rows[4 * CHUNK + k] += weight * green

@@ -26,10 +26,13 @@ MAX_BOUNCES = 4  # mirror chains are cut here; what is behind the last mirror is
 SHADE = RAY_HIT_FLOATS
 PX, PY, PZ, NX, NY, NZ, GX, GY, GZ, LIFT = range(SHADE + RAY_FLOATS, SHADE + RAY_FLOATS + 160, 16)
 AR, AG, AB, LR, LG, LB, TR, TG, TB, MIRROR, COS, DEPTH, OBJECT, HITS = range(LIFT + 16, LIFT + 240, 16)
-LIFT_BASE, LIFT_SLOPE, LIFT_STRETCH, LIGHT, UNLIT, FACING, SEES = range(HITS + 16, HITS + 128, 16)
-PACKET_FLOATS = SEES + 16
+LIFT_BASE, LIFT_SLOPE, LIFT_STRETCH, LIGHT, SEES = range(HITS + 16, HITS + 96, 16)
+LIGHT_VISIBILITY, NORMAL_CODE, SAMPLE_VISIBILITY = range(SEES + 16, SEES + 64, 16)
+PACKET_FLOATS = SAMPLE_VISIBILITY + 16
 SEEN, UNSEEN = 1, 2  # Embree masks of objects that primary rays may hit, and of those that only light and mirrors know
 ALL = 0xFFFFFFFF
+ALL_LIGHTS = np.uint32(0xFFFFFFFF)  # light visibility mask where nothing is hidden
+NO_NORMAL = np.uint32(0x8080)  # code of the normal (0, 0), two bytes offset by 128: of the sky and of mirrors
 
 # counts that a kernel returns
 PRIMARY, SHADOW, SECONDARY, BAD = range(4)

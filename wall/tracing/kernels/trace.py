@@ -34,11 +34,11 @@ from wall.tracing.kernels.packet import (
     AB,
     AG,
     ALL,
+    ALL_LIGHTS,
     AR,
     BAD,
     COS,
     DEPTH,
-    FACING,
     GX,
     GY,
     GZ,
@@ -50,10 +50,13 @@ from wall.tracing.kernels.packet import (
     LIFT,
     LIFT_SLOPE,
     LIGHT,
+    LIGHT_VISIBILITY,
     LR,
     MAX_BOUNCES,
     MIRROR,
     MISS,
+    NO_NORMAL,
+    NORMAL_CODE,
     NX,
     NY,
     NZ,
@@ -63,6 +66,7 @@ from wall.tracing.kernels.packet import (
     PX,
     PY,
     PZ,
+    SAMPLE_VISIBILITY,
     SECONDARY,
     SEES,
     SHADE,
@@ -70,7 +74,6 @@ from wall.tracing.kernels.packet import (
     TB,
     TG,
     TR,
-    UNLIT,
     ZERO,
 )
 from wall.tracing.kernels.surface import (
@@ -246,7 +249,7 @@ def aim_point(light, work):
 def add_light(light, number, scene, work):
     """Trace the shadow rays that were aimed, and add the light to every lane that sees it. Returns rays traced.
 
-    number : int, the light's bit in row UNLIT
+    number : int, the light's bit in row LIGHT_VISIBILITY
     """
     p, bits, lit = work.packet, work.bits, work.lit
     rays = 0
@@ -261,7 +264,8 @@ def add_light(light, number, scene, work):
     for lane in range(16):
         seen = p[SHADE + T_FAR + lane] >= ZERO  # Embree sets it to -inf where something is in the way
         weight = p[COS + lane] if seen and p[HITS + lane] > ZERO else ZERO
-        bits[UNLIT + lane] |= (np.uint32(0) if seen or lit[lane] == 0 else np.uint32(1)) << np.uint32(number)
+        hidden = np.uint32(0) if seen or lit[lane] == 0 else np.uint32(1)
+        bits[LIGHT_VISIBILITY + lane] ^= hidden << np.uint32(number)
         p[LR + lane] += p[AR + lane] * red * weight
         p[LG + lane] += p[AG + lane] * green * weight
         p[LB + lane] += p[AB + lane] * blue * weight
@@ -281,7 +285,7 @@ def light_packet(scene, surfaces, normals, colors, uvs, texels, textures, to_lin
     add_ambient(surfaces, work)
     rays = 0
     for lane in range(16):
-        bits[UNLIT + lane] = np.uint32(0)
+        bits[LIGHT_VISIBILITY + lane] = ALL_LIGHTS
     if suns is not None or points is not None:
         start_shadow_rays(work)
     if suns is not None:
@@ -353,14 +357,14 @@ def divide_out_colour(work):
 
 @inline_kernel
 def note_surfaces(relit, surfaces, work):
-    """Normals in the frames of their objects, octahedral (2 x 8 bits), and lamps out of sight, into row FACING.
+    """Fill the rows NORMAL_CODE and SAMPLE_VISIBILITY: normals in the frames of their objects, and visible lights.
 
-    Not of mirrors, whose radiance is not their surface's.
+    A code is octahedral, 2 x 8 bits. Mirrors get none: their radiance is not their surface's.
     """
     p, bits = work.packet, work.bits
     for lane in range(16):
         if p[HITS + lane] == ZERO or surfaces.materials[surfaces.mesh_table[bits[INSTANCE + lane], 2], 3] > ZERO:
-            bits[FACING + lane] = np.uint32(0x8080)
+            bits[NORMAL_CODE + lane], bits[SAMPLE_VISIBILITY + lane] = NO_NORMAL, ALL_LIGHTS
             continue
         m = relit[bits[INSTANCE + lane]]
         a, b, c = p[NX + lane], p[NY + lane], p[NZ + lane]
@@ -373,7 +377,8 @@ def note_surfaces(relit, surfaces, work):
                 (np.float32(127.0) - abs(u)) * (ONE if v >= ZERO else -ONE),
             )
         low, high = np.uint32(round(u) + 128), np.uint32(round(v) + 128)
-        bits[FACING + lane] = low | (high << np.uint32(8)) | (bits[UNLIT + lane] << np.uint32(16))
+        bits[NORMAL_CODE + lane] = low | (high << np.uint32(8))
+        bits[SAMPLE_VISIBILITY + lane] = bits[LIGHT_VISIBILITY + lane]
 
 
 @inline_kernel
@@ -396,10 +401,10 @@ def write_samples(xy, first, count, samples, kept, relit, work):
         sample["lighting"] = math.sqrt(max(p[LIGHT + lane], ZERO))
         sample["change"] = ZERO
         if relit is not None:
-            facing = work.bits[FACING + lane]
-            sample["normal"][0] = np.int8(np.int32(facing & np.uint32(255)) - 128)
-            sample["normal"][1] = np.int8(np.int32((facing >> np.uint32(8)) & np.uint32(255)) - 128)
-            sample["unlit"] = np.uint16(facing >> np.uint32(16))
+            code = work.bits[NORMAL_CODE + lane]
+            sample["normal"][0] = np.int8(np.int32(code & np.uint32(255)) - 128)
+            sample["normal"][1] = np.int8(np.int32(code >> np.uint32(8)) - 128)
+            sample["light_visibility"] = work.bits[SAMPLE_VISIBILITY + lane]
         kept += 1
     return kept
 

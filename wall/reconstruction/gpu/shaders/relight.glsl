@@ -2,7 +2,7 @@
 layout(std430, binding = 0) readonly buffer Place { float place[]; };
 layout(std430, binding = 1) readonly buffer Name { uint name[]; };
 layout(std430, binding = 2) writeonly buffer Colour { float colour[]; };
-layout(std430, binding = 3) readonly buffer Surface { int surface[]; };  // normal (2 x 8 bits), lamps out of sight (16)
+layout(std430, binding = 3) readonly buffer Surface { int surface[]; };  // normal (2 x 8 bits), visible lights (16)
 layout(std430, binding = 4) readonly buffer Albedo { float albedo[]; };  // below 0: not known
 layout(std430, binding = 5) readonly buffer Objects { vec4 objects[]; };  // world's y axis, whether the light changed
 layout(std430, binding = 6) readonly buffer Lamps { float lamps[]; };  // of one object after the other, suns first
@@ -34,7 +34,7 @@ void main() {
     int i = clamp(int(height), 0, steps - 1);
     vec3 light = mix(sky_at(i), sky_at(i + 1), height - float(i));
     for (int n = 0; n < lights; n++) {
-        if ((surface[k] >> (16 + n) & 1) != 0) continue;
+        if ((surface[k] >> (16 + n) & 1) == 0) continue;
         light += from_lamp(LAMP_WORDS * (int(name[k]) * lights + n), n < suns, point, normal);
     }
     vec3 own = vec3(albedo[3 * k], albedo[3 * k + 1], albedo[3 * k + 2]);
