@@ -75,6 +75,7 @@ class Compositor:
             except RemoteProtocolError:
                 self.counters.add("bad_packet")
             self.hub.release(peer, len(packet))
+        self.counters.add("stray_message", len(self.hub.messages()))  # nobody sends them here; left there, none waits
         return taken
 
     def insert(self, packet: bytes) -> None:

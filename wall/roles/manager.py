@@ -33,7 +33,7 @@ from wall.roles.plan import Plan, first_event
 from wall.run.clock import Clock
 from wall.run.control import RECENT_EVENTS
 from wall.run.sinks import window_places
-from wall.transport.base import Hub
+from wall.transport.base import MAX_MESSAGE_BYTES, Hub
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
@@ -232,6 +232,9 @@ class Manager(threading.Thread):
         return commands
 
     def _listen(self) -> None:
+        for peer, packet in self._hub.drain(MAX_MESSAGE_BYTES):  # nobody sends them here; left there, none waits
+            self._hub.release(peer, len(packet))
+            self.counters.add("stray_packet")
         for peer, data in self._hub.messages():
             try:
                 message = parse_control(data)

@@ -7,6 +7,9 @@ the others, after it has loaded the scene and the kernels, so that they start at
 from __future__ import annotations
 
 import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 MPI_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
@@ -32,3 +35,15 @@ class Bootstrap(Protocol):
 def under_mpi() -> bool:
     """Whether an MPI launcher started this process."""
     return any(mark in os.environ for mark in MPI_MARKS)
+
+
+@contextmanager
+def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
+    """Call `give_up` from another thread if the block has not ended within `seconds`, whether in order or not."""
+    timer = threading.Timer(seconds, give_up)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

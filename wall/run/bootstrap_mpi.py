@@ -5,23 +5,26 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 from mpi4py import MPI
+
+from wall.run.bootstrap import time_limit
 
 START_WAIT_S = 120.0  # for all ranks to load the scene and, on a fresh machine, to compile
 END_WAIT_S = 1.5  # for MPI_Finalize, which may wait for ranks that are dead
 
 
 class MpiBootstrap:
+    """The processes of one MPI launch."""
+
     def __init__(self) -> None:
         self._world = MPI.COMM_WORLD
         self.rank: int = self._world.Get_rank()
         self.size: int = self._world.Get_size()
 
     def allgather(self, text: str) -> list[str]:
-        with self._limit(START_WAIT_S, "not all ranks have started"):
+        """Every rank's text, in rank order. MPI has no time limits of its own, so this one ends the process."""
+        with time_limit(START_WAIT_S, self._give_up):
             return list(self._world.allgather(text))
 
     def gather(self, data: bytes) -> list[bytes] | None:
@@ -39,15 +42,7 @@ class MpiBootstrap:
         timer.daemon = True
         timer.start()
 
-    @contextmanager
-    def _limit(self, seconds: float, what: str) -> Iterator[None]:
-        """MPI has no time limits of its own: a rank that waits for a dead one would wait for ever."""
-        timer = threading.Timer(seconds, self._give_up, [f"{what} after {seconds:.0f} s; giving up"])
-        timer.daemon = True
-        timer.start()
-        yield
-        timer.cancel()
-
-    def _give_up(self, text: str) -> None:
-        print(f"rank {self.rank}: {text}", file=sys.stderr, flush=True)
+    def _give_up(self) -> None:
+        text = f"rank {self.rank}: not all ranks have started after {START_WAIT_S:.0f} s; giving up"
+        print(text, file=sys.stderr, flush=True)
         os._exit(1)

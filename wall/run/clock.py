@@ -1,44 +1,83 @@
-"""Time as an argument: a real clock on the head's timeline, and one that tests and single runs turn by hand."""
+"""Real and manual clocks, both on the timeline of the head's monotonic clock."""
 
 from __future__ import annotations
 
 import time
-from typing import Protocol
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+SLEW = 0.05  # seconds of correction a second: time keeps running forwards, and an error of 50 ms is gone in a second
+DRIFT = 1e-4  # seconds a second by which an old measurement may be wrong: quartz clocks are within 100 ppm
+REMEMBERED = 16  # round trips; the best of them counts
 
 
 class Clock(Protocol):
+    """What tells the time to those who must not read it themselves."""
+
     def now(self) -> float:
         """Seconds of the head's monotonic clock."""
         ...
 
 
-class HeadClock:
-    """This machine's monotonic clock, shifted to the head's. On the head's own host the shift is 0."""
+class RoundTrip(NamedTuple):
+    """One measurement of the difference between the head's clock and the local one."""
 
-    def __init__(self) -> None:
-        self.shift = 0.0
-        self._best_round_trip = float("inf")
+    back: float  # local time when the answer came
+    seconds: float  # from question to answer
+    offset: float  # head's clock minus local clock, wrong by at most half of `seconds` then
+
+    def error(self, local: float) -> float:
+        """The largest error of `offset` at a local time, seconds."""
+        return self.seconds / 2 + DRIFT * (local - self.back)
+
+
+class HeadClock:
+    """This machine's monotonic clock, corrected to the head's by round trips. On the head's own host nothing is learnt.
+
+    The first round trip sets the offset. Later ones change it by at most SLEW seconds a second, so that time never
+    runs backwards. Any thread may read it; one thread calls `learn`.
+    """
+
+    def __init__(self, local: Callable[[], float] = time.monotonic) -> None:
+        self._local = local
+        self._slew = (0.0, 0.0, 0.0)  # offset then, local time then, offset wanted; replaced as a whole
+        self._trips: deque[RoundTrip] = deque(maxlen=REMEMBERED)
 
     def now(self) -> float:
-        return time.monotonic() + self.shift
+        """Seconds of the head's monotonic clock."""
+        local = self._local()
+        return local + self._offset(local)
 
     def learn(self, sent: float, head_time: float) -> None:
-        """A ping sent at `sent` (own monotonic time) came back with the head's time: keep the fastest one's shift.
+        """Take a round trip into account: a ping sent at `sent` (local time) came back with the head's time."""
+        back = self._local()
+        first = not self._trips
+        self._trips.append(RoundTrip(back, back - sent, head_time - (sent + back) / 2))
+        wanted = min(self._trips, key=lambda trip: trip.error(back)).offset
+        self._slew = (wanted if first else self._offset(back), back, wanted)
 
-        The error is at most half the round trip.
-        """
-        back = time.monotonic()
-        if back - sent < self._best_round_trip:
-            self._best_round_trip = back - sent
-            self.shift = head_time - (sent + back) / 2
+    @property
+    def known(self) -> bool:
+        """Whether a round trip has been measured."""
+        return bool(self._trips)
+
+    def _offset(self, local: float) -> float:
+        then, since, wanted = self._slew
+        most = SLEW * max(0.0, local - since)
+        return then + min(max(wanted - then, -most), most)
 
 
 class ManualClock:
+    """A clock that tests and the single process turn by hand."""
+
     def __init__(self, start: float = 0.0) -> None:
         self.time = start
 
     def now(self) -> float:
+        """The time it was turned to, seconds."""
         return self.time
 
     def advance(self, seconds: float) -> None:
+        """Turn it forwards."""
         self.time += seconds

@@ -14,7 +14,6 @@ from wall.roles.plan import Plan
 from wall.run.clock import HeadClock
 from wall.transport.base import Link
 
-PINGS = 8  # round trips to the head; the fastest sets the clock
 RECENT_EVENTS = 32  # kept for who is late; older ones predict nothing
 HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the head, then a rank ends itself
 
@@ -31,8 +30,7 @@ class Control:
         self.recent: deque[Event] = deque(maxlen=RECENT_EVENTS)  # all that came, for who wants them in their order
         self.statistics: Statistics | None = None  # the newest
         self.stopped = False
-        self._beat_due, self._pings = 0.0, PINGS if same_clock else 0
-        self._knows_time = same_clock
+        self._beat_due, self._same_clock = 0.0, same_clock
         self._heard = time.monotonic()
         link.send(
             serialise(
@@ -68,11 +66,10 @@ class Control:
                 self.statistics = message
             elif isinstance(message, Pong):
                 self.clock.learn(message.sent, message.head_time)
-                self._knows_time = True
         silence = time.monotonic() - self._heard
         if silence > HEAD_LOST_BEATS * self._transport.lost_after_s:
             raise RunError(f"rank {self._rank}: nothing from the head for {silence:.1f} s; giving up")
-        return self.event if self._knows_time else None
+        return self.event if self._same_clock or self.clock.known else None
 
     def beat_due(self) -> bool:
         return time.monotonic() >= self._beat_due
@@ -80,8 +77,7 @@ class Control:
     def beat(self, heartbeat: Heartbeat) -> None:
         self._beat_due = time.monotonic() + self._transport.heartbeat_s
         self._link.send(serialise(heartbeat))
-        if self._pings < PINGS:  # the fastest of a few round trips sets the clock
-            self._pings += 1
+        if not self._same_clock:  # throughout: clocks of two machines drift apart
             self._link.send(serialise(Ping(sent=time.monotonic())))
 
     def tell(self, hands: Hands) -> None:

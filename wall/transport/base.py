@@ -61,7 +61,11 @@ class Link(ABC):
 
 
 class Hub(ABC):
-    """The end that many links talk to. A peer is an opaque name of one link."""
+    """The end that many links talk to. A peer is an opaque name of one link.
+
+    Its owner takes data and control messages, also where only one kind is expected: `wait` does not sleep while one of
+    them lies here.
+    """
 
     counters: Counters
     endpoint: str  # where links connect to
