@@ -55,11 +55,11 @@ def output_of(operator: Operator, inputs: Sequence[Framelet], *, encoded: bool |
 
 
 def applied(
-    operator: Operator, *inputs: Framelet, encoded: bool | None = None, folder: Path = Path(), moment: float = 0.0
+    operator: Operator, *inputs: Framelet, encoded: bool | None = None, folder: Path = Path(), refreshed_at: float = 0.0
 ) -> Framelet:
     """The whole output at once."""
     out = output_of(operator, inputs, encoded=encoded)
-    out.moment = moment
+    out.refreshed_at = refreshed_at
     operator.apply(inputs, out, out.rect, operator.prepare(folder, [framelet.rect for framelet in inputs]))
     return out
 
@@ -69,8 +69,8 @@ def by_regions(
 ) -> Framelet:
     """The output region by region, cut at the given columns and rows; every pixel must be written."""
     out = output_of(operator, inputs, encoded=whole.encoded)
-    out.moment, prepared, area = (
-        whole.moment,
+    out.refreshed_at, prepared, area = (
+        whole.refreshed_at,
         operator.prepare(folder, [framelet.rect for framelet in inputs]),
         out.rect,
     )

@@ -105,7 +105,7 @@ def _picture(layout: Layout, kind: Kind, panel: Panel) -> NDArray[np.uint8]:
 def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:
     """What the configuration says of a panel beside its geometry, as rows of a name and a text."""
     ranks = [rank for rank in layout.renderers() if layout.layer(rank).panel == panel.index]
-    places = sorted({layer.place for layer in layout.graph.layers if layer.panel == panel.index})
+    compositors = sorted({layer.compositor for layer in layout.graph.layers if layer.panel == panel.index})
     where = [panel.display or "DISPLAY"]
     if panel.monitor is not None:
         where.append(f"monitor {panel.monitor}")
@@ -114,7 +114,7 @@ def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:
     return [
         ("host", panel.host or "any"),
         ("rendered by", f"rank{'s' * (len(ranks) > 1)} {_listed(ranks)}" if ranks else "no rank"),
-        ("put together by", f"rank{'s' * (len(places) > 1)} {_listed(places)}" if places else "nobody"),
+        ("put together by", f"rank{'s' * (len(compositors) > 1)} {_listed(compositors)}" if compositors else "nobody"),
         ("display", ", ".join(where)),
     ]
 

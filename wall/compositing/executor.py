@@ -1,4 +1,4 @@
-"""Run the operators of one place, in order, each only where its input changed.
+"""Run the operators of one rank, in order, each only where its input changed.
 
 Pure but for the framelets it owns, allocated once. Nothing here knows where an input comes from: a reconstruction of
 this process, another process, a file.
@@ -29,12 +29,12 @@ DENSE = 0.6  # of their bounding box: above it, one large region costs less than
 
 
 class Executor:
-    """`framelets` are what every step here holds, and what came of other places; `step` brings them up to date."""
+    """`framelets` are what every step here holds, and what came of other ranks; `step` brings them up to date."""
 
     def __init__(
         self,
         graph: Graph,
-        place: int,
+        rank: int,
         sources: Mapping[int, Framelet],
         folder: Path,
         reproject: Reproject | None = None,
@@ -44,7 +44,7 @@ class Executor:
         Raises ConfigError where an operator cannot read what it needs.
         """
         self._graph, self._reproject = graph, reproject
-        self._steps = [s for s in graph.steps if s.place == place and isinstance(s.node, Operator)]
+        self._steps = [s for s in graph.steps if s.rank == rank and isinstance(s.node, Operator)]
         self._prepared: dict[int, Any] = {s.index: self._prepare(s, folder) for s in self._steps}
         self.framelets: dict[int, Framelet] = dict(sources)
         self._light: dict[int, Framelet] = {}  # of nodes that compute with light, and give display bytes
@@ -106,17 +106,17 @@ class Executor:
         assert isinstance(s.node, Operator)
         out = self.framelets[s.index]
         inputs = [self.framelets[k] for k in s.inputs]
-        newest = max((f for f in inputs if f.event is not None), key=lambda f: f.moment, default=None)
+        newest = max((f for f in inputs if f.event is not None), key=lambda f: f.refreshed_at, default=None)
         if newest is not None:
             out.event = newest.event
-            out.advance(newest.moment)
+            out.stamp(newest.refreshed_at)
         if s.node.COMMON_TIME and self._reproject is not None and event is not None:
             moved = self._at_one_moment(s, inputs, event)
             (self._guessed.discard if moved == inputs else self._guessed.add)(s.index)
             inputs, out.event = moved, event
         light = self._light.get(s.index)
         if light is not None:
-            light.event, light.moment = out.event, out.moment
+            light.event, light.refreshed_at = out.event, out.refreshed_at
         for region in regions:
             s.node.apply(inputs, light or out, region, self._prepared[s.index])
             if light is not None:

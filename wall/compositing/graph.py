@@ -13,7 +13,7 @@ from typing import Literal
 
 from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
 from wall.compositing.covering import Covering, panel_rect, panels_shown
-from wall.compositing.places import Places
+from wall.compositing.placement import Placement
 from wall.compositing.presets import expanded
 from wall.compositing.ranks import number_ranks
 from wall.compositing.refusals import Refusals
@@ -48,7 +48,7 @@ class Layer:
     range: tuple[float, float] | None  # of the scene's objects; None: all
     transparent: bool  # where nothing is
     reprojects: bool  # its samples move with camera and objects, whichever sampler chose them
-    place: int
+    compositor: int  # rank that reconstructs it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class Step:
     index: int  # in Graph.steps: its name on the wire
     node: NodeConfig
     inputs: tuple[int, ...]  # indices of steps
-    place: int  # rank of the compositor that does it
+    rank: int  # of the compositor that does it
     rect: Rect  # in the frame
     channels: Channels
     encoded: bool  # its colour is display bytes
@@ -97,10 +97,10 @@ class Graph:
         return tuple(node for node in self.nodes if isinstance(node, SinkNode))
 
     @property
-    def place_of(self) -> dict[str, int]:
+    def rank_of(self) -> dict[str, int]:
         """The rank on which each node's work is done; of a samples node the first of its renderers."""
-        places = {layer.samples: layer.ranks[0] for layer in self.layers}
-        return places | {step.node.id: step.place for step in self.steps}
+        renderers = {layer.samples: layer.ranks[0] for layer in self.layers}
+        return renderers | {step.node.id: step.rank for step in self.steps}
 
     def step(self, node_id: str) -> Step:
         """KeyError if there is none of that id."""
@@ -131,11 +131,11 @@ class Graph:
                 return layer
         raise KeyError(rank)
 
-    def sinks_on(self, place: int) -> tuple[Step, ...]:
-        return tuple(step for step in self.steps if step.place == place and isinstance(step.node, SinkNode))
+    def sinks_on(self, rank: int) -> tuple[Step, ...]:
+        return tuple(step for step in self.steps if step.rank == rank and isinstance(step.node, SinkNode))
 
-    def layers_on(self, place: int) -> tuple[Layer, ...]:
-        return tuple(layer for layer in self.layers if layer.place == place)
+    def layers_on(self, rank: int) -> tuple[Layer, ...]:
+        return tuple(layer for layer in self.layers if layer.compositor == rank)
 
     def has_sink(self, kind: str) -> bool:
         return any(sink.kind == kind for sink in self.sinks)
@@ -202,17 +202,17 @@ def _sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
 
 
 def _waits_one_way(graph: Graph, refusals: Refusals) -> None:
-    """In lock step a place waits for those before it; two that are before each other would wait for ever."""
+    """In lock step a rank waits for those before it; two that are before each other would wait for ever."""
     if graph.sync == "none":
         return
     before: dict[int, set[int]] = {}
     for step in graph.steps:
-        places = {graph.steps[k].place for k in step.inputs} - {step.place}
-        before.setdefault(step.place, set()).update(places)
+        givers = {graph.steps[k].rank for k in step.inputs} - {step.rank}
+        before.setdefault(step.rank, set()).update(givers)
     try:
         TopologicalSorter(before).prepare()
     except CycleError as error:
-        circle = " -> ".join("the head" if place == 0 else f"compositor {place}" for place in error.args[1])
+        circle = " -> ".join("the head" if rank == 0 else f"compositor {rank}" for rank in error.args[1])
         came = f"in lock step {circle} would wait for each other"
         refusals.add(None, ["sync"], came, "`on` so that framelets go one way between compositors, or sync: none")
 
@@ -226,18 +226,18 @@ def _windows_show_panels(graph: Graph, refusals: Refusals) -> None:
 
 
 def _windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
-    """Two windows of one panel at one place would take turns in showing their pictures."""
+    """Two windows of one panel on one rank would take turns in showing their pictures."""
     steps = {step.node.id: step for step in graph.steps}
-    first: dict[tuple[int, int], str] = {}  # by place and panel
+    first: dict[tuple[int, int], str] = {}  # by rank and panel
     for node in config.nodes:
         if not isinstance(node, SinkNode) or node.kind != "window":
             continue
         step = steps[node.id]
-        twice = [k for k in step.panels if first.setdefault((step.place, k), node.id) != node.id]
+        twice = [k for k in step.panels if first.setdefault((step.rank, k), node.id) != node.id]
         if twice:
-            other, panel = first[step.place, twice[0]], wall.panels[twice[0]].id
+            other, panel = first[step.rank, twice[0]], wall.panels[twice[0]].id
             came = f"panel {panel} has a window there already, that of {other}"
-            refusals.add(node, ["input"], came, f"panels without a window at the same place, or no {other}")
+            refusals.add(node, ["input"], came, f"panels without a window on the same rank, or no {other}")
 
 
 def _compares_panels(graph: Graph, refusals: Refusals) -> None:
@@ -257,14 +257,14 @@ def _compares_panels(graph: Graph, refusals: Refusals) -> None:
 def _compares_moments(graph: Graph, refusals: Refusals) -> None:
     """A panel that is cut out of several has the moment of all only if they were joined where they were made."""
     panels: list[frozenset[int]] = []  # that a step was made of, before anything was cut
-    places: list[frozenset[int]] = []
+    ranks: list[frozenset[int]] = []  # that did a step or one before it
     for step in graph.steps:
         panels.append(frozenset(step.panels).union(*(panels[k] for k in step.inputs)))
-        places.append(frozenset({step.place}).union(*(places[k] for k in step.inputs)))
+        ranks.append(frozenset({step.rank}).union(*(ranks[k] for k in step.inputs)))
         if graph.sync != "none" or not isinstance(step.node, Operator) or not step.node.COMMON_TIME:
             continue
         for k, source in enumerate(step.inputs):
-            if len(graph.steps[source].panels) == 1 < min(len(panels[source]), len(places[source])):
+            if len(graph.steps[source].panels) == 1 < min(len(panels[source]), len(ranks[source])):
                 came = "is cut out of panels of several compositors, which show different moments"
                 refusals.add(step.node, input_path(step.node, k), came, "the panel's own node, or sync: frame")
 
@@ -281,8 +281,8 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     channels = find_channels(order, refusals)
     encoded = find_encoded(order, channels, refusals)
     orders = find_orders(order, refusals)
-    places = Places(config, wall, refusals)
-    place = places.find(order, covering.panels)
+    placement = Placement(config, wall, refusals)
+    rank_of = placement.find(order, covering.panels)
     refusals.raise_any()
     makers = [node for node in order if not isinstance(node, SamplesNode)]
     number = {node.id: k for k, node in enumerate(makers)}
@@ -295,7 +295,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
             index=number[node.id],
             node=node,
             inputs=tuple(number[name] for name in node.sources if name in number),
-            place=place[node.id],
+            rank=rank_of[node.id],
             rect=covering.rect[node.id],
             channels=channels.get(node.id, frozenset({"colour"})),
             encoded=encoded[node.id],
@@ -309,7 +309,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
         for node in makers
     )
     layers = _layers(config, samples, steps, ranks, index)
-    hosts = dict(sorted(places.hosts.items()))
+    hosts = dict(sorted(placement.hosts.items()))
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
 
 
@@ -344,7 +344,7 @@ def _layers(
                 range=node.range,
                 transparent=step.node.background == "transparent",
                 reprojects=config.sync == "none" and _compared(step, steps),
-                place=step.place,
+                compositor=step.rank,
             )
         )
     return tuple(layers)

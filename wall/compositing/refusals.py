@@ -1,4 +1,4 @@
-"""What is wrong with a graph: collected, each at its place in the file."""
+"""Collect what is wrong with a graph, each error with its position in the file."""
 
 from __future__ import annotations
 

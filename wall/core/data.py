@@ -6,6 +6,7 @@ Frames: *panel pixels* have their origin at the panel's top left corner, x right
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -25,6 +26,11 @@ BLANK: dict[str, tuple[float, Any]] = {  # what a channel holds where nothing is
     "object_id": (0, np.uint32),
     "variance": (np.inf, np.float32),
 }
+
+# Times of a framelet count from a multiple of this. Float32 steps by less than 4 us up to it. A sum of float32 and a
+# multiple of a power of two is exact unless it needs a coarser step, so however often the origin moves, a time is off
+# by one step of its age at most.
+ORIGIN_STEP_S = 64.0
 
 BACKGROUND = 0  # object id of rays that left the scene; object k of the scene has id k + 1
 
@@ -227,12 +233,12 @@ class Framelet:
     colour: NDArray[Any]  # (h, w, 3) float32 linear RGB, times alpha where there is alpha; or uint8 sRGB, once encoded
     depth: Float32 | None = None  # (h, w) distance from the eye, world units; inf = background
     alpha: Float32 | None = None  # (h, w) 0..1
-    time: Float32 | None = None  # (h, w) seconds after `moment`, when it was traced; -inf: nothing has come yet
+    time: Float32 | None = None  # (h, w) seconds after `time_origin`, when it was traced; -inf: nothing has come yet
     object_id: NDArray[np.uint32] | None = None  # (h, w) object id
     variance: Float32 | None = None  # (h, w) of the mean that colour is, linear, mean of the three channels
     order: int = 0  # for ordered operators: the smaller is the nearer
     event: Event | None = None  # whose camera and scene time it shows; None: a picture that knows none
-    moment: float = 0.0  # seconds of the head's clock, the zero of `time`
+    refreshed_at: float = 0.0  # when it was last brought up to date, seconds of the head's clock
 
     @classmethod
     def blank(cls, rect: Rect, channels: Channels, *, encoded: bool = False, order: int = 0) -> Framelet:
@@ -246,14 +252,20 @@ class Framelet:
     def channels(self) -> Channels:
         return frozenset({"colour"} | {name for name in BLANK if getattr(self, name) is not None})
 
-    def advance(self, moment: float, *, but: Rect | None = None) -> None:
-        """Count times from another moment; those in the rectangle `but` do already."""
-        if self.time is not None and moment != self.moment:
-            kept = self.time[but.inside(self.rect)].copy() if but is not None else None
-            self.time += np.float32(self.moment - moment)
-            if but is not None:
-                self.time[but.inside(self.rect)] = kept
-        self.moment = moment
+    @property
+    def time_origin(self) -> float:
+        """The zero of `time`, seconds of the head's clock: the last multiple of ORIGIN_STEP_S before `refreshed_at`."""
+        return math.floor(self.refreshed_at / ORIGIN_STEP_S) * ORIGIN_STEP_S
+
+    def stamp(self, now: float, *, except_for: Rect | None = None) -> None:
+        """Set `refreshed_at`, and count `time` from the origin that goes with it; pixels in `except_for` do already."""
+        before = self.time_origin
+        self.refreshed_at = now
+        if self.time is not None and self.time_origin != before:
+            kept = self.time[except_for.inside(self.rect)].copy() if except_for is not None else None
+            self.time += np.float32(before - self.time_origin)
+            if except_for is not None:
+                self.time[except_for.inside(self.rect)] = kept
 
     @property
     def encoded(self) -> bool:

@@ -13,7 +13,7 @@ from wall.operators.winners import choose
 
 
 class Newest(Operator):
-    """The newest `moment` + `time` wins; of equals the earlier input; NaN never."""
+    """The newest `time_origin` + `time` wins; of equals the earlier input; NaN never."""
 
     op: Literal["newest"] = Field(description="what was traced last")
     inputs: Inputs

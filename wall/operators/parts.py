@@ -34,8 +34,8 @@ def corner(framelet: Framelet, rect: Rect) -> tuple[int, int]:
 
 
 def later(framelet: Framelet, out: Framelet) -> np.float32:
-    """What must be added to a framelet's times for them to count from `out.moment`, seconds."""
-    return np.float32(framelet.moment - out.moment)
+    """What must be added to a framelet's times for them to count from the output's origin, seconds."""
+    return np.float32(framelet.time_origin - out.time_origin)
 
 
 def copy(source: Framelet, out: Framelet, rect: Rect, *, but: frozenset[str] = frozenset()) -> None:

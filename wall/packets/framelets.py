@@ -35,7 +35,7 @@ class FrameletPart:
     encoded: bool
     compared: bool  # of the second picture, while two samplers are compared
     event: Event | None  # what it shows; only its numbers, camera and scene time travel
-    moment: float  # seconds of the head's clock
+    refreshed_at: float  # seconds of the head's clock; see Framelet.time_origin
     data: bytes
     index: int = 0  # of `count` parts that belong together: all of them show one moment
     count: int = 1
@@ -48,7 +48,7 @@ class FrameletPart:
         data = bytes(lz4.block.compress(b"".join(planes), store_size=False))
         return cls(
             step=step, rect=rect, channels=framelet.channels, encoded=framelet.encoded, compared=compared,
-            event=framelet.event, moment=framelet.moment, data=data,
+            event=framelet.event, refreshed_at=framelet.refreshed_at, data=data,
         )  # fmt: skip
 
     def check(self, out: Framelet) -> None:
@@ -112,7 +112,7 @@ def part_body(part: FrameletPart) -> bytes:
         part.index,
         part.count,
         *numbers,
-        part.moment,
+        part.refreshed_at,
         len(part.data),
         *pose,
     )
@@ -124,14 +124,14 @@ def parse_part(body: bytes) -> FrameletPart:
     if len(body) < HEAD.size:
         raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {HEAD.size}")
     step, x, y, width, height, mask, flags, index, count, *numbers = HEAD.unpack_from(body)
-    camera_event, scene_event, scene_time, moment, length, *pose = numbers
+    camera_event, scene_event, scene_time, refreshed_at, length, *pose = numbers
     if length != len(body) - HEAD.size:
         raise RemoteProtocolError(f"framelet of step {step}: {len(body) - HEAD.size} bytes came of {length}")
     if index >= count:
         raise RemoteProtocolError(f"framelet of step {step}: part {index} of {count}")
     if not mask & 1 or mask >= 1 << len(CHANNELS) or flags > ENCODED | COMPARED | POSED:
         raise RemoteProtocolError(f"framelet of step {step}: channels {mask:#x} or flags {flags:#x} are not known")
-    if not all(map(math.isfinite, (scene_time, moment, *pose))):
+    if not all(map(math.isfinite, (scene_time, refreshed_at, *pose))):
         raise RemoteProtocolError(f"framelet of step {step}: a number is not finite")
     channels = frozenset(name for k, name in enumerate(CHANNELS) if mask >> k & 1)
     encoded = bool(flags & ENCODED)
@@ -142,12 +142,13 @@ def parse_part(body: bytes) -> FrameletPart:
     if flags & POSED:
         camera = Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:]))
         event = Event(
-            view=0, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=moment,
+            view=0, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=refreshed_at,
             camera=camera,
         )  # fmt: skip
     return FrameletPart(
         step=step, rect=Rect(x=x, y=y, width=width, height=height), channels=channels, encoded=encoded,
-        compared=bool(flags & COMPARED), event=event, moment=moment, data=body[HEAD.size :], index=index, count=count,
+        compared=bool(flags & COMPARED), event=event, refreshed_at=refreshed_at, data=body[HEAD.size :],
+        index=index, count=count,
     )  # fmt: skip
 
 

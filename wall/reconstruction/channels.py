@@ -27,7 +27,7 @@ def show_newest(buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool
     if out.encoded:
         update_display(buffer.radiance, dirty, TILE, out.colour)
     kernels.channels_of_records(
-        buffer.records, dirty, out.moment, transparent, None if out.encoded else out.colour, out.depth, out.alpha,
+        buffer.records, dirty, out.time_origin, transparent, None if out.encoded else out.colour, out.depth, out.alpha,
         out.time, out.object_id,
     )  # fmt: skip
 
@@ -81,7 +81,7 @@ def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray
             picture.nearest, pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
         )
     if out.time is not None:
-        kernels.newest_times(state, screen, count, epoch - out.moment, out.time)
+        kernels.newest_times(state, screen, count, epoch - out.time_origin, out.time)
 
 
 def show_sky(scene: Scene, pose_frame: Float64, corner: Float64, out: Framelet) -> None:

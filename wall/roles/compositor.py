@@ -1,4 +1,4 @@
-"""A compositor: take packets in as they come, and bring the nodes of its place up to date at every display refresh."""
+"""A compositor: take packets in as they come, and bring the nodes of its rank up to date at every display refresh."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 
 
 class Compositor:
-    """The layers and the nodes of one place, fed from its hub; `links` lead to places that need its framelets."""
+    """The layers and the nodes of one rank, fed from its hub; `links` lead to ranks that need its framelets."""
 
     def __init__(self, plan: Plan, rank: int, hub: Hub, links: Mapping[int, Link]) -> None:
         graph = plan.layout.graph
@@ -43,7 +43,7 @@ class Compositor:
         self._plan, self._rank, self._links = plan, rank, links
         self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
         self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
-        steps = [step for step in graph.steps if step.place == rank]
+        steps = [step for step in graph.steps if step.rank == rank]
         self._skies = {step.index: SkyLayer(plan, step) for step in steps if isinstance(step.node, SkyNode)}
         self.lockstep = Lockstep(graph, rank) if isinstance(graph.sync, FrameSync) else None
         self._pictures = _Pictures(self, compared=False)
@@ -52,7 +52,7 @@ class Compositor:
         self._pool: ThreadPoolExecutor | None = None
         self._statistics_images: dict[
             tuple[int, bool], StatisticsImage
-        ] = {}  # of other places, the newest of each picture
+        ] = {}  # of other ranks, the newest of each picture
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
@@ -120,7 +120,7 @@ class Compositor:
         self._statistics_images[statistics_image.panel, statistics_image.compared] = statistics_image
 
     def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
-        """Bring the layers and then the nodes of this place up to date. Returns what changed, by step.
+        """Bring the layers and then the nodes of this rank up to date. Returns what changed, by step.
 
         In lock step nothing happens before the frame of `event` is there, or its time is up, unless `force`.
         """
@@ -169,11 +169,11 @@ class Compositor:
         return list(self._pool.map(work, layers))
 
     def say(self, statistics: Mapping[str, float]) -> None:
-        """Tell the overlays of this place how the run is doing."""
+        """Tell the overlays of this rank how the run is doing."""
         self._pictures.executor.say(statistics)
 
     def send(self) -> None:
-        """Send to other places what changed for them, as far as there is credit."""
+        """Send to other ranks what changed for them, as far as there is credit."""
         both = [pictures for pictures in (self._pictures, self._compared) if pictures is not None]
         for pictures in both:
             pictures.send()
@@ -183,7 +183,7 @@ class Compositor:
                 outlets[part.compared].lose(target, part)
 
     def offer(self, target: int, packet: bytes) -> None:
-        """Send another packet to another place; parts of framelets that give way to it are sent again."""
+        """Send another packet to another rank; parts of framelets that give way to it are sent again."""
         self._pictures.outlets.offer(target, packet)
 
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
@@ -203,7 +203,7 @@ class Compositor:
         )
 
     def shown(self) -> list[Shown]:
-        """What every sink of this place shows, in the order of the graph."""
+        """What every sink of this rank shows, in the order of the graph."""
         return self._pictures.shown
 
     def compared(self) -> list[Shown]:
@@ -224,7 +224,7 @@ class Compositor:
 
     @property
     def sent(self) -> tuple[int, int]:
-        """Packets and bytes, to other places."""
+        """Packets and bytes, to other ranks."""
         return self._pictures.outlets.packets, self._pictures.outlets.bytes
 
     def samples_shown(self) -> int:
@@ -238,7 +238,7 @@ class Compositor:
         return total
 
     def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
-        """Fresh: framelets of the sources of this place by step, and those that come from elsewhere."""
+        """Fresh: framelets of the sources of this rank by step, and those that come from elsewhere."""
         graph = self._plan.layout.graph
         remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, self._rank)}
         sources: dict[int, Framelet] = {step: sky.framelet for step, sky in self._skies.items()}
@@ -262,7 +262,7 @@ class Compositor:
 
 
 class _Pictures:
-    """What the nodes of a place make of one set of samples; of two while samplers are compared."""
+    """What the nodes of a rank make of one set of samples; of two while samplers are compared."""
 
     def __init__(self, owner: Compositor, *, compared: bool) -> None:
         self._owner = owner

@@ -35,7 +35,7 @@ class RemoteFramelet:
         """Show a part when all that belong to it are there. Raises RemoteProtocolError where it is not of this node."""
         part.check(self.framelet)
         first = next(iter(self._waiting.values()), part)
-        if part.index in self._waiting or (first.moment, first.count) != (part.moment, part.count):
+        if part.index in self._waiting or (first.refreshed_at, first.count) != (part.refreshed_at, part.count):
             self._show()  # one of them gave way, and its pixels come later
         self._waiting[part.index] = part
         if len(self._waiting) == part.count:
@@ -48,7 +48,7 @@ class RemoteFramelet:
         out = self.framelet
         for part in parts:
             part.write(out)
-            out.advance(part.moment, but=part.rect)
+            out.stamp(part.refreshed_at, except_for=part.rect)
             out.event = part.event
             self._changed.append(part.rect)
 
@@ -63,11 +63,11 @@ class RemoteFramelet:
 
 
 class Outlets:
-    """What other places need of this one: pending regions, sent as soon as there is credit, newest content first."""
+    """What other ranks need of this one: pending regions, sent as soon as there is credit, newest content first."""
 
-    def __init__(self, graph: Graph, place: int, links: Mapping[int, Link], *, compared: bool = False) -> None:
+    def __init__(self, graph: Graph, rank: int, links: Mapping[int, Link], *, compared: bool = False) -> None:
         self._graph, self._links, self.compared = graph, links, compared
-        self._targets = targets_of(graph, place)
+        self._targets = targets_of(graph, rank)
         self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
         self._under_way: dict[tuple[int, int], deque[bytes]] = {}  # parts that belong together, not sent yet
         self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
@@ -137,19 +137,19 @@ class Outlets:
         return not self._pending and not self._due and not self._under_way
 
 
-def targets_of(graph: Graph, place: int) -> dict[int, tuple[int, ...]]:
-    """Of every step at a place: the other places that need its framelet."""
+def targets_of(graph: Graph, rank: int) -> dict[int, tuple[int, ...]]:
+    """By step of a rank: the other ranks that need its framelet."""
     found = {}
     for step in graph.steps:
-        others = sorted({graph.steps[user].place for user in step.users} - {place})
-        if step.place == place and others:
+        others = sorted({graph.steps[user].rank for user in step.users} - {rank})
+        if step.rank == rank and others:
             found[step.index] = tuple(others)
     return found
 
 
-def needed_from_others(graph: Graph, place: int) -> tuple[Step, ...]:
-    """Steps of other places whose framelets are needed here."""
-    found = {k for step in graph.steps if step.place == place for k in step.inputs if graph.steps[k].place != place}
+def needed_from_others(graph: Graph, rank: int) -> tuple[Step, ...]:
+    """Steps of other ranks whose framelets are needed here."""
+    found = {k for step in graph.steps if step.rank == rank for k in step.inputs if graph.steps[k].rank != rank}
     return tuple(graph.steps[k] for k in sorted(found))
 
 

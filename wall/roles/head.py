@@ -53,7 +53,7 @@ class Head:
         self._predictor, self._event = make_predictor(plan), self.manager.event
         graph = plan.layout.graph
         self._watches = not graph.layers_on(HEAD) and not needed_from_others(graph, HEAD)  # no samples come here
-        self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.place != HEAD for s in graph.steps)
+        self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.stopping = ""  # why the run ends, once it does
@@ -94,7 +94,7 @@ class Head:
         if own is not None and own.gone:
             closed.add(HEAD)
         pressed = (own.escape if own else "") or self.manager.escape
-        left = self.manager.window_places - closed - self.lost.keys()
+        left = self.manager.window_ranks - closed - self.lost.keys()
         return pressed or (ALL_CLOSED if closed and not left else "")
 
     def finish(self) -> None:

@@ -185,7 +185,7 @@ class PanelCompositor:
             self._shown = self._seen(event)
             dirty = self._reproject(self._reprojected, self._shown, now)
         elif dirty.any():
-            self.framelet.advance(now)
+            self.framelet.stamp(now)
             show_newest(self.buffer, dirty, self.layer.transparent, self.framelet)
         if dirty.any():
             self.framelet.event = event
@@ -202,7 +202,7 @@ class PanelCompositor:
             if dirty.any() and (self._plain or not isinstance(shown, Picture)):
                 display(shown, dirty, self.framelet.colour)
             elif dirty.any() and isinstance(shown, Picture):
-                self.framelet.advance(now)
+                self.framelet.stamp(now)
                 show_reprojected(shown, self._coverage, dirty, self.framelet)
             return dirty
         except GpuError as error:

@@ -1,6 +1,7 @@
 """`sync: frame`: nothing is shown before all of a frame is there, or its time is up; then late parts stay as before.
 
-A frame is an event. The manager publishes the next one when every place that shows something is done with this one.
+A frame is an event. The manager publishes the next one when every compositor that shows
+something is done with this one.
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ PATIENCE = 3  # frames in a row that an input may miss; then nobody waits for it
 
 
 class Lockstep:
-    """Of one place: which frame is done."""
+    """Of one compositor: which frame is done."""
 
-    def __init__(self, graph: Graph, place: int) -> None:
+    def __init__(self, graph: Graph, rank: int) -> None:
         assert isinstance(graph.sync, FrameSync)
         self._graph = graph
-        self.timeout_s = graph.sync.timeout_s * depth_of(graph, place)  # whoever waits for others waits longer
+        self.timeout_s = graph.sync.timeout_s * depth_of(graph, rank)  # whoever waits for others waits longer
         self._began: tuple[Number, float] | None = None  # of the frame that is waited for
         self.done: Number = NEVER
         self._told: Number = NEVER
@@ -60,10 +61,10 @@ class Lockstep:
         return was != self.done
 
 
-def depth_of(graph: Graph, place: int) -> int:
-    """How many places follow each other up to this one: 1 where it needs no other's framelets."""
-    crossed: list[int] = []  # edges between places before each step
+def depth_of(graph: Graph, rank: int) -> int:
+    """How many compositors follow each other up to this one: 1 where it needs no other's framelets."""
+    crossed: list[int] = []  # edges between compositors before each step
     for step in graph.steps:
-        before = [crossed[k] + (graph.steps[k].place != step.place) for k in step.inputs]
+        before = [crossed[k] + (graph.steps[k].rank != step.rank) for k in step.inputs]
         crossed.append(max(before, default=0))
-    return 1 + max((crossed[step.index] for step in graph.steps if step.place == place), default=0)
+    return 1 + max((crossed[step.index] for step in graph.steps if step.rank == rank), default=0)

@@ -32,7 +32,7 @@ from wall.packets.control import (
 from wall.roles.plan import Plan, first_event
 from wall.run.clock import Clock
 from wall.run.control import RECENT_EVENTS
-from wall.run.sinks import window_places
+from wall.run.sinks import window_ranks
 from wall.transport.base import MAX_MESSAGE_BYTES, Hub
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
@@ -148,7 +148,7 @@ class Manager(threading.Thread):
         self.latency, self.counters = Latency(), Counters()
         self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
         self.hellos: dict[int, Hello] = {}
-        self.window_places, self._asked = window_places(plan.layout), list[Command]()  # what hands asked for there
+        self.window_ranks, self._asked = window_ranks(plan.layout), list[Command]()  # what hands asked for there
         self.escape = ""  # at which of them a hand ended the run
         self.closed: frozenset[int] = frozenset()  # those that have no window left
         self._statistics: Statistics | None = None  # not told yet
@@ -253,8 +253,8 @@ class Manager(threading.Thread):
 
     def _take_hands(self, hands: Hands) -> None:
         """What was done at another compositor's windows. Raises RemoteProtocolError for that of a rank without any."""
-        if hands.rank not in self.window_places:
-            raise RemoteProtocolError(f"rank {hands.rank} has no windows; wanted: {sorted(self.window_places)}")
+        if hands.rank not in self.window_ranks:
+            raise RemoteProtocolError(f"rank {hands.rank} has no windows; wanted: {sorted(self.window_ranks)}")
         self._asked += self._parse(commands_of(hands))
         self.escape = self.escape or hands.escape
         self.closed |= {hands.rank} if hands.closed else set()

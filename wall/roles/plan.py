@@ -64,7 +64,7 @@ class Layout:
 
     def target_of(self, rank: int) -> int:
         """The rank that takes a renderer's samples in."""
-        return self.layer(rank).place
+        return self.layer(rank).compositor
 
     def renderers(self) -> range:
         return range(self.graph.compositors, self.size)
@@ -72,14 +72,14 @@ class Layout:
     def describe(self, rank: int) -> str:
         """What a rank has of the wall, for tables."""
         if self.role(rank) != "renderer":
-            return self._describe_place(rank)
+            return self._describe_compositor(rank)
         rect, share = self.region(rank).rect, self.layer(rank).range
         of = "" if share is None else f", objects {share[0]:.0%} to {share[1]:.0%}"
         return f"{self.panel(rank).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{of}"
 
-    def _describe_place(self, rank: int) -> str:
+    def _describe_compositor(self, rank: int) -> str:
         panels = dict.fromkeys(self.wall.panels[layer.panel].id for layer in self.graph.layers_on(rank))
-        done = [step.node.id for step in self.graph.steps if step.place == rank and isinstance(step.node, Operator)]
+        done = [step.node.id for step in self.graph.steps if step.rank == rank and isinstance(step.node, Operator)]
         words = [", ".join(panels)] if panels else []
         if done and not self.graph.plain:
             words.append("nodes " + ", ".join(done))
@@ -106,14 +106,14 @@ def make_layout(loaded: Loaded) -> Layout:
 def check_files(layout: Layout) -> None:
     """Read the files that nodes name. Raises ConfigError at the node that cannot have its own."""
     graph = layout.config.graph
-    places = {node.id: k for k, node in enumerate(graph.nodes)} if isinstance(graph, NodeGraph) else {}
+    indices = {node.id: k for k, node in enumerate(graph.nodes)} if isinstance(graph, NodeGraph) else {}
     for step in layout.graph.steps:
         node = step.node
         if isinstance(node, Operator):
             try:
                 node.prepare(layout.loaded.folder, [layout.graph.steps[k].rect for k in step.inputs])
             except ConfigError as error:
-                path = ("graph", "nodes", places[node.id]) if node.id in places else ("graph",)
+                path = ("graph", "nodes", indices[node.id]) if node.id in indices else ("graph",)
                 raise layout.loaded.error(path, str(error)) from error
 
 
@@ -126,13 +126,13 @@ def make_plan(layout: Layout) -> Plan:
     return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
 
 
-def in_one_place(plan: Plan) -> Plan:
+def on_one_rank(plan: Plan) -> Plan:
     """The same plan with every node of its graph on the head: pictures are the same wherever nodes run."""
     graph = plan.layout.graph
     graph = replace(
         graph,
-        steps=tuple(replace(step, place=HEAD) for step in graph.steps),
-        layers=tuple(replace(layer, place=HEAD) for layer in graph.layers),
+        steps=tuple(replace(step, rank=HEAD) for step in graph.steps),
+        layers=tuple(replace(layer, compositor=HEAD) for layer in graph.layers),
     )
     return replace(plan, layout=replace(plan.layout, graph=graph))
 

@@ -1,4 +1,4 @@
-"""A compositor beside the head: does the nodes of its place, and sends others what they need of them."""
+"""A compositor beside the head: does the nodes of its rank, and sends others what they need of them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class RemoteCompositor:
         links: Mapping[int, Link],
         sinks: list[Sink | None],
     ) -> None:
-        """`links`: to other places by rank, the head among them; `sinks`: windows on this machine."""
+        """`links`: to other compositors by rank, the head among them; `sinks`: windows on this machine."""
         self._plan, self._rank, self._control, self._links, self._sinks = plan, rank, control, links, sinks
         self._compositor = Compositor(plan, rank, hub, links)
         self._statistics_due = Due()

@@ -35,7 +35,7 @@ class Timewarp:
             framelet.depth, thing, old.frame, corner, old.object_from_eye, new.panel_from_object, near, source
         )
         moved = Framelet.blank(rect, framelet.channels, encoded=framelet.encoded, order=framelet.order)
-        moved.event, moved.moment = event, framelet.moment
+        moved.event, moved.refreshed_at = event, framelet.refreshed_at
         for name in ("colour", *BLANK):
             if name in framelet.channels:
                 values, out = framelet.channel(name), moved.channel(name)

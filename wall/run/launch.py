@@ -193,7 +193,7 @@ def _compose(plan: Plan, rank: int, hub: Hub, control: Control, endpoints: list[
 
 
 def _links(plan: Plan, rank: int, endpoints: list[str], more: set[int]) -> dict[int, Link]:
-    """To the other places that need framelets of this one, and to some more."""
+    """To the other compositors that need framelets of this one, and to some more."""
     targets = {target for targets in targets_of(plan.layout.graph, rank).values() for target in targets}
     return {target: connect(endpoints[target], rank=rank) for target in sorted(targets | more)}
 

@@ -9,7 +9,7 @@ from wall.core.data import Event
 from wall.display.base import PanelPicture
 from wall.packets.samples import decode
 from wall.roles.compositor import Compositor
-from wall.roles.plan import HEAD, Plan, first_event, in_one_place, make_predictor
+from wall.roles.plan import HEAD, Plan, first_event, make_predictor, on_one_rank
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import ManualClock
 from wall.tracing.resident import Resident
@@ -31,7 +31,7 @@ class SingleProcess:
         for rank in layout.renderers():
             samplers = make_samplers(plan, "", layout.region(rank), self.clock)
             self.workers += [Worker(plan, resident, rank, self.clock, samplers, k) for k in range(len(samplers))]
-        self.compositor = Compositor(in_one_place(plan), HEAD, LoopbackHub(credit_bytes=0), {})
+        self.compositor = Compositor(on_one_rank(plan), HEAD, LoopbackHub(credit_bytes=0), {})
 
     def step(self) -> int:
         """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""

@@ -1,4 +1,4 @@
-"""Where pictures end: the sinks of one place, made and fed."""
+"""Where pictures end: the sinks of one rank, made and fed."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ STILL = Status(
 )  # fmt: skip  # what sinks away from the head are told: they show none of it
 
 
-def make_sinks(plan: Plan, place: int, out: Path, *, headless: bool) -> tuple[list[Sink | None], Browser | None]:
-    """The sinks of a place in the order of the graph, and the page among them; None where `headless` leaves one out.
+def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[list[Sink | None], Browser | None]:
+    """The sinks of a rank in the order of the graph, and the page among them; None where `headless` leaves one out.
 
-    All windows of a place are one sink, which stands in the list for each of them. Raises RunError where a display
+    All windows of a rank are one sink, which stands in the list for each of them. Raises RunError where a display
     cannot be reached.
     """
     output, layout = plan.layout.config.output, plan.layout
-    windows = None if headless else _windows(plan, place)
+    windows = None if headless else _windows(plan, rank)
     sinks: list[Sink | None] = []
     browser: Browser | None = None
-    for step in layout.graph.sinks_on(place):
+    for step in layout.graph.sinks_on(rank):
         assert isinstance(step.node, SinkNode)
         kind = step.node.kind
         sink: Sink | None = None
@@ -49,28 +49,28 @@ def make_sinks(plan: Plan, place: int, out: Path, *, headless: bool) -> tuple[li
     return sinks, browser
 
 
-def window_panels(layout: Layout, places: Container[int]) -> list[Panel]:
-    """The panels that have a window at some places."""
+def window_panels(layout: Layout, ranks: Container[int]) -> list[Panel]:
+    """The panels that have a window on some ranks."""
     return [
         layout.wall.panels[k]
         for step in layout.graph.steps
-        if step.place in places and isinstance(step.node, SinkNode) and step.node.kind == "window"
+        if step.rank in ranks and isinstance(step.node, SinkNode) and step.node.kind == "window"
         for k in step.panels
     ]
 
 
-def window_places(layout: Layout) -> frozenset[int]:
-    """The places that have windows, unless the run is headless."""
-    return frozenset(place for place in range(layout.graph.compositors) if window_panels(layout, (place,)))
+def window_ranks(layout: Layout) -> frozenset[int]:
+    """The ranks that have windows, unless the run is headless."""
+    return frozenset(rank for rank in range(layout.graph.compositors) if window_panels(layout, (rank,)))
 
 
 def window_sink(sinks: list[Sink | None]) -> WindowSink | None:
-    """The one of all windows of a place."""
+    """The one of all windows of a rank."""
     return next((sink for sink in sinks if isinstance(sink, WindowSink)), None)
 
 
-def _windows(plan: Plan, place: int) -> WindowSink | None:
-    panels = window_panels(plan.layout, (place,))
+def _windows(plan: Plan, rank: int) -> WindowSink | None:
+    panels = window_panels(plan.layout, (rank,))
     return WindowSink(panels, refresh_hz=plan.view.refresh_hz) if panels else None
 
 

@@ -68,7 +68,7 @@ def _step(
     order: int,
 ) -> Step:
     return Step(
-        index=len(before), node=node, inputs=tuple(inputs), place=0, rect=where, channels=channels, encoded=False,
+        index=len(before), node=node, inputs=tuple(inputs), rank=0, rect=where, channels=channels, encoded=False,
         computes=False, order=order, panels=(),
     )  # fmt: skip
 
@@ -226,12 +226,12 @@ def test_times_of_light_count_from_the_same_moment_as_those_of_its_bytes() -> No
     source, colour = graph.step("p0"), graph.step("c")
     framelet = sources[source.index]
     assert framelet.time is not None
-    framelet.time[...], framelet.moment = -5.0, 1000.0
+    framelet.time[...], framelet.refreshed_at = -5.0, 1000.0
     framelet.event = Event(view=0, camera_event=1, scene_event=0, scene_time=0.0, input_time=0.0, camera=STILL)
     executor.step({source.index: [source.rect]}, None)
     made = executor.framelets[colour.index]
     assert made.time is not None
-    assert (made.moment, made.time[0, 0]) == (1000.0, -5.0)
+    assert (made.refreshed_at, made.time[0, 0]) == (1000.0, -5.0)
 
 
 @given(regions=st.lists(rects(), max_size=6))

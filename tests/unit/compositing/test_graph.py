@@ -1,4 +1,4 @@
-"""The compositing graph: presets expand, and whatever is wrong with a graph is refused at its place."""
+"""The compositing graph: presets expand; whatever is wrong with a graph is refused with its position in the file."""
 
 from __future__ import annotations
 
@@ -66,8 +66,8 @@ def test_absent_graph_is_the_plain_preset() -> None:
 def test_preset_deals_panels_to_compositors() -> None:
     graph = built("graph: {compositors: 2}\n")
 
-    assert [layer.place for layer in graph.layers] == [0, 1]
-    assert [[layer.panel for layer in graph.layers_on(place)] for place in (0, 1)] == [[0], [1]]
+    assert [layer.compositor for layer in graph.layers] == [0, 1]
+    assert [[layer.panel for layer in graph.layers_on(rank)] for rank in (0, 1)] == [[0], [1]]
     assert graph.ranks_needed == 4
 
 
@@ -107,7 +107,7 @@ def test_written_out_preset_is_the_preset() -> None:
     preset = built("graph: {compositors: 2, sinks: [png]}\n")
 
     assert written.sources == preset.sources
-    assert [layer.place for layer in written.layers] == [layer.place for layer in preset.layers]
+    assert [layer.compositor for layer in written.layers] == [layer.compositor for layer in preset.layers]
     assert written.ranks_needed == preset.ranks_needed
 
 
@@ -180,7 +180,7 @@ def test_written_out_preset_is_the_preset() -> None:
         ),
     ],
 )
-def test_wrong_graph_is_refused_at_its_place(old: str, new: str, expected: str) -> None:
+def test_wrong_graph_is_refused_with_its_position(old: str, new: str, expected: str) -> None:
     assert expected in refusal(changed((old, new)))
 
 

@@ -15,19 +15,19 @@ HOSTS = "wall:\n  panels:\n" + "\n".join(
 )
 
 
-def places(graph: Graph, *names: str) -> list[int]:
-    return [graph.step(name).place for name in names]
+def ranks_of(graph: Graph, *names: str) -> list[int]:
+    return [graph.step(name).rank for name in names]
 
 
 @pytest.mark.parametrize(
-    ("on", "place"),
+    ("on", "rank"),
     [("head", 0), ("panel", 1), ("rank 0", 0), ("rank 1", 1), ("compositor 1", 1), ("1", 1), ("compositor 0", 0)],
 )
-def test_a_node_runs_where_its_on_says(on: str, place: int) -> None:
+def test_a_node_runs_where_its_on_says(on: str, rank: int) -> None:
     graph = built(nodes(S0, f"{P0}, on: compositor 1", S1, f"{P1}, on: {on}", W, PNG, head="  compositors: 2\n"))
-    assert places(graph, "p1") == [place]
-    assert graph.layers[1].place == place
-    assert graph.place_of["s1"] == graph.layers[1].ranks[0]
+    assert ranks_of(graph, "p1") == [rank]
+    assert graph.layers[1].compositor == rank
+    assert graph.rank_of["s1"] == graph.layers[1].ranks[0]
 
 
 def test_without_on_panels_are_dealt_and_operators_run_where_most_of_their_inputs_are() -> None:
@@ -38,7 +38,7 @@ def test_without_on_panels_are_dealt_and_operators_run_where_most_of_their_input
             "id: w, op: tile, inputs: [p0, d]", PNG, head="  compositors: 2\n",
         )
     )  # fmt: skip
-    assert places(graph, "p0", "a", "b", "k", "d", "w", "png") == [0, 1, 1, 1, 1, 0, 0]
+    assert ranks_of(graph, "p0", "a", "b", "k", "d", "w", "png") == [0, 1, 1, 1, 1, 0, 0]
 
 
 def test_a_host_is_wanted_of_the_compositor_whose_panels_name_it_else_of_a_free_one() -> None:
@@ -53,10 +53,10 @@ def test_a_host_is_wanted_of_the_compositor_whose_panels_name_it_else_of_a_free_
         ),
         wall=HOSTS,
     )  # fmt: skip
-    by_host = {host: place for place, host in graph.hosts.items()}
+    by_host = {host: rank for rank, host in graph.hosts.items()}
     assert sorted(by_host) == ["X", "Y", "Z"]
-    assert places(graph, "pa", "pb", "pc") == [by_host["X"], by_host["Y"], by_host["X"]]
-    assert places(graph, "w", "w2", "png") == [by_host["Z"], by_host["Y"], 0]
+    assert ranks_of(graph, "pa", "pb", "pc") == [by_host["X"], by_host["Y"], by_host["X"]]
+    assert ranks_of(graph, "w", "w2", "png") == [by_host["Z"], by_host["Y"], 0]
 
 
 def test_named_ranks_keep_their_numbers_and_free_ones_fill_the_gaps() -> None:

@@ -1,4 +1,4 @@
-"""Whatever is wrong with a graph is refused at its place in the file, with a hint."""
+"""Whatever is wrong with a graph is refused with its position in the file, with a hint."""
 
 from __future__ import annotations
 
@@ -107,12 +107,13 @@ RANKS = {
         "accepted: nodes with `on` for each compositor, or fewer",
     ),
 }
-PLACES = {
-    "no place": (
+PLACEMENT = {
+    "no compositor": (
         nodes(S0, f"{P0}, on: there", *WHOLE[2:]),
-        "8:48: graph.nodes[1].on = 'there': is no place; accepted: head, panel, rank N, host NAME or compositor N",
+        "8:48: graph.nodes[1].on = 'there': names no compositor; "
+        "accepted: head, panel, rank N, host NAME or compositor N",
     ),
-    "samples with a place": (
+    "samples with a compositor": (
         nodes(f"{S0}, on: head", *WHOLE[1:]),
         "7:46: graph.nodes[0].on = 'head': samples come from renderers; "
         "accepted: rank: N, or group: NAME, instead of on",
@@ -267,11 +268,11 @@ CHANNELS["depths of a panel cut out of two compositors' panels"] = (
     "14:35: graph.nodes[6].inputs[0] = 'c': is cut out of panels of several compositors, which show different moments; "
     "accepted: the panel's own node, or sync: frame",
 )
-ALL = STRUCTURE | RANKS | PLACES | PIXELS | CHANNELS
+ALL = STRUCTURE | RANKS | PLACEMENT | PIXELS | CHANNELS
 
 
 @pytest.mark.parametrize("what", ALL)
-def test_what_is_wrong_with_a_graph_is_said_at_its_place(what: str) -> None:
+def test_what_is_wrong_with_a_graph_is_refused_with_its_position(what: str) -> None:
     graph, expected = ALL[what]
     assert any(line.startswith("a.yaml:") and line.endswith(expected) for line in refusals(graph)), refusals(graph)
 
@@ -291,7 +292,7 @@ def test_a_panel_that_is_cut_out_of_several_is_one_panel() -> None:
 
     half = ("id: c, op: crop, input: w, panel: r0c1, on: panel", "id: png, op: sink, kind: png, input: c")
     graph = built(nodes(*WHOLE[:5], "id: all, op: sink, kind: png, input: w", *half, head=TWO))
-    assert graph.step("c").place == 1
+    assert graph.step("c").rank == 1
 
 
 def test_a_panel_is_found_where_turning_a_picture_took_it() -> None:

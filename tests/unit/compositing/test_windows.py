@@ -71,17 +71,17 @@ def test_a_picture_without_a_whole_panel_is_refused_as_a_window() -> None:
     ]
 
 
-def test_a_second_window_of_a_panel_at_one_place_is_refused() -> None:
+def test_a_second_window_of_a_panel_on_one_rank_is_refused() -> None:
     again = "id: again, op: sink, kind: window, input: p1"
 
     assert refusals(nodes(*WHOLE[:5], WINDOW, again)) == [
         "a.yaml:13:50: graph.nodes[6].input = 'p1': panel r0c1 has a window there already, that of out; "
-        "accepted: panels without a window at the same place, or no out"
+        "accepted: panels without a window on the same rank, or no out"
     ]
 
 
-def test_windows_of_one_panel_at_two_places_are_not_refused() -> None:
+def test_windows_of_one_panel_on_two_ranks_are_not_refused() -> None:
     other = "id: other, op: sink, kind: window, input: p1, on: compositor 1"
     graph = built(nodes(*WHOLE[:5], f"{WINDOW}, on: head", other, head="  compositors: 2\n"))
 
-    assert {sink.id: graph.step(sink.id).place for sink in graph.sinks} == {"out.0": 0, "out.1": 0, "other": 1}
+    assert {sink.id: graph.step(sink.id).rank for sink in graph.sinks} == {"out.0": 0, "out.1": 0, "other": 1}

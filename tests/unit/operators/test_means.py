@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 
-from wall.core.data import Framelet
+from wall.core.data import ORIGIN_STEP_S, Framelet
 from wall.operators.age_blend import AgeBlend
 from wall.operators.average import Average
 
@@ -81,9 +81,12 @@ def test_ages_weigh_by_their_exponential(now: float, random_numbers: np.random.G
     tau = 0.4
     inputs = [random_framelet(random_numbers, rect(0, 0, 7, 6)) for _ in range(3)]
     for k, framelet in enumerate(inputs):
-        framelet.moment = now + 0.25 * k
-    out = applied(made(AgeBlend, inputs=("a", "b", "c"), tau_s=tau), *inputs, moment=now)
-    times = np.stack([framelet.channel("time") + 0.25 * k for k, framelet in enumerate(inputs)]).astype(np.float64)
+        framelet.channel("time")[...] += 0.25 * k
+        framelet.refreshed_at = now
+        framelet.stamp(now + k * ORIGIN_STEP_S)
+    out = applied(made(AgeBlend, inputs=("a", "b", "c"), tau_s=tau), *inputs, refreshed_at=now)
+    times = np.stack([framelet.channel("time") + k * ORIGIN_STEP_S for k, framelet in enumerate(inputs)])
+    times = times.astype(np.float64)
     weights = np.exp(-(1.0 - times) / tau)  # seen one second after `now`
     total = weights.sum(axis=0)
     colours = np.stack([framelet.colour for framelet in inputs]).astype(np.float64)

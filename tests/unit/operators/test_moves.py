@@ -7,7 +7,7 @@ import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 from pydantic import ValidationError
 
-from wall.core.data import BLANK, Framelet
+from wall.core.data import BLANK, ORIGIN_STEP_S, Framelet
 from wall.operators.crop import Crop
 from wall.operators.tile import Tile
 
@@ -24,12 +24,12 @@ def test_tile_puts_each_input_at_its_place(encoded: bool, random_numbers: np.ran
         np.testing.assert_array_equal(out.channel(name), whole)
 
 
-def test_times_are_counted_from_the_outputs_moment() -> None:
+def test_times_are_counted_from_the_outputs_origin() -> None:
     one, other = (Framelet.blank(rect(x, 0, 1, 1), frozenset({"time"})) for x in (0, 1))
-    one.moment, other.moment = 100.0, 101.5
+    one.refreshed_at, other.refreshed_at = 2 * ORIGIN_STEP_S, 4.5 * ORIGIN_STEP_S
     one.channel("time")[...] = -2.0
-    out = applied(made(Tile, inputs=("a", "b")), one, other, moment=101.0)
-    assert out.channel("time").tolist() == [[-3.0, -np.inf]]
+    out = applied(made(Tile, inputs=("a", "b")), one, other, refreshed_at=3.5 * ORIGIN_STEP_S)
+    assert out.channel("time").tolist() == [[-2.0 - ORIGIN_STEP_S, -np.inf]]
 
 
 def test_channels_that_one_input_lacks_are_not_given() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from framelets import applied, made, random_framelet, rect
 
-from wall.core.data import Framelet
+from wall.core.data import ORIGIN_STEP_S, Framelet
 from wall.operators.over import Over
 
 OVER = made(Over, inputs=("a", "b", "c"))
@@ -32,11 +32,11 @@ def test_front_to_back_is_the_painters_back_to_front(random_numbers: np.random.G
 
 def test_depth_object_and_time_are_of_the_first_that_can_be_seen(random_numbers: np.random.Generator) -> None:
     inputs = [random_framelet(random_numbers, rect(0, 0, 9, 5), order=order) for order in (0, 1)]
-    inputs[1].moment = 4.0
+    inputs[1].refreshed_at = ORIGIN_STEP_S
     out = applied(OVER, *inputs)
     near, far = (framelet.channel("alpha") > 0 for framelet in inputs)
     for name, nothing in (("depth", np.inf), ("object_id", 0), ("time", -np.inf)):
-        values = [framelet.channel(name) + (framelet.moment if name == "time" else 0) for framelet in inputs]
+        values = [framelet.channel(name) + (framelet.time_origin if name == "time" else 0) for framelet in inputs]
         expected = np.where(near, values[0], np.where(far, values[1], nothing))
         np.testing.assert_array_equal(out.channel(name), expected)
 

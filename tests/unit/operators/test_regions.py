@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from wall.core.data import Framelet, Rect
+from wall.core.data import ORIGIN_STEP_S, Framelet, Rect
 from wall.operators.base import Operator
 from wall.operators.registry import OPERATORS
 
@@ -64,7 +64,8 @@ def inputs_of(name: str, seed: int) -> list[Framelet]:
     rng = np.random.default_rng(seed)
     inputs = [random_framelet(rng, place, order=(3 * k) % 2) for k, place in enumerate(PLACES[: CASES[name][1]])]
     for k, framelet in enumerate(inputs):
-        framelet.moment = 0.3 * k
+        framelet.channel("time")[...] += 0.3 * k
+        framelet.stamp(k * ORIGIN_STEP_S)
     return inputs
 
 
@@ -77,7 +78,7 @@ def test_every_operator_is_tested_here() -> None:
 @given(xs=cuts, ys=cuts, seed=st.integers(0, 9))
 def test_region_by_region_equals_the_whole(name: str, folder: Path, xs: list[int], ys: list[int], seed: int) -> None:
     operator, inputs = CASES[name][0], inputs_of(name, seed)
-    whole = applied(operator, *inputs, encoded=name == "encode", moment=0.2, folder=folder)
+    whole = applied(operator, *inputs, encoded=name == "encode", refreshed_at=ORIGIN_STEP_S, folder=folder)
     assert_equal(by_regions(operator, inputs, (xs, ys), whole, folder), whole)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from framelets import EVERY, applied, assert_equal, made, output_of, random_framelet, rect
 
-from wall.core.data import BLANK, Framelet
+from wall.core.data import BLANK, ORIGIN_STEP_S, Framelet
 from wall.operators import winners
 from wall.operators.base import Operator
 from wall.operators.depth import Depth
@@ -29,13 +29,13 @@ def winners_one_by_one(inputs: list[Framelet], out: Framelet, key: str) -> Frame
             for k, framelet in enumerate(inputs):
                 there = (y - framelet.rect.y, x - framelet.rect.x)
                 if framelet.rect.holds(rect(x, y, 1, 1)) and not np.isnan(framelet.channel(key)[there]):
-                    value = float(framelet.channel(key)[there]) + (framelet.moment if key == "time" else 0.0)
+                    value = float(framelet.channel(key)[there]) + (framelet.time_origin if key == "time" else 0.0)
                     found.append((value if key == "depth" else -value, k, there))
             best = min(found, default=None)
             for name in out.channels:
                 nothing = BLANK[name][0] if name in BLANK else 0
                 value = inputs[best[1]].channel(name)[best[2]] if best else nothing
-                later = inputs[best[1]].moment - out.moment if best and name == "time" else 0.0
+                later = inputs[best[1]].time_origin - out.time_origin if best and name == "time" else 0.0
                 out.channel(name)[here] = value + later if later else value
     return out
 
@@ -58,7 +58,8 @@ def test_the_winner_of_every_pixel_is_the_twins(
 ) -> None:
     inputs = [random_framelet(random_numbers, rect(*place), channels=OPAQUE, encoded=encoded) for place in places]
     for k, framelet in enumerate(inputs):
-        framelet.moment = 0.5 * k  # exact in float32 with the times at hand
+        framelet.channel("time")[...] += 0.5 * k
+        framelet.stamp(k * ORIGIN_STEP_S)  # exact in float32 with the times at hand
         framelet.channel(key)[random_numbers.random(framelet.channel(key).shape) < 0.2] = np.nan
     twin = winners_one_by_one(inputs, output_of(OPERATORS[key], inputs), key)
     assert_equal(applied(OPERATORS[key], *inputs), twin)

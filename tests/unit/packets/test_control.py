@@ -79,7 +79,7 @@ def picture(width: int, height: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 def framelet(width: int = 32, height: int = 16) -> FrameletPart:
     rect = Rect(x=16, y=48, width=width, height=height)
-    return FrameletPart.of(2, Framelet(rect=rect, colour=picture(width, height), moment=2.5), rect)
+    return FrameletPart.of(2, Framelet(rect=rect, colour=picture(width, height), refreshed_at=2.5), rect)
 
 
 def pixels_of(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:

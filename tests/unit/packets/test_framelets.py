@@ -35,12 +35,12 @@ def test_every_set_of_channels_comes_back_exactly(channels: frozenset[str], enco
     framelet = random_framelet(np.random.default_rng(1), rect(-3, 5, 7, 4), channels=channels, encoded=encoded)
     if not encoded:
         framelet.colour[0, 0] = (np.nan, np.inf, -0.0)
-    framelet.event, framelet.moment = EVENT, 12.5
+    framelet.event, framelet.refreshed_at = EVENT, 12.5
     part = sent(framelet, compared=encoded)
     out = Framelet.blank(framelet.rect, channels, encoded=encoded)
     part.write(out)
     assert_equal(out, framelet)
-    assert (part.step, part.compared, part.encoded, part.moment) == (7, encoded, encoded, 12.5)
+    assert (part.step, part.compared, part.encoded, part.refreshed_at) == (7, encoded, encoded, 12.5)
     assert part.event is not None
     told = (part.event.number, part.event.camera, part.event.scene_time)
     assert told == ((3, 4), EVENT.camera, 5.5), "numbers, camera and scene time travel"

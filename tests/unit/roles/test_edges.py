@@ -10,7 +10,7 @@ from framelets import assert_equal, random_framelet, rect
 from small_graphs import WHOLE, built, nodes
 
 from wall.compositing.graph import Graph, Step
-from wall.core.data import Camera, Event, Framelet, Rect
+from wall.core.data import ORIGIN_STEP_S, Camera, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
@@ -116,7 +116,7 @@ def test_what_waits_for_a_part_that_gave_way_is_shown_with_the_next_update(graph
     first, _ = (parse_control(packet) for _, packet in wire.hub.drain(1 << 20))
     assert isinstance(first, FrameletPart)
     wire.remote.insert(first)
-    wire.framelet.moment = 7.0
+    wire.framelet.refreshed_at = 7.0
     wire.change(rect(14, 5, 1, 1))
     wire.arrive()
     assert wire.remote.take_changes() == [rect(8, 0, 1, 1), rect(14, 5, 1, 1)]
@@ -173,7 +173,7 @@ def test_in_lock_step_everybody_hears_of_a_frame_in_which_nothing_changed() -> N
     outlets = Outlets(graph, FURTHER, {HEAD: LoopbackLink(hub.endpoint)})
     framelets = {
         k: Framelet.blank(s.rect, s.channels, encoded=s.encoded)
-        for k, s in enumerate(graph.steps) if s.place == FURTHER
+        for k, s in enumerate(graph.steps) if s.rank == FURTHER
     }  # fmt: skip
     remote = RemoteFramelet(constant)
     for frame in range(3):
@@ -200,12 +200,12 @@ def test_times_are_counted_from_the_newest_part_s_moment() -> None:
     )  # fmt: skip
     remote = RemoteFramelet(graph.step("p0"))
     sender = Framelet.blank(remote.step.rect, remote.step.channels, encoded=remote.step.encoded)
-    for moment, row in ((10.0, 0), (12.0, 3)):
-        sender.moment = moment
+    for refreshed_at, row in ((10.0, 0), (10.0 + ORIGIN_STEP_S, 3)):
+        sender.refreshed_at = refreshed_at
         sender.channel("time")[row] = -0.5
         remote.insert(FrameletPart.of(remote.step.index, sender, rect(0, row, 8, 1)))
-    assert remote.framelet.moment == 12.0
-    np.testing.assert_array_equal(remote.framelet.channel("time")[[0, 3], 0], [-2.5, -0.5])
+    assert remote.framelet.refreshed_at == 10.0 + ORIGIN_STEP_S
+    np.testing.assert_array_equal(remote.framelet.channel("time")[[0, 3], 0], [-0.5 - ORIGIN_STEP_S, -0.5])
     assert np.isneginf(remote.framelet.channel("time")[1]).all()
 
 

@@ -85,7 +85,7 @@ def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
 
 def _maker(graph: Graph, panel: int) -> str:
     """The place that takes a panel's samples in; "" if there are several."""
-    places = {layer.place for layer in graph.layers if layer.panel == panel}
+    places = {layer.compositor for layer in graph.layers if layer.panel == panel}
     return _rank_key(places.pop()) if len(places) == 1 else ""
 
 
@@ -133,7 +133,7 @@ def _samples_box(layout: Layout, layer: Layer) -> Box:
 
 
 def _step_box(step: Step) -> Box:
-    node, place = step.node, _rank_key(step.place)
+    node, place = step.node, _rank_key(step.rank)
     if isinstance(node, SinkNode):
         return Box(id=node.id, op=f"{node.kind} sink", detail="", place=place, sink=True)
     size = f"{step.rect.width} {TIMES} {step.rect.height} px"
@@ -152,7 +152,7 @@ def _wires(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterato
                 yield Wire(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
                 continue
             giver = graph.step(name)
-            crosses, key = giver.place != step.place, (giver.index, step.place)
+            crosses, key = giver.rank != step.rank, (giver.index, step.rank)
             whole = framelet_traffic(giver.rect.area, giver.channels, encoded=giver.encoded, refresh_hz=refresh_hz)
             yield Wire(
                 start=name,

@@ -49,9 +49,9 @@ def _plan(sources: int, *, tree: bool) -> Plan:
     rows, half, first = sources // COLUMNS, sources // 2, 3 if tree else 1
     nodes, names = [], [f"p{k}" for k in range(sources)]
     for k in range(sources):
-        place = f"compositor {1 + k // half}" if tree else "head"
+        node = f"compositor {1 + k // half}" if tree else "head"
         nodes.append(f"{{id: s{k}, op: samples, panel: r{k // COLUMNS}c{k % COLUMNS}, rank: {first + k}}}")
-        nodes.append(f"{{id: p{k}, op: reconstruct, input: s{k}, on: {place}}}")
+        nodes.append(f"{{id: p{k}, op: reconstruct, input: s{k}, on: {node}}}")
     for k, part in enumerate((names[:half], names[half:])):  # where its inputs are
         nodes.append(f"{{id: half{k}, op: tile, inputs: [{', '.join(part)}]}}")
     nodes.append("{id: wall, op: tile, inputs: [half0, half1], on: head}")
@@ -82,19 +82,21 @@ def _rate(plan: Plan, packets: dict[int, list[bytes]]) -> float:
     hub, event = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES), first_event(plan, 0.0)
     endpoints, children, pipes = {HEAD: hub.endpoint}, [], []
     try:
-        for place in range(1, graph.compositors):
+        for compositor in range(1, graph.compositors):
             ours, theirs = context.Pipe()
-            children.append(context.Process(target=_compositor, args=(plan, place, hub.endpoint, theirs), daemon=True))
+            children.append(
+                context.Process(target=_compositor, args=(plan, compositor, hub.endpoint, theirs), daemon=True)
+            )
             children[-1].start()
-            endpoints[place] = ours.recv()
+            endpoints[compositor] = ours.recv()
             pipes.append(ours)
-        feeds = {rank: (endpoints[graph.layer_of(rank).place], packets[rank]) for rank in plan.layout.renderers()}
+        feeds = {rank: (endpoints[graph.layer_of(rank).compositor], packets[rank]) for rank in plan.layout.renderers()}
         children.append(context.Process(target=_feed, args=(feeds,), daemon=True))
         head = Compositor(plan, HEAD, hub, {})
         head.follow(event)
         children[-1].start()
         began = time.perf_counter()
-        _run(head, event, PACKETS * sum(layer.place == HEAD for layer in graph.layers))
+        _run(head, event, PACKETS * sum(layer.compositor == HEAD for layer in graph.layers))
         while not all(pipe.poll() for pipe in pipes) and time.perf_counter() - began < PATIENCE_S:
             _refresh(head, event, time.perf_counter() + REFRESH_S)
         _refresh(head, event, time.perf_counter())
@@ -128,11 +130,11 @@ def _refresh(compositor: Compositor, event: Event, due: float, packets: int = 1 
     compositor.send()
 
 
-def _compositor(plan: Plan, place: int, head: str, pipe: Connection) -> None:
+def _compositor(plan: Plan, rank: int, head: str, pipe: Connection) -> None:
     """One before the head: says when all is taken in and sent on, and waits to be killed."""
     parent, event = os.getppid(), first_event(plan, 0.0)
     hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES)
-    compositor = Compositor(plan, place, hub, {HEAD: ZmqLink(head, rank=place)})
+    compositor = Compositor(plan, rank, hub, {HEAD: ZmqLink(head, rank=rank)})
     compositor.follow(event)
     pipe.send(hub.endpoint)
     _run(compositor, event, PACKETS * len(compositor.layers))

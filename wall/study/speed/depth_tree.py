@@ -56,7 +56,7 @@ def depth_tree(rounds: int) -> list[Row]:
 
 
 def layered_graph(*, tree: bool) -> Graph:
-    """Eight layers, each made on a place of its own; put together on the head, or in halves on 1 and 2 first."""
+    """Eight layers, each made on a rank of its own; put together on the head, or in halves on 1 and 2 first."""
     width, height = SOURCE_PIXELS
     first, half, names = 3 if tree else 1, SOURCES // 2, [f"f{k}" for k in range(SOURCES)]
     nodes = []
@@ -104,20 +104,20 @@ def _traced(plan: Plan, panel: Panel, tracer: Tracer) -> Framelet:
     return framelet
 
 
-class _Place:
+class _Compositor:
     """One compositor of `layered_graph`: takes framelets in, does its nodes, sends the head what came of them."""
 
-    def __init__(self, graph: Graph, place: int) -> None:
-        self._graph, self._place = graph, place
+    def __init__(self, graph: Graph, rank: int) -> None:
+        self._graph, self._rank = graph, rank
         self.hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES)
-        self._remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, place)}
-        self._executor = Executor(graph, place, {k: far.framelet for k, far in self._remote.items()}, Path())
+        self._remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, rank)}
+        self._executor = Executor(graph, rank, {k: far.framelet for k, far in self._remote.items()}, Path())
         self._link: ZmqLink | None = None
         self._outlets: Outlets | None = None
 
     def send_to(self, head: str) -> None:
-        self._link = ZmqLink(head, rank=self._place)
-        self._outlets = Outlets(self._graph, self._place, {0: self._link})
+        self._link = ZmqLink(head, rank=self._rank)
+        self._outlets = Outlets(self._graph, self._rank, {0: self._link})
 
     def picture(self) -> None:
         """Wait for a new framelet of every source, then make, and send, what comes of them."""
@@ -143,22 +143,22 @@ class _Place:
 def _pictures_a_second(graph: Graph, layers: list[Framelet]) -> float:
     """Of the head, with all that comes before it in processes of their own."""
     context = multiprocessing.get_context("fork")
-    places = sorted({step.place for step in graph.steps if isinstance(step.node, Depth)} - {0})
+    ranks = sorted({step.rank for step in graph.steps if isinstance(step.node, Depth)} - {0})
     sources = {graph.step(f"f{k}").index: layer for k, layer in enumerate(layers)}
     packets = {k: serialise(FrameletPart.of(k, layer, layer.rect)) for k, layer in sources.items()}
-    pipes = {place: context.Pipe() for place in (*places, -1)}
-    children = [context.Process(target=_leaf, args=(graph, p, pipes[p][1]), daemon=True) for p in places]
+    pipes = {rank: context.Pipe() for rank in (*ranks, -1)}
+    children = [context.Process(target=_leaf, args=(graph, p, pipes[p][1]), daemon=True) for p in ranks]
     children.append(context.Process(target=_feed, args=(packets, pipes[-1][1]), daemon=True))
     for child in children:
         child.start()
-    head = _Place(graph, 0)
+    head = _Compositor(graph, 0)
     try:
         endpoints = {0: head.hub.endpoint}
-        for place in places:
-            pipes[place][0].send(head.hub.endpoint)
-            endpoints[place] = pipes[place][0].recv()
-        users = {k: graph.steps[graph.steps[k].users[0]].place for k in packets}
-        pipes[-1][0].send({k: endpoints[place] for k, place in users.items()})
+        for rank in ranks:
+            pipes[rank][0].send(head.hub.endpoint)
+            endpoints[rank] = pipes[rank][0].recv()
+        users = {k: graph.steps[graph.steps[k].users[0]].rank for k in packets}
+        pipes[-1][0].send({k: endpoints[rank] for k, rank in users.items()})
         for _ in range(SETTLING):
             head.picture()
         began = time.perf_counter()
@@ -172,9 +172,9 @@ def _pictures_a_second(graph: Graph, layers: list[Framelet]) -> float:
         head.hub.close()
 
 
-def _leaf(graph: Graph, place: int, pipe: Connection) -> None:
+def _leaf(graph: Graph, rank: int, pipe: Connection) -> None:
     """A compositor before the head, until it is killed or alone."""
-    parent, compositor = os.getppid(), _Place(graph, place)
+    parent, compositor = os.getppid(), _Compositor(graph, rank)
     compositor.send_to(pipe.recv())
     pipe.send(compositor.hub.endpoint)
     while os.getppid() == parent:

@@ -1,4 +1,4 @@
-"""Where nodes run: what `on` says, or where their input is. A place is a compositor's rank; 0 is the head.
+"""Choose the compositor rank that runs each node: what `on` says, or where its input is. Rank 0 is the head.
 
 Panels are dealt to compositors in order, panels of one host to compositors of that host. A host is wanted of a rank
 here; which of the launched processes gets the rank is found when they know each other (run/hosts.py).
@@ -16,35 +16,35 @@ from wall.geometry.panels import Wall
 
 HEAD = 0
 ACCEPTED = "head, panel, rank N, host NAME or compositor N"
-_PLACE = re.compile(r"(head|panel)|(rank|compositor) +(\d{1,5})|host +(\S+)")
+_ON = re.compile(r"(head|panel)|(rank|compositor) +(\d{1,5})|host +(\S+)")
 
 
-class Places:
-    """Finds each node's place; `hosts` grows with the hosts that are named."""
+class Placement:
+    """Finds the rank of each node; `hosts` grows with the hosts that nodes name."""
 
     def __init__(self, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
         self._config, self._refusals = config, refusals
         self.panel = deal(wall, config.compositors)  # by panel index
         self._index = {panel.id: panel.index for panel in wall.panels}
         self._area = {p.id: p.pixels[0] * p.pixels[1] for p in wall.panels}
-        self.hosts: dict[int, str] = {}  # wanted of a place
+        self.hosts: dict[int, str] = {}  # wanted, by rank
         for panel in wall.panels:
-            place = self.panel[panel.index]
+            rank = self.panel[panel.index]
             if panel.host is not None and all(
-                p.host == panel.host for p in wall.panels if self.panel[p.index] == place
+                p.host == panel.host for p in wall.panels if self.panel[p.index] == rank
             ):
-                self.hosts[place] = panel.host
+                self.hosts[rank] = panel.host
         self._named_hosts = {panel.host for panel in wall.panels if panel.host is not None}
 
     def find(self, order: Sequence[NodeConfig], panels: Mapping[str, frozenset[int]]) -> dict[str, int]:
-        """The place of every node but samples nodes. `order`: inputs first; `panels`: whose pixels a node holds."""
+        """The rank of every node but samples nodes. `order`: inputs first; `panels`: whose pixels a node holds."""
         found: dict[str, int] = {}
         asked = {node.id: self._asked(node, panels[node.id]) for node in order if node.on is not None}
         for node in order:
             if isinstance(node, SamplesNode):
                 continue
-            place = asked.get(node.id)
-            found[node.id] = place if place is not None else self._chosen(node, found, panels[node.id])
+            rank = asked.get(node.id)
+            found[node.id] = rank if rank is not None else self._chosen(node, found, panels[node.id])
         self._sinks_at_the_head(order, found)
         self._all_work(found)
         return found
@@ -58,16 +58,16 @@ class Places:
         if not inputs:
             return HEAD  # a constant or a file: its users' edges decide nothing yet, and it changes never
         most = Counter(inputs).most_common()
-        return min(place for place, times in most if times == most[0][1])
+        return min(rank for rank, times in most if times == most[0][1])
 
     def _asked(self, node: NodeConfig, panels: frozenset[int]) -> int | None:
         assert node.on is not None
-        match = _PLACE.fullmatch(node.on)
+        match = _ON.fullmatch(node.on)
         if isinstance(node, SamplesNode):
             self._refusals.add(node, ["on"], "samples come from renderers", "rank: N, or group: NAME, instead of on")
             return None
         if match is None:
-            self._refusals.add(node, ["on"], "is no place", ACCEPTED)
+            self._refusals.add(node, ["on"], "names no compositor", ACCEPTED)
             return None
         word, kind, number, host = match.groups()
         if word == "head":
@@ -90,15 +90,15 @@ class Places:
         return None
 
     def _of_panels(self, node: NodeConfig, panels: frozenset[int]) -> int | None:
-        places = {self.panel[panel] for panel in panels}
-        if len(places) == 1:
-            return places.pop()
-        which = "no panel" if not places else f"panels of compositors {', '.join(map(str, sorted(places)))}"
+        ranks = {self.panel[panel] for panel in panels}
+        if len(ranks) == 1:
+            return ranks.pop()
+        which = "no panel" if not ranks else f"panels of compositors {', '.join(map(str, sorted(ranks)))}"
         self._refusals.add(node, ["on"], f"this node holds pixels of {which}", "head or compositor N")
         return None
 
     def _on_host(self, node: NodeConfig, host: str) -> int | None:
-        known = [place for place, name in self.hosts.items() if name == host]
+        known = [rank for rank, name in self.hosts.items() if name == host]
         if known:
             return min(known)
         free = [k for k in range(1, self._config.compositors) if k not in self.hosts and k not in self.panel]
@@ -123,7 +123,7 @@ class Places:
 
 
 def deal(wall: Wall, compositors: int) -> tuple[int, ...]:
-    """A place for every panel, in the order of the panels; panels of different hosts share none if that can be.
+    """A compositor rank for every panel, by panel index; panels of different hosts share none if possible.
 
     With more compositors than hosts the head takes none of those panels.
     """
@@ -132,10 +132,10 @@ def deal(wall: Wall, compositors: int) -> tuple[int, ...]:
     if None in hosts or not 1 < len(hosts) <= compositors:
         return tuple(panel.index * compositors // count for panel in wall.panels)
     head = int(len(hosts) < compositors)
-    share, places = compositors - head, [0] * count
+    share, ranks = compositors - head, [0] * count
     for g, host in enumerate(hosts):
         mine = [panel.index for panel in wall.panels if panel.host == host]
         first, last = head + g * share // len(hosts), head + (g + 1) * share // len(hosts)
         for i, panel in enumerate(mine):
-            places[panel] = first + i * (last - first) // len(mine)
-    return tuple(places)
+            ranks[panel] = first + i * (last - first) // len(mine)
+    return tuple(ranks)
