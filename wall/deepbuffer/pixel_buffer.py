@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.data import Batch, Counters, Float32
+from wall.core.data import Batch, Counters, Float32, Float64
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
 JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
@@ -66,6 +66,11 @@ class PixelBuffer:
         self.samples_shown += shown
         if shown and (batch.camera_event, batch.scene_event) > self.newest_event:
             self.newest_event = (batch.camera_event, batch.scene_event)
+
+    def show_image(self, radiance: Float32, times: Float64) -> None:
+        """Show an image until samples come: `radiance` (h, w, 3) of pixels traced at `times` (h, w), -inf = never."""
+        self.records["shown"], self.records["time"] = radiance, times
+        self.records["count"] = np.isfinite(times)
 
     def take_dirty(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""

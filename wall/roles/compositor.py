@@ -213,7 +213,7 @@ class Compositor:
     @property
     def newest_event(self) -> Number:
         """The newest event that has a sample in the picture."""
-        numbers = [layer.buffer.newest_event for layer in self.layers.values()]
+        numbers = [layer.newest_event for layer in self.layers.values()]
         numbers += [remote.newest_event for remote in self._pictures.remote.values()]
         return max(numbers, default=NEVER)
 
@@ -228,7 +228,7 @@ class Compositor:
         return self._pictures.outlets.packets, self._pictures.outlets.bytes
 
     def samples_shown(self) -> int:
-        return sum(layer.buffer.samples_shown for layer in self.layers.values())
+        return sum(layer.samples_shown for layer in self.layers.values())
 
     def drops(self) -> Counters:
         total = Counters(dict(self.counters.counts))

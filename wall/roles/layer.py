@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.core.data import SAMPLE, Batch, Event, Rect, Samples, StatisticsImage, Tiling
+from wall.core.data import Batch, Event, Rect, StatisticsImage, Tiling
 from wall.core.errors import RemoteProtocolError
+from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.display.base import PanelPicture
@@ -51,7 +52,8 @@ class PanelCompositor:
         self._shown: Event | None = None  # of the newest picture
         self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
         width, height = panel.pixels
-        self.buffer = PixelBuffer(width, height)
+        self.buffer = PixelBuffer(width, height)  # samples that are shown where they were traced
+        self._arrivals = Arrivals(width, height)  # of samples that are reprojected
         self._version = 0  # of what is shown
         self._picture: PanelPicture | None = None
         self.compared: Compared | None = None  # while two samplers are compared: the second one's picture
@@ -78,7 +80,9 @@ class PanelCompositor:
         self._method, self._compare = method, event.compare
         if was != self._adaptive:
             self._anew = self._reprojected is not None
-            self.buffer.take_dirty()  # what was shown stays until samples of the other sampler come
+            if was and self._reprojected is not None:  # what was shown stays until samples of the other sampler come
+                self.buffer.show_image(self._reprojected.radiance, self._arrivals.times)
+            self.buffer.take_dirty()
         early, self._early = self._early, deque()
         for batch in early:
             self.insert(batch)
@@ -111,9 +115,10 @@ class PanelCompositor:
             self.buffer.counters.add("early", len(batch.samples))
 
     def _take(self, batch: Batch) -> None:
-        self.buffer.insert(batch)
         if not (batch.adaptive or self.layer.reprojects) or self._given_up:
+            self.buffer.insert(batch)
             return
+        self.buffer.counters.add("outside", self._arrivals.note(batch))
         if self._reprojected is None:
             self._reprojected = self._new_picture()
         samples = batch.samples
@@ -123,7 +128,7 @@ class PanelCompositor:
         try:
             self._reprojected.insert(samples, batch.base_time, batch)
         except GpuError as error:
-            self._give_up(error, batch)
+            self._give_up(error)
 
     def take_tiling(self, tiling: Tiling) -> None:
         """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
@@ -156,22 +161,18 @@ class PanelCompositor:
             made.take_tiling(tiling)
         return made
 
-    def _give_up(self, error: GpuError, event: Batch | Event) -> Reprojected:
-        """The GPU is lost: the CPU goes on from the newest sample of every pixel.
+    def _give_up(self, error: GpuError) -> Reprojected:
+        """The GPU is lost with the samples it held: the CPU goes on from an empty deep buffer.
 
-        Where a GPU was insisted on, those samples are shown where they were traced, and the error is raised.
+        Where a GPU was insisted on, the error is raised; samples that still come are shown where they were traced.
         """
         self.buffer.counters.add("gpu_lost")
         if self._wish == "gpu":
             self._reprojected, self._given_up = None, True
-            show_newest(self.buffer, np.ones(self.tiles, np.bool_), False, self.framelet)
-            self._version += 1
             raise error
         self._wish = "cpu"
         self._reprojected = shown = self._new_picture()
         self.reconstruction = Choice(on="cpu", why=error.problem)
-        samples, newest = _newest(self.buffer)
-        shown.insert(samples, newest, event)
         return shown
 
     def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
@@ -206,7 +207,7 @@ class PanelCompositor:
                 show_reprojected(shown, self._coverage, dirty, self.framelet)
             return dirty
         except GpuError as error:
-            return self._reproject(self._give_up(error, event), event, now)
+            return self._reproject(self._give_up(error), event, now)
 
     def has_frame(self, number: tuple[int, int]) -> bool:
         """Whether every rank has brought a whole frame of that event, or of a newer one."""
@@ -232,8 +233,18 @@ class PanelCompositor:
             tilings = list(self.tilings.values())
             return statistics_image_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
         except GpuError as error:
-            self._give_up(error, self._shown)
+            self._give_up(error)
             return self._statistics_image(now)
+
+    @property
+    def samples_shown(self) -> int:
+        """Samples that came and were used."""
+        return self.buffer.samples_shown + self._arrivals.samples_shown
+
+    @property
+    def newest_event(self) -> tuple[int, int]:
+        """The newest event of which a sample was used."""
+        return max(self.buffer.newest_event, self._arrivals.newest_event)
 
     @property
     def on_gpu(self) -> bool:
@@ -248,7 +259,8 @@ class PanelCompositor:
 
     def oldest_sample(self, now: float) -> float | None:
         """Age in seconds of the oldest sample shown; None while a pixel never had one."""
-        age = self.buffer.oldest_sample(now)
+        reprojects = self._adaptive and self._reprojected is not None
+        age = self._arrivals.oldest_sample(now) if reprojects else self.buffer.oldest_sample(now)
         return age if math.isfinite(age) else None
 
     def picture(self) -> PanelPicture:
@@ -261,17 +273,3 @@ class PanelCompositor:
             screen = self.panel.screen
             self._picture = PanelPicture(id=self.panel.id, rgb=rgb.copy(), screen=screen, version=self._version)
         return self._picture
-
-
-def _newest(buffer: PixelBuffer) -> tuple[Samples, float]:
-    """What every pixel shows, as samples of the pixels' centres, and the time of the newest."""
-    shown = np.isfinite(buffer.records["time"])
-    records = buffer.records[shown]
-    newest = float(records["time"].max(initial=-np.inf))
-    samples = np.zeros(len(records), SAMPLE)
-    samples["xy"] = np.argwhere(shown)[:, ::-1] + 0.5
-    samples["radiance"], samples["depth"] = records["shown"], records["depth"]
-    samples["object_id"] = records["object_id"]
-    samples["time"] = records["time"] - newest
-    samples["light_visibility"] = 0  # their normals are not known: lights that move change nothing
-    return samples, newest

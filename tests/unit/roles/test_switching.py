@@ -130,6 +130,31 @@ def test_the_picture_stays_until_samples_of_the_other_sampler_come(plan: Plan) -
     assert grey(panel.picture()) == pytest.approx(255, abs=1)
 
 
+def test_pixels_of_a_tile_keep_the_adaptive_image_until_samples_of_the_other_sampler_come(plan: Plan) -> None:
+    before, after = asking("adaptive", 1, plan), asking("frameless", 2, plan)
+    panel = shown(plan, before, radiance=WHITE)
+    panel.follow(after)
+    batch = flat(BLACK, after, adaptive=False, sequence=2)
+    panel.insert(replace(batch, samples=batch.samples[:1]))
+
+    refresh(panel, after)
+
+    rgb = panel.picture().rgb
+    assert (rgb[0, 0] == 0).all()
+    assert (rgb.reshape(-1, 3)[1:] >= 254).all()
+
+
+def test_adaptive_samples_are_stored_once_and_still_counted(plan: Plan) -> None:
+    event = asking("adaptive", 1, plan)
+    panel = shown(plan, event, radiance=WHITE)
+
+    assert panel.samples_shown == RECT.area
+    assert panel.newest_event == event.number
+    assert panel.oldest_sample(1.5) == pytest.approx(1.5)
+    assert panel.buffer.samples_shown == 0
+    assert not np.isfinite(panel.buffer.records["time"]).any()
+
+
 def test_back_at_the_adaptive_sampler_all_of_its_picture_is_shown_at_once(plan: Plan) -> None:
     first, other, again = (asking(method, k, plan) for k, method in enumerate(("adaptive", "frameless", "adaptive")))
     panel = shown(plan, first, radiance=WHITE)
