@@ -120,6 +120,8 @@ def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
     panel.insert(batch_of(plan, moved(event, 2)))
     panel.refresh(moved(event, 2), 0.2)
     on_cpu = PanelCompositor(plan_of("cpu"), 0)
+    on_cpu.insert(replace(batch_of(plan, event), samples=batch_of(plan, event).samples[:0]))
+    on_cpu.refresh(moved(event, 1), 0.01)
     on_cpu.insert(batch_of(plan, moved(event, 2)))
     on_cpu.refresh(moved(event, 2), 0.2)
     assert np.abs(panel.picture().rgb.astype(int) - on_cpu.picture().rgb).max() <= 1
