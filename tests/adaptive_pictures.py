@@ -14,8 +14,8 @@ from wall.reconstruction.picture import Picture
 from wall.scene.animation import Keyframes
 from wall.scene.build import Scene, assemble
 from wall.scene.model import Instance, Material, PointLight, Source, Track
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 GREEN: Triple = (0.0, 0.5, 0.0)
 RED: Triple = (0.5, 0.0, 0.0)
@@ -70,7 +70,7 @@ def centres(size: tuple[int, int]) -> Float32:
 
 def traced(scene: Scene, event: Event, xy: Float32 | None = None, seen: View = FRONT) -> Samples:
     """By the tracer; at every pixel's centre if `xy` is None. Their time is the batch's base time."""
-    tracer = Tracer(make_resident(scene), seen.panel, seen.eye, coherent=False)
+    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
     tracer.take(event)
     samples = tracer.trace(centres(seen.panel.pixels) if xy is None else xy)[0].copy()
     samples["time"] = 0.0

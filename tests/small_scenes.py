@@ -17,8 +17,8 @@ from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.builtin.shapes import sphere
 from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture
-from wall.tracing.resident import Resident, make_resident
 from wall.tracing.tracer import Traced, Tracer
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 Triple = tuple[float, float, float]
 BLACK_SKY = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
@@ -158,10 +158,10 @@ class Picture:
     cost: Traced
 
 
-def picture(scene: Scene | Resident, seen: View, *, coherent: bool = True) -> Picture:
+def picture(scene: Scene | TracerScene, seen: View, *, coherent: bool = True) -> Picture:
     """One sample in the middle of every pixel."""
-    resident = make_resident(scene) if isinstance(scene, Scene) else scene
-    tracer = Tracer(resident, seen.panel, seen.eye, coherent=coherent)
+    tracer_scene = make_tracer_scene(scene) if isinstance(scene, Scene) else scene
+    tracer = Tracer(tracer_scene, seen.panel, seen.eye, coherent=coherent)
     tracer.take(seen.event)
     width, height = seen.panel.pixels
     pixels = block_order(Rect(x=0, y=0, width=width, height=height), worker=0, workers=1)

@@ -15,7 +15,7 @@ from wall.geometry.cameras import resolve_view
 from wall.roles.plan import Plan, make_layout
 from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 RMSE = 0.01  # display values; a pixel ends at a standard error of 0.002 by its own first samples; measured 0.0078
 REFERENCE_SPP = 256
@@ -46,7 +46,7 @@ def test_a_still_view_ends_and_equals_the_reference(
     reference = render_plan(plan, spp=REFERENCE_SPP, seed=7, at=0.0)
     assert reference is not None
 
-    single = SingleProcess(plan, make_resident(tiny_scene))
+    single = SingleProcess(plan, make_tracer_scene(tiny_scene))
     (picture,) = single.until_complete()
 
     shown = picture.rgb.astype(np.float32) / 255.0

@@ -15,12 +15,12 @@ from running import mpirun, panels, wall, write_config
 from wall.config.loading import load
 from wall.roles.plan import make_layout, make_plan
 from wall.run.single_process import SingleProcess
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 
 def truth(config: Path) -> list[NDArray[np.uint8]]:
     plan = make_plan(make_layout(load(config)))
-    pictures = SingleProcess(plan, make_resident(plan.scene)).until_complete()
+    pictures = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
     return [picture.rgb for picture in sorted(pictures, key=lambda p: p.id)]
 
 

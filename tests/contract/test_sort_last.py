@@ -12,7 +12,7 @@ from running import panels, summary, wall
 from wall.config.loading import loads
 from wall.roles.plan import make_layout, make_plan
 from wall.run.single_process import SingleProcess
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 TEXT = """\
 version: 1
@@ -52,7 +52,7 @@ def in_lock_step(graph: str) -> str:
 def still(text: str) -> NDArray[np.uint8]:
     """What a still view ends in, in one process: (panels, h, w, 3)."""
     plan = make_plan(make_layout(loads(text.replace("  SYNC\n", ""), path=Path("wall.yaml"))))
-    pictures = SingleProcess(plan, make_resident(plan.scene)).until_complete()
+    pictures = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
     return np.stack([picture.rgb for picture in sorted(pictures, key=lambda picture: picture.id)])
 
 

@@ -15,7 +15,7 @@ from wall.geometry.cameras import look_at, resolve_view, seen_from
 from wall.roles.plan import Plan, first_event, make_layout
 from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 RMSE = 0.01  # display values; see test_adaptive; measured 0.0044
 OTHER_EYE = 5.0  # times the error, at least, against what the other eye sees; measured 10
@@ -65,7 +65,7 @@ def assert_shown(chain: SingleProcess, expected: list[Float32]) -> None:
 
 def test_each_eye_is_shown_what_it_sees_before_and_after_a_move(tmp_path: Path, tiny_scene: Scene) -> None:
     plan = plan_of(tmp_path, tiny_scene, "adaptive")
-    chain = SingleProcess(plan, make_resident(tiny_scene))
+    chain = SingleProcess(plan, make_tracer_scene(tiny_scene))
     assert_shown(chain, references(plan))
 
     camera = look_at((0.7, 2.0, 4.8), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0))
@@ -79,14 +79,14 @@ def test_each_eye_is_shown_what_it_sees_before_and_after_a_move(tmp_path: Path, 
 def test_left_eye_s_picture_is_that_of_a_wall_for_one_eye_that_stands_there(
     tmp_path: Path, tiny_scene: Scene, method: str
 ) -> None:
-    plan, resident = plan_of(tmp_path, tiny_scene, method), make_resident(tiny_scene)
-    left, right = SingleProcess(plan, resident).until_complete()
+    plan, tracer_scene = plan_of(tmp_path, tiny_scene, method), make_tracer_scene(tiny_scene)
+    left, right = SingleProcess(plan, tracer_scene).until_complete()
     view, panel = plan.view, plan.layout.wall.panels[0]
     still = seen_from(first_event(plan, 0.0), view.offset(panel)).camera
     mono = plan_of(tmp_path, tiny_scene, method, eyes=1)
 
     (alone,) = SingleProcess(
-        replace(mono, view=replace(view, eye=view.eye_of(panel), still=still)), resident
+        replace(mono, view=replace(view, eye=view.eye_of(panel), still=still)), tracer_scene
     ).until_complete()
 
     np.testing.assert_array_equal(left.rgb, alone.rgb)

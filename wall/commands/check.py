@@ -16,7 +16,7 @@ from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.run.warm_up import warm_up
 from wall.scene.needs import describe, needs
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 PROBE_S = 0.3
 MOST_NAMES = 8  # of nodes in a line
@@ -96,12 +96,12 @@ def _displays(wall: Wall) -> Table | None:
 
 def probe(plan: Plan) -> tuple[float, float]:
     """Samples a second that one core of this machine traces and encodes of the first renderer, and bytes a sample."""
-    resident = make_resident(plan.scene)
-    warm_up(plan, resident, lambda line: None)
+    tracer_scene = make_tracer_scene(plan.scene)
+    warm_up(plan, tracer_scene, lambda line: None)
     rank = plan.layout.renderers()[0]
     clock = HeadClock()
     samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
-    worker = Worker(plan, resident, rank, clock, samplers, 0)
+    worker = Worker(plan, tracer_scene, rank, clock, samplers, 0)
     event = first_event(plan, 0.0)
     began, size = time.perf_counter(), 0
     while time.perf_counter() - began < PROBE_S:

@@ -18,8 +18,8 @@ from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, Plan, first_event
 from wall.sampling.progressive import ProgressiveSampler
-from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import TracerScene
 
 FLOAT32_EXACT_PIXELS = 8192  # sub-pixel positions stay finer than 1/1024 pixel up to here
 _SEEDS_APART = 0x9E3779B1  # odd, so that the seeds of 2^32 pieces all differ
@@ -91,9 +91,9 @@ def scaled(panel: Panel, scale: float) -> Panel:
 class Drawing:
     """Draws bands of pieces at one moment; threads may ask at once, each has a tracer of its own."""
 
-    def __init__(self, plan: Plan, resident: Resident, *, spp: int, at: float) -> None:
+    def __init__(self, plan: Plan, tracer_scene: TracerScene, *, spp: int, at: float) -> None:
         """`at` is the scene time, seconds; `spp` the samples of a pixel."""
-        self._plan, self._resident, self._spp = plan, resident, spp
+        self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
         self._event = replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at))
         self._own = threading.local()
 
@@ -110,7 +110,7 @@ class Drawing:
             return own.tracer  # type: ignore[no-any-return]
         seen = PanelView(self._plan.view, piece.panel)
         if not hasattr(own, "tracer"):
-            own.tracer = Tracer(self._resident, piece.panel, seen.eye, coherent=True)
+            own.tracer = Tracer(self._tracer_scene, piece.panel, seen.eye, coherent=True)
         own.tracer.look_through(piece.panel, seen.eye, seen(self._event))
         own.piece = piece
         return own.tracer  # type: ignore[no-any-return]

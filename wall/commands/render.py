@@ -13,7 +13,7 @@ from wall.config.loading import Loaded
 from wall.core.data import Float32, Rect
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.run.bootstrap import under_mpi
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 BAND_ROWS = 16  # rows of one piece of work
 
@@ -43,7 +43,7 @@ def render_plan(
 ) -> Float32 | None:
     """The same for a plan whose scene is loaded."""
     parts = pieces(whole(plan.layout, size), seed=seed)
-    drawing = Drawing(plan, make_resident(plan.scene), spp=spp, at=at)
+    drawing = Drawing(plan, make_tracer_scene(plan.scene), spp=spp, at=at)
     bands = [(piece, band) for piece in parts for band in _bands(piece)]
     if not under_mpi():
         rendered = _render_bands(drawing, bands, progress)

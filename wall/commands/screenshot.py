@@ -25,7 +25,7 @@ from wall.display.strip_file import STRIP_ROWS, check_file, display_values, is_l
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, make_layout, make_plan
 from wall.run.bootstrap import under_mpi
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 BAND_ROWS = 16  # rows of one piece of work
 AHEAD = 2  # pieces of work for each thread that are begun before their turn
@@ -66,7 +66,7 @@ def screenshot(loaded: Loaded, path: Path, shot: Shot, progress: Progress) -> li
     for name, panels in pictures:
         check_file(name, *_size(panels))
     plan = make_plan(layout)
-    drawing = Drawing(plan, make_resident(plan.scene), spp=shot.spp, at=shot.at)
+    drawing = Drawing(plan, make_tracer_scene(plan.scene), spp=shot.spp, at=shot.at)
     rows, written = sum(_size(panels)[1] for _, panels in pictures), list[Written]()
     for name, panels in pictures:
         width, height = _size(panels)

@@ -14,20 +14,20 @@ from wall.roles.plan import Plan
 from wall.roles.worker import Worker, make_samplers
 from wall.run.control import Control
 from wall.run.usage import peak_memory
-from wall.tracing.resident import Resident
+from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Link
 
 IDLE_WAIT_S = 0.05  # a complete view looks for a new event this often, if none wakes it
 
 
 class Renderer:
-    def __init__(self, plan: Plan, resident: Resident, rank: int, control: Control, outbox: Link) -> None:
+    def __init__(self, plan: Plan, tracer_scene: TracerScene, rank: int, control: Control, outbox: Link) -> None:
         self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
         self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
         self._methods: tuple[str, str] = (self._sampling.method, "")  # the second is compared with the first
         self._samplers = make_samplers(plan, "", self._region, control.clock)
         self._workers = [
-            Worker(plan, resident, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
+            Worker(plan, tracer_scene, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
         ]
         self._pool = ThreadPoolExecutor(len(self._workers)) if len(self._workers) > 1 else None
         self._running: dict[Future[bytes | None], Worker] = {}

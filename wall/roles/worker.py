@@ -20,15 +20,15 @@ from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
 from wall.sampling.split import SplitSampler
 from wall.scene.parts import objects_in
-from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import TracerScene
 
 
 class Worker:
     """Traces its own pixels of one region. `step(newest)` gives the next packet, or None when nothing is missing."""
 
     def __init__(
-        self, plan: Plan, resident: Resident, rank: int, clock: Clock, samplers: list[Sampler], worker: int
+        self, plan: Plan, tracer_scene: TracerScene, rank: int, clock: Clock, samplers: list[Sampler], worker: int
     ) -> None:
         layout = plan.layout
         self.samplers, self.worker = samplers, worker
@@ -40,10 +40,10 @@ class Worker:
         seen = objects_in(plan.scene, share) if share is not None else None
         self._seen = PanelView(plan.view, layout.panel(rank))
         self._tracers = {
-            coherent: Tracer(resident, layout.panel(rank), self._seen.eye, coherent=coherent, seen=seen)
+            coherent: Tracer(tracer_scene, layout.panel(rank), self._seen.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
         }
-        self._relightable = resident.needs.relighting
+        self._relightable = tracer_scene.needs.relighting
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
         self._tilings = worker

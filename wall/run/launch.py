@@ -35,7 +35,7 @@ from wall.run.control import Control
 from wall.run.hosts import Renumbered, assign
 from wall.run.sinks import distinct, make_sinks, notes_of, window_panels
 from wall.run.warm_up import warm_up
-from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 from wall.transport.base import Hub, Link
 from wall.transport.factory import connect, open_hub
 
@@ -83,10 +83,10 @@ def check_folder(folder: Path) -> None:
 def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
     if not options.headless:
         check_displays(window_panels(layout, range(layout.size)))
-    plan, resident = _prepare(layout, say)
+    plan, tracer_scene = _prepare(layout, say)
 
     def main(bootstrap: Bootstrap) -> None:
-        serve(plan, resident, bootstrap, headless=options.headless)
+        serve(plan, tracer_scene, bootstrap, headless=options.headless)
 
     bootstrap: Bootstrap
     if layout.config.transport.kind == "loopback":
@@ -96,7 +96,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         say(f"starting {layout.size} processes")
         bootstrap = LocalBootstrap.start(layout.size, main)
     try:
-        return lead(plan, resident, bootstrap, options, say, opened)
+        return lead(plan, tracer_scene, bootstrap, options, say, opened)
     finally:
         bootstrap.finish()
 
@@ -113,12 +113,12 @@ def _run_mpi(
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     if not options.headless:
         check_displays(window_panels(layout, (bootstrap.rank,)))
-    plan, resident = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
+    plan, tracer_scene = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
     if bootstrap.rank != HEAD:
-        serve(plan, resident, bootstrap, headless=options.headless)
+        serve(plan, tracer_scene, bootstrap, headless=options.headless)
         bootstrap.finish()
         return None
-    return lead(plan, resident, bootstrap, options, say, opened)
+    return lead(plan, tracer_scene, bootstrap, options, say, opened)
 
 
 def _placed(layout: Layout, launched: Bootstrap) -> Bootstrap:
@@ -146,18 +146,18 @@ def check_size(layout: Layout, size: int, *, tell: bool = True) -> None:
     )
 
 
-def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, Resident]:
+def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, TracerScene]:
     say("loading the scene")
     plan = make_plan(layout)
     for note in plan.scene.notes:
         say(f"note: {note}")
     say("building the ray tracing trees")
-    resident = make_resident(plan.scene)
-    warm_up(plan, resident, say)
-    return plan, resident
+    tracer_scene = make_tracer_scene(plan.scene)
+    warm_up(plan, tracer_scene, say)
+    return plan, tracer_scene
 
 
-def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap, *, headless: bool) -> None:
+def serve(plan: Plan, tracer_scene: TracerScene, bootstrap: Bootstrap, *, headless: bool) -> None:
     """Be a rank other than the head, until it says stop."""
     layout, rank = plan.layout, bootstrap.rank
     hub = _hub(plan) if layout.role(rank) == "compositor" else None
@@ -170,7 +170,7 @@ def serve(plan: Plan, resident: Resident, bootstrap: Bootstrap, *, headless: boo
         _close(link)
         return
     outbox = connect(endpoints[layout.target_of(rank)]["data"], rank=rank)
-    renderer = Renderer(plan, resident, rank, control, outbox)
+    renderer = Renderer(plan, tracer_scene, rank, control, outbox)
     if isinstance(bootstrap, LocalBootstrap):
         os.nice(RENDERER_NICE)
     try:
@@ -215,7 +215,7 @@ def _close(*things: Any) -> None:
 
 def lead(
     plan: Plan,
-    resident: Resident,
+    tracer_scene: TracerScene,
     bootstrap: Bootstrap,
     options: Options,
     say: Callable[[str], None],

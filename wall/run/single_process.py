@@ -12,7 +12,7 @@ from wall.roles.compositor import Compositor
 from wall.roles.plan import HEAD, Plan, first_event, make_predictor, on_one_rank
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import ManualClock
-from wall.tracing.resident import Resident
+from wall.tracing.tracer_scene import TracerScene
 from wall.transport.loopback import LoopbackHub
 
 BATCH_SECONDS = 1e-3  # what a batch takes on the hand-turned clock
@@ -21,7 +21,7 @@ BATCH_SECONDS = 1e-3  # what a batch takes on the hand-turned clock
 class SingleProcess:
     """Every renderer and every compositor of a plan, stepped in turn."""
 
-    def __init__(self, plan: Plan, resident: Resident) -> None:
+    def __init__(self, plan: Plan, tracer_scene: TracerScene) -> None:
         self.plan, self.clock = plan, ManualClock()
         self.event: Event = first_event(plan, now=0.0)
         self._predictor = make_predictor(plan)
@@ -30,7 +30,7 @@ class SingleProcess:
         self.workers: list[Worker] = []
         for rank in layout.renderers():
             samplers = make_samplers(plan, "", layout.region(rank), self.clock)
-            self.workers += [Worker(plan, resident, rank, self.clock, samplers, k) for k in range(len(samplers))]
+            self.workers += [Worker(plan, tracer_scene, rank, self.clock, samplers, k) for k in range(len(samplers))]
         self.compositor = Compositor(on_one_rank(plan), HEAD, LoopbackHub(credit_bytes=0), {})
 
     def step(self) -> int:

@@ -29,29 +29,29 @@ from wall.roles.sky import SkyLayer
 from wall.roles.timewarp import Timewarp
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import ManualClock
-from wall.tracing.resident import Resident
+from wall.tracing.tracer_scene import TracerScene
 
 ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
 TINY = Rect(x=0, y=0, width=8, height=8)
 
 
-def warm_up(plan: Plan, resident: Resident, say: Callable[[str], None]) -> None:
+def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -> None:
     """Run the chain on a few pixels with every sampler. From the cache it takes a second, compiling half a minute."""
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
     with _one_compiler():
         for method in METHODS:
             say(f"{doing} kernels ({method})")
-            _one_pixel_block(plan, resident, method)
+            _one_pixel_block(plan, tracer_scene, method)
         say(f"{doing} kernels (compositing)")
-        _layers(plan, resident)
+        _layers(plan, tracer_scene)
         _operators(plan)
         _between(plan)
 
 
-def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
+def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None:
     rank = plan.layout.renderers()[0]
     clock = ManualClock()
-    worker = _tiny_worker(plan, resident, rank, method, clock)
+    worker = _tiny_worker(plan, tracer_scene, rank, method, clock)
     panel = PanelCompositor(plan, plan.layout.region(rank).layer, reconstruction="cpu")  # no OpenGL before ranks fork
     event = replace(first_event(plan, 0.0), sampler=method)
     panel.follow(event)
@@ -71,16 +71,16 @@ def _one_pixel_block(plan: Plan, resident: Resident, method: str) -> None:
     panel.statistics_images(0.0)
 
 
-def _tiny_worker(plan: Plan, resident: Resident, rank: int, method: str, clock: ManualClock) -> Worker:
+def _tiny_worker(plan: Plan, tracer_scene: TracerScene, rank: int, method: str, clock: ManualClock) -> Worker:
     """A renderer's only thread, with a few pixels of its region; `method` as in make_samplers."""
     layout = plan.layout
     tiny = replace(layout.region(rank), rect=TINY)
     regions = tuple(tiny if k == rank else layout.region(k) for k in layout.renderers())
     small = replace(plan, layout=replace(layout, regions=regions))
-    return Worker(small, resident, rank, clock, make_samplers(small, method, tiny, clock), 0)
+    return Worker(small, tracer_scene, rank, clock, make_samplers(small, method, tiny, clock), 0)
 
 
-def _layers(plan: Plan, resident: Resident) -> None:
+def _layers(plan: Plan, tracer_scene: TracerScene) -> None:
     """Layers that bring more than display bytes, one of each kind, and their way from one moment to another."""
     layout, known = plan.layout, set()
     for layer in layout.graph.layers:
@@ -91,7 +91,7 @@ def _layers(plan: Plan, resident: Resident) -> None:
         known.add(kind)
         panel = PanelCompositor(plan, layer.index, reconstruction="cpu")
         event = first_event(plan, 0.0)
-        worker = _tiny_worker(plan, resident, layer.ranks[0], "", ManualClock())
+        worker = _tiny_worker(plan, tracer_scene, layer.ranks[0], "", ManualClock())
         panel.follow(event)
         if (packet := worker.step(event)) is not None:
             panel.insert(decode(packet))

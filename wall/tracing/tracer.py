@@ -19,7 +19,7 @@ from wall.scene.model import Moment
 from wall.tracing import embree
 from wall.tracing.kernels import trace as kernels
 from wall.tracing.kernels.packet import ALL, COUNTS, PACKET_FLOATS, SEEN, SEES, SHADE, UNSEEN, Surfaces, Workspace
-from wall.tracing.resident import Resident
+from wall.tracing.tracer_scene import TracerScene
 
 LIFT_ULPS = 16.0  # float32 roundings from a hit to its secondary ray; eight times the need, docs/guide/accuracy.md
 
@@ -60,7 +60,7 @@ class Tracer:
 
     def __init__(
         self,
-        resident: Resident,
+        tracer_scene: TracerScene,
         panel: Panel,
         eye: Float64,
         *,
@@ -72,18 +72,18 @@ class Tracer:
         seen : (n,) bool, instances that primary rays may hit; the others only cast shadows and show in mirrors. None:
             all
         """
-        n = len(resident.mesh_table)
+        n = len(tracer_scene.mesh_table)
         masks = np.full(n, SEEN, np.uint32) if seen is None else np.where(seen, SEEN, UNSEEN).astype(np.uint32)
-        self._resident, self._panel, self._eye = resident, panel, eye
-        self._scene, self._geometries = resident.device.instances(list(resident.meshes), masks)
+        self._tracer_scene, self._panel, self._eye = tracer_scene, panel, eye
+        self._scene, self._geometries = tracer_scene.device.instances(list(tracer_scene.meshes), masks)
         self._transforms = embree.aligned((n, 12), np.float32)
         self._surfaces = Surfaces(
-            triangles=resident.triangles,
-            mesh_table=resident.mesh_table,
-            materials=resident.materials,
+            triangles=tracer_scene.triangles,
+            mesh_table=tracer_scene.mesh_table,
+            materials=tracer_scene.materials,
             placements=np.zeros((n, 12), np.float32),
-            sky=resident.sky,
-            irradiance=resident.irradiance,
+            sky=tracer_scene.sky,
+            irradiance=tracer_scene.irradiance,
         )
         self._work = workspace(coherent=coherent, sees=ALL if seen is None else SEEN)
         self._corner = np.array(panel.screen, np.float64)
@@ -94,7 +94,7 @@ class Tracer:
 
     def take(self, event: Event) -> None:
         """Place everything for `event`: its camera, and its scene time."""
-        self.place(event.camera.origin(), self._resident.scene.at(event.scene_time))
+        self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time))
         self._frame = ray_frame(self._panel, self._eye, event.camera)
 
     def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:
@@ -103,7 +103,7 @@ class Tracer:
         self.take(event)
 
     def place(self, origin: Float64, moment: Moment) -> None:
-        resident = self._resident
+        tracer_scene = self._tracer_scene
         self.singular = kernels.place_instances(
             moment.world_from_object,
             origin,
@@ -111,10 +111,10 @@ class Tracer:
             self._geometries,
             self._transforms,
             self._surfaces.placements,
-            resident.extents,
+            tracer_scene.extents,
             LIFT_ULPS,
         )
-        scene = resident.scene
+        scene = tracer_scene.scene
         if scene.point_lights:
             relative = moment.point_positions - origin
             self._points = _light_rows(relative, [light.intensity for light in scene.point_lights])
@@ -135,7 +135,7 @@ class Tracer:
 
     def arguments(self, xy: Float32, samples: Samples) -> tuple[Any, ...]:
         """Everything that kernels.trace wants, in its order; for trace() and for measuring the kernel alone."""
-        r = self._resident
+        r = self._tracer_scene
         return (
             self._scene,
             self._frame,

@@ -14,7 +14,7 @@ from wall.core.errors import ConfigError
 from wall.roles.plan import Layout, check_files, make_layout, make_plan
 from wall.run.single_process import SingleProcess
 from wall.run.warm_up import warm_up
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 TEXT = """\
 version: 1
@@ -52,9 +52,9 @@ def test_a_mask_from_a_file_takes_its_part_of_a_run_s_picture(tmp_path: Path, co
         layout = layout_of(tmp_path, text, mask)
         check_files(layout)
         plan = make_plan(layout)
-        resident = make_resident(plan.scene)
-        warm_up(plan, resident, lambda line: None)
-        shown[name] = SingleProcess(plan, resident).until_complete()[0].rgb
+        tracer_scene = make_tracer_scene(plan.scene)
+        warm_up(plan, tracer_scene, lambda line: None)
+        shown[name] = SingleProcess(plan, tracer_scene).until_complete()[0].rgb
 
     assert shown["whole"][:, :9].any()
     assert not shown["masked"][:, :9].any()

@@ -19,7 +19,7 @@ from wall.roles.plan import HEAD, Plan, first_event
 from wall.roles.remote_compositor import RemoteCompositor
 from wall.run.control import Control
 from wall.run.single_process import SingleProcess
-from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 
@@ -29,8 +29,8 @@ def plan() -> Plan:
 
 
 @pytest.fixture(scope="module")
-def resident(plan: Plan) -> Resident:
-    return make_resident(plan.scene)
+def tracer_scene(plan: Plan) -> TracerScene:
+    return make_tracer_scene(plan.scene)
 
 
 def test_tiles_of_a_statistics_image_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
@@ -110,9 +110,9 @@ def test_nothing_is_kept_for_a_second_picture_when_nobody_compares(plan: Plan) -
 
 @pytest.mark.parametrize("other", ["framed", "frameless", "hilbert"])
 def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
-    plan: Plan, resident: Resident, other: str, compiled_only: None
+    plan: Plan, tracer_scene: TracerScene, other: str, compiled_only: None
 ) -> None:
-    single = SingleProcess(plan, resident)
+    single = SingleProcess(plan, tracer_scene)
     (worker,) = single.workers
     single.event = replace(single.event, compare=other, camera_event=1)
     for k in range(24):
@@ -137,8 +137,8 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
 def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int, compiled_only: None) -> None:
     text = TEXT.replace("samples_per_batch", f"threads: {threads}, samples_per_batch")
     plan = plan_of(text)
-    resident = make_resident(plan.scene)
-    compared, fresh = SingleProcess(plan, resident), SingleProcess(plan, resident)
+    tracer_scene = make_tracer_scene(plan.scene)
+    compared, fresh = SingleProcess(plan, tracer_scene), SingleProcess(plan, tracer_scene)
     compared.event = replace(compared.event, compare="framed", camera_event=1)
     for _ in range(30):
         compared.step()
@@ -154,10 +154,10 @@ def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int
 
 
 def test_lost_samples_come_back_to_the_sampler_that_chose_them(
-    plan: Plan, resident: Resident, compiled_only: None
+    plan: Plan, tracer_scene: TracerScene, compiled_only: None
 ) -> None:
     """Both are traced to the end of a still view, every third packet is lost: framed shows every pixel all the same."""
-    single = SingleProcess(plan, resident)
+    single = SingleProcess(plan, tracer_scene)
     (worker,), (panel,) = single.workers, single.compositor.layers.values()
     single.event = replace(single.event, compare="framed", camera_event=1)
     single.step()

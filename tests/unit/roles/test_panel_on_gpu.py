@@ -16,8 +16,8 @@ from wall.roles.compositor import Compositor
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.run.single_process import SingleProcess
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 from wall.transport.loopback import LoopbackHub
 
 TEXT = """\
@@ -46,7 +46,7 @@ def anything_is_a_gpu(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 def batch_of(plan: Plan, event: Event, index: int = 0) -> Batch:
     """Every pixel's centre once, by the tracer."""
     panel = plan.layout.wall.panels[index]
-    tracer = Tracer(make_resident(plan.scene), panel, plan.view.eye, coherent=False)
+    tracer = Tracer(make_tracer_scene(plan.scene), panel, plan.view.eye, coherent=False)
     tracer.take(event)
     x, y = np.meshgrid(np.arange(panel.pixels[0]) + 0.5, np.arange(panel.pixels[1]) + 0.5)
     samples = tracer.trace(np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32))[0].copy()
@@ -77,7 +77,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
     shown = {}
     for wish in ("cpu", "gpu"):
         plan = plan_of(wish)
-        chain = SingleProcess(plan, make_resident(plan.scene))
+        chain = SingleProcess(plan, make_tracer_scene(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
         assert str(chain.compositor.layers[0].reconstruction).startswith(wish)
     assert len(np.unique(shown["cpu"])) > 50

@@ -23,7 +23,7 @@ from wall.roles.renderer import Renderer
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import ManualClock
 from wall.run.control import Control
-from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 TEXT = """\
@@ -49,13 +49,13 @@ def plan() -> Plan:
 
 
 @pytest.fixture(scope="module")
-def resident(plan: Plan) -> Resident:
-    return make_resident(plan.scene)
+def tracer_scene(plan: Plan) -> TracerScene:
+    return make_tracer_scene(plan.scene)
 
 
-def workers_of(plan: Plan, resident: Resident, clock: ManualClock) -> list[Worker]:
+def workers_of(plan: Plan, tracer_scene: TracerScene, clock: ManualClock) -> list[Worker]:
     samplers = make_samplers(plan, "", plan.layout.region(FIRST), clock)
-    return [Worker(plan, resident, FIRST, clock, samplers, k) for k in range(len(samplers))]
+    return [Worker(plan, tracer_scene, FIRST, clock, samplers, k) for k in range(len(samplers))]
 
 
 def tiles_sent(worker: Worker, plan: Plan) -> list[Tiling]:
@@ -67,9 +67,9 @@ def tiles_sent(worker: Worker, plan: Plan) -> list[Tiling]:
 
 @pytest.mark.parametrize("tiling", ["grid", "cut"])
 @pytest.mark.parametrize("threads", [1, 3])
-def test_the_tiles_of_all_threads_share_out_the_region(threads: int, tiling: str, resident: Resident) -> None:
+def test_the_tiles_of_all_threads_share_out_the_region(threads: int, tiling: str, tracer_scene: TracerScene) -> None:
     plan = plan_of(threads=threads, tiling=tiling)
-    sent = [tiles for worker in workers_of(plan, resident, ManualClock(1.0)) for tiles in tiles_sent(worker, plan)]
+    sent = [tiles for worker in workers_of(plan, tracer_scene, ManualClock(1.0)) for tiles in tiles_sent(worker, plan)]
     covered = np.zeros((36, 40), int)
     for tiles in sent:
         for x, y, width, height in tiles.rects.tolist():
@@ -81,9 +81,9 @@ def test_the_tiles_of_all_threads_share_out_the_region(threads: int, tiling: str
     assert len({tiles.sequence for tiles in sent}) == threads
 
 
-def test_a_rank_sends_its_tiles_at_most_15_times_a_second(plan: Plan, resident: Resident) -> None:
+def test_a_rank_sends_its_tiles_at_most_15_times_a_second(plan: Plan, tracer_scene: TracerScene) -> None:
     clock = ManualClock(1.0)
-    (worker,) = workers_of(plan, resident, clock)
+    (worker,) = workers_of(plan, tracer_scene, clock)
     sent = []
     for _ in range(240):
         sent += tiles_sent(worker, plan)
@@ -92,10 +92,10 @@ def test_a_rank_sends_its_tiles_at_most_15_times_a_second(plan: Plan, resident: 
     assert [tiles.sequence for tiles in sent] == list(range(1, len(sent) + 1))
 
 
-def test_what_is_sent_is_what_the_picture_beneath_knows(plan: Plan, resident: Resident) -> None:
+def test_what_is_sent_is_what_the_picture_beneath_knows(plan: Plan, tracer_scene: TracerScene) -> None:
     """The grid's squares in their order, within half a step of the wire's eighths of an octave (4.4 %)."""
     clock = ManualClock(1.0)
-    (worker,) = workers_of(plan, resident, clock)
+    (worker,) = workers_of(plan, tracer_scene, clock)
     tiles_sent(worker, plan)
     known = worker.sampler.picture.residual  # type: ignore[attr-defined]
     known[:] = np.arange(known.size, dtype=np.float32).reshape(known.shape)
@@ -153,7 +153,9 @@ def test_tiles_that_are_not_of_their_ranks_region_are_refused(plan: Plan, wrong:
 
 
 @pytest.fixture
-def ends(plan: Plan, resident: Resident) -> Iterator[Callable[[int], tuple[LoopbackHub, LoopbackLink, Renderer]]]:
+def ends(
+    plan: Plan, tracer_scene: TracerScene
+) -> Iterator[Callable[[int], tuple[LoopbackHub, LoopbackLink, Renderer]]]:
     """A renderer at one end of a connection with so much credit, its control link beside it."""
     opened: list[LoopbackHub | LoopbackLink] = []
 
@@ -162,7 +164,7 @@ def ends(plan: Plan, resident: Resident) -> Iterator[Callable[[int], tuple[Loopb
         outbox, line = LoopbackLink(hub.endpoint), LoopbackLink(head.endpoint)
         opened.extend((outbox, line, hub, head))
         control = Control(line, plan, FIRST, same_clock=True)
-        return hub, outbox, Renderer(plan, resident, FIRST, control, outbox)
+        return hub, outbox, Renderer(plan, tracer_scene, FIRST, control, outbox)
 
     yield make
     for end in opened:

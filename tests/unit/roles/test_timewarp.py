@@ -14,8 +14,8 @@ from wall.core.data import Event, Float64, Framelet, Rect
 from wall.geometry.frusta import project, ray_frame
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
 from wall.roles.timewarp import Timewarp
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 TEXT = """\
 version: 1
@@ -38,7 +38,7 @@ def old(plan: Plan) -> Framelet:
     """What the panel shows at first; its colours are x, y of each pixel, and 1."""
     panel, event = plan.layout.wall.panels[PANEL], first_event(plan, 0.0)
     (width, height), (left, top) = panel.pixels, panel.screen
-    tracer = Tracer(make_resident(plan.scene), panel, plan.view.eye, coherent=True)
+    tracer = Tracer(make_tracer_scene(plan.scene), panel, plan.view.eye, coherent=True)
     tracer.take(event)
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     samples = tracer.trace(np.stack([x.ravel(), y.ravel()], 1).astype(np.float32))[0]

@@ -55,7 +55,7 @@ def test_prediction_takes_most_of_the_delays_error_off_a_steady_orbit(
 ) -> None:
     """72 degrees a second; two refreshes are three pixels. What is left is under a third of what the delay costs."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    reference = Reference(orbit.plan, orbit.resident, [0.0, REFRESHES / REFRESH_HZ], spp=16)
+    reference = Reference(orbit.plan, orbit.tracer_scene, [0.0, REFRESHES / REFRESH_HZ], spp=16)
     reference.make([1])
     reference = display_values(reference.picture(1))
 

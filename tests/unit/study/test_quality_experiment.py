@@ -74,7 +74,7 @@ def test_every_second_refresh_has_an_reference_picture_and_every_eighth_of_large
 
 
 def test_reference_picture_is_what_wall_render_gives_rounded_to_half_precision(setup: Setup) -> None:
-    reference = Reference(setup.plan, setup.resident, [0.0, 0.5], spp=4)
+    reference = Reference(setup.plan, setup.tracer_scene, [0.0, 0.5], spp=4)
     reference.make(reference.missing())
     rendered = render_plan(setup.plan, spp=4, seed=SEED, at=0.5)
     assert rendered is not None
@@ -83,21 +83,21 @@ def test_reference_picture_is_what_wall_render_gives_rounded_to_half_precision(s
 
 def test_reference_pictures_are_made_once_and_found_again(setup: Setup) -> None:
     times = [0.0, 0.1, 0.2]
-    first = Reference(setup.plan, setup.resident, times, spp=1)
+    first = Reference(setup.plan, setup.tracer_scene, times, spp=1)
     assert first.missing() == [0, 1, 2]
     first.make([1])
-    again = Reference(setup.plan, setup.resident, times, spp=1)
+    again = Reference(setup.plan, setup.tracer_scene, times, spp=1)
     assert again.missing() == [0, 2]
     assert np.array_equal(again.picture(1), first.picture(1))
-    assert Reference(setup.plan, setup.resident, times, spp=2).missing() == [0, 1, 2]
-    assert Reference(setup.plan, setup.resident, [0.0, 0.1, 0.3], spp=1).missing() == [0, 1, 2]
+    assert Reference(setup.plan, setup.tracer_scene, times, spp=2).missing() == [0, 1, 2]
+    assert Reference(setup.plan, setup.tracer_scene, [0.0, 0.1, 0.3], spp=1).missing() == [0, 1, 2]
 
 
 def test_refreshes_between_which_nothing_moves_share_a_picture(config: Path, compiled_only: None) -> None:
     text = MOVING.replace(", path: {type: orbit, period_s: 4}", "").replace("courtyard}", "courtyard, animation: []}")
     config.write_text(text)
     still = setup_of(trial_of(config))
-    reference = Reference(still.plan, still.resident, [0.0, 0.1, 0.2], spp=1)
+    reference = Reference(still.plan, still.tracer_scene, [0.0, 0.1, 0.2], spp=1)
     assert reference.missing() == [0]
     reference.make([0])
     assert reference.missing() == []
@@ -107,7 +107,7 @@ def test_refreshes_between_which_nothing_moves_share_a_picture(config: Path, com
 
 def test_reference_pictures_of_another_scene_have_another_name(config: Path, setup: Setup) -> None:
     plan = make_plan(make_layout(on_one_panel(loads(MOVING.replace("position: [6,", "position: [6.01,")), SIZE)))
-    keys = {Reference(p, setup.resident, [0.0], spp=1).key for p in (setup.plan, plan)}
+    keys = {Reference(p, setup.tracer_scene, [0.0], spp=1).key for p in (setup.plan, plan)}
     assert len(keys) == 2
 
 

@@ -19,7 +19,7 @@ from wall.roles.plan import make_layout, make_plan
 from wall.study.quality import methods_afr, methods_reduced, methods_render_cache, methods_taa
 from wall.study.quality.baseline import FramedMethod, world_pose_of
 from wall.study.quality.method import INPUT_STEP_S, Inputs, Method, Setup
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 FRAMED = {**methods_taa.METHODS, **methods_reduced.METHODS}
 FRAMELESS = {**methods_render_cache.METHODS, **methods_afr.METHODS}
@@ -51,7 +51,7 @@ graph: {{preset: sort-first, sinks: [png]}}
         encoding="utf-8",
     )
     plan = make_plan(make_layout(load(config)))
-    return Setup(plan=plan, resident=make_resident(plan.scene), rate=20_000.0, refresh_hz=REFRESH_HZ, seed=1)
+    return Setup(plan=plan, tracer_scene=make_tracer_scene(plan.scene), rate=20_000.0, refresh_hz=REFRESH_HZ, seed=1)
 
 
 @pytest.fixture(scope="session")

@@ -29,7 +29,7 @@ from wall.study.quality.streams import (
     restored,
     zstd_tiles,
 )
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 SIZE = (70, 50)  # of no whole number of tiles
 SCENE = """\
@@ -62,7 +62,7 @@ def noise(random_numbers: np.random.Generator) -> Bytes:
 @pytest.fixture(scope="module")
 def setup() -> Setup:
     plan = make_plan(make_layout(loads(SCENE)))
-    return Setup(plan=plan, resident=make_resident(plan.scene), rate=RATE, refresh_hz=REFRESH_HZ, seed=1)
+    return Setup(plan=plan, tracer_scene=make_tracer_scene(plan.scene), rate=RATE, refresh_hz=REFRESH_HZ, seed=1)
 
 
 def through(stream: Stream, picture: Bytes) -> Bytes:

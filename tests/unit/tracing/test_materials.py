@@ -211,10 +211,10 @@ def test_features_left_out_give_the_same_picture_as_features_unused(tiny_scene: 
 
 @pytest.mark.parametrize("n", [0, 1, 15, 16, 17, 33])
 def test_packets_that_are_not_full_give_the_same_samples(tiny_scene: Scene, tiny_view: View, n: int) -> None:
-    from wall.tracing.resident import make_resident
     from wall.tracing.tracer import Tracer
+    from wall.tracing.tracer_scene import make_tracer_scene
 
-    tracer = Tracer(make_resident(tiny_scene), tiny_view.panel, tiny_view.eye, coherent=True)
+    tracer = Tracer(make_tracer_scene(tiny_scene), tiny_view.panel, tiny_view.eye, coherent=True)
     tracer.take(tiny_view.event)
     xy = np.random.default_rng(3).uniform(0, 24, (40, 2)).astype(np.float32)
     whole, part = tracer.trace(xy)[0], tracer.trace(xy[:n])

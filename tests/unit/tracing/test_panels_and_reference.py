@@ -15,7 +15,7 @@ from wall.core.data import Float32
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.panels import Wall
 from wall.scene.build import Scene
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 
 CAMERAS = {
     "straight": look_at((0.0, 1.0, 5.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)),
@@ -37,10 +37,10 @@ def test_panels_rendered_apart_equal_the_wall_rendered_whole(
     tiny_scene: Scene, tiny_view: View, wall: Wall, camera: object, compiled_only: None
 ) -> None:
     event, eye = replace(tiny_view.event, camera=camera), default_eye(wall, 50.0)
-    resident = make_resident(tiny_scene)
-    entire = picture(resident, View(wall=whole(wall), eye=eye, event=event))
+    tracer_scene = make_tracer_scene(tiny_scene)
+    entire = picture(tracer_scene, View(wall=whole(wall), eye=eye, event=event))
     for panel in wall.panels:
-        part = picture(resident, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
+        part = picture(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
         x, y = panel.screen
         inside = np.s_[y : y + panel.pixels[1], x : x + panel.pixels[0]]
         np.testing.assert_array_equal(part.radiance, entire.radiance[inside])

@@ -15,7 +15,7 @@ from wall.geometry.cameras import look_at, resolve_view, seen_from
 from wall.geometry.outlines import whole
 from wall.geometry.panels import Panel, Wall, expand, expanded_config
 from wall.scene.build import Scene
-from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 FINE = 20  # pixels a metre: small walls, few rays
 
@@ -48,16 +48,16 @@ WALLS = {
 CAMERA = look_at((3.0, 2.2, 4.1), (0.0, 0.6, 0.0), (0.1, 1.0, 0.2))
 
 
-def drawn(resident: Resident, seen: View, panel: Panel, wall: Wall) -> Picture:
-    return picture(resident, View(wall=replace(wall, panels=(panel,)), eye=seen.eye, event=seen.event))
+def drawn(tracer_scene: TracerScene, seen: View, panel: Panel, wall: Wall) -> Picture:
+    return picture(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=seen.eye, event=seen.event))
 
 
-def entire(resident: Resident, seen: View, wall: Wall) -> Picture:
+def entire(tracer_scene: TracerScene, seen: View, wall: Wall) -> Picture:
     """One panel over all of the virtual screen."""
     found = whole(wall)
     assert found is not None
     assert found.plane is wall.panels[0].plane
-    return drawn(resident, seen, replace(wall.panels[0], pixels=(found.width, found.height), screen=(0, 0)), wall)
+    return drawn(tracer_scene, seen, replace(wall.panels[0], pixels=(found.width, found.height), screen=(0, 0)), wall)
 
 
 def view_of(loaded: Loaded, wall: Wall, tiny_view: View) -> View:
@@ -70,16 +70,16 @@ def view_of(loaded: Loaded, wall: Wall, tiny_view: View) -> View:
 def test_panels_put_together_are_the_wall_rendered_whole(
     tiny_scene: Scene, tiny_view: View, wall_config: dict[str, Any], spelled_out: bool, compiled_only: None
 ) -> None:
-    loaded, resident = loaded_of(wall_config), make_resident(tiny_scene)
+    loaded, tracer_scene = loaded_of(wall_config), make_tracer_scene(tiny_scene)
     config = loaded.config.wall
     wall = expand(expanded_config(config) if spelled_out else config)
     seen = view_of(loaded, wall, tiny_view)
 
-    together = entire(resident, seen, wall)
+    together = entire(tracer_scene, seen, wall)
 
     assert len(np.unique(together.objects)) > 2
     for one in wall.panels:
-        part = drawn(resident, seen, one, wall)
+        part = drawn(tracer_scene, seen, one, wall)
         (x, y), (w, h) = one.screen, one.pixels
         np.testing.assert_array_equal(part.radiance, together.radiance[y : y + h, x : x + w])
         np.testing.assert_array_equal(part.depth, together.depth[y : y + h, x : x + w])
@@ -89,11 +89,11 @@ def test_panels_put_together_are_the_wall_rendered_whole(
 def test_wall_spelled_out_shows_the_same_objects_in_the_same_pixels(
     tiny_scene: Scene, tiny_view: View, compiled_only: None
 ) -> None:
-    loaded, resident = loaded_of(grid(bezel=0.0613)), make_resident(tiny_scene)
+    loaded, tracer_scene = loaded_of(grid(bezel=0.0613)), make_tracer_scene(tiny_scene)
     short, spelled = expand(loaded.config.wall), expand(expanded_config(loaded.config.wall))
     seen = view_of(loaded, short, tiny_view)
 
-    one, other = entire(resident, seen, short), entire(resident, seen, spelled)
+    one, other = entire(tracer_scene, seen, short), entire(tracer_scene, seen, spelled)
 
     np.testing.assert_array_equal(one.objects, other.objects)
     np.testing.assert_allclose(one.depth, other.depth, rtol=1e-6)  # float32
@@ -104,14 +104,14 @@ def test_denser_panel_beside_a_coarse_one_goes_on_where_that_ends(
 ) -> None:
     # every third pixel of a panel three times as fine has its middle where a coarse pixel has it
     coarse, fine = panel("a", 0, 0, 16, 24), panel("b", 16, 0, 16, 24)
-    resident, loaded = make_resident(tiny_scene), loaded_of({"panels": [coarse, {**fine, "pixels": [48, 72]}]})
+    tracer_scene, loaded = make_tracer_scene(tiny_scene), loaded_of({"panels": [coarse, {**fine, "pixels": [48, 72]}]})
     equal = expand(loaded_of({"panels": [coarse, fine]}).config.wall)
     mixed = expand(loaded.config.wall)
     seen = view_of(loaded, mixed, tiny_view)
 
-    together = entire(resident, replace(seen, wall=equal), equal)
+    together = entire(tracer_scene, replace(seen, wall=equal), equal)
 
-    left, right = (drawn(resident, seen, one, mixed) for one in mixed.panels)
+    left, right = (drawn(tracer_scene, seen, one, mixed) for one in mixed.panels)
     np.testing.assert_array_equal(left.objects, together.objects[:, :16])
     np.testing.assert_array_equal(right.objects[1::3, 1::3], together.objects[:, 16:])
     np.testing.assert_allclose(right.depth[1::3, 1::3], together.depth[:, 16:], rtol=1e-6)
@@ -120,14 +120,14 @@ def test_denser_panel_beside_a_coarse_one_goes_on_where_that_ends(
 def test_eyes_at_one_place_see_what_a_wall_for_one_eye_shows(
     tiny_scene: Scene, tiny_view: View, compiled_only: None
 ) -> None:
-    resident, loaded = make_resident(tiny_scene), loaded_of(grid(stereo="top_bottom"), eye_separation=0.0)
+    tracer_scene, loaded = make_tracer_scene(tiny_scene), loaded_of(grid(stereo="top_bottom"), eye_separation=0.0)
     wall, flat = expand(loaded.config.wall), expand(loaded_of(grid(pixels=[16, 6])).config.wall)
     view = resolve_view(loaded, wall, (0, 0, 0), 1.0)
     seen = View(wall=wall, eye=view.eye, event=replace(tiny_view.event, camera=CAMERA))
 
     for both, one in zip(zip(wall.panels[::2], wall.panels[1::2], strict=True), flat.panels, strict=True):
-        expected = drawn(resident, seen, one, flat)
+        expected = drawn(tracer_scene, seen, one, flat)
         for eye in both:
             event = seen_from(seen.event, view.offset(eye))
-            part = drawn(resident, replace(seen, eye=view.eye_of(eye), event=event), eye, wall)
+            part = drawn(tracer_scene, replace(seen, eye=view.eye_of(eye), event=event), eye, wall)
             np.testing.assert_array_equal(part.radiance, expected.radiance)

@@ -9,8 +9,8 @@ from small_scenes import Picture, instance, material, quad, raster, scene_of, sp
 from wall.core.data import Rect
 from wall.sampling.ownership import block_order
 from wall.scene.model import DirectionalLight
-from wall.tracing.resident import Resident, make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 FLOOR, MIRROR, BALL, SMALL = range(4)
 SUN = DirectionalLight(direction=(0.6, 0.8, 0.0), irradiance=(2.0, 2.0, 2.0))
@@ -24,19 +24,19 @@ PLACED = [
 
 
 @pytest.fixture(scope="module")
-def resident() -> Resident:
-    return resident_of(4)
+def tracer_scene() -> TracerScene:
+    return tracer_scene_of(4)
 
 
-def resident_of(objects: int) -> Resident:
+def tracer_scene_of(objects: int) -> TracerScene:
     meshes = [quad(8.0, 8.0, material=0), quad(4.0, 2.0, material=1), sphere_mesh(2, segments=24)]
     materials = [material(0.5, 0.5, 0.5), material(0.0, 0.0, 0.0, mirror=1.0), material(0.8, 0.2, 0.2)]
-    return make_resident(scene_of(meshes, PLACED[:objects], materials=materials, lights=[SUN]))
+    return make_tracer_scene(scene_of(meshes, PLACED[:objects], materials=materials, lights=[SUN]))
 
 
-def traced(resident: Resident, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
-    seen = np.array([k not in without for k in range(len(resident.mesh_table))]) if without else None
-    tracer = Tracer(resident, SEEN_FROM.panel, SEEN_FROM.eye, coherent=coherent, seen=seen)
+def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
+    seen = np.array([k not in without for k in range(len(tracer_scene.mesh_table))]) if without else None
+    tracer = Tracer(tracer_scene, SEEN_FROM.panel, SEEN_FROM.eye, coherent=coherent, seen=seen)
     tracer.take(SEEN_FROM.event)
     width, height = SEEN_FROM.panel.pixels
     pixels = block_order(Rect(x=0, y=0, width=width, height=height), worker=0, workers=1)
@@ -46,11 +46,11 @@ def traced(resident: Resident, *, without: tuple[int, ...] = (), coherent: bool)
 
 @pytest.mark.parametrize("coherent", [False, True])
 def test_what_is_unseen_is_not_hit_but_shades_and_is_mirrored(
-    resident: Resident, coherent: bool, compiled_only: None
+    tracer_scene: TracerScene, coherent: bool, compiled_only: None
 ) -> None:
-    whole = traced(resident, coherent=coherent)
-    part = traced(resident, without=(SMALL,), coherent=coherent)
-    gone = traced(resident_of(3), coherent=coherent)
+    whole = traced(tracer_scene, coherent=coherent)
+    part = traced(tracer_scene, without=(SMALL,), coherent=coherent)
+    gone = traced(tracer_scene_of(3), coherent=coherent)
     hidden = whole.objects == SMALL + 1
 
     assert hidden.sum() > 20
@@ -64,9 +64,9 @@ def test_what_is_unseen_is_not_hit_but_shades_and_is_mirrored(
 
 
 @pytest.mark.parametrize("coherent", [False, True])
-def test_the_nearest_of_parts_is_the_whole(resident: Resident, coherent: bool, compiled_only: None) -> None:
-    whole = traced(resident, coherent=coherent)
-    parts = [traced(resident, without=without, coherent=coherent) for without in ((FLOOR, MIRROR), (BALL, SMALL))]
+def test_the_nearest_of_parts_is_the_whole(tracer_scene: TracerScene, coherent: bool, compiled_only: None) -> None:
+    whole = traced(tracer_scene, coherent=coherent)
+    parts = [traced(tracer_scene, without=without, coherent=coherent) for without in ((FLOOR, MIRROR), (BALL, SMALL))]
     nearest = np.argmin([part.depth for part in parts], axis=0)
     assert 0.05 < nearest.mean() < 0.95
     for name in ("radiance", "depth", "objects"):

@@ -41,9 +41,9 @@ def reference_of(trial: Trial) -> tuple[Reference, tuple[int, ...]]:
 def _reference(
     config: Path, size: tuple[int, int], seconds: float | None, refresh_hz: float
 ) -> tuple[Reference, tuple[int, ...]]:
-    plan, resident = scene_of(config, size)
+    plan, tracer_scene = scene_of(config, size)
     refreshes = reference_refreshes(size, seconds=duration(plan, seconds), refresh_hz=refresh_hz)
-    return Reference(plan, resident, [k / refresh_hz for k in refreshes]), refreshes
+    return Reference(plan, tracer_scene, [k / refresh_hz for k in refreshes]), refreshes
 
 
 def run(trial: Trial, look: Look = lambda *_: None) -> Row:

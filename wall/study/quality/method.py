@@ -18,8 +18,8 @@ from wall.packets.samples import MAX_SAMPLES, Codec, decode, encode
 from wall.roles.plan import Plan
 from wall.sampling.ownership import block_order
 from wall.scene.model import Moment
-from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import TracerScene
 
 INPUT_STEP_S = 5e-4  # rays of this span share one camera and one scene time: a thirtieth of a 60 Hz refresh
 ADAPTIVE_PACKET = 4096  # samples of one packet of the adaptive sampler, as its workers send them
@@ -30,7 +30,7 @@ class Setup:
     """The surroundings of one trial, whatever the method."""
 
     plan: Plan  # a wall of one panel
-    resident: Resident
+    tracer_scene: TracerScene
     rate: float  # primary rays a second
     refresh_hz: float
     seed: int
@@ -51,7 +51,7 @@ class Setup:
         return Rect(x=0, y=0, width=width, height=height)
 
     def tracer(self, *, coherent: bool) -> Tracer:
-        return Tracer(self.resident, self.panel, self.plan.view.eye, coherent=coherent)
+        return Tracer(self.tracer_scene, self.panel, self.plan.view.eye, coherent=coherent)
 
 
 class Inputs:
@@ -132,7 +132,7 @@ class MeteredTracer:
         """`adaptive` chooses the packets' layout; without `sends` there are none, as where pictures are sent."""
         self._tracer, self._rect = setup.tracer(coherent=coherent), setup.rect
         self._adaptive, self._sends, self._receive = adaptive, sends, receive
-        self._relightable = adaptive and setup.resident.needs.relighting
+        self._relightable = adaptive and setup.tracer_scene.needs.relighting
         self._sequence = 0
         self._placed: Event | None = None
         self.reset()

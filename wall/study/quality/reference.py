@@ -22,8 +22,8 @@ from wall.core.jit import PACKAGE
 from wall.roles.plan import Plan
 from wall.sampling.progressive import ProgressiveSampler
 from wall.study.quality.method import Inputs
-from wall.tracing.resident import Resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import TracerScene
 
 SAMPLES_A_PIXEL = 64
 SEED = 20050629  # of every reference picture, whatever the methods' seeds
@@ -43,9 +43,11 @@ def reference_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: fl
 class Reference:
     """Reference pictures at given times; `make` traces those that are not there yet."""
 
-    def __init__(self, plan: Plan, resident: Resident, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL) -> None:
+    def __init__(
+        self, plan: Plan, tracer_scene: TracerScene, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL
+    ) -> None:
         """`times` (seconds, growing) are those of the pictures, in order."""
-        self._plan, self._resident, self._spp = plan, resident, spp
+        self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
         self._panel = plan.layout.wall.panels[0]
         inputs = Inputs(plan)
         self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in times)
@@ -73,7 +75,7 @@ class Reference:
 
     def make(self, wanted: Iterable[int], progress: Callable[[], None] = lambda: None) -> None:
         """Trace pictures in this thread; each counts as there only once it is all on disk."""
-        tracer = Tracer(self._resident, self._panel, self._plan.view.eye, coherent=True)
+        tracer = Tracer(self._tracer_scene, self._panel, self._plan.view.eye, coherent=True)
         for k in wanted:
             tracer.take(self.events[k])
             self._pictures[k] = np.minimum(self._trace(tracer), LARGEST)

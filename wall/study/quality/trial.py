@@ -16,7 +16,7 @@ from wall.geometry.cameras import resolve_view
 from wall.geometry.panels import expand
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.study.quality.method import Setup
-from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 SECONDS = 4.0  # of a run, or longer where the camera's keyframes go on
 WALL_HEIGHT_M = 0.27  # of the forced panel; only the angle that it fills matters
@@ -43,15 +43,15 @@ class Trial:
 
 def setup_of(trial: Trial) -> Setup:
     """The experiment's surroundings of a trial. Raises ConfigError."""
-    plan, resident = scene_of(trial.config, trial.size)
-    return Setup(plan=plan, resident=resident, rate=trial.rate, refresh_hz=trial.refresh_hz, seed=trial.seed)
+    plan, tracer_scene = scene_of(trial.config, trial.size)
+    return Setup(plan=plan, tracer_scene=tracer_scene, rate=trial.rate, refresh_hz=trial.refresh_hz, seed=trial.seed)
 
 
 @lru_cache(maxsize=2)
-def scene_of(config: Path, size: tuple[int, int]) -> tuple[Plan, Resident]:
+def scene_of(config: Path, size: tuple[int, int]) -> tuple[Plan, TracerScene]:
     """The plan of a configuration on one panel, and its scene as tracers keep it. Raises ConfigError."""
     plan = make_plan(make_layout(on_one_panel(load(config), size)))
-    return plan, make_resident(plan.scene)
+    return plan, make_tracer_scene(plan.scene)
 
 
 def on_one_panel(loaded: Loaded, size: tuple[int, int]) -> Loaded:

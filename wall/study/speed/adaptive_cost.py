@@ -23,8 +23,8 @@ from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.ownership import block_order
 from wall.study.speed.record import SEED, Row, bounded, compared, median, reported
 from wall.study.speed.tracing import Bench, plan_of
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 REFRESH_HZ = 60.0
 SLIDE = 1.0  # world units a second
@@ -51,8 +51,8 @@ class Session:
         self._kept = AdaptiveSampling().samples_per_pixel
         self.picture = self.new_picture(judging=True)
         self._sampler = AdaptiveSampler(self.rect, self.picture, batch=AdaptiveSampling().samples_per_batch, seed=SEED)
-        self._resident = make_resident(plan.scene)
-        self._tracer = Tracer(self._resident, panel, eye, coherent=self._sampler.coherent)
+        self._tracer_scene = make_tracer_scene(plan.scene)
+        self._tracer = Tracer(self._tracer_scene, panel, eye, coherent=self._sampler.coherent)
         self._first = first_event(plan, 0.0)
         self.seconds: defaultdict[str, float] = defaultdict(float)  # of each stage
         self.samples = 0
@@ -121,7 +121,7 @@ class Session:
         return Batch(
             view=0, panel=0, rect=self.rect, rank=1, sequence=1, camera_event=event.camera_event,
             scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
-            scene_time=event.scene_time, adaptive=True, relightable=self._resident.needs.relighting,
+            scene_time=event.scene_time, adaptive=True, relightable=self._tracer_scene.needs.relighting,
         )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.study.speed.record import Row, compared, median
-from wall.tracing.resident import make_resident
+from wall.tracing.tracer_scene import make_tracer_scene
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 PIXELS, COLUMNS = (480, 270), 4
@@ -68,10 +68,10 @@ def _plan(sources: int, *, tree: bool) -> Plan:
 
 def _packets(plan: Plan) -> dict[int, list[bytes]]:
     """Some packets of every renderer, by its rank."""
-    resident, clock, event = make_resident(plan.scene), HeadClock(), first_event(plan, 0.0)
+    tracer_scene, clock, event = make_tracer_scene(plan.scene), HeadClock(), first_event(plan, 0.0)
     found = {}
     for rank in plan.layout.renderers():
-        worker = Worker(plan, resident, rank, clock, make_samplers(plan, "", plan.layout.region(rank), clock), 0)
+        worker = Worker(plan, tracer_scene, rank, clock, make_samplers(plan, "", plan.layout.region(rank), clock), 0)
         found[rank] = [packet for _ in range(DIFFERENT) if (packet := worker.step(event)) is not None]
     return found
 

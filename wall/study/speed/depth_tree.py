@@ -28,8 +28,8 @@ from wall.roles.plan import Plan, first_event, make_layout
 from wall.scene.parts import objects_in
 from wall.study.speed.record import Row, median, reported
 from wall.study.speed.tracing import plan_of
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 SOURCES, SOURCE_PIXELS = 8, (960, 540)
@@ -80,11 +80,11 @@ def layered_graph(*, tree: bool) -> Graph:
 def _layers() -> list[Framelet]:
     """What each source of `layered_graph` has: its share of the objects, traced once a pixel."""
     plan = plan_of("courtyard", SOURCE_PIXELS)
-    panel, resident = plan.layout.wall.panels[0], make_resident(plan.scene)
+    panel, tracer_scene = plan.layout.wall.panels[0], make_tracer_scene(plan.scene)
     layers = []
     for k in range(SOURCES):
         seen = objects_in(plan.scene, (k / SOURCES, (k + 1) / SOURCES))
-        layers.append(_traced(plan, panel, Tracer(resident, panel, plan.view.eye, coherent=True, seen=seen)))
+        layers.append(_traced(plan, panel, Tracer(tracer_scene, panel, plan.view.eye, coherent=True, seen=seen)))
     return layers
 
 

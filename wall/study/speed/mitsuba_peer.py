@@ -29,8 +29,8 @@ from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, So
 from wall.study.speed.record import Row, compared, skipped
 from wall.study.speed.tracing import plan_of
 from wall.tracing.kernels import trace as kernels
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 LLVM_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64", "/usr/local/lib")
 OLDEST_LLVM, NEWEST_LLVM = 16, 30
@@ -126,7 +126,7 @@ class Ours:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         layout = plan.layout
-        self._tracer = Tracer(make_resident(plan.scene), layout.wall.panels[0], plan.view.eye, coherent=True)
+        self._tracer = Tracer(make_tracer_scene(plan.scene), layout.wall.panels[0], plan.view.eye, coherent=True)
         self._tracer.take(first_event(plan, 0.0))
         self._xy = (block_order(layout.regions[0].rect, worker=0, workers=1) + 0.5).astype(np.float32)
         self._samples = np.zeros(len(self._xy), SAMPLE)

@@ -16,8 +16,8 @@ from wall.reconstruction.picture import Picture
 from wall.roles.plan import Plan, first_event
 from wall.study.speed.record import SEED, Row, bounded, median, skipped
 from wall.study.speed.tracing import plan_of
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 METRIC, UNIT = "gpu_refresh", "ms"
 PIXELS, SOFTWARE_PIXELS = (1920, 1080), (480, 270)  # a program on the CPU gets a sixteenth
@@ -56,7 +56,7 @@ def measure(rounds: int) -> list[Row]:
 def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
     """So many a pixel at random places, by the tracer."""
     width, height = panel.pixels
-    tracer = Tracer(make_resident(plan.scene), panel, plan.view.eye, coherent=True)
+    tracer = Tracer(make_tracer_scene(plan.scene), panel, plan.view.eye, coherent=True)
     tracer.take(event)
     xy = np.random.default_rng(SEED).random((SAMPLES_PER_PIXEL, height, width, 2)).astype(np.float32)
     xy += np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)

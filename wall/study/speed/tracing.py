@@ -20,8 +20,8 @@ from wall.study.speed.record import SEED, Row, compared
 from wall.tracing import embree
 from wall.tracing.kernels import trace as kernels
 from wall.tracing.kernels.packet import SHADE, SHADOW, Workspace
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 SCENE = """\
 version: 1
@@ -50,8 +50,8 @@ class Bench:
         self.plan = plan_of(source)
         layout = self.plan.layout
         self.rect = layout.regions[0].rect
-        resident, panel = make_resident(self.plan.scene), layout.wall.panels[0]
-        self.tracer = Tracer(resident, panel, self.plan.view.eye, coherent=chosen is None)
+        tracer_scene, panel = make_tracer_scene(self.plan.scene), layout.wall.panels[0]
+        self.tracer = Tracer(tracer_scene, panel, self.plan.view.eye, coherent=chosen is None)
         raster = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32)
         raster, event = chosen or (raster, first_event(self.plan, 0.0))
         self.tracer.take(event)

@@ -17,7 +17,7 @@ from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.study.speed.record import Row, compared, median
 from wall.study.speed.tracing import plan_of
-from wall.tracing.resident import Resident, make_resident
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 CREDIT_BYTES = 1 << 20
@@ -28,11 +28,11 @@ BATCHES = 64
 class Source:
     """A renderer's worker on one panel of the courtyard that never runs out of work."""
 
-    def __init__(self, plan: Plan, resident: Resident) -> None:
+    def __init__(self, plan: Plan, tracer_scene: TracerScene) -> None:
         rank = plan.layout.renderers()[0]
         clock = HeadClock()
         samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
-        self.worker = Worker(plan, resident, rank, clock, samplers, 0)
+        self.worker = Worker(plan, tracer_scene, rank, clock, samplers, 0)
         self._event = first_event(plan, 0.0)
 
     def packet(self) -> bytes:
@@ -59,7 +59,7 @@ class Source:
 def codecs(rounds: int) -> list[Row]:
     """encode and decode, M samples/s of one core at the default batch size."""
     plan = plan_of("courtyard")
-    source = Source(plan, make_resident(plan.scene))
+    source = Source(plan, make_tracer_scene(plan.scene))
     batches = [decode(source.packet()) for _ in range(BATCHES)]
     packets = {codec: [encode(batch, codec) for batch in batches] for codec in Codec}
     samples = sum(len(batch.samples) for batch in batches)
@@ -98,8 +98,8 @@ def _seconds(work: Callable[[], object]) -> float:
 def end_to_end(rounds: int) -> list[Row]:
     """Samples a second from a tracing process, over TCP, into the deep buffer, against tracing or decoding alone."""
     plan = plan_of("courtyard")
-    resident = make_resident(plan.scene)
-    source = Source(plan, resident)
+    tracer_scene = make_tracer_scene(plan.scene)
+    source = Source(plan, tracer_scene)
     packets = [source.packet() for _ in range(BATCHES)]
     samples = sum(len(decode(packet).samples) for packet in packets)
     values, limits, chosen = [], [], []
@@ -108,7 +108,7 @@ def end_to_end(rounds: int) -> list[Row]:
         decoding = samples / _seconds(partial(_decode_all, packets))
         limits.append(min(tracing, decoding) / 1e6)
         chosen.append(choosing / 1e6)
-        values.append(_received_rate(plan, resident) / 1e6)
+        values.append(_received_rate(plan, tracer_scene) / 1e6)
     note = (
         "courtyard, frameless, one renderer process to one receiver over loopback TCP, codec none; "
         "the limit has no choosing, encoding, sending or inserting"
@@ -117,10 +117,10 @@ def end_to_end(rounds: int) -> list[Row]:
     return [compared("end_to_end", values, limits, unit="M samples/s", at_least=0.8, note=note, **more)]
 
 
-def _received_rate(plan: Plan, resident: Resident) -> float:
+def _received_rate(plan: Plan, tracer_scene: TracerScene) -> float:
     context = multiprocessing.get_context("fork")
     ours, theirs = context.Pipe()
-    child = context.Process(target=_send, args=(plan, resident, theirs), daemon=True)
+    child = context.Process(target=_send, args=(plan, tracer_scene, theirs), daemon=True)
     child.start()
     hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES)
     panel = PanelCompositor(plan, 0)
@@ -147,10 +147,10 @@ def _receive(hub: ZmqHub, panel: PanelCompositor, seconds: float) -> float:
     return done / (time.perf_counter() - began)
 
 
-def _send(plan: Plan, resident: Resident, pipe: Connection) -> None:
+def _send(plan: Plan, tracer_scene: TracerScene, pipe: Connection) -> None:
     parent = os.getppid()
     link = ZmqLink(pipe.recv(), rank=1)
-    source = Source(plan, resident)
+    source = Source(plan, tracer_scene)
     while os.getppid() == parent:  # killed with the measurement, or alone after it
         if link.ready():
             link.offer(source.packet())

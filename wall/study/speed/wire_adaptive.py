@@ -13,8 +13,8 @@ from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import ManualClock
 from wall.study.speed.record import Row, bounded, compared, median
 from wall.study.speed.tracing import plan_of
-from wall.tracing.resident import make_resident
 from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 RATE = 400e3  # samples a second of the hand-turned clock
 STEP = 0.02  # world units that the eye slides at every batch
@@ -26,14 +26,14 @@ SHARE = 4.0  # encoding may take a quarter of what tracing does
 def measure(rounds: int) -> list[Row]:
     """Batches of the courtyard, as they come back from the wire, are traced and encoded again, in turn."""
     plan = plan_of("courtyard")
-    resident = make_resident(plan.scene)
+    tracer_scene = make_tracer_scene(plan.scene)
     rank = plan.layout.renderers()[0]
     region, clock = plan.layout.region(rank), ManualClock()
-    worker = Worker(plan, resident, rank, clock, make_samplers(plan, "adaptive", region, clock), 0)
+    worker = Worker(plan, tracer_scene, rank, clock, make_samplers(plan, "adaptive", region, clock), 0)
     packets = _moving(plan, worker, clock)
     batches = [decode(packet) for packet in packets]
     samples = sum(len(batch.samples) for batch in batches)
-    tracer = Tracer(resident, plan.layout.panel(rank), plan.view.eye, coherent=worker.sampler.coherent)
+    tracer = Tracer(tracer_scene, plan.layout.panel(rank), plan.view.eye, coherent=worker.sampler.coherent)
     encoded, decoded, traced = [], [], []
     for _ in range(rounds):
         encoded.append(samples / _seconds(lambda: [encode(batch) for batch in batches]) / 1e6)

@@ -1,4 +1,4 @@
-"""A scene as the tracer keeps it: arrays laid out for the kernels, meshes built once in Embree.
+"""TracerScene, a scene as the tracer reads it: arrays laid out for kernels, meshes built once in Embree.
 
 One copy serves all threads of a rank. Vertices and triangles are shared with Embree, not copied into it.
 """
@@ -22,7 +22,7 @@ HAS_NORMALS, HAS_COLORS, HAS_UVS = 1, 2, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Resident:
+class TracerScene:
     """Read-only arrays of a scene; see kernels.Surfaces and kernels.trace for shapes and units."""
 
     scene: Scene
@@ -51,8 +51,8 @@ class Resident:
         return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 
-def make_resident(scene: Scene) -> Resident:
-    """Lay a scene out for tracing and build its meshes; only features that it needs get arrays."""
+def make_tracer_scene(scene: Scene) -> TracerScene:
+    """Lays a scene out for tracing and builds its Embree meshes; only features that it needs get arrays."""
     wanted = needs(scene)
     vertex_counts = [len(mesh.vertices) for mesh in scene.meshes]
     vertices = np.zeros((sum(vertex_counts) + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
@@ -69,7 +69,7 @@ def make_resident(scene: Scene) -> Resident:
         )
     radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in scene.meshes]
     of_instance = np.array([instance.mesh for instance in scene.instances], np.uint32)
-    return Resident(
+    return TracerScene(
         scene=scene,
         needs=wanted,
         device=device,
