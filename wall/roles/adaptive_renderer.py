@@ -32,7 +32,7 @@ class AdaptiveRenderer:
             panel, self._seen.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
         )
         self._sampler = AdaptiveSampler(
-            band, self.picture, batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
+            band, self.picture.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
         )
         self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
         self._due, self._chosen_at = float("-inf"), 0.0
@@ -45,7 +45,7 @@ class AdaptiveRenderer:
         now = self._clock.now()
         if now >= self._due:
             self.picture.refresh(self._seen(self._expected(newest, now)), now)
-            self._sampler.replan()
+            self._sampler.replan(self.picture.feedback())
             self._replanned = True
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)

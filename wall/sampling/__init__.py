@@ -1,1 +1,1 @@
-"""Where to sample next. One file a sampler; all speak the interface in base.py."""
+"""Samplers: where to trace next. One file a sampler; all have the interface in base.py."""

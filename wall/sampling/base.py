@@ -1,4 +1,4 @@
-"""What every sampler does: choose positions, learn what became of them.
+"""The interface of all samplers: choose positions, observe the samples, forget what was lost.
 
 A sampler owns the pixels of one thread. It is told the newest event at every choice and decides itself under which
 event its next batch is traced (framed keeps one event a frame). Pure: no clock, no sockets, randomness from the seed.
@@ -29,20 +29,22 @@ class Targets:
 
 
 class Sampler(Protocol):
-    """`choose` until it gives None: then the view is complete under `newest`, and nothing needs tracing."""
+    """A way to choose what to trace next."""
 
     coherent: bool  # whether its packets are small screen tiles (Embree's coherent traversal pays)
 
-    def choose(self, newest: Event) -> Targets | None: ...
+    def choose(self, newest: Event) -> Targets | None:
+        """The next batch; None once the view is complete under `newest`, and nothing needs tracing."""
+        ...
 
     def observe(self, samples: Samples) -> None:
         """Learn from samples just traced."""
         ...
 
     def forget(self, xy: Float32) -> None:
-        """These positions never arrived: a packet was dropped. They count as not sampled."""
+        """Count these positions as not sampled: their packet was dropped."""
         ...
 
     def restart(self) -> None:
-        """Nobody has anything any more (a compositor came back): start over."""
+        """Start over: a compositor came back and has no samples."""
         ...

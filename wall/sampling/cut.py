@@ -1,4 +1,4 @@
-"""A K-D cut of the region into tiles of about equal importance, changed in small steps.
+"""The K-D cut: a region divided into tiles of about equal importance, changed in small steps.
 
 After Dayal, Woolley, Watson and Luebke 2005 (as told in Woolley et al., "The Ultimate Display: Where Will All the
 Pixels Come From?", IEEE Computer 2005): the leaves of a K-D tree are the tiles; unimportant siblings are merged and
@@ -27,9 +27,9 @@ import numpy as np
 
 from wall.core.data import Float32
 from wall.sampling.kernels import cut as kernels
-from wall.sampling.tiles import Integers, Tiles
+from wall.sampling.kernels.adaptive import Tiles
+from wall.sampling.tiles import Integers
 
-LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile; in smaller ones rays crowd (docs/lab/quality.md)
 FINE, COARSE = 16, 40  # pixels, mean edge of the most and the fewest tiles
 BALANCE = 200.0  # K: puts the four scenes of `measure quality` between FINE and COARSE
 GAIN = 0.125  # of the way to balance, at every refresh
@@ -41,39 +41,38 @@ class Cut:
     def __init__(self, width: int, height: int) -> None:
         area = width * height
         self._range = (max(1.0, area / COARSE**2), max(1.0, area / FINE**2))
-        capacity = 2 * max(1, width // LEAST_EDGE) * max(1, height // LEAST_EDGE)  # no cut can have more leaves
-        self._child, self._parent = np.zeros((capacity, 2), np.int32), np.zeros(capacity, np.int32)
-        self._vacant, self._order = np.zeros(capacity, np.int32), np.zeros(capacity, np.int32)
-        self._state = np.zeros(4, np.int64)
+        least = kernels.LEAST_EDGE
+        capacity = 2 * max(1, width // least) * max(1, height // least)  # no cut can have more leaves than half of it
+        vacant, order, parent = np.zeros((3, capacity), np.int32)
+        self.tree = kernels.Tree(
+            child=np.zeros((capacity, 2), np.int32), parent=parent, vacant=vacant, order=order,
+            state=np.zeros(4, np.int64),
+        )  # fmt: skip
         self.wanted = math.sqrt(self._range[0] * self._range[1])
         self.tiles = Tiles(
-            rects=np.zeros((capacity, 4), np.int32),
-            sums=np.zeros(capacity, np.float64),
-            tile_of=np.zeros((height, width), np.int32),
-            order=self._order[:1],
-        )
-        kernels.plant(width, height, self.tiles.rects, self._child, self._parent, self.tiles.tile_of, self._state)
+            rects=np.zeros((capacity, 4), np.int32), sums=np.zeros(capacity, np.float64),
+            tile_of=np.zeros((height, width), np.int32), order=order[:1],
+        )  # fmt: skip
+        kernels.plant(width, height, self.tiles, self.tree)
         self.tiles.sums[0] = area
         while self.adjust(np.ones((height, width), np.float32), capacity):
             pass
 
     @property
     def listed(self) -> Integers:
-        return self.tiles.order
+        """(n,) the leaves from left to right in the tree."""
+        order: Integers = self.tiles.order
+        return order
 
     def adjust(self, score: Float32, steps: int) -> int:
-        """At most `steps` splits and merges; returns how many."""
-        t = self.tiles
-        taken = kernels.adjust(
-            score, self.wanted, steps, LEAST_EDGE, MOST_EDGE, t.rects, self._child, self._parent, t.sums, t.tile_of,
-            self._vacant, self._order, self._state,
-        )  # fmt: skip
+        """Take at most `steps` splits and merges; returns how many."""
+        taken = kernels.adjust(score, self.wanted, steps, self.tiles, self.tree)
         if taken:
-            self.tiles = t._replace(order=self._order[: self._state[kernels.LEAVES]])
+            self.tiles = self.tiles._replace(order=self.tree.order[: self.tree.state[kernels.LEAVES]])
         return int(taken)
 
     def balance(self, contrast: Float32, change: float) -> None:
-        """One step of the rule; contrast : (h, w) float32, squared display units a pixel; change : display units."""
+        """Take one step of the rule. contrast : (h, w) float32, squared display units; change : display units"""
         slope = float(np.sqrt(contrast).mean())
         edge = min(max(BALANCE * change / max(slope, 1e-6), FINE), COARSE)  # S at the balance
         goal = max(1.0, contrast.size / edge**2)

@@ -1,4 +1,4 @@
-"""Framed sampling, the baseline: every pixel once in raster order, all under one event, shown when complete.
+"""Framed sampling: every pixel once in raster order, all under one event, shown when complete.
 
 Packets are 4 x 4 pixel blocks, so rays are as coherent as they can be. The threads of a rank share one frame: the
 next one begins, under the newest event, when all have finished their part of it.
@@ -16,7 +16,7 @@ from wall.sampling.ownership import block_order
 
 
 class FrameCounter:
-    """Which frame the threads of a rank are in, and the event that all of it shows."""
+    """The frame that the threads of a rank share: its number and its event."""
 
     def __init__(self, workers: int) -> None:
         self._lock = threading.Lock()
@@ -25,15 +25,17 @@ class FrameCounter:
         self.event: Event | None = None
 
     def finish(self) -> None:
+        """A thread has chosen all its positions of the frame."""
         with self._lock:
             self._finished += 1
 
     def unfinish(self) -> None:
+        """A thread that had finished lost positions, and has to choose them again."""
         with self._lock:
             self._finished -= 1
 
     def begin(self, newest: Event, *, after: int) -> bool:
-        """Start the frame after frame `after`, if all threads are through and there is something new to show."""
+        """Start the frame after frame `after` if all threads have finished and the event is new; whether it runs."""
         with self._lock:
             if self.number > after:
                 return True
@@ -43,11 +45,14 @@ class FrameCounter:
             return True
 
     def forget(self) -> None:
+        """Forget the event, so that the next frame begins even if nothing has changed."""
         with self._lock:
             self.event = None
 
 
 class FramedSampler:
+    """One thread's pixels in raster order of 4 x 4 blocks, once a frame."""
+
     coherent = True
 
     def __init__(self, rect: Rect, counter: FrameCounter, *, batch: int, worker: int = 0, workers: int = 1) -> None:
@@ -57,6 +62,7 @@ class FramedSampler:
         self._again: list[Float32] = []  # positions of this frame that were lost on the way
 
     def choose(self, newest: Event) -> Targets | None:
+        """The next positions of the frame, lost ones first; None while the next frame may not begin."""
         if self._at >= len(self._centres) and not self._again:
             if not self._counter.begin(newest, after=self._frame):
                 return None
@@ -72,12 +78,14 @@ class FramedSampler:
         return Targets(xy=xy, event=event, frame=self._frame, frame_samples=self._area)
 
     def observe(self, samples: Samples) -> None:
-        """The baseline is blind to what it sees."""
+        """Ignore the samples: the order is fixed."""
 
     def forget(self, xy: Float32) -> None:
+        """Choose these positions again in this frame."""
         if self._at >= len(self._centres) and not self._again:
             self._counter.unfinish()
         self._again.append(xy)
 
     def restart(self) -> None:
+        """Begin another frame once this one is complete, even if nothing has changed."""
         self._counter.forget()

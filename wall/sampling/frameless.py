@@ -28,12 +28,13 @@ class FramelessSampler:
         self._pixels, self._centres = pixels, (pixels + 0.5).astype(np.float32)
         self._slots, self._rect, self._batch = slots_of(rect, pixels), rect, batch
         self._order = np.arange(len(self._pixels), dtype=np.int32)
-        self._epochs = np.zeros(len(self._pixels), np.uint32)  # 0: never sampled
+        self._epochs = np.zeros(len(self._pixels), np.uint32)  # epoch of each pixel's newest sample; 0: none
         self._epoch, self._number = 1, (-1, -1)
         self._missing = len(self._pixels)
         self._seed, self._sweep, self._at = seed * workers + worker, 0, len(self._pixels)
 
     def choose(self, newest: Event) -> Targets | None:
+        """The next pixels of the permutation without a sample of `newest`; None once there are none."""
         if newest.number != self._number:
             self._number, self._epoch, self._missing = newest.number, self._epoch + 1, len(self._pixels)
         if self._missing == 0:
@@ -53,13 +54,15 @@ class FramelessSampler:
         return Targets(xy=self._centres.take(numbers, axis=0), event=newest)
 
     def observe(self, samples: Samples) -> None:
-        """Bishop's sampler is blind to what it sees."""
+        """Ignore the samples: the order is random."""
 
     def forget(self, xy: Float32) -> None:
+        """Choose these pixels again."""
         self._missing += kernels.clear_epochs(
             xy, self._slots, self._rect.x, self._rect.y, self._epochs, np.uint32(self._epoch)
         )
 
     def restart(self) -> None:
+        """Choose every pixel again."""
         self._epochs[:] = 0
         self._missing = len(self._pixels)

@@ -4,7 +4,7 @@
 - Each worker visits its chunks in a random order, new every sweep.
 - It takes the newest camera every `camera_update_percent` of its pixels, not in between.
 - A pixel has four sample positions; a visit renews two, so that a pixel is complete after two visits.
-- New samples are blended into the picture (`blend`): older ones fade exponentially.
+- New samples are blended into the image (`blend`): older ones fade exponentially.
 - The worker keeps a running mean and variance of each of its pixels.
 """
 
@@ -23,6 +23,8 @@ STATISTICS_WINDOW = 16.0  # samples; four complete visits
 
 
 class HilbertSampler:
+    """One thread's chunks of the curve, in a new random order every sweep."""
+
     coherent = True
 
     def __init__(
@@ -59,6 +61,7 @@ class HilbertSampler:
         return (self._m2 / np.maximum(self.count, 1)).astype(np.float32)
 
     def choose(self, newest: Event) -> Targets | None:
+        """Two positions in each pixel of the next chunks; None once all chunks are complete."""
         event = self._take_camera(newest)
         xy = np.empty((self._chunks_a_batch * SAMPLES_A_VISIT * int(np.diff(self._ends).max(initial=0)), 2), np.float32)
         filled = 0
@@ -97,14 +100,19 @@ class HilbertSampler:
         return None
 
     def observe(self, samples: Samples) -> None:
+        """Update the running statistics of pixels."""
         kernels.running_statistics(
             samples, self._slots, self._rect.x, self._rect.y, self.count, self.mean, self._m2, STATISTICS_WINDOW
         )
 
     def forget(self, xy: Float32) -> None:
+        """Visit the chunks of these positions again."""
         pixels = xy.astype(np.int32) - np.array([self._rect.x, self._rect.y], np.int32)
         slots = self._slots[pixels[:, 1], pixels[:, 0]]
-        self._fresh[self._chunk_of[slots[slots >= 0]]] = 0  # another thread's: lost before the sampler was switched
+        self._fresh[self._chunk_of[slots[slots >= 0]]] = (
+            0  # slot -1: of another thread's pixel, lost before the sampler was switched
+        )
 
     def restart(self) -> None:
+        """Visit every chunk again."""
         self._fresh[:] = 0

@@ -1,6 +1,6 @@
-"""Which thread owns which pixels of a region: dealt once, never changed.
+"""Division of a region's pixels among the threads of a rank, made once.
 
-A static deal lets every thread keep what it likes about its pixels without locks (Parker et al. 1999).
+A static division lets every thread keep what it likes about its pixels without locks (Parker et al. 1999).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Progressive sampling of whole pictures: the reference that everything else is measured against.
+"""Progressive sampling of whole images, for `wall render` and for references.
 
 Sample k of pixel (x, y) lies at the k-th point of the R2 sequence, shifted by a hash of (seed, x, y): well spread in
-every pixel, different between pixels, and the same however the picture is divided among threads and ranks.
+every pixel, different between pixels, and the same however the image is divided among threads and ranks.
 R2: M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
 """
 
@@ -15,7 +15,7 @@ from wall.sampling.ownership import block_order
 
 
 class ProgressiveSampler:
-    """One band of a picture: `positions(k)` for sample k of every pixel, `add` what was traced, `mean()` at the end."""
+    """One band of an image: `positions(k)` for sample k of every pixel, `add` what was traced, `mean()` at the end."""
 
     def __init__(self, rect: Rect, *, seed: int) -> None:
         self._pixels, self._rect, self._seed = block_order(rect, worker=0, workers=1), rect, seed
@@ -29,6 +29,7 @@ class ProgressiveSampler:
         return xy
 
     def add(self, samples: Samples) -> None:
+        """Add samples to their pixels' sums."""
         kernels.accumulate(samples, self._rect.x, self._rect.y, self._sums, self.counts)
 
     def mean(self) -> Float64:

@@ -1,4 +1,4 @@
-"""Two samplers on one budget, to be compared: batches alternate so that both have traced equally many rays."""
+"""A/B comparison of two samplers on one budget: batches alternate so that both trace equally many rays."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from wall.sampling.base import Sampler, Targets
 
 
 class SplitSampler:
-    """A Sampler made of two. Whoever has fewer rays is next; what it does not want now it cannot save up."""
+    """A Sampler made of two: the one with fewer rays chooses next. A sampler that chooses none gains no credit."""
 
     def __init__(self, first: Sampler, second: Sampler) -> None:
         self.sides = (first, second)
-        self.rays = [0, 0]
-        self.turn = 0  # whose the newest batch is
+        self.rays = [0, 0]  # of each side, or what it passed over
+        self.turn = 0  # the side of the newest batch
         self.coherent = first.coherent
 
     def choose(self, newest: Event) -> Targets | None:
-        poorer = int(self.rays[1] < self.rays[0])
-        for side in (poorer, 1 - poorer):
+        """The next batch of the side that has fewer rays, else of the other; None where neither has any."""
+        next_side = int(self.rays[1] < self.rays[0])
+        for side in (next_side, 1 - next_side):
             targets = self.sides[side].choose(newest)
             if targets is not None:
                 self.turn, self.coherent = side, self.sides[side].coherent
@@ -27,13 +28,15 @@ class SplitSampler:
         return None
 
     def observe(self, samples: Samples) -> None:
+        """Tell the side of the newest batch."""
         self.sides[self.turn].observe(samples)
 
     def forget(self, xy: Float32) -> None:
-        """Whose they were is not known here: both lose them. `sides[k].forget` is exact."""
+        """Tell both sides, since which one chose them is not known here; `sides[k].forget` is exact."""
         for side in self.sides:
             side.forget(xy)
 
     def restart(self) -> None:
+        """Restart both."""
         for side in self.sides:
             side.restart()

@@ -1,4 +1,4 @@
-"""How a region is divided into tiles: a fixed grid. The same arrays describe the K-D cut, which changes."""
+"""Divisions of a region into tiles: what the adaptive sampler asks of one, and the fixed grid."""
 
 from __future__ import annotations
 
@@ -7,19 +7,11 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Float32, Float64
+from wall.core.data import Float32
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.sampling.kernels.adaptive import Tiles
 
 Integers = NDArray[np.int32]
-
-
-class Tiles(NamedTuple):
-    """A division of (h, w) pixels: every pixel lies in exactly one of the tiles in `order`."""
-
-    rects: Integers  # (capacity, 4) x, y, width, height
-    sums: Float64  # (capacity,) of pixel scores
-    tile_of: Integers  # (h, w)
-    order: Integers  # (n,) the tiles there are, neighbours in a row
 
 
 class Measured(NamedTuple):
@@ -32,7 +24,7 @@ class Measured(NamedTuple):
 
 
 class Division(Protocol):
-    """A way to divide a region: the grid, or the cut."""
+    """A way to divide a region: the grid here, or the K-D cut."""
 
     tiles: Tiles
 
@@ -46,12 +38,12 @@ class Division(Protocol):
         ...
 
     def balance(self, contrast: Float32, change: float) -> None:
-        """Learn how much the picture varies: in space, (h, w) squared, and over the age of its samples."""
+        """Learn how much the image varies: in space, (h, w) squared, and over the age of its samples."""
         ...
 
 
 class Grid:
-    """Squares of 16 pixels, cut off at the right and lower borders; nothing about it changes."""
+    """A Division into squares of 16 pixels, cut off at the right and lower borders; it never changes."""
 
     def __init__(self, width: int, height: int) -> None:
         rows, columns = -(-height // TILE), -(-width // TILE)
@@ -65,6 +57,8 @@ class Grid:
         self.listed: Integers = np.arange(rows * columns, dtype=np.int32)
 
     def adjust(self, score: Float32, steps: int) -> int:
+        """Change nothing."""
         return 0
 
-    def balance(self, contrast: Float32, change: float) -> None: ...
+    def balance(self, contrast: Float32, change: float) -> None:
+        """Learn nothing."""

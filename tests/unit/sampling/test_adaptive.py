@@ -7,11 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels import adaptive as kernels
-from wall.sampling.tiles import Grid, Tiles
+from wall.sampling.kernels.adaptive import Pixels, Tiles
+from wall.sampling.tiles import Grid
 
 PACKET = kernels.PACKET
 Path = Callable[[int], Event]
@@ -33,11 +35,12 @@ def grid_over(score: Float32) -> Tiles:
     return tiles
 
 
-def drawn(score: Float32, packets: int, *, seed: int = 1, sequence: int = 1, visits: object = None) -> Float32:
+def drawn(
+    score: Float32, packets: int, *, seed: int = 1, sequence: int = 1, visits: NDArray[np.uint16] | None = None
+) -> Float32:
     xy = np.full((packets * PACKET, 2), np.nan, np.float32)
     seen = np.zeros(score.shape, np.uint16) if visits is None else visits
-    tiles = grid_over(score)
-    filled = kernels.draw(score, tiles.rects, tiles.order, tiles.sums, packets, seed, sequence, seen, *ORIGIN, xy)
+    filled = kernels.draw(score, grid_over(score), Pixels(seen, seed, *ORIGIN), packets, sequence, xy)
     assert np.isnan(xy[filled:]).all()
     return xy[:filled]
 
@@ -116,14 +119,14 @@ def test_where_no_pixel_has_a_score_nothing_is_drawn(size: tuple[int, int]) -> N
 def test_sums_that_have_drifted_are_set_right_and_draw_nothing_from_an_empty_tile() -> None:
     score = np.zeros((16, 48), np.float32)
     score[:, 20] = 1.0
-    rects, sums, _, order = grid_over(score)
-    sums[:] = 3.0, 7.0, 1e-9
+    tiles = grid_over(score)
+    tiles.sums[:] = 3.0, 7.0, 1e-9
     xy = np.zeros((10 * PACKET, 2), np.float32)
-    filled = kernels.draw(score, rects, order, sums, 10, 1, 1, np.zeros(score.shape, np.uint16), *ORIGIN, xy)
+    filled = kernels.draw(score, tiles, Pixels(np.zeros(score.shape, np.uint16), 1, *ORIGIN), 10, 1, xy)
     assert filled % PACKET == 0
     assert 6 * PACKET <= filled <= 8 * PACKET, "of 10 packets the 3 of an empty tile are not traced"
     assert set((xy[:filled, 0] - ORIGIN[0]).astype(int)) == {20}
-    assert_allclose(sums[:2], [0.0, 16.0])
+    assert_allclose(tiles.sums[:2], [0.0, 16.0])
 
 
 def test_a_seed_repeats_its_positions_and_another_does_not() -> None:
@@ -147,7 +150,7 @@ def test_far_right_on_a_wide_wall_positions_stay_in_their_pixels(compiled_only: 
     """At pixel 8191 float32 steps by 1/2048: rounding must not carry a position over the edge."""
     score = np.ones((1, 16), np.float32)
     xy = np.zeros((2000 * PACKET, 2), np.float32)
-    rects, sums, _, order = grid_over(score)
-    kernels.draw(score, rects, order, sums, 2000, 3, 1, np.zeros(score.shape, np.uint16), 8176, 8191, xy)
+    pixels = Pixels(np.zeros(score.shape, np.uint16), 3, 8176, 8191)
+    kernels.draw(score, grid_over(score), pixels, 2000, 1, xy)
     assert_array_equal(np.bincount(xy[:, 0].astype(int) - 8176, minlength=16), 2000)
     assert (xy[:, 1] < 8192).all()

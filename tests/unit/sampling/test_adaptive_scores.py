@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
@@ -11,6 +10,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import ArrayLike
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Rect, Samples
+from wall.deepbuffer.feedback import Feedback
+from wall.deepbuffer.kernels import accumulation
 from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.tiles import Grid
@@ -20,32 +21,21 @@ Path = Callable[[int], Event]
 RECT = Rect(x=5, y=9, width=40, height=37)  # 3 x 3 tiles, ragged
 
 
-@dataclass
-class Known:
-    """A picture beneath that a test fills in; `Picture` itself is tested where it lives."""
-
-    rect: Rect
-    nothing_moves: bool = False
-    radiance: Float32 = field(init=False)
-    gathered: Float32 = field(init=False)
-    still: Float32 = field(init=False)
-    residual: Float32 = field(init=False)
-
-    def __post_init__(self) -> None:
-        height, width = self.rect.height, self.rect.width
-        self.radiance = np.zeros((height, width, 3), np.float32)
-        self.gathered = np.zeros((height + 2, width + 2, 4), np.float32)
-        self.still = np.zeros((height, width, 8), np.float32)
-        self.residual = np.zeros((-(-height // 16), -(-width // 16)), np.float32)
-
-    def refresh(self, event: Event, now: float) -> None: ...
-
-    def insert(self, samples: Samples, base_time: float, event: Event) -> None: ...
+def unknown(rect: Rect = RECT, *, nothing_moves: bool = False) -> Feedback:
+    """Feedback of a reconstruction that has no samples, for a test to fill in."""
+    height, width = rect.height, rect.width
+    return Feedback(
+        resolved=np.zeros((height, width, 3), np.float32),
+        sample_density=np.zeros((height + 2, width + 2, 4), np.float32)[1:-1, 1:-1, 3],
+        accumulation=np.zeros((height, width, accumulation.COLUMNS), np.float32),
+        temporal_gradient=np.zeros((-(-height // 16), -(-width // 16)), np.float32),
+        nothing_moves=nothing_moves,
+    )
 
 
-def sampler_over(known: Known, *, batch: int = 4096, seed: int = 1) -> AdaptiveSampler:
-    sampler = AdaptiveSampler(known.rect, known, batch=batch, seed=seed)
-    sampler.replan()
+def sampler_over(feedback: Feedback, rect: Rect = RECT, *, batch: int = 4096, seed: int = 1) -> AdaptiveSampler:
+    sampler = AdaptiveSampler(rect, feedback, batch=batch, seed=seed)
+    sampler.replan(feedback)
     return sampler
 
 
@@ -70,7 +60,7 @@ def samples_at(pixels: ArrayLike, *, change: float = 0.0) -> Samples:
 
 
 def test_before_anything_is_known_every_pixel_is_worth_the_same(camera_path: Path) -> None:
-    counts = rays(sampler_over(Known(RECT)), camera_path(0), batches=2)
+    counts = rays(sampler_over(unknown()), camera_path(0), batches=2)
     assert set(np.unique(counts)) <= {4, 5, 6, 7}, "8192 rays on 1480 pixels: 5.5 each"
 
 
@@ -83,26 +73,25 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     gathered[5:9, 7:11, 3] = 0.05  # holes
     still = np.zeros((37, 40, 8), np.float32)
     still[20, 20, 3] = 50
-    contrast, density, score = (np.zeros((37, 40), np.float32) for _ in range(3))
-    _, sums, tile_of, _ = Grid(40, 37).tiles
+    scores, tiles = kernels.Scores(value, *np.zeros((3, 37, 40), np.float32)), Grid(40, 37).tiles
 
-    kernels.score_moving(value, gathered, still, np.float32(FLOOR_MOVING), contrast, density, score, tile_of, sums)
+    kernels.score_moving(gathered[1:-1, 1:-1, 3], still, FLOOR_MOVING, scores, tiles)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]
     expected = np.mean([(v - value) ** 2 for k, v in enumerate(around) if k != 4], axis=0)
     n = np.maximum(gathered[1:-1, 1:-1, 3], still[..., 3])
-    gain = np.where(n < kernels.EMPTY, kernels.HOLE + expected, expected / (n * (n + 1))) + FLOOR_MOVING
-    assert_allclose(score, gain, rtol=1e-5)
+    gain = np.where(n < kernels.HOLE_DENSITY, kernels.HOLE + expected, expected / (n * (n + 1))) + FLOOR_MOVING
+    assert_allclose(scores.score, gain, rtol=1e-5)
     down, across = (0, 16, 32), (0, 16, 32)
-    assert_allclose(sums.reshape(3, 3), np.add.reduceat(np.add.reduceat(gain, down, 0), across, 1), rtol=1e-5)
+    assert_allclose(tiles.sums.reshape(3, 3), np.add.reduceat(np.add.reduceat(gain, down, 0), across, 1), rtol=1e-5)
 
 
 def test_holes_come_first_and_edges_before_plain_surfaces(camera_path: Path) -> None:
-    known = Known(RECT)
-    known.gathered[..., 3] = 1.0
-    known.gathered[1:7, 1:7, 3] = 0.0  # 36 pixels not known
-    known.radiance[:, 20:] = 0.04  # an edge of 0.2 in brightness between columns 19 and 20
+    known = unknown()
+    known.sample_density[:] = 1.0
+    known.sample_density[:6, :6] = 0.0  # 36 pixels not known
+    known.resolved[:, 20:] = 0.04  # an edge of 0.2 in brightness between columns 19 and 20
     counts = rays(sampler_over(known), camera_path(0), batches=4)
     plain = counts[10:, 25:].mean()
     assert counts[:6, :6].min() > 20 * plain
@@ -112,18 +101,17 @@ def test_holes_come_first_and_edges_before_plain_surfaces(camera_path: Path) -> 
 
 def test_sums_stay_the_sums_of_scores_while_samples_come(random_numbers: np.random.Generator) -> None:
     """Added and subtracted in float64: within the float32 rounding of 600 scores."""
-    known = Known(RECT)
-    known.radiance[:] = random_numbers.random((37, 40, 1))
+    known = unknown()
+    known.resolved[:] = random_numbers.random((37, 40, 1))
     for moving in (True, False):
-        known.nothing_moves = not moving
-        sampler = sampler_over(known)
+        sampler = sampler_over(known._replace(nothing_moves=not moving))
         for _ in range(10):
             pixels = np.stack([random_numbers.integers(-3, 41, 60), random_numbers.integers(-3, 44, 60)], axis=1)
             samples = samples_at(pixels)
             samples["change"] = np.maximum(0, random_numbers.uniform(-1, 1, 60))
             sampler.observe(samples)
             sampler.forget(samples["xy"][::4])
-        score, sums = sampler._score, sampler.division.tiles.sums.reshape(3, 3)
+        score, sums = sampler._scores.score, sampler.division.tiles.sums.reshape(3, 3)
         assert (score >= 0).all()
         down, across = (0, 16, 32), (0, 16, 32)
         expected = np.add.reduceat(np.add.reduceat(score.astype(float), down, axis=0), across, axis=1)
@@ -131,18 +119,18 @@ def test_sums_stay_the_sums_of_scores_while_samples_come(random_numbers: np.rand
 
 
 def test_a_sample_lowers_what_its_pixel_is_worth_and_no_other() -> None:
-    sampler = sampler_over(Known(RECT))
-    before = sampler._score.copy()
+    sampler = sampler_over(unknown())
+    before = sampler._scores.score.copy()
     sampler.observe(samples_at([(3, 4)]))
-    lower = sampler._score < before
+    lower = sampler._scores.score < before
     assert np.argwhere(lower).tolist() == [[3, 4]]
-    assert (sampler._score == before)[~lower].all()
+    assert (sampler._scores.score == before)[~lower].all()
 
 
 @pytest.mark.parametrize("at", [(12, 13), (0, 0), (36, 39), (15, 16)])
 def test_a_contradiction_draws_rays_to_its_neighbours_at_once(at: tuple[int, int], camera_path: Path) -> None:
-    known = Known(RECT)
-    known.gathered[..., 3] = 1.0
+    known = unknown()
+    known.sample_density[:] = 1.0
     sampler = sampler_over(known)
     plain = rays(sampler, camera_path(0)).mean()
     sampler.observe(samples_at([at], change=1.0))
@@ -156,25 +144,25 @@ def test_a_contradiction_draws_rays_to_its_neighbours_at_once(at: tuple[int, int
 
 
 def test_lost_samples_make_their_pixels_worth_a_hole() -> None:
-    known = Known(RECT)
-    known.gathered[..., 3] = 1.0
+    known = unknown()
+    known.sample_density[:] = 1.0
     sampler = sampler_over(known)
-    before = sampler._score.copy()
+    before = sampler._scores.score.copy()
     lost = samples_at([(0, 0), (36, 39), (7, 7), (7, 7), (-1, 5), (5, 40), (37, 0)])["xy"]
 
     sampler.forget(lost.astype(np.float32))
 
-    changed = np.argwhere(sampler._score != before)
+    changed = np.argwhere(sampler._scores.score != before)
     assert changed.tolist() == [[0, 0], [7, 7], [36, 39]]
-    assert (sampler._score[sampler._score != before] == kernels.HOLE).all()
+    assert (sampler._scores.score[sampler._scores.score != before] == kernels.HOLE).all()
 
 
 def test_no_samples_and_no_losses_change_nothing() -> None:
-    sampler = sampler_over(Known(RECT))
-    before = sampler._score.copy()
+    sampler = sampler_over(unknown())
+    before = sampler._scores.score.copy()
     sampler.observe(np.zeros(0, SAMPLE))
     sampler.forget(np.zeros((0, 2), np.float32))
-    assert_array_equal(sampler._score, before)
+    assert_array_equal(sampler._scores.score, before)
 
 
 def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
@@ -186,8 +174,8 @@ def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
     the error against the true mean, half a step, and on how many samples that took.
     """
     random = np.random.default_rng(9)
-    known = Known(RECT, nothing_moves=True)
-    known.radiance[:] = 0.25  # brightness 0.5
+    known = unknown(nothing_moves=True)
+    known.resolved[:] = 0.25  # brightness 0.5
     noise = np.full((RECT.height, RECT.width), 0.03)
     noise[:10, :10] = 0.0
     sampler = sampler_over(known, batch=16384)
@@ -196,24 +184,24 @@ def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
         total += len(targets.xy)
         assert total < 234 * RECT.area * 2, "never ends"
         x, y = (np.floor(targets.xy) - (RECT.x, RECT.y)).astype(int).T
-        observe(known.still, y, x, 0.5 + noise[y, x] * random.standard_normal(len(x)))
+        observe(known.accumulation, y, x, 0.5 + noise[y, x] * random.standard_normal(len(x)))
         samples = np.zeros(len(x), SAMPLE)
         samples["xy"] = targets.xy
         sampler.observe(samples)
-        sampler.replan()
+        sampler.replan(known)
 
-    count, mean, deviations = known.still[..., 3], known.still[..., 4], known.still[..., 5]
-    assert (count >= kernels.LEAST).all()
+    count, mean, deviations = (known.accumulation[..., k] for k in (3, 4, 5))
+    assert (count >= kernels.BELIEVED).all()
     assert (np.sqrt(deviations) / count <= ENOUGH).all(), "standard error, from its own samples"
     assert np.sqrt(((mean - 0.5) ** 2).mean()) < ENOUGH
-    assert count[:9, :9].max() <= 2 * kernels.LEAST + PACKET, "rays were spent where nothing was to be gained"
+    assert count[:9, :9].max() <= 2 * kernels.BELIEVED + PACKET, "rays were spent where nothing was to be gained"
     assert total < 1.5 * 234 * RECT.area
 
 
-def observe(still: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -> None:
+def observe(accumulated: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -> None:
     """Welford's update, in the order in which values came; what Picture does for pixels at rest."""
     for row, column, value in zip(np.asarray(i), np.asarray(j), values, strict=True):
-        pixel = still[row, column]
+        pixel = accumulated[row, column]
         pixel[3] += 1
         delta = value - pixel[4]
         pixel[4] += delta / pixel[3]
@@ -224,7 +212,7 @@ def observe(still: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -> None
 @pytest.mark.parametrize("still", [False, True])
 def test_regions_of_any_size_are_sampled_inside(size: tuple[int, int], still: bool, camera_path: Path) -> None:
     rect = Rect(x=7, y=3, width=size[0], height=size[1])
-    sampler = sampler_over(Known(rect, nothing_moves=still), batch=256)
+    sampler = sampler_over(unknown(rect, nothing_moves=still), rect, batch=256)
     for _ in range(5):
         targets = sampler.choose(camera_path(0))
         assert targets is not None
@@ -233,7 +221,7 @@ def test_regions_of_any_size_are_sampled_inside(size: tuple[int, int], still: bo
 
 
 def test_rays_that_are_asked_for_come_in_whole_packets_and_at_least_one(camera_path: Path) -> None:
-    sampler = sampler_over(Known(RECT))
+    sampler = sampler_over(unknown())
     for asked, given in ((1, 16), (16, 16), (31, 16), (32, 32), (1000, 992)):
         targets = sampler.choose(camera_path(0), asked)
         assert targets is not None

@@ -9,9 +9,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from wall.core.data import Float32
-from wall.sampling.cut import BALANCE, COARSE, FINE, GAIN, LEAST_EDGE, MOST_EDGE, Cut
+from wall.sampling.cut import BALANCE, COARSE, FINE, GAIN, Cut
 from wall.sampling.kernels import adaptive as kernels_adaptive
 from wall.sampling.kernels import cut as kernels
+from wall.sampling.kernels.adaptive import Pixels
+from wall.sampling.kernels.cut import LEAST_EDGE, MOST_EDGE
 
 SIZES = [(1, 1), (5, 3), (1, 200), (300, 11), (23, 70), (16, 16), (65, 64), (100, 75), (150, 40)]  # width, height
 MANY = 10_000
@@ -81,7 +83,7 @@ def test_left_alone_the_leaves_come_to_about_equal_importance(
     rects, sums, _, order = cut.tiles
     wanted = score.sum(dtype=np.float64) / 40
     assert (sums[order][rects[order, 2:].max(axis=1) >= 2 * LEAST_EDGE] <= kernels.SPLIT * wanted).all()
-    parents = cut._parent[order]
+    parents = cut.tree.parent[order]
     for parent in {p for p in parents.tolist() if (parents == p).sum() == 2}:
         if rects[parent, 2:].max() <= MOST_EDGE:
             assert sums[order[parents == parent]].sum() >= kernels.MERGE * wanted
@@ -111,9 +113,8 @@ def test_where_nothing_is_to_be_gained_nothing_is_drawn_and_no_number_breaks(com
     assert len(cut.tiles.order) <= before
     cut.balance(score, 0.0)
     assert math.isfinite(cut.wanted)
-    rects, sums, _, order = cut.tiles
-    xy = np.zeros((160, 2), np.float32)
-    assert kernels_adaptive.draw(score, rects, order, sums, 10, 1, 1, np.zeros((75, 100), np.uint16), 0, 0, xy) == 0
+    xy, pixels = np.zeros((160, 2), np.float32), Pixels(np.zeros((75, 100), np.uint16), 1, 0, 0)
+    assert kernels_adaptive.draw(score, cut.tiles, pixels, 10, 1, xy) == 0
 
 
 def test_equal_calls_give_equal_cuts(compiled_only: None) -> None:
@@ -144,13 +145,12 @@ def test_with_a_floor_no_pixel_starves_beside_a_hot_one(compiled_only: None) -> 
     """All but one pixel have 1 / 33,000 of the scores: of 100 draws of 16,000 rays they get 48 each on average."""
     score = np.full((48, 64), 1e-3, np.float32)
     score[10, 10] = 30.0
-    cut, seen, visits = Cut(64, 48), np.zeros((48, 64)), np.zeros((48, 64), np.uint16)
+    cut, seen, pixels = Cut(64, 48), np.zeros((48, 64)), Pixels(np.zeros((48, 64), np.uint16), 1, 0, 0)
     summed(cut, score)
     xy = np.zeros((1000 * kernels_adaptive.PACKET, 2), np.float32)
     for sequence in range(100):
         cut.adjust(score, 5)
-        rects, sums, _, order = cut.tiles
-        filled = kernels_adaptive.draw(score, rects, order, sums, 1000, 1, sequence, visits, 0, 0, xy)
+        filled = kernels_adaptive.draw(score, cut.tiles, pixels, 1000, sequence, xy)
         assert filled == len(xy)
         np.add.at(seen, (xy[:, 1].astype(int), xy[:, 0].astype(int)), 1)
     expected = seen.sum() * score / score.sum(dtype=np.float64)

@@ -2,53 +2,61 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.sampling.kernels.adaptive import HEIGHT, WIDTH, X, Y
 
-LEAF, FREE = -1, -2  # in child[node, 0]; FREE in parent
+LEAST_EDGE, MOST_EDGE = 12, 64  # pixels, of any tile, most >= 2 least; in smaller ones rays crowd (docs/lab/quality.md)
 SPLIT, MERGE = 2.0, 1.0  # of the wanted importance: leaves above are split, pairs of leaves below become one
-LEAVES, NODES, VACANT, CURSOR = 0, 1, 2, 3  # in `state`
+LEFT, RIGHT = 0, 1  # columns of `child`
+LEAF, FREE = -1, -2  # in child[node, LEFT]; FREE in parent
+LEAVES, NODES, VACANT, CURSOR = 0, 1, 2, 3  # entries of `state`
+
+
+class Tree(NamedTuple):
+    """The nodes above the tiles. There is room for twice as many nodes as there can be leaves."""
+
+    child: np.ndarray  # (capacity, 2) int32: LEFT and RIGHT child, or LEAF
+    parent: np.ndarray  # (capacity,) int32; LEAF of the root, FREE of a node that is not in use
+    vacant: np.ndarray  # (capacity,) int32: stack of nodes that were given up
+    order: np.ndarray  # (capacity,) int32: the leaves from left to right in the tree
+    state: np.ndarray  # (4,) int64: LEAVES, NODES in use or given up, VACANT nodes, CURSOR where to go on
 
 
 @kernel
-def plant(width, height, rects, child, parent, tile_of, state):
-    """One leaf over (h, w) pixels.
-
-    width, height : int, pixels; rects, child, parent, tile_of, state : see adjust, written
-    """
-    rects[0, 0], rects[0, 1], rects[0, 2], rects[0, 3] = 0, 0, width, height
-    child[0, 0], parent[0] = LEAF, LEAF
-    tile_of[:] = 0
-    state[LEAVES], state[NODES], state[VACANT], state[CURSOR] = 1, 1, 0, 0
+def plant(width, height, tiles, tree):
+    """Make one leaf of all (height, width) pixels. tiles : Tiles and tree : Tree, written"""
+    set_rect(tiles.rects, 0, 0, 0, width, height)
+    tree.child[0, LEFT], tree.parent[0] = LEAF, LEAF
+    tiles.tile_of[:] = 0
+    tree.state[LEAVES], tree.state[NODES], tree.state[VACANT], tree.state[CURSOR] = 1, 1, 0, 0
 
 
 @kernel
-def adjust(score, wanted, steps, least, most, rects, child, parent, sums, tile_of, vacant, order, state):
-    """Up to `steps` splits and merges towards `wanted` leaves of equal sums of scores.
+def adjust(score, wanted, steps, tiles, tree):
+    """Take up to `steps` splits and merges towards `wanted` leaves of equal sums of scores.
 
-    A leaf with more than SPLIT times the wanted sum is split along its longer axis; two sibling leaves with less than
-    MERGE times it together become one. Every call goes on at the node where the last one stopped.
+    A leaf with more than SPLIT times the wanted sum is split across its longer axis, and so is one that is longer than
+    MOST_EDGE. Two sibling leaves become one if they have less than MERGE times the wanted sum together. Every call goes
+    on at the node where the last one stopped. Every split keeps LEAST_EDGE on both sides, so that there are never more
+    than max(1, w // LEAST_EDGE) max(1, h // LEAST_EDGE) leaves.
 
     Parameters
     ----------
-    score : (h, w) float32, none negative; wanted : float, number of leaves
-    least, most : int, shortest and longest edge of a leaf, pixels, most >= 2 least; a longer one is split whatever its
-        sum. Every split keeps `least` on both sides: never more than max(1, w // least) max(1, h // least) leaves
-    rects : (capacity, 4) int32, x, y, width, height; twice as many nodes as there can be leaves
-    child : (capacity, 2) int32; parent : (capacity,) int32
-    sums : (capacity,) float64, of leaves; tile_of : (h, w) int32, the leaf of each pixel
-    vacant : (capacity,) int32, nodes that were given up
-    order : (capacity,) int32, written if anything changed: the leaves from left to right in the tree
-    state : (4,) int64: leaves, nodes in use or given up, how many were given up, where to go on
+    score : (h, w) float32, none negative; wanted : float, number of leaves; steps : int
+    tiles : Tiles, rects, sums and tile_of are updated; tree : Tree, updated
 
     Returns
     -------
     taken : int, splits and merges
     """
+    rects, sums, child, state = tiles.rects, tiles.sums, tree.child, tree.state
     total = 0.0
     for node in range(state[NODES]):
-        if child[node, 0] == LEAF and parent[node] != FREE:
+        if child[node, LEFT] == LEAF and tree.parent[node] != FREE:
             total += sums[node]
     wanted_sum = total / wanted
     taken = 0
@@ -57,47 +65,50 @@ def adjust(score, wanted, steps, least, most, rects, child, parent, sums, tile_o
             break
         node = state[CURSOR] % state[NODES]
         state[CURSOR] = node + 1
-        if parent[node] == FREE:
+        if tree.parent[node] == FREE:
             continue
-        width, height = rects[node, 2], rects[node, 3]
-        if child[node, 0] == LEAF:
-            heavy = sums[node] > SPLIT * wanted_sum and max(width, height) >= 2 * least
-            if heavy or max(width, height) > most:
-                split(score, node, least, rects, child, parent, sums, tile_of, vacant, state)
+        edge = max(rects[node, WIDTH], rects[node, HEIGHT])
+        if child[node, LEFT] == LEAF:
+            if (sums[node] > SPLIT * wanted_sum and edge >= 2 * LEAST_EDGE) or edge > MOST_EDGE:
+                split(score, node, tiles, tree)
                 taken += 1
-        elif max(width, height) <= most:
-            a, b = child[node, 0], child[node, 1]
-            if child[a, 0] == LEAF and child[b, 0] == LEAF and sums[a] + sums[b] < MERGE * wanted_sum:
-                merge(score, node, rects, child, parent, sums, tile_of, vacant, state)
+        elif edge <= MOST_EDGE:
+            a, b = child[node, LEFT], child[node, RIGHT]
+            if child[a, LEFT] == LEAF and child[b, LEFT] == LEAF and sums[a] + sums[b] < MERGE * wanted_sum:
+                merge(score, node, tiles, tree)
                 taken += 1
     if taken > 0:
-        leaves_in_order(child, order)
+        list_leaves(child, tree.order)
     return taken
 
 
 @inline_kernel
-def split(score, node, least, rects, child, parent, sums, tile_of, vacant, state):
-    """Two leaves for one, cut across the longer axis where half of its sum lies on either side, as near as may be."""
-    x, y, width, height = rects[node, 0], rects[node, 1], rects[node, 2], rects[node, 3]
+def split(score, node, tiles, tree):
+    """Split a leaf in two, across its longer axis, where half of its sum lies on either side, as near as may be."""
+    rects = tiles.rects
+    x, y, width, height = rects[node, X], rects[node, Y], rects[node, WIDTH], rects[node, HEIGHT]
     across = width >= height
-    at = cut_at(score, x, y, width, height, across, least)
-    a, b = new_node(vacant, state), new_node(vacant, state)
+    at = cut_at(score, x, y, width, height, across, LEAST_EDGE)
+    a, b = new_node(tree.vacant, tree.state), new_node(tree.vacant, tree.state)
     if across:
-        place_node(rects, a, x, y, at, height)
-        place_node(rects, b, x + at, y, width - at, height)
+        set_rect(rects, a, x, y, at, height)
+        set_rect(rects, b, x + at, y, width - at, height)
     else:
-        place_node(rects, a, x, y, width, at)
-        place_node(rects, b, x, y + at, width, height - at)
-    child[node, 0], child[node, 1] = a, b
+        set_rect(rects, a, x, y, width, at)
+        set_rect(rects, b, x, y + at, width, height - at)
+    tree.child[node, LEFT], tree.child[node, RIGHT] = a, b
     for leaf in (a, b):
-        child[leaf, 0], parent[leaf] = LEAF, node
-        claim(score, leaf, rects, sums, tile_of)
-    state[LEAVES] += 1
+        tree.child[leaf, LEFT], tree.parent[leaf] = LEAF, node
+        claim(score, leaf, tiles)
+    tree.state[LEAVES] += 1
 
 
 @inline_kernel
 def cut_at(score, x, y, width, height, across, low):
-    """Pixels before the cut: the weighted median of the longer axis, `low` from both ends; the middle if all is 0."""
+    """Pixels before the cut: the weighted median of the longer axis, `low` from both ends; the middle if all is 0.
+
+    score : (h, w) float32; x, y, width, height : int, the rectangle; across : bool, whether its longer axis is x
+    """
     length = width if across else height
     total = 0.0
     for i in range(y, y + height):
@@ -116,19 +127,20 @@ def cut_at(score, x, y, width, height, across, low):
 
 
 @inline_kernel
-def merge(score, node, rects, child, parent, sums, tile_of, vacant, state):
-    """One leaf for two."""
-    for leaf in (child[node, 0], child[node, 1]):
-        parent[leaf] = FREE
-        vacant[state[VACANT]] = leaf
-        state[VACANT] += 1
-    child[node, 0] = LEAF
-    claim(score, node, rects, sums, tile_of)
-    state[LEAVES] -= 1
+def merge(score, node, tiles, tree):
+    """Make one leaf of a node's two."""
+    for leaf in (tree.child[node, LEFT], tree.child[node, RIGHT]):
+        tree.parent[leaf] = FREE
+        tree.vacant[tree.state[VACANT]] = leaf
+        tree.state[VACANT] += 1
+    tree.child[node, LEFT] = LEAF
+    claim(score, node, tiles)
+    tree.state[LEAVES] -= 1
 
 
 @inline_kernel
 def new_node(vacant, state):
+    """Number of a node that is not in use, one that was given up where there is any."""
     if state[VACANT] > 0:
         state[VACANT] -= 1
         return np.int64(vacant[state[VACANT]])
@@ -137,33 +149,35 @@ def new_node(vacant, state):
 
 
 @inline_kernel
-def place_node(rects, node, x, y, width, height):
-    rects[node, 0], rects[node, 1], rects[node, 2], rects[node, 3] = x, y, width, height
+def set_rect(rects, node, x, y, width, height):
+    """Write a node's rectangle."""
+    rects[node, X], rects[node, Y], rects[node, WIDTH], rects[node, HEIGHT] = x, y, width, height
 
 
 @inline_kernel
-def claim(score, leaf, rects, sums, tile_of):
-    """Pixels and their sum now belong to this leaf."""
+def claim(score, leaf, tiles):
+    """Give a leaf the pixels of its rectangle and their sum."""
+    rects = tiles.rects
     total = 0.0
-    for i in range(rects[leaf, 1], rects[leaf, 1] + rects[leaf, 3]):
-        for j in range(rects[leaf, 0], rects[leaf, 0] + rects[leaf, 2]):
-            tile_of[i, j] = leaf
+    for i in range(rects[leaf, Y], rects[leaf, Y] + rects[leaf, HEIGHT]):
+        for j in range(rects[leaf, X], rects[leaf, X] + rects[leaf, WIDTH]):
+            tiles.tile_of[i, j] = leaf
             total += score[i, j]
-    sums[leaf] = total
+    tiles.sums[leaf] = total
 
 
 @inline_kernel
-def leaves_in_order(child, order):
-    """order : (capacity,) int32, written from the front; its far end serves as the stack."""
+def list_leaves(child, order):
+    """Write the leaves from left to right to the front of order (capacity,) int32; its far end is the stack."""
     top, n = order.shape[0] - 1, 0
     order[top] = 0
     while top < order.shape[0]:
         node = order[top]
         top += 1
-        while child[node, 0] != LEAF:
+        while child[node, LEFT] != LEAF:
             top -= 1
-            order[top] = child[node, 1]
-            node = child[node, 0]
+            order[top] = child[node, RIGHT]
+            node = child[node, LEFT]
         order[n] = node
         n += 1
     return n

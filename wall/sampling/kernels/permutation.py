@@ -1,4 +1,4 @@
-"""Samplers' inner loops: walking permutations, running statistics."""
+"""Random permutations, positions in pixels, running statistics of the samplers."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 
+R2_X, R2_Y = 0.7548776662466927, 0.5698402909980532  # steps of the R2 sequence (Roberts 2018)
+INSIDE = 1.0 - 2.0**-10  # of a pixel: positions never reach its far edge, however float32 rounds them
+RED, GREEN, BLUE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # shares in luminance (Rec. 709)
+
 
 @inline_kernel
 def hash_uint32(a, b):
-    """A well mixed 32-bit hash of two 32-bit numbers (xxHash32's constants and avalanche; Y. Collet)."""
+    """A well-mixed 32-bit hash of two 32-bit numbers (xxHash32's constants and avalanche; Y. Collet)."""
     h = np.uint32(np.uint32(a) * np.uint32(2654435761) + np.uint32(374761393))
     h = np.uint32(h ^ np.uint32(b))
     h = np.uint32(h * np.uint32(2246822519))
@@ -62,9 +66,10 @@ def next_pixels(order, start, epochs, epoch, numbers):
 
 @kernel
 def jittered_pairs(pixels, first, last, parity, xy, filled):
-    """Two of a pixel's four sample positions: one diagonal of the quarter points on even visits, the other on odd.
+    """Write two of each pixel's four sample positions: one diagonal of the quarter points on even visits, or the other.
 
-    Writes 2 * (last - first) positions into xy (m, 2) float32 from `filled` on; returns the new `filled`.
+    pixels : (n, 2) int32, of them those from `first` to `last`; parity : int, of the visit
+    xy : (m, 2) float32, written from `filled` on. Returns the new `filled`.
     """
     for k in range(first, last):
         x, y = np.float32(pixels[k, 0]), np.float32(pixels[k, 1])
@@ -86,12 +91,12 @@ def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
 
     Parameters
     ----------
-    samples : (n,) SAMPLE; slots : (h, w) int32, pixel to its place in the arrays, -1 = not ours
+    samples : (n,) SAMPLE; slots : (h, w) int32, pixel to its place in the arrays, -1: of another thread
     x0, y0 : panel pixel of slots[0, 0]; count, mean, m2 : (p,) float32, updated; window : float
 
     Returns
     -------
-    foreign : int, samples of pixels that are not ours
+    foreign : int, samples of other threads' pixels
     """
     foreign = 0
     for k in range(samples.shape[0]):
@@ -102,7 +107,7 @@ def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
             continue
         p = slots[y, x]
         rgb = samples[k]["radiance"]
-        value = np.float32(0.2126) * rgb[0] + np.float32(0.7152) * rgb[1] + np.float32(0.0722) * rgb[2]
+        value = RED * rgb[0] + GREEN * rgb[1] + BLUE * rgb[2]
         if count[p] < window:
             count[p] += np.float32(1.0)
             delta = value - mean[p]
@@ -117,7 +122,11 @@ def running_statistics(samples, slots, x0, y0, count, mean, m2, window):
 
 @kernel
 def clear_epochs(xy, slots, x0, y0, epochs, epoch):
-    """Mark the pixels of positions that were lost as never sampled. Returns how many had a sample of `epoch`."""
+    """Mark the pixels of lost positions as never sampled. Returns how many had a sample of `epoch`.
+
+    xy : (n, 2) float32, panel pixels; slots : (h, w) int32, pixel to its place in `epochs`, -1: of another thread
+    x0, y0 : panel pixel of slots[0, 0]; epochs : (n,) uint32, updated; epoch : uint32
+    """
     cleared = 0
     for k in range(xy.shape[0]):
         x, y = math.floor(xy[k, 0]) - x0, math.floor(xy[k, 1]) - y0
@@ -129,17 +138,17 @@ def clear_epochs(xy, slots, x0, y0, epochs, epoch):
 
 @kernel
 def progressive_positions(pixels, seed, k, xy):
-    """Positions of sample k: the R2 sequence, shifted in each pixel by hashes of (seed, x, y, dimension).
+    """Write the positions of sample k: the R2 sequence, shifted in each pixel by hashes of (seed, x, y, dimension).
 
     pixels : (n, 2) int32; xy : (n, 2) float32, written. A position stays inside its pixel: shifts are below 1 - 2^-10.
     """
     for i in range(pixels.shape[0]):
         x, y = pixels[i, 0], pixels[i, 1]
         key = hash_uint32(hash_uint32(np.uint32(seed), np.uint32(x)), np.uint32(y))
-        u = hash_uint32(key, np.uint32(0)) * 2.0**-32 + (k + 1) * 0.7548776662466927
-        v = hash_uint32(key, np.uint32(1)) * 2.0**-32 + (k + 1) * 0.5698402909980532
-        xy[i, 0] = x + (u - np.floor(u)) * (1.0 - 2.0**-10)
-        xy[i, 1] = y + (v - np.floor(v)) * (1.0 - 2.0**-10)
+        u = hash_uint32(key, np.uint32(0)) * 2.0**-32 + (k + 1) * R2_X
+        v = hash_uint32(key, np.uint32(1)) * 2.0**-32 + (k + 1) * R2_Y
+        xy[i, 0] = x + (u - np.floor(u)) * INSIDE
+        xy[i, 1] = y + (v - np.floor(v)) * INSIDE
 
 
 @kernel

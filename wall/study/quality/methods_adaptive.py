@@ -60,7 +60,7 @@ class AdaptiveMethod:
         self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
         self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
         self._sampler = AdaptiveSampler(
-            setup.rect, self._picture, batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
+            setup.rect, self._picture.feedback(), batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
         )
         self._now, self._spent, self._every, self._refreshes = 0.0, 0, every, 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
@@ -111,7 +111,7 @@ class AdaptiveMethod:
         event = self._display.made(self._inputs.event_at(time), time)
         if self._refreshes % self._every == 0:
             self._picture.refresh(event, time)
-            self._sampler.replan()
+            self._sampler.replan(self._picture.feedback())
         self._refreshes += 1
         if self._shown is not self._picture:
             self._shown.refresh(event, time)

@@ -50,7 +50,8 @@ class Session:
         self.rect = Rect(x=0, y=0, width=pixels[0], height=pixels[1])
         self._kept = AdaptiveSampling().samples_per_pixel
         self.picture = self.new_picture(judging=True)
-        self._sampler = AdaptiveSampler(self.rect, self.picture, batch=AdaptiveSampling().samples_per_batch, seed=SEED)
+        batch = AdaptiveSampling().samples_per_batch
+        self._sampler = AdaptiveSampler(self.rect, self.picture.feedback(), batch=batch, seed=SEED)
         self._tracer_scene = make_tracer_scene(plan.scene)
         self._tracer = Tracer(self._tracer_scene, panel, eye, coherent=self._sampler.coherent)
         self._first = first_event(plan, 0.0)
@@ -82,7 +83,7 @@ class Session:
         self.picture.refresh(self.event_at(now), now)
         self._charge("refresh", began)
         began = time.thread_time()
-        self._sampler.replan()
+        self._sampler.replan(self.picture.feedback())
         self._charge("choose", began)
 
     def step(self, now: float, rays: int | None = None) -> Batch:
