@@ -10,7 +10,7 @@ from adaptive_pictures import traced
 from numpy.testing import assert_array_equal
 from small_scenes import View
 
-from wall.core.data import Event, Rect, Samples, Tiling
+from wall.core.data import Event, Rect, Samples
 from wall.reconstruction.gpu.picture import GpuPicture
 from wall.reconstruction.picture import Picture
 from wall.scene.build import Scene
@@ -38,10 +38,6 @@ class Twins:
     def refresh(self, event: Event, now: float) -> None:
         self.cpu.refresh(event, now)
         self.gpu.refresh(event, now)
-
-    def take_tiling(self, tiling: Tiling) -> None:
-        self.cpu.take_tiling(tiling)
-        self.gpu.take_tiling(tiling)
 
     def agree(self, *, rounding: float = ROUNDING, decided: float = 0.0) -> None:
         """Assert the same picture, the same changed tiles, the same number of samples stored."""

@@ -30,9 +30,7 @@ class Placement:
         self.hosts: dict[int, str] = {}  # wanted, by rank
         for panel in wall.panels:
             rank = self.panel[panel.index]
-            if panel.host is not None and all(
-                p.host == panel.host for p in wall.panels if self.panel[p.index] == rank
-            ):
+            if panel.host is not None and all(p.host == panel.host for p in wall.panels if self.panel[p.index] == rank):
                 self.hosts[rank] = panel.host
         self._named_hosts = {panel.host for panel in wall.panels if panel.host is not None}
 

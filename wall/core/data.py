@@ -190,36 +190,28 @@ class Batch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tiling:
-    """How a rank's sampler has cut its rectangle into tiles, and what it measured in each: what filters go by."""
-
-    view: int
-    panel: int
-    rect: Rect  # of panel pixels; every tile lies inside
-    rank: int
-    sequence: int  # counts this rank's tilings
-    camera_event: int
-    scene_event: int
-    base_time: float  # when it was true, seconds of the head's clock
-    rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
-    spatial: Float32  # (n,) mean contrast of neighbouring pixels, display units
-    temporal: Float32  # (n,) mean change of the square root of lighting that new samples find against older ones
-    density: Float32  # (n,) samples a pixel
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class StatisticsImage:
     """How old and how dense the samples of a panel are by tiles of 16 pixels, and the tiles that samplers go by.
 
-    Codes are of reconstruction.statistics: 0 is none, the others are logarithmic.
+    Codes are of reconstruction.statistics: 0 is none, the others are logarithmic. A renderer's image has the tiles of
+    its own sampler alone: there age and density are (0, 0).
     """
 
+    rank: int = 0  # the renderer whose tiles these are; 0: a compositor made it
     panel: int  # index in Wall.panels
     compared: bool  # of the second picture, while two samplers are compared
     age: NDArray[np.uint8]  # (rows, columns) median age of the samples shown
     density: NDArray[np.uint8]  # (rows, columns) samples a pixel
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
     error_reduction: NDArray[np.uint8]  # (n,) squared error that one more sample is expected to remove
+
+    @property
+    def bounds(self) -> Rect:
+        """The smallest rectangle that holds every tile of `rects`, of which there is at least one."""
+        corners, sizes = self.rects[:, :2].astype(int), self.rects[:, 2:]
+        x, y = corners.min(axis=0).tolist()
+        right, bottom = (corners + sizes).max(axis=0).tolist()
+        return Rect(x=x, y=y, width=right - x, height=bottom - y)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

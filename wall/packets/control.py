@@ -22,7 +22,7 @@ from wall.packets.statistics_image import parse_statistics_image, statistics_ima
 
 MAGIC, VERSION = b"WALL", 4
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is a tiling
+KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is not used
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64

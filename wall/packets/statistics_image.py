@@ -15,7 +15,7 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 
 MAX_SIDE = 4096  # tiles
 MAX_RECTS = 65536
-_HEAD = struct.Struct("<HBHHI")
+_HEAD = struct.Struct("<HHBHHI")
 
 
 def statistics_image_body(image: StatisticsImage) -> bytes:
@@ -27,7 +27,7 @@ def statistics_image_body(image: StatisticsImage) -> bytes:
             f"statistics_image of panel {image.panel}: age {image.age.shape}, density {image.density.shape}, rects "
             f"{image.rects.shape}, error_reduction {image.error_reduction.shape}; wanted twice the same, (n, 4), (n,)"
         )
-    head = _HEAD.pack(image.panel, image.compared, rows, columns, n)
+    head = _HEAD.pack(image.rank, image.panel, image.compared, rows, columns, n)
     rects = np.ascontiguousarray(image.rects, "<u2")
     return b"".join(
         (
@@ -44,8 +44,9 @@ def parse_statistics_image(body: bytes) -> StatisticsImage:
     """Arrays are read-only views of `body`. Raises RemoteProtocolError for anything that is not a whole body."""
     if len(body) < _HEAD.size:
         raise RemoteProtocolError(f"a statistics_image of {len(body)} bytes; its head alone has {_HEAD.size}")
-    panel, compared, rows, columns, n = _HEAD.unpack_from(body)
-    if not (0 < rows <= MAX_SIDE and 0 < columns <= MAX_SIDE and n <= MAX_RECTS and compared <= 1):
+    rank, panel, compared, rows, columns, n = _HEAD.unpack_from(body)
+    fits = rows == columns == 0 if rank else 0 < rows <= MAX_SIDE and 0 < columns <= MAX_SIDE
+    if not fits or not 0 < n <= MAX_RECTS or compared > 1:
         raise RemoteProtocolError(
             f"statistics_image of panel {panel}: {rows}x{columns} tiles, {n} rectangles are out of range"
         )
@@ -56,6 +57,7 @@ def parse_statistics_image(body: bytes) -> StatisticsImage:
     codes = np.frombuffer(body, np.uint8)
     first = _HEAD.size + 2 * tiles
     return StatisticsImage(
+        rank=rank,
         panel=panel,
         compared=bool(compared),
         age=codes[_HEAD.size : _HEAD.size + tiles].reshape(rows, columns),

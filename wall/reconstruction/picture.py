@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Float64, Rect, Samples, Tiling
+from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels import sort as kernels_store
 from wall.deepbuffer.kernels.expire import AGES, oldest_kept
@@ -24,7 +24,6 @@ from wall.geometry.panels import Panel
 from wall.reconstruction.kernels import fill as kernels_fill
 from wall.reconstruction.kernels import picture as kernels
 from wall.reconstruction.kernels import relight as kernels_relight
-from wall.reconstruction.kernels import tiling as kernels_tiling
 from wall.reconstruction.kernels import visibility as kernels_visible
 from wall.reconstruction.lamps import Relit, matt_objects
 from wall.reconstruction.pose import Pose, Posed, Poses, is_shown
@@ -167,11 +166,6 @@ class Picture:
             temporal_gradient=self.residual,
             nothing_moves=self.nothing_moves,
         )
-
-    def take_tiling(self, tiling: Tiling) -> None:
-        """Learn where change is found, for whoever does not judge: there old samples lose weight sooner."""
-        if not self.judging:
-            spread_tiling(tiling, self.rect, self.residual)
 
     def clear(self) -> None:
         """Forget every sample."""
@@ -364,14 +358,6 @@ def stale_share(probes: Float32) -> Float32:
     count, change = probes[..., 0], probes[..., 1]
     share = np.where(count >= PROBES, change / np.maximum(count, 1.0), 0.0)
     return np.maximum(share - USUAL_CHANGE, 0.0).astype(np.float32)
-
-
-def spread_tiling(tiling: Tiling, rect: Rect, residual: Float32) -> None:
-    """Bring the changes that a sampler measured in its tiles to `residual` (rows, columns) of a picture of `rect`."""
-    kernels_tiling.spread(
-        tiling.rects, tiling.temporal, rect.x, rect.y, rect.height, rect.width, residual,
-        np.empty((*residual.shape, 2), np.float32),
-    )  # fmt: skip
 
 
 def _pyramid(height: int, width: int) -> list[Float32]:

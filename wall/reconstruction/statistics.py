@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Float32, Float64, Tiling
+from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.reconstruction.choice import Reprojected
 from wall.reconstruction.kernels import statistics as kernels
@@ -80,18 +80,11 @@ def grid_error_reduction(radiance: Float32, density: Float64) -> tuple[NDArray[n
     kernels.contrasts(radiance, np.empty((height, width), np.float32), contrast)
     y, x = np.meshgrid(np.arange(0, height, TILE), np.arange(0, width, TILE), indexing="ij")
     rects = np.stack([x, y, np.minimum(TILE, width - x), np.minimum(TILE, height - y)], axis=2)
-    return rects.reshape(-1, 4).astype(np.uint16), _expected(contrast, density).ravel()
+    return rects.reshape(-1, 4).astype(np.uint16), expected_error_reduction(contrast, density).ravel()
 
 
-def tiling_error_reduction(tilings: list[Tiling]) -> tuple[NDArray[np.uint16], Float64]:
-    """The tiles of several tilings and what one more sample is worth in each, likewise, from the gradients given."""
-    rects = np.concatenate([t.rects for t in tilings]).astype(np.uint16)
-    spatial = np.concatenate([t.spatial for t in tilings]).astype(np.float64)
-    density = np.concatenate([t.density for t in tilings]).astype(np.float64)
-    return rects, _expected(spatial**2, density)
-
-
-def _expected(contrast: Float64, density: Float64) -> Float64:
+def expected_error_reduction(contrast: Float64 | Float32, density: Float64 | Float32) -> Float64:
+    """What one more sample a pixel is worth; `contrast` squared display units, `density` samples a pixel, any shape."""
     n = np.maximum(density, 1.0 / TILE**2)
     error_reduction: Float64 = contrast / (n * (n + 1.0))
     return error_reduction

@@ -16,7 +16,6 @@ from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
 
-TILINGS_HZ = 15.0  # at most; what they tell changes slowly
 SHARE_OF_TIME = 0.2  # at most spent on refreshing the picture beneath; it may lag behind the displayed one for that
 
 
@@ -36,7 +35,6 @@ class AdaptiveRenderer:
         )
         self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
         self._due, self._chosen_at = float("-inf"), 0.0
-        self.band, self._tiling_due, self._replanned = band, float("-inf"), False
         self._predictor = make_predictor(plan)
         self._newest: Event | None = None
         self._event: Event | None = None  # that rays are traced under
@@ -46,7 +44,6 @@ class AdaptiveRenderer:
         if now >= self._due:
             self.picture.refresh(self._seen(self._expected(newest, now)), now)
             self._sampler.replan(self.picture.feedback())
-            self._replanned = True
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
         elif newest is not self._newest:
@@ -66,12 +63,9 @@ class AdaptiveRenderer:
             self.picture.insert(samples, self._chosen_at, self._seen(self._event))
             self._sampler.observe(samples)
 
-    def take_tiling(self) -> tuple[Event, float, Measured] | None:
-        """What is known of the tiles, of which event and when; None until it was learnt anew and is due."""
-        if not self._replanned or self._event is None or self._chosen_at < self._tiling_due:
-            return None
-        self._replanned, self._tiling_due = False, self._chosen_at + 1.0 / TILINGS_HZ
-        return self._event, self._chosen_at, self._sampler.measure()
+    def measure(self) -> Measured:
+        """What is known of the band's tiles since the last refresh."""
+        return self._sampler.measure()
 
     def forget(self, xy: Float32) -> None:
         self._sampler.forget(xy)

@@ -18,7 +18,6 @@ from wall.geometry.panels import Panel
 from wall.packets.control import parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
-from wall.packets.tiling import decode_tiling, is_tiling
 from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, checked_step, needed_from_others
 from wall.roles.layer import PanelCompositor
 from wall.roles.lockstep import Lockstep
@@ -82,11 +81,11 @@ class Compositor:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
         if is_samples(packet):
             batch = decode(packet)
-            self._layer_of(batch.rank, batch.panel, batch.rect, batch.base_time).insert(batch)
-            return
-        if is_tiling(packet):
-            tiling = decode_tiling(packet)
-            self._layer_of(tiling.rank, tiling.panel, tiling.rect, tiling.base_time).take_tiling(tiling)
+            layer = self._layer_of(batch.rank, batch.panel, batch.rect)
+            if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
+                wanted = f"about {self._refreshed:.6g} s"
+                raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")
+            layer.insert(batch)
             return
         message = parse_control(packet)
         if isinstance(message, StatisticsImage):
@@ -97,22 +96,25 @@ class Compositor:
                 pictures.insert(message)
         else:
             raise RemoteProtocolError(
-                "neither samples, tiles, a framelet nor a statistics_image of another compositor's panel"
+                "neither samples, a framelet nor a statistics_image of another compositor's panel"
             )
 
-    def _layer_of(self, rank: int, panel: int, rect: Rect, time: float) -> PanelCompositor:
-        """Whose samples these are. Refuses what no rank of this run can have sent: others' pixels, another time's."""
+    def _layer_of(self, rank: int, panel: int, rect: Rect) -> PanelCompositor:
+        """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
         layout = self._plan.layout
         region = layout.region(rank) if rank in layout.renderers() else None
         if region is None or region.panel != panel or not region.rect.holds(rect):
             raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
         if region.layer not in self.layers:
             raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
-        if self._refreshed is not None and abs(time - self._refreshed) > MOST_APART_S:
-            raise RemoteProtocolError(f"rank {rank}: from {time:.6g} s; wanted: about {self._refreshed:.6g} s")
         return self.layers[region.layer]
 
     def _keep(self, statistics_image: StatisticsImage) -> None:
+        """Keep a renderer's tiles for its layer, another compositor's image for the head."""
+        if statistics_image.rank != HEAD:
+            layer = self._layer_of(statistics_image.rank, statistics_image.panel, statistics_image.bounds)
+            layer.tiles_of[statistics_image.rank] = statistics_image
+            return
         panels = self._plan.layout.wall.panels
         if self._rank != HEAD or statistics_image.panel >= len(panels):
             raise RemoteProtocolError(f"statistics_image of panel {statistics_image.panel}, which nobody needs here")
@@ -297,6 +299,5 @@ def check_statistics_image(statistics_image: StatisticsImage, panel: Panel) -> N
         raise RemoteProtocolError(
             f"statistics_image of {statistics_image.age.shape} tiles, panel {panel.id} has {width}x{height}"
         )
-    ends = statistics_image.rects[:, :2].astype(np.int64) + statistics_image.rects[:, 2:]
-    if (ends > (width, height)).any():
+    if not Rect(x=0, y=0, width=width, height=height).holds(statistics_image.bounds):
         raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

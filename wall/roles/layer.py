@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.schema import AdaptiveSampling
-from wall.core.data import Batch, Event, Rect, StatisticsImage, Tiling
-from wall.core.errors import RemoteProtocolError
+from wall.core.data import Batch, Event, StatisticsImage
 from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
@@ -50,7 +49,7 @@ class PanelCompositor:
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
         self._given_up = False
         self._shown: Event | None = None  # of the newest picture
-        self.tilings: dict[tuple[int, Rect], Tiling] = {}  # the newest of each rank and its rectangle
+        self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
         width, height = panel.pixels
         self.buffer = PixelBuffer(width, height)  # samples that are shown where they were traced
         self._arrivals = Arrivals(width, height)  # of samples that are reprojected
@@ -130,25 +129,6 @@ class PanelCompositor:
         except GpuError as error:
             self._give_up(error)
 
-    def take_tiling(self, tiling: Tiling) -> None:
-        """Keep a rank's newest tiles and let the picture go by them; late ones are left out and counted.
-
-        Raises RemoteProtocolError where they are not of this panel's pixels or their rank renders others.
-        """
-        layout, key = self._plan.layout, (tiling.rank, tiling.rect)
-        region = layout.region(tiling.rank) if tiling.rank in layout.renderers() else None
-        if region is None or layout.wall.panels[region.panel] is not self.panel or not region.rect.holds(tiling.rect):
-            raise RemoteProtocolError(f"rank {tiling.rank}: tiles of {tiling.rect}; wanted: inside {region}")
-        known = self.tilings.get(key)
-        if known is not None and known.base_time > tiling.base_time:
-            self.buffer.counters.add("late_tilings")
-            return
-        for other in [k for k in self.tilings if k != key and k[0] == tiling.rank and k[1].meets(tiling.rect)]:
-            del self.tilings[other]  # the rank has cut its region anew, among other threads
-        self.tilings[key] = tiling
-        if self._reprojected is not None:
-            self._reprojected.take_tiling(tiling)
-
     def _new_picture(self) -> Reprojected:
         sampling, eye = self._plan.layout.sampling, self._seen.eye
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
@@ -157,8 +137,6 @@ class PanelCompositor:
         made, self.reconstruction = make_picture(self._wish, self.panel, eye, self._plan.scene, samples_per_pixel=kept)
         if not self._plain:
             self.reconstruction = Choice(on="cpu", why="the graph needs more of it than display bytes")
-        for tiling in self.tilings.values():
-            made.take_tiling(tiling)
         return made
 
     def _give_up(self, error: GpuError) -> Reprojected:
@@ -230,8 +208,8 @@ class PanelCompositor:
                 self.buffer, [], self.panel.index, compared=False, now=now
             )  # samples without tiles
         try:
-            tilings = list(self.tilings.values())
-            return statistics_image_of(self._reprojected, tilings, self.panel.index, compared=False, now=now)
+            tiles = list(self.tiles_of.values())
+            return statistics_image_of(self._reprojected, tiles, self.panel.index, compared=False, now=now)
         except GpuError as error:
             self._give_up(error)
             return self._statistics_image(now)

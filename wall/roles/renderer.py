@@ -7,13 +7,14 @@ from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
 from wall.core.data import Counters, Event
-from wall.packets.control import Heartbeat
-from wall.packets.samples import decode
-from wall.packets.tiling import is_tiling
+from wall.packets.control import Heartbeat, serialise
+from wall.packets.samples import decode, is_samples
 from wall.roles.plan import Plan
+from wall.roles.statistics import Due, tiles_of
 from wall.roles.worker import Worker, make_samplers
 from wall.run.control import Control
 from wall.run.usage import peak_memory
+from wall.sampling.tiles import Measured
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Link
 
@@ -31,6 +32,8 @@ class Renderer:
         ]
         self._pool = ThreadPoolExecutor(len(self._workers)) if len(self._workers) > 1 else None
         self._running: dict[Future[bytes | None], Worker] = {}
+        self._tiles: dict[int, Measured] = {}  # newest of each worker, while a viewer shows them
+        self._tiles_due = [Due() for _ in self._workers]
         self._counters = Counters()
         self._packets = self._bytes = 0
         self._complete = False
@@ -63,30 +66,38 @@ class Renderer:
     def _step(self, event: Event) -> Iterator[bytes]:
         """Packets that are ready: of the one worker, or of those threads that finished first."""
         if self._pool is None:
-            yield from self._ready(self._workers[0], self._workers[0].step(event))
+            yield from self._ready(self._workers[0], self._workers[0].step(event), event)
             return
         for worker in self._workers:
             if worker not in self._running.values():
                 self._running[self._pool.submit(worker.step, event)] = worker
         done, _ = wait(self._running, return_when=FIRST_COMPLETED)
         for future in done:
-            yield from self._ready(self._running.pop(future), future.result())
+            yield from self._ready(self._running.pop(future), future.result(), event)
 
-    def _ready(self, worker: Worker, packet: bytes | None) -> Iterator[bytes]:
-        """A worker's samples, and before them its tiles, where those are due and need not wait."""
-        if packet is None:
-            return
-        tiling = worker.tiling() if self._outbox.ready() else None
-        if tiling is not None:
-            yield tiling
-        yield packet
+    def _ready(self, worker: Worker, packet: bytes | None, event: Event) -> Iterator[bytes]:
+        """The samples of a worker that is between two steps, if it has any."""
+        self._send_tiles(worker, event)
+        if packet is not None:
+            yield packet
+
+    def _send_tiles(self, worker: Worker, event: Event) -> None:
+        """Send the samplers' tiles a few times a second while a viewer shows them; samples do not wait for them."""
+        if not event.statistics:
+            self._tiles.clear()
+        elif self._outbox.ready() and self._tiles_due[worker.worker].now(self._control.clock.now()):
+            measured = worker.measure_tiles()
+            if measured is not None:
+                self._tiles[worker.worker] = measured
+            if self._tiles and worker is self._workers[-1]:
+                self._offer(serialise(tiles_of(self._rank, self._region.panel, self._tiles.values())))
 
     def _offer(self, packet: bytes) -> None:
         self._packets += 1
         self._bytes += len(packet)
         for dropped in self._outbox.offer(packet):
-            if is_tiling(dropped):
-                continue  # the next one replaces it
+            if not is_samples(dropped):
+                continue  # tiles: the next ones replace them
             batch = decode(dropped)
             self._workers[batch.sequence % len(self._workers)].forget(batch)
 
@@ -96,6 +107,7 @@ class Renderer:
         if wanted != self._methods:
             self._drain()
             self._methods = wanted
+            self._tiles.clear()
             self._samplers[:] = make_samplers(
                 self._plan, wanted[0], self._region, self._control.clock, compare=wanted[1]
             )

@@ -1,41 +1,68 @@
-"""What overlays show, made where the samples are: only while somebody looks, no more often than eyes can read."""
+"""The images that overlays show, made where the samples are, a few times a second while a viewer looks."""
 
 from __future__ import annotations
 
-from wall.core.data import StatisticsImage, Tiling
+from collections.abc import Iterable
+
+import numpy as np
+
+from wall.core.data import StatisticsImage
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.reconstruction.choice import Reprojected
 from wall.reconstruction.statistics import (
     DENSITY,
     ERROR_REDUCTION,
     codes_of,
+    expected_error_reduction,
     grid_error_reduction,
     statistics_of_pixels,
     statistics_of_store,
-    tiling_error_reduction,
 )
+from wall.sampling.tiles import Measured
 
 STATISTICS_PERIOD_S = 0.2  # eyes follow colours of tiles no faster
 
 
 def statistics_image_of(
-    store: Reprojected | PixelBuffer, tilings: list[Tiling], panel: int, *, compared: bool, now: float
+    store: Reprojected | PixelBuffer, tiles: list[StatisticsImage], panel: int, *, compared: bool, now: float
 ) -> StatisticsImage:
-    """A panel's statistics image at `now` (seconds of the samples' clock); tiles are the samplers' or a fixed grid."""
+    """A panel's statistics image at `now`, seconds of the samples' clock.
+
+    `tiles`: images of renderers, whose tiles it has; those of a fixed grid if there are none.
+    """
     if isinstance(store, PixelBuffer):
         age, density = statistics_of_pixels(store.records, now)
     else:
         age, density = statistics_of_store(store, now)
-    rects, error_reduction = (
-        tiling_error_reduction(tilings) if tilings else grid_error_reduction(store.radiance, density)
-    )
+    if tiles:
+        rects = np.concatenate([image.rects for image in tiles])
+        codes = np.concatenate([image.error_reduction for image in tiles])
+    else:
+        rects, error_reduction = grid_error_reduction(store.radiance, density)
+        codes = codes_of(error_reduction, ERROR_REDUCTION)
     return StatisticsImage(
         panel=panel,
         compared=compared,
         age=age,
         density=codes_of(density, DENSITY),
         rects=rects,
-        error_reduction=codes_of(error_reduction, ERROR_REDUCTION),
+        error_reduction=codes,
+    )
+
+
+def tiles_of(rank: int, panel: int, measured: Iterable[Measured]) -> StatisticsImage:
+    """A renderer's image: the tiles of its threads' samplers."""
+    tiles = list(measured)
+    contrast, density = (np.concatenate([getattr(m, name) for m in tiles]) for name in ("contrast", "density"))
+    nothing = np.empty((0, 0), np.uint8)
+    return StatisticsImage(
+        rank=rank,
+        panel=panel,
+        compared=False,
+        age=nothing,
+        density=nothing,
+        rects=np.concatenate([m.rects for m in tiles]),
+        error_reduction=codes_of(expected_error_reduction(contrast**2, density), ERROR_REDUCTION),
     )
 
 

@@ -7,10 +7,9 @@ from collections import deque
 import numpy as np
 
 from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
-from wall.core.data import Batch, Event, Float32, Region, Tiling
+from wall.core.data import Batch, Event, Float32, Region
 from wall.geometry.cameras import PanelView
 from wall.packets.samples import Codec, encode
-from wall.packets.tiling import encode_tiling
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
 from wall.roles.plan import Plan
 from wall.run.clock import Clock
@@ -19,6 +18,7 @@ from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
 from wall.sampling.split import SplitSampler
+from wall.sampling.tiles import Measured
 from wall.scene.parts import objects_in
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
@@ -46,7 +46,6 @@ class Worker:
         self._relightable = tracer_scene.needs.relighting
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
-        self._tilings = worker
         self._lost: deque[tuple[Float32, bool]] = deque()
 
     @property
@@ -94,20 +93,10 @@ class Worker:
         )
         return encode(batch, self._codec)
 
-    def tiling(self) -> bytes | None:
-        """The packet of the sampler's tiles, if one is due. Between steps, by whoever calls them."""
+    def measure_tiles(self) -> Measured | None:
+        """What the adaptive sampler knows of its tiles, None where there is none. Only between two steps."""
         sampler = _of_kind(self.sampler, adaptive=True)
-        if not isinstance(sampler, AdaptiveRenderer) or (due := sampler.take_tiling()) is None:
-            return None
-        event, now, measured = due
-        self._tilings += self._workers
-        return encode_tiling(
-            Tiling(
-                view=event.view, panel=self._region.panel, rect=sampler.band, rank=self._rank,
-                sequence=self._tilings, camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
-                **measured._asdict(),
-            )
-        )  # fmt: skip
+        return sampler.measure() if isinstance(sampler, AdaptiveRenderer) else None
 
     def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
         tracer = self._tracers[coherent]

@@ -41,8 +41,6 @@ class SingleProcess:
             packet = worker.step(self.event)
             if packet is None:
                 continue
-            if (tiles := worker.tiling()) is not None:
-                self.compositor.insert(tiles)
             self.compositor.insert(packet)  # decode, to the layer of its rank, into the deep buffer
             traced += decode(packet).samples.size
         self.clock.advance(BATCH_SECONDS)

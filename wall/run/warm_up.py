@@ -22,7 +22,6 @@ from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode
-from wall.packets.tiling import decode_tiling
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
@@ -64,9 +63,7 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
         panel.refresh(event, 0.1 * number)
         clock.advance(0.1)  # so that the picture beneath the rays is refreshed as well
         worker.step(event)
-    tiling = worker.tiling()
-    if tiling is not None:
-        panel.take_tiling(decode_tiling(tiling))
+    worker.measure_tiles()
     panel.buffer.oldest_sample(0.0)
     panel.statistics_images(0.0)
 

@@ -72,13 +72,10 @@ class AdaptiveSampler:
     def measure(self) -> Measured:
         """What is known of each tile since the last replan."""
         listed, rects = self.division.listed, self.division.tiles.rects
-        spatial, temporal, density = np.empty((3, len(listed)), np.float32)
-        kernels_tiling.measure(
-            rects, listed, self._scores.contrast, self._feedback.temporal_gradient, self._scores.density, spatial,
-            temporal, density,
-        )  # fmt: skip
+        contrast, density = np.empty((2, len(listed)), np.float32)
+        kernels_tiling.measure(rects, listed, self._scores.contrast, self._scores.density, contrast, density)
         placed = rects[listed] + np.array([self._rect.x, self._rect.y, 0, 0])
-        return Measured(rects=placed.astype(np.uint16), spatial=spatial, temporal=temporal, density=density)
+        return Measured(rects=placed.astype(np.uint16), contrast=contrast, density=density)
 
     def forget(self, xy: Float32) -> None:
         """Score the pixels of these positions as holes, until the next replan: their samples never arrived."""

@@ -15,12 +15,11 @@ Integers = NDArray[np.int32]
 
 
 class Measured(NamedTuple):
-    """What is known of each tile: the numbers of a data.Tiling."""
+    """What the sampler knows of each tile."""
 
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
-    spatial: Float32  # (n,)
-    temporal: Float32  # (n,)
-    density: Float32  # (n,)
+    contrast: Float32  # (n,) mean difference of brightness between neighbouring pixels, display units
+    density: Float32  # (n,) samples a pixel
 
 
 class Division(Protocol):
@@ -30,7 +29,7 @@ class Division(Protocol):
 
     @property
     def listed(self) -> Integers:
-        """(n,) the tiles in the order in which they are sent."""
+        """(n,) the tiles in the order in which they are shown."""
         ...
 
     def adjust(self, score: Float32, steps: int) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import struct
-import zlib
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,14 +12,12 @@ from typing import Any
 import numpy as np
 from packet_examples import batch_of
 
-from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, StatisticsImage, Tiling
+from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, StatisticsImage
 from wall.packets import control
-from wall.packets import tiling as tiling_packets
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletPart
 from wall.packets.kernels.compact_write import CHANGED, FLAG_BITS, LIT_FLAG_BITS, MIXED_OBJECTS, MIXED_TIMES
 from wall.packets.kernels.normals import RELIT, TURNED
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
-from wall.packets.tiling import MEASURES, encode_tiling, grid
 
 PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
 
@@ -122,23 +119,6 @@ def test_the_header_s_byte_table_reads_the_example() -> None:
     assert (fields["depth_base"], fields["depth_bits"]) == (127 + 2, 15)  # 4 = 2^2 and 7.3 share an octave
 
 
-def test_the_tiling_table_reads_a_tiling() -> None:
-    rect = Rect(x=5, y=6, width=70, height=80)
-    measures = {name: np.ones(25, np.float32) for name in MEASURES}
-    tiling = Tiling(
-        view=1, panel=2, rect=rect, rank=3, sequence=4, camera_event=5, scene_event=6, base_time=7.5,
-        rects=grid(rect, 16).astype(np.uint16), **measures,
-    )  # fmt: skip
-    data = encode_tiling(tiling)
-    fields = read(table("## Tiling packets"), data)
-    assert fields.pop("size") == tiling_packets.HEADER_BYTES == 58
-    assert fields.pop("checksum") == zlib.crc32(data[58:], zlib.crc32(data[:54]))
-    assert fields == {
-        "magic": b"WALL", "version": 2, "kind": 9, "view": 1, "panel": 2, "rank": 3, "edge": 16, **asdict(rect),
-        "sequence": 4, "camera_event": 5, "scene_event": 6, "base_time": 7.5, "count": 25, "length": len(data) - 58,
-    }  # fmt: skip
-
-
 def test_the_control_header_s_table_reads_the_ping() -> None:
     data = dumped("ping")
     fields = read(table("## Control messages"), data)
@@ -202,10 +182,10 @@ def test_the_statistics_table_reads_a_statistics_image() -> None:
         error_reduction=np.array([7, 8], np.uint8),
     )  # fmt: skip
     body = control.serialise(statistics_image)[control.HEADER_BYTES :]
-    fields = read(table("StatisticsImage, how old"), body)
-    assert fields == {"panel": 4, "compared": 1, "rows": 2, "columns": 3, "rects": 2, "size": 11}
+    fields = read(table("StatisticsImage, while a viewer"), body)
+    assert fields == {"rank": 0, "panel": 4, "compared": 1, "rows": 2, "columns": 3, "rects": 2, "size": 13}
     rects = b"".join(struct.pack("<H", k) for k in range(8))
-    assert body[11:] == bytes(range(6)) + bytes(range(10, 16)) + rects + bytes([7, 8])
+    assert body[13:] == bytes(range(6)) + bytes(range(10, 16)) + rects + bytes([7, 8])
 
 
 def test_every_kind_of_message_is_listed() -> None:

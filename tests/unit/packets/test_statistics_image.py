@@ -25,7 +25,7 @@ def statistics_image(rows: int = 3, columns: int = 5, rects: int = 4) -> Statist
     )
 
 
-@pytest.mark.parametrize("shape", [(3, 5, 4), (1, 1, 0), (17, 30, 510)])
+@pytest.mark.parametrize("shape", [(3, 5, 4), (1, 1, 1), (17, 30, 510)])
 def test_a_statistics_image_comes_back_equal(shape: tuple[int, int, int]) -> None:
     sent = statistics_image(*shape)
     came = parse_control(serialise(sent))
@@ -35,9 +35,23 @@ def test_a_statistics_image_comes_back_equal(shape: tuple[int, int, int]) -> Non
         assert np.array_equal(getattr(came, name), getattr(sent, name)), name
 
 
+def test_a_renderer_s_tiles_come_back_equal() -> None:
+    sent = replace(statistics_image(), rank=3, age=np.empty((0, 0), np.uint8), density=np.empty((0, 0), np.uint8))
+    came = parse_control(serialise(sent))
+    assert isinstance(came, StatisticsImage)
+    assert (came.rank, came.age.shape, came.density.shape) == (3, (0, 0), (0, 0))
+    assert np.array_equal(came.rects, sent.rects)
+    assert np.array_equal(came.error_reduction, sent.error_reduction)
+
+
+def test_an_image_without_tiles_is_not_sent() -> None:
+    with pytest.raises(LocalProtocolError, match="out of range"):
+        serialise(statistics_image(rects=0))
+
+
 def test_a_panel_of_480_x_270_takes_less_than_6_kilobytes() -> None:
     """1,020 codes of tiles, and 9 bytes a tile of the fixed grid."""
-    assert len(serialise(statistics_image(17, 30, 510))) == 16 + 11 + 1020 + 9 * 510 < 6000
+    assert len(serialise(statistics_image(17, 30, 510))) == 16 + 13 + 1020 + 9 * 510 < 6000
 
 
 def test_a_body_cut_anywhere_is_refused() -> None:
@@ -49,7 +63,7 @@ def test_a_body_cut_anywhere_is_refused() -> None:
         parse_statistics_image(body + b"\0")
 
 
-@pytest.mark.parametrize(("at", "value"), [(2, 2), (3, 0), (4, 255), (5, 0), (9, 255)])
+@pytest.mark.parametrize(("at", "value"), [(0, 1), (4, 2), (5, 0), (6, 255), (7, 0), (11, 255)])
 def test_numbers_out_of_range_are_refused(at: int, value: int) -> None:
     body = bytearray(statistics_image_body(statistics_image()))
     body[at] = value

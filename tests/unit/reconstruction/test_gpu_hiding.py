@@ -9,7 +9,6 @@ from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import view
 
-from wall.core.data import Rect, Tiling
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.kernels.visibility import RIM, WAITS
 from wall.reconstruction.statistics import statistics_of_store
@@ -65,28 +64,6 @@ def test_hidden_samples_wait_come_out_again_and_die_when_they_are_old(opengl: De
     assert came_out[2] < ROUNDING, "all of them had waited"
     assert came_out[5] > 100 * ROUNDING, "some were too old"
     assert counts[2] == len(wall) > counts[5]
-
-
-def test_tiles_that_changed_let_samples_age_sooner_by_as_much(
-    opengl: Device, random_numbers: np.random.Generator, compiled_only: None
-) -> None:
-    """Half of the panel changes by 0.05; two generations 0.5 s apart."""
-    twins, source = Twins(plate_before_wall(AWAY), SEEN), Noise(random_numbers, 12000)
-    twins.take_tiling(
-        Tiling(
-            view=0, panel=0, rect=Rect(x=0, y=0, width=97, height=65), rank=1, sequence=1, camera_event=0,
-            scene_event=0, base_time=START, rects=np.array([[0, 0, 48, 65], [48, 0, 49, 65]], np.uint16),
-            spatial=np.zeros(2, np.float32), temporal=np.array([0.05, 0.0], np.float32), density=np.ones(2, np.float32),
-        )
-    )  # fmt: skip
-    for k in range(2):
-        samples = source.of(twins, event_at(k, SEEN))
-        samples["change"], samples["radiance"] = 0.0, samples["radiance"] * (1.0 - 0.8 * k)
-        twins.insert(samples, START + 0.5 * k, event_at(k, SEEN))
-    twins.refresh(event_at(2, SEEN, position=(0.001, 0.0, 4.0)), START + 0.51)
-    twins.agree(decided=DECIDED_BY_ROUNDING)
-    shown = twins.gpu.radiance[..., 1]
-    assert shown[:, :48].mean() < 0.8 * shown[:, 48:].mean(), "tiles would not be noticed"
 
 
 def test_samples_of_a_foreseen_pose_do_not_spoil_what_still_pixels_gather(

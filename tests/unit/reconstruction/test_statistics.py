@@ -8,7 +8,7 @@ from adaptive_pictures import GREEN, SIZE, START, event_at, hits, picture_of, pl
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wall.core.data import SAMPLE, Batch, Rect, Tiling
+from wall.core.data import SAMPLE, Batch, Rect
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.reconstruction.kernels import statistics as kernels
 from wall.reconstruction.statistics import (
@@ -16,12 +16,12 @@ from wall.reconstruction.statistics import (
     DENSITY,
     ERROR_REDUCTION,
     codes_of,
+    expected_error_reduction,
     grid_error_reduction,
     statistics_of_pixels,
     statistics_of_store,
     tile_areas,
     tile_sums,
-    tiling_error_reduction,
     values_of,
 )
 
@@ -137,16 +137,9 @@ def test_contrasts_of_cut_tiles_equal_those_of_numpy() -> None:
     np.testing.assert_allclose(contrast, expected, rtol=1e-5)
 
 
-def test_worth_of_a_tiling_comes_from_its_gradients() -> None:
-    rects = np.array([[0, 0, 8, 8], [8, 0, 8, 8]], np.uint16)
-    tiling = Tiling(
-        view=0, panel=0, rect=Rect(x=0, y=0, width=16, height=8), rank=1, sequence=1, camera_event=0, scene_event=0,
-        base_time=0.0, rects=rects, spatial=np.array([0.6, 0.0], np.float32), temporal=np.zeros(2, np.float32),
-        density=np.array([2.0, 1.0], np.float32),
-    )  # fmt: skip
-    found, error_reduction = tiling_error_reduction([tiling, tiling])
-    assert found.tolist() == [*rects.tolist(), *rects.tolist()]
-    assert error_reduction[:2] == pytest.approx([0.36 / 6, 0.0])
+def test_worth_of_a_sample_is_contrast_over_n_times_n_plus_1() -> None:
+    contrast, density = np.array([0.36, 0.0], np.float32), np.array([2.0, 1.0], np.float32)
+    assert expected_error_reduction(contrast, density) == pytest.approx([0.36 / 6, 0.0])
 
 
 def test_size_of_the_maps_is_that_of_the_picture() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
 
-from wall.core.data import Batch, Event, Framelet, Rect, Tiling
+from wall.core.data import Batch, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
@@ -17,8 +17,10 @@ from wall.roles.compositor import Compositor
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import HEAD, Plan, first_event
 from wall.roles.remote_compositor import RemoteCompositor
+from wall.roles.statistics import tiles_of
 from wall.run.control import Control
 from wall.run.single_process import SingleProcess
+from wall.sampling.tiles import Measured
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
@@ -35,12 +37,8 @@ def tracer_scene(plan: Plan) -> TracerScene:
 
 def test_tiles_of_a_statistics_image_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
     panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
-    measures = {name: np.ones(1, np.float32) for name in ("spatial", "temporal", "density")}
-    tiling = Tiling(
-        view=0, panel=0, rect=RECT, rank=1, sequence=1, camera_event=0, scene_event=0, base_time=0.0,
-        rects=np.array([[0, 0, 40, 24]], np.uint16), **measures,
-    )  # fmt: skip
-    panel.tilings[1, RECT] = tiling
+    one = np.ones(1, np.float32)
+    panel.tiles_of[1] = tiles_of(1, 0, [Measured(np.array([[0, 0, 40, 24]], np.uint16), one, one)])
     panel.insert(flat(1.0, event, adaptive=True))
     refresh(panel, event)
     assert panel.statistics_images(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
@@ -124,7 +122,7 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
     assert second(panel).rgb.std() > 10
     assert panel.picture().rgb.std() > 10
 
-    assert panel.tilings, "the adaptive sampler's tiles come all the same"
+    assert worker.measure_tiles() is not None, "the adaptive sampler has tiles all the same"
     before = worker.samples_compared
     single.event = replace(single.event, compare="", camera_event=100)
     for _ in range(4):

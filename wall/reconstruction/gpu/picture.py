@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Float64, Rect, Samples, Tiling
+from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display
@@ -30,7 +30,6 @@ from wall.reconstruction.picture import (
     YOUNG_S,
     Store,
     capacity_for,
-    spread_tiling,
     stale_share,
 )
 from wall.reconstruction.pose import Pose, Posed, Poses, is_shown
@@ -160,10 +159,6 @@ class GpuPicture:
             return
         self._move(self._poses.of(event), now, stood=stood)
         self.dirty[:] = True
-
-    def take_tiling(self, tiling: Tiling) -> None:
-        """Learn where change is found: there old samples lose weight sooner."""
-        spread_tiling(tiling, self.rect, self._residual)
 
     def clear(self) -> None:
         """Forget every sample."""

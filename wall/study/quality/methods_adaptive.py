@@ -11,16 +11,13 @@ the newest inputs; `..._2`: two refreshes later.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from typing import Literal
 
-from wall.core.data import Batch, Event, Float32, Tiling
-from wall.packets.tiling import decode_tiling, encode_tiling
+from wall.core.data import Batch, Event, Float32
 from wall.reconstruction.picture import ALL, Ingredients, Picture
-from wall.roles.adaptive_renderer import TILINGS_HZ
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels_adaptive
 from wall.study.quality.late_display import LateDisplay
@@ -34,7 +31,6 @@ class AdaptiveMethod:
         *,
         remote: bool = False,
         every: int = 1,
-        tilings: bool = True,
         tiling: Literal["grid", "cut"] = "grid",
         uniform: bool = False,
         ingredients: Ingredients = ALL,
@@ -57,7 +53,6 @@ class AdaptiveMethod:
             setup, coherent=AdaptiveSampler.coherent, adaptive=True, sends=sends,
             receive=self._receive if remote else None,
         )  # fmt: skip
-        self._tiling_due, self._tilings = 0.0 if remote and tilings else math.inf, 0
         self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
         self._sampler = AdaptiveSampler(
             setup.rect, self._picture.feedback(), batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
@@ -91,22 +86,6 @@ class AdaptiveMethod:
     def _receive(self, batch: Batch) -> None:
         self._shown.insert(batch.samples, batch.base_time, batch)
 
-    def _send_tiling(self, event: Event, now: float) -> None:
-        """On its way when a refresh is made: the display's next one goes by it."""
-        if now < self._tiling_due or self._picture.nothing_moves:
-            return
-        self._tiling_due = now + 1.0 / TILINGS_HZ
-        self._tilings += 1
-        packet = encode_tiling(
-            Tiling(
-                view=0, panel=0, rect=self._setup.rect, rank=1, sequence=self._tilings,
-                camera_event=event.camera_event, scene_event=event.scene_event, base_time=now,
-                **self._sampler.measure()._asdict(),
-            )
-        )  # fmt: skip
-        self._tracer.bytes += len(packet)
-        self._shown.take_tiling(decode_tiling(packet))
-
     def show(self, time: float) -> Float32:
         event = self._display.made(self._inputs.event_at(time), time)
         if self._refreshes % self._every == 0:
@@ -115,14 +94,12 @@ class AdaptiveMethod:
         self._refreshes += 1
         if self._shown is not self._picture:
             self._shown.refresh(event, time)
-            self._send_tiling(event, time)
         return self._display.seen(self._shown.radiance)
 
 
 METHODS: dict[str, Callable[[Setup], Method]] = {
     "adaptive": AdaptiveMethod,
     "adaptive:remote": partial(AdaptiveMethod, remote=True),
-    "adaptive:remote_no_tilings": partial(AdaptiveMethod, remote=True, tilings=False),
     "adaptive:remote_every_2": partial(AdaptiveMethod, remote=True, every=2),
     "adaptive:remote_every_6": partial(AdaptiveMethod, remote=True, every=6),
     "adaptive:cut": partial(AdaptiveMethod, tiling="cut"),
