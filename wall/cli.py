@@ -102,7 +102,7 @@ def render(
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
     """
     from wall.commands.render import render as render_picture
-    from wall.display.image_file import check_suffix, write_picture
+    from wall.display.image_file import check_suffix, write_image
 
     check_suffix(output)
     loaded = _load(what, None)
@@ -119,7 +119,7 @@ def render(
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
     if picture is not None:
-        write_picture(output, picture)
+        write_image(output, picture)
         console.print(f"wrote {output}: {picture.shape[1]}x{picture.shape[0]}, {spp} samples a pixel, seed {seed}")
 
 

@@ -1,4 +1,4 @@
-"""Two samplers side by side, and maps over the picture, in a real Chromium: what hands do, and what is seen then."""
+"""The live page in a real Chromium: two samplers side by side, and overlays over the picture."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import io
 
 import numpy as np
 import pytest
-from page_hands import drag, eventually, find
+from page_input import drag, eventually, find
 from PIL import Image
 
 from wall.reconstruction.statistics import AGE, DENSITY, ERROR_REDUCTION

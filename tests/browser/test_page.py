@@ -1,4 +1,4 @@
-"""The page in a real Chromium on the real sink: what is seen, and what hands can do."""
+"""The live page in a real Chromium, served by the real sink: what it shows, and what input does."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import urllib.request
 
 import pytest
-from page_hands import drag, eventually, find, middle
+from page_input import drag, eventually, find, middle
 
 pytestmark = pytest.mark.browser
 

@@ -1,4 +1,4 @@
-"""What a sink gets, and the three verbs it has. Values only; no sink knows another.
+"""The values that a sink receives, and its interface: show, close, dropped.
 
 Frame: *virtual screen* pixels, origin at the top left corner of the wall, x right, y down; the gaps between
 panels are their bezels.
@@ -37,9 +37,7 @@ class WallPicture:
     camera_event: int
     scene_event: int
     compared: tuple[PanelPicture, ...] = ()  # second pictures of the panels, while two samplers are compared
-    statistics_images: tuple[
-        StatisticsImage, ...
-    ] = ()  # while somebody watches; the same object until there are new ones
+    statistics_images: tuple[StatisticsImage, ...] = ()  # while a viewer shows them; the same object until they change
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,13 +73,13 @@ class Status:
 
 
 class Sink(Protocol):
-    """Where a picture ends. Called by one thread."""
+    """Shows or stores pictures. Called by one thread."""
 
     def show(self, picture: WallPicture, status: Status) -> None:
-        """Take the newest picture. At most once a refresh; must not block; left out when nothing changed."""
+        """Take the newest picture. Called at most once a refresh, and only if something changed; must not block."""
 
     def close(self) -> None:
-        """Finish what was begun and let go of files, threads and sockets."""
+        """Finish writing, and close files, threads and sockets."""
 
     def dropped(self) -> dict[str, int]:
-        """What was thrown away so far, by name."""
+        """Counts of what was dropped so far, by name."""

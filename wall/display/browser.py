@@ -1,7 +1,7 @@
-"""The live page: one page over HTTP, pictures and status over a websocket, steering commands back.
+"""Serve the live page: one page over HTTP, pictures and status over a websocket, steering commands back.
 
-The server has a thread and an event loop of its own. `show` only puts the newest picture where the viewers find
-it. A viewer holds at most IN_FLIGHT pictures that it has not drawn; a slow one gets fewer, never older, pictures.
+The server has a thread and an event loop of its own. `show` only stores the newest picture. A viewer holds at most
+IN_FLIGHT pictures that it has not drawn; a slow one gets fewer, never older, pictures.
 """
 
 from __future__ import annotations
@@ -98,11 +98,13 @@ class Browser:
         self.address = bound.result()
 
     def show(self, picture: WallPicture, status: Status) -> None:
+        """Hand the newest picture to all viewers."""
         self._newest = (picture, status)
         if self._viewers:
             self._call(self._wake_viewers)
 
     def commands(self) -> list[dict[str, Any]]:
+        """What viewers asked for since the last call."""
         taken = []
         while self._commands:
             taken.append(self._commands.popleft())
@@ -113,6 +115,7 @@ class Browser:
         return taken
 
     def dropped(self) -> dict[str, int]:
+        """Requests, messages and commands that were refused so far, by name."""
         return dict(self._counters.counts)
 
     def close(self) -> None:

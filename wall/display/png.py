@@ -1,8 +1,7 @@
-"""The last picture as PNG files: the whole wall with its bezels, and every panel."""
+"""Write the last picture of a run as PNG files: the whole wall with its bezels, and every panel."""
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
@@ -12,13 +11,14 @@ from PIL import Image
 
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture, Status, WallPicture
+from wall.display.files import replaced
 
 BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keeps its edge
 QUICK = 1  # zlib level: half the time of the default for 15 % more bytes
 
 
 def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB) -> NDArray[np.uint8]:
-    """All panels at their places in the virtual screen.
+    """All panels at their positions in the virtual screen.
 
     Returns (height, width, 3) uint8 sRGB; pixels that belong to no panel have `bezel_rgb`. Where panels
     overlap, the later one is seen. Raises LocalProtocolError when a panel leaves the virtual screen.
@@ -38,7 +38,7 @@ def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB
 
 
 def spread(panel: PanelPicture) -> NDArray[np.uint8]:
-    """(h, w, 3) uint8: a panel's picture as large as its place in the virtual screen, coarse pixels as squares."""
+    """(h, w, 3) uint8: a panel's picture scaled to its size in the virtual screen, each pixel a rectangle."""
     if panel.span is None or panel.span == (panel.rgb.shape[1], panel.rgb.shape[0]):
         return panel.rgb
     return np.asarray(Image.fromarray(panel.rgb).resize(panel.span, Image.Resampling.NEAREST))
@@ -68,13 +68,8 @@ def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
 
     Raises RunError naming the file and the reason when it cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with replaced(path) as part:
         Image.fromarray(rgb).save(part, format="PNG", compress_level=QUICK)
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
 
 
 class PngSink:
@@ -86,6 +81,7 @@ class PngSink:
         self._picture: WallPicture | None = None
 
     def show(self, picture: WallPicture, status: Status) -> None:
+        """Keep the picture."""
         self._picture = picture
 
     def close(self) -> None:
@@ -98,4 +94,5 @@ class PngSink:
             write_png(self._folder / name, panel.rgb)
 
     def dropped(self) -> dict[str, int]:
+        """Nothing is ever dropped."""
         return {}

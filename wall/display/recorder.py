@@ -1,7 +1,7 @@
-"""Record what the wall shows as a numbered sequence of JPEG pictures and a line of facts about each.
+"""Record what the wall shows as numbered JPEG files with an index.
 
-A picture is taken when its turn has come and something changed. Composing, compressing and writing happen in
-the recorder's own thread; when that falls behind, pictures are dropped and counted, and nobody waits.
+A picture is recorded when a period has passed and something changed. Composing, compressing and writing happen in the
+recorder's own thread; when that falls behind, pictures are dropped and counted.
 """
 
 from __future__ import annotations
@@ -52,6 +52,7 @@ class Recorder:
         self._thread.start()
 
     def show(self, picture: WallPicture, status: Status) -> None:
+        """Queue the picture if a period has passed and a panel changed."""
         versions = tuple(panel.version for panel in picture.panels)
         if picture.time < self._due - ROUNDING_S or versions == self._seen:
             return
@@ -78,6 +79,7 @@ class Recorder:
             raise RunError(f"{self._folder}: {self._unwritten} pictures could not be recorded: {why}")
 
     def dropped(self) -> dict[str, int]:
+        """Pictures that the queue had no room for or that could not be written, by name."""
         counts = {"recorder_behind": self._behind, "recorder_unwritten": self._unwritten}
         return {name: n for name, n in counts.items() if n}
 

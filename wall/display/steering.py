@@ -1,4 +1,4 @@
-"""What a page may ask for, and who may ask. Pure: text in; values, or RemoteProtocolError, out.
+"""Check the messages of the live page and where requests come from. Pure: text in; values, or RemoteProtocolError, out.
 
 orbit and pan carry `x` and `y` in heights of the wall (x right, y down, as the pointer moved); zoom carries
 the factor `x` by which things should look larger.

@@ -1,4 +1,4 @@
-"""What the page is sent, as bytes and JSON text. Pure, no I/O.
+"""Encode what the live page is sent, as bytes and JSON text. Pure, no I/O.
 
 A picture is one JSON message `picture` that says how many panels follow, then one binary message a panel:
 HEADER, then a JPEG. Only panels that changed since the viewer's last picture are sent. While two samplers are compared
@@ -56,7 +56,7 @@ def picture_message(picture: WallPicture, *, panels: int, number: int) -> str:
 
 
 def statistics_message(statistics_image: StatisticsImage, overlay: str) -> bytes:
-    """What one overlay of OVERLAYS draws over one panel: codes by tiles, or n rectangles (4 u16) and their n codes."""
+    """The codes that an overlay of OVERLAYS draws over a panel: by tile, or n rectangles (4 u16) and their n codes."""
     rows, columns = statistics_image.age.shape
     tiles = overlay == "tiles"
     header = STATISTICS_HEADER.pack(
@@ -73,7 +73,7 @@ def statistics_message(statistics_image: StatisticsImage, overlay: str) -> bytes
 
 
 def layout_message(wall: Wall) -> str:
-    """Where the panels are, in virtual screen pixels; the first message on every connection."""
+    """Panel rectangles in virtual screen pixels; the first message on every connection."""
     panels = [
         {
             "id": p.id,

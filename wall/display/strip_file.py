@@ -1,4 +1,4 @@
-"""Write a picture of any size to a file strip by strip, never holding more than one: PNG, EXR or TIFF.
+"""Write an image of any size to a file, one strip in memory at a time: PNG, EXR or TIFF.
 
 PNG and TIFF hold 8-bit sRGB, EXR linear float32. PNG: W3C PNG, 3rd edition; one zlib stream in chunks of a strip each.
 TIFF: 6.0 with deflate and horizontal differences, BigTIFF (64-bit offsets) where 4 GiB may not do.
@@ -6,7 +6,6 @@ TIFF: 6.0 with deflate and horizontal differences, BigTIFF (64-bit offsets) wher
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -18,9 +17,9 @@ import OpenEXR
 import tifffile
 from numpy.typing import NDArray
 
-from wall.core.colour import srgb_encoded
 from wall.core.data import Float32
-from wall.core.errors import ConfigError, LocalProtocolError, RunError
+from wall.core.errors import ConfigError, LocalProtocolError
+from wall.display.files import check_target, replaced
 
 Strips: TypeAlias = Iterable[NDArray[Any]]
 
@@ -29,7 +28,7 @@ LEVEL = 3  # of zlib: a tenth larger than level 6 on a rendered picture, at twic
 MOST_PIXELS = 2**31 - 1  # on an edge, in all three formats
 _TIFF_ROWS = 16  # of a strip in the file: readers that want few rows need not unpack many
 _TIFF_BYTES = 2**32 - 2**24  # beyond, offsets of 32 bits may not reach
-_UP = 2  # the PNG filter that takes away the row above
+_UP = 2  # PNG filter type: differences to the row above
 
 
 def is_linear(path: Path) -> bool:
@@ -37,42 +36,29 @@ def is_linear(path: Path) -> bool:
     return path.suffix.lower() == ".exr"
 
 
-def display_values(linear: Float32) -> NDArray[np.uint8]:
-    """8-bit sRGB of linear light, clipped to 0..1, IEC 61966-2-1: as `wall render` writes a PNG."""
-    return np.round(srgb_encoded(linear.astype(np.float64)) * 255).astype(np.uint8)
-
-
 def check_file(path: Path, width: int, height: int) -> None:
-    """Refuse what cannot be written before anything is rendered for it. Raises ConfigError."""
-    if path.suffix.lower() not in _WRITERS:
-        raise ConfigError(f"-o {path}: cannot write '{path.suffix}'; accepted: {', '.join(_WRITERS)}")
-    if not path.absolute().parent.is_dir():
-        raise ConfigError(f"-o {path}: there is no folder {path.parent}")
+    """Refuse an image that cannot be written, before anything is rendered for it. Raises ConfigError."""
+    check_target(path, tuple(_WRITERS))
     if not (1 <= width <= MOST_PIXELS and 1 <= height <= MOST_PIXELS):
-        raise ConfigError(f"a picture of {width}x{height} pixels: wanted 1 to {MOST_PIXELS} on an edge")
+        raise ConfigError(f"an image of {width}x{height} pixels: wanted 1 to {MOST_PIXELS} on an edge")
 
 
 def write_strips(path: Path, strips: Strips, *, width: int, height: int) -> None:
-    """Write a picture from its strips, top to bottom. The file appears whole or not at all.
+    """Write an image from its strips, top to bottom. The file appears whole or not at all.
 
     strips : (STRIP_ROWS, width, 3), the last one with what is left; uint8 sRGB, or float32 linear if `is_linear`
 
     Raises RunError naming the file and the reason when it cannot be written, LocalProtocolError for strips that are
-    not the picture that was promised.
+    not as many rows, or not as wide, as was promised.
     """
     check_file(path, width, height)
-    part = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
+    with replaced(path) as part:
         checked = _checked(strips, width, height, np.dtype(np.float32 if is_linear(path) else np.uint8))
         _WRITERS[path.suffix.lower()](part, checked, width, height)
-        os.replace(part, path)
-    except OSError as error:
-        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def _checked(strips: Strips, width: int, height: int, kind: np.dtype[Any]) -> Iterator[NDArray[Any]]:
+    """The same strips, contiguous. Raises LocalProtocolError where they are not the image that was promised."""
     done = 0
     for strip in strips:
         wanted = (min(STRIP_ROWS, height - done), width, 3)

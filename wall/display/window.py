@@ -1,8 +1,8 @@
 """Native windows: each panel's picture on the X display and monitor that the configuration names.
 
 All windows of one X display live in a process of their own (window_process.py), which gets pictures through anonymous
-shared memory (glass.py). `show` only remembers what is newest; a thread a display copies it when there is room, so a
-slow display gets fewer pictures, never older ones, and never holds anybody up.
+shared memory (window_host.py). `show` only keeps the newest pictures; a thread for each display copies them when
+a buffer is free, so a slow display gets fewer pictures, never older ones, and delays nobody.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 
 from wall.core.data import Counters
 from wall.display.base import PanelPicture, Status, WallPicture
-from wall.display.window_host import Glass
+from wall.display.window_host import WindowHost
 from wall.display.x_server import display_of
 from wall.geometry.panels import Panel
 
@@ -40,18 +40,19 @@ class WindowSink:
         for panel in panels:
             by_display.setdefault(display_of(panel), []).append(panel)
         height = max(panel.screen[1] + panel.pixels[1] for panel in panels)
-        self._glasses: list[Glass] = []
+        self._hosts: list[WindowHost] = []
         try:
             for display, own in by_display.items():
-                self._glasses.append(Glass(display, own, height=height, refresh_hz=refresh_hz))
-            for glass in self._glasses:
-                glass.begin()
+                self._hosts.append(WindowHost(display, own, height=height, refresh_hz=refresh_hz))
+            for host in self._hosts:
+                host.begin()
         except BaseException:
             self.close()
             raise
-        self.notes = tuple(note for glass in self._glasses for note in glass.notes)  # to be said once
+        self.notes = tuple(note for host in self._hosts for note in host.notes)  # to be said once
 
     def show(self, picture: WallPicture, status: Status) -> None:
+        """Show each panel's picture in its window."""
         self.put(picture.panels)
 
     def put(self, pictures: Sequence[PanelPicture]) -> None:
@@ -59,27 +60,27 @@ class WindowSink:
 
         Raises LocalProtocolError for a picture that has not its panel's size.
         """
-        for glass in self._glasses:
-            glass.put([picture for picture in pictures if picture.id in glass.parts])
+        for host in self._hosts:
+            host.put([picture for picture in pictures if picture.id in host.areas])
 
     def settled(self, timeout_s: float) -> bool:
-        """Wait until everything that was put is on the glass, or overtaken, or its window gone."""
+        """Wait until every picture that was put is displayed or superseded, or its window is closed."""
         limit = time.monotonic() + timeout_s
-        return all(glass.settled(max(0.0, limit - time.monotonic())) for glass in self._glasses)
+        return all(host.settled(max(0.0, limit - time.monotonic())) for host in self._hosts)
 
     def commands(self) -> list[dict[str, Any]]:
-        """What hands asked for in any window since the last call, as wall.display.steering.parse_message gives it."""
-        return [command for glass in self._glasses for command in glass.commands()]
+        """Commands from the input of any window since the last call, checked as page messages are."""
+        return [command for host in self._hosts for command in host.commands()]
 
     @property
     def escape(self) -> str:
         """In which window Escape was pressed, in words; "" in none."""
-        return next((glass.escape for glass in self._glasses if glass.escape), "")
+        return next((host.escape for host in self._hosts if host.escape), "")
 
     @property
     def gone(self) -> bool:
         """Whether no window is left."""
-        return all(glass.gone for glass in self._glasses)
+        return all(host.gone for host in self._hosts)
 
     @property
     def finished(self) -> str:
@@ -87,14 +88,15 @@ class WindowSink:
         return self.escape or (ALL_CLOSED if self.gone else "")
 
     def dropped(self) -> dict[str, int]:
+        """Pictures and commands that were dropped so far, by name."""
         total = Counters()
-        for glass in self._glasses:
-            total.merge(glass.counters.counts)
+        for host in self._hosts:
+            total.merge(host.counters.counts)
         return dict(total.counts)
 
     def close(self) -> None:
         """Close the windows and end their processes, within two seconds."""
-        for glass in self._glasses:
-            glass.end()
-        for glass in self._glasses:
-            glass.join()
+        for host in self._hosts:
+            host.end()
+        for host in self._hosts:
+            host.join()

@@ -1,6 +1,6 @@
-"""The run's end of one X display: its process, the memory it shares with it, and the thread that feeds it.
+"""Feed the window process of one X display: start it, share memory with it, send it pictures, take its input.
 
-The other end is window_process.py; the messages between the two are described there.
+The other side is window_process.py, which describes the messages between the two.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ import wall
 from wall.core.data import Counters
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture
-from wall.display.placing import Wanted, wanted_of
+from wall.display.window_layout import WindowRequest, request_of
 from wall.geometry.panels import Panel
 
-SLOTS = 3  # pictures of a window: one on its way to the glass, the next one, one to write the newest into
+SWAP_CHAIN_LENGTH = 3  # buffers of a window: one that is uploaded, the next one, one to write the newest into
 START_WAIT_S = 30.0  # a first start compiles shaders; longer means that the X server hangs
 END_WAIT_S = 1.5  # for a process to close its windows after it was told to
 MAX_COMMANDS = 256  # 4 s of dragging
 MAX_PACKET = 1 << 20
 
 
-class Glass:
-    """The parent's end of one X display."""
+class WindowHost:
+    """The windows of one X display, seen from the run."""
 
     def __init__(self, display: str, panels: Sequence[Panel], *, height: int, refresh_hz: float) -> None:
-        """Start its process; `begin` waits for it."""
+        """Start the process; `begin` waits for it. `height`: of the whole wall, virtual screen pixels."""
         self.display = display
         self.notes: tuple[str, ...] = ()
         self.counters = Counters()
         self.escape, self.gone = "", False
-        self._wanted, self.parts = _windows_of(panels, refresh_hz)
-        self._bytes = [3 * wanted.pixels[0] * wanted.pixels[1] for wanted in self._wanted]
-        self._slots, size = _slots(self._bytes)
+        self._requests, self.areas = _windows_of(panels, refresh_hz)
+        self._bytes = [3 * request.pixels[0] * request.pixels[1] for request in self._requests]
+        self._buffers, size = _buffers(self._bytes)
         self._changed = threading.Condition()
         self._newest: dict[str, PanelPicture] = {}  # of each panel
         self._waiting: set[int] = set()  # windows whose newest picture is not on its way yet
-        self._open = set(range(len(self._wanted)))
-        self._free = {k: list(range(SLOTS)) for k in self._open}
+        self._open = set(range(len(self._requests)))
+        self._free = {k: list(range(SWAP_CHAIN_LENGTH)) for k in self._open}
         self._put, self._done = dict.fromkeys(self._open, 0), dict.fromkeys(self._open, 0)  # numbers of pictures
         self._commands: deque[dict[str, Any]] = deque()
         self._thread: threading.Thread | None = None
@@ -64,12 +64,12 @@ class Glass:
         self._pipe, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             self._process = self._start(theirs)
-        about = {"panels": [asdict(w) for w in self._wanted], "slots": self._slots, "bytes": self._bytes}
+        about = {"panels": [asdict(w) for w in self._requests], "buffers": self._buffers, "bytes": self._bytes}
         self._send({"display": display, "height": height, **about})
 
     def begin(self) -> None:
         """Wait for the windows. Raises RunError as the process worded it."""
-        where = f"panel {self._wanted[0].id}: display {self.display}"
+        where = f"panel {self._requests[0].id}: display {self.display}"
         ready, _, _ = select.select([self._pipe], [], [], START_WAIT_S)
         if not ready:
             raise RunError(f"{where} did not answer for {START_WAIT_S:.0f} s; wanted an X server that does")
@@ -98,14 +98,14 @@ class Glass:
     def put(self, pictures: Sequence[PanelPicture]) -> None:
         """Take the newest pictures of these panels, all at once: both eyes of a window stay together."""
         for picture in pictures:
-            width, height = self.parts[picture.id].size
+            width, height = self.areas[picture.id].size
             if picture.rgb.shape != (height, width, 3):
                 came = "x".join(str(n) for n in picture.rgb.shape[1::-1])
                 raise LocalProtocolError(f"panel {picture.id}: a picture of {came} pixels for {width}x{height}")
         with self._changed:
             news = [p for p in pictures if p.id not in self._newest or self._newest[p.id].version != p.version]
             self._newest.update((picture.id, picture) for picture in news)
-            for k in {self.parts[picture.id].window for picture in news} & self._open:
+            for k in {self.areas[picture.id].window for picture in news} & self._open:
                 if k in self._waiting:
                     self.counters.add("window_overtaken")
                 self._waiting.add(k)
@@ -114,20 +114,24 @@ class Glass:
             os.eventfd_write(self._wake, 1)
 
     def settled(self, timeout_s: float) -> bool:
+        """Wait until every picture that was put is displayed or superseded, or its window is closed."""
         with self._changed:
             return self._changed.wait_for(lambda: all(self._done[k] == self._put[k] for k in self._open), timeout_s)
 
     def commands(self) -> list[dict[str, Any]]:
+        """Steering commands since the last call."""
         taken = []
         while self._commands:
             taken.append(self._commands.popleft())
         return taken
 
     def end(self) -> None:
+        """Tell the process to close its windows; `join` waits for it."""
         self._ending = True
         self._pipe.shutdown(socket.SHUT_RDWR)
 
     def join(self) -> None:
+        """Wait for the thread and the process, END_WAIT_S each, and free what they used."""
         if self._thread is not None:
             self._thread.join(END_WAIT_S)
         try:
@@ -162,25 +166,25 @@ class Glass:
             self.counters.add("window_display_lost")
 
     def _feed(self) -> None:
-        """Hand over every waiting picture that has a free slot."""
+        """Copy every waiting picture whose window has a free buffer, and tell the process."""
         with self._changed:
             ready = {k: (self._free[k].pop(), self._put[k]) for k in self._waiting if self._free[k]}
             self._waiting -= ready.keys()
-            pictures = [picture for picture in self._newest.values() if self.parts[picture.id].window in ready]
+            pictures = [picture for picture in self._newest.values() if self.areas[picture.id].window in ready]
         for picture in pictures:
-            part = self.parts[picture.id]
+            part = self.areas[picture.id]
             self._pixels(part.window, ready[part.window][0])[part.inside] = picture.rgb
-        for k, (slot, number) in ready.items():
-            self._send([k, slot, *self._wanted[k].pixels, number])
+        for k, (buffer, number) in ready.items():
+            self._send([k, buffer, *self._requests[k].pixels, number])
 
-    def _pixels(self, k: int, slot: int) -> NDArray[np.uint8]:
-        (width, height), start = self._wanted[k].pixels, self._slots[k][slot]
+    def _pixels(self, k: int, buffer: int) -> NDArray[np.uint8]:
+        (width, height), start = self._requests[k].pixels, self._buffers[k][buffer]
         return self._shared[start : start + self._bytes[k]].reshape(height, width, 3)
 
     def _take(self, kind: str, said: list[Any]) -> None:
         if kind == "free":
-            k, slot, used = said
-            self._free[k].append(slot)
+            k, buffer, used = said
+            self._free[k].append(buffer)
             if not used:
                 self.counters.add("window_overtaken")
         elif kind == "shown":
@@ -191,7 +195,7 @@ class Glass:
             else:
                 self.counters.add("window_command_overflow")
         elif kind == "escape":
-            self.escape = f"Escape was pressed in the window of panel {self._wanted[said[0]].id}"
+            self.escape = f"Escape was pressed in the window of panel {self._requests[said[0]].id}"
         else:  # closed, lost
             self._open.discard(said[0])
             self._waiting.discard(said[0])
@@ -210,8 +214,8 @@ class Glass:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """Where a panel is in its window: all of it, or one eye's half."""
+class _PanelArea:
+    """The rectangle of a window that shows one panel: all of it, or the half of one eye."""
 
     window: int
     at: tuple[int, int]  # x, y of its top left pixel
@@ -219,29 +223,30 @@ class _Part:
 
     @property
     def inside(self) -> tuple[slice, slice]:
+        """Rows and columns of the window's pixels."""
         (x, y), (width, height) = self.at, self.size
         return np.s_[y : y + height, x : x + width]
 
 
-def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[Wanted], dict[str, _Part]]:
-    """A window for each physical panel, and where each panel's picture goes."""
+def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[WindowRequest], dict[str, _PanelArea]]:
+    """A window for each physical panel, and by panel id the area of its picture."""
     physical: dict[str, list[Panel]] = {}
     for panel in panels:
         physical.setdefault(panel.of or panel.id, []).append(panel)
-    wanted, parts = [], {}
+    requests, areas = [], {}
     for k, (name, halves) in enumerate(physical.items()):
-        places = {panel.id: _Part(k, panel.at, panel.pixels) for panel in halves}
-        pixels = (max(p.at[0] + p.size[0] for p in places.values()), max(p.at[1] + p.size[1] for p in places.values()))
-        wanted.append(replace(wanted_of(halves[0], refresh_hz), id=name, pixels=pixels))
-        parts.update(places)
-    return wanted, parts
+        inside = {panel.id: _PanelArea(k, panel.at, panel.pixels) for panel in halves}
+        pixels = (max(p.at[0] + p.size[0] for p in inside.values()), max(p.at[1] + p.size[1] for p in inside.values()))
+        requests.append(replace(request_of(halves[0], refresh_hz), id=name, pixels=pixels))
+        areas.update(inside)
+    return requests, areas
 
 
-def _slots(sizes: Sequence[int]) -> tuple[list[list[int]], int]:
-    """Where each slot of each panel begins in the shared memory, and how much of it there is; whole pages."""
+def _buffers(sizes: Sequence[int]) -> tuple[list[list[int]], int]:
+    """Offset of each buffer of each window in the shared memory, and its size, bytes; buffers start on whole pages."""
     starts, at = [], 0
     for size in sizes:
         step = -(-size // mmap.PAGESIZE) * mmap.PAGESIZE
-        starts.append([at + k * step for k in range(SLOTS)])
-        at += SLOTS * step
+        starts.append([at + k * step for k in range(SWAP_CHAIN_LENGTH)])
+        at += SWAP_CHAIN_LENGTH * step
     return starts, at

@@ -1,4 +1,4 @@
-"""What hands do in a window, as the page's steering commands (page/steering.js): drag, wheel, keys.
+"""Turn mouse and keyboard input of a window into the steering commands of the page (page/steering.js).
 
 Drag: orbit; right button or shift: pan; wheel, + and -: zoom; arrows: orbit, with shift pan; space: pause; r: reset;
 Escape: the run ends.
@@ -11,8 +11,8 @@ from typing import Any
 
 import glfw
 
-from wall.display.placing import TURNS
 from wall.display.steering import MAX_MOVE, MAX_ZOOM
+from wall.display.window_layout import TURNS
 
 TAP = 0.04  # wall heights of one key press, and of each repeat while it is held
 KEY_ZOOM = 1.12
@@ -27,8 +27,8 @@ _ZOOMS = {
 _ONCE = {glfw.KEY_SPACE: "pause", glfw.KEY_R: "reset"}
 
 
-class Hands:
-    """Adds up what happens in one window until `commands` takes it. Used by the main thread only."""
+class InputHandler:
+    """Sums the input of one window until `commands` takes it. Used by the main thread only."""
 
     def __init__(self, handle: Any, rotation: int, height: float) -> None:
         """`height` is the wall's, in pixels of this window; `rotation` that of its panel, degrees."""
@@ -44,7 +44,7 @@ class Hands:
         glfw.set_key_callback(handle, self._key)
 
     def commands(self) -> list[dict[str, Any]]:
-        """What was asked for since the last call, as wall.display.steering takes it."""
+        """Steering commands since the last call, within the limits of wall.display.steering."""
         asked: list[dict[str, Any]] = [{"kind": kind} for kind in self._once]
         for kind, (x, y) in self._sums.items():
             if x or y:

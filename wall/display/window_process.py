@@ -1,14 +1,14 @@
-"""The windows of one X display, in a process of their own: GLFW reads DISPLAY once; a display that hangs, hangs alone.
+"""Show the windows of one X display, in a process of their own: GLFW reads DISPLAY once, and a display may hang.
 
-glass.py starts it as `python -m wall.display.window_process PARENT SOCKET MEMORY`, DISPLAY set; it ends when the socket
-closes, and dies with its parent. Messages over the socket are JSON, one a packet. The first says which panels, and is
-answered by ["ready", notes] or ["failed", why]. Then come pictures, [window, slot, width, height, number], in slots of
-the shared memory; back go ["free", window, slot, whether it was used], ["shown", window, number], ["command", command],
-["escape", window], ["closed", window], ["lost", window, why].
+window_host.py starts it as `python -m wall.display.window_process PARENT SOCKET MEMORY`, with DISPLAY set. It ends when
+the socket closes, and dies with its parent. Messages over the socket are JSON, one a packet. The first names the
+panels, and is answered by ["ready", notes] or ["failed", why]. Then the run sends pictures, [window, buffer, width,
+height, number], in buffers of the shared memory; the process sends ["free", window, buffer, whether it was used],
+["shown", window, number], ["command", command], ["escape", window], ["closed", window], ["lost", window, why].
 
-One thread a window: each waits for the vertical blank of its own monitor and for nobody else. The main thread takes
-events in, another one pictures. With hands.py the only files that touch GLFW, and this one alone touches OpenGL, but
-for wall/reconstruction/gpu.
+Each window has a thread, which waits for the vertical blank of its own monitor only. The main thread takes events of
+the X server, another one pictures. Only this file and window_input.py use GLFW, and only this one and
+wall/reconstruction/gpu use OpenGL.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ import glfw
 import moderngl
 
 from wall.core.errors import RunError, WallError
-from wall.display.placing import TURNS, Box, Monitor, Place, Wanted, places
-from wall.display.window_input import Hands
+from wall.display.window_input import InputHandler
+from wall.display.window_layout import TURNS, Box, Monitor, WindowPosition, WindowRequest, lay_out
 
 START_WAIT_S = 15.0  # for all windows to be there; llvmpipe compiles its shaders in a tenth of a second
 OPEN_WAIT_S = 1.5  # for an X server to take a client
@@ -64,25 +64,28 @@ Tell = Callable[[list[Any]], None]
 class Window:
     """One panel's window. `offer` takes the newest picture; a thread of its own shows it."""
 
-    def __init__(self, index: int, wanted: Wanted, place: Place, slots: list[memoryview], tell: Tell) -> None:
+    def __init__(
+        self, index: int, title: str, position: WindowPosition, buffers: list[memoryview], tell: Tell
+    ) -> None:
         """Open the window, black. To be called by the main thread, as GLFW wants it."""
-        self.index, self.place = index, place
-        self._slots, self._tell = slots, tell
+        self.index, self.position = index, position
+        self._buffers, self._tell = buffers, tell
         self._changed = threading.Condition()
-        self._offered: tuple[int, int, int, int] | None = None  # slot, width, height, number
+        self._offered: tuple[int, int, int, int] | None = None  # buffer, width, height, number
         self._redraw, self._closing = True, False
         self.failed = ""
         self.ready = threading.Event()
-        self.handle = _open(f"wall {wanted.id}", place)
+        self.handle = _open(f"wall {title}", position)
         self._size = glfw.get_framebuffer_size(self.handle)
         glfw.set_framebuffer_size_callback(self.handle, self._resized)
         glfw.set_window_refresh_callback(self.handle, lambda _: self._again())
-        self._thread = threading.Thread(target=self._run, name=f"window {wanted.id}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"window {title}", daemon=True)
         self._thread.start()
 
-    def offer(self, slot: int, width: int, height: int, number: int) -> None:
+    def offer(self, buffer: int, width: int, height: int, number: int) -> None:
+        """Show picture `number`, which is in a buffer, in place of one that waits."""
         with self._changed:
-            before, self._offered = self._offered, (slot, width, height, number)
+            before, self._offered = self._offered, (buffer, width, height, number)
             self._changed.notify()
         if before is not None:
             self._tell(["free", self.index, before[0], False])
@@ -118,10 +121,10 @@ class Window:
 
     def _show_all(self) -> None:
         context = moderngl.create_context(require=330)
-        context.disable_direct(_DITHER)  # exactly the values that came
-        glfw.swap_interval(self.place.interval)
+        context.disable_direct(_DITHER)  # display exactly the values that came
+        glfw.swap_interval(self.position.interval)
         program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
-        a, b, c, d = TURNS[self.place.rotation]
+        a, b, c, d = TURNS[self.position.rotation]
         program["picture_from_window"] = (a, c, b, d)  # columns
         triangle = context.vertex_array(program, [])
         texture: Any = None
@@ -138,7 +141,7 @@ class Window:
             if texture is None:
                 context.clear(*BLACK)
             else:
-                same = texture.size == ((width, height) if self.place.rotation % 180 == 0 else (height, width))
+                same = texture.size == ((width, height) if self.position.rotation % 180 == 0 else (height, width))
                 texture.filter = (moderngl.NEAREST,) * 2 if same else (moderngl.LINEAR,) * 2
                 texture.use()
                 triangle.render(moderngl.TRIANGLES, vertices=3)
@@ -148,28 +151,29 @@ class Window:
                 self._tell(["shown", self.index, offered[3]])
 
     def _upload(self, context: Any, texture: Any, offered: tuple[int, int, int, int]) -> Any:
-        slot, width, height, _ = offered
+        buffer, width, height, _ = offered
         if texture is None or texture.size != (width, height):
             if texture is not None:
                 texture.release()
             texture = context.texture((width, height), 3, alignment=1)
             texture.repeat_x = texture.repeat_y = False
-        texture.write(self._slots[slot][: 3 * width * height], alignment=1)
-        self._tell(["free", self.index, slot, True])
+        texture.write(self._buffers[buffer][: 3 * width * height], alignment=1)
+        self._tell(["free", self.index, buffer, True])
         return texture
 
 
-class Glass:
-    """All windows of this process, and the two ways in: events of the X server, messages of the parent."""
+class WindowProcess:
+    """All windows of this process; takes events of the X server and messages of the parent."""
 
     def __init__(self, pipe: socket.socket, memory: int) -> None:
         self._pipe, self._memory = pipe, memory
         self._sending = threading.Lock()
         self._ended = False
         self.windows: dict[int, Window] = {}
-        self._hands: dict[int, Hands] = {}
+        self._inputs: dict[int, InputHandler] = {}
 
     def run(self) -> None:
+        """Open the windows and serve them until the last is closed or the parent is gone."""
         task = json.loads(self._pipe.recv(MAX_PACKET))
         try:
             self._open(task)
@@ -179,19 +183,20 @@ class Glass:
         threading.Thread(target=self._listen, name="pictures", daemon=True).start()
         while self.windows and not self._ended:
             glfw.wait_events()
-            for index, hands in list(self._hands.items()):
-                for command in hands.commands():
+            for index, handler in list(self._inputs.items()):
+                for command in handler.commands():
                     self.tell(["command", command])
-                if hands.escape:
+                if handler.escape:
                     self.tell(["escape", index])
                 if glfw.window_should_close(self.windows[index].handle):
                     self.windows.pop(index).close()
-                    del self._hands[index]
+                    del self._inputs[index]
                     self.tell(["closed", index])
         for window in self.windows.values():
             window.close()
 
     def tell(self, message: list[Any]) -> None:
+        """Send a message to the parent."""
         with self._sending:
             try:
                 self._pipe.send(json.dumps(message).encode())
@@ -199,32 +204,32 @@ class Glass:
                 self._ended = True  # the parent is gone
 
     def _open(self, task: dict[str, Any]) -> None:
-        display, panels = task["display"], [_wanted(values) for values in task["panels"]]
+        display, panels = task["display"], [_request(values) for values in task["panels"]]
         _init(panels[0].id, display)
         shared = memoryview(mmap.mmap(self._memory, 0))
-        found = places(panels, _monitors(), display=display)
-        for index, (panel, place) in enumerate(zip(panels, found, strict=True)):
-            slots = [shared[start : start + task["bytes"][index]] for start in task["slots"][index]]
+        found = lay_out(panels, _monitors(), display=display)
+        for index, (panel, position) in enumerate(zip(panels, found, strict=True)):
+            buffers = [shared[start : start + task["bytes"][index]] for start in task["buffers"][index]]
             try:
-                window = Window(index, panel, place, slots, self.tell)
+                window = Window(index, panel.id, position, buffers, self.tell)
             except glfw.GLFWError as error:
                 raise RunError(f"panel {panel.id}: no window on display {display} ({_text(error)})") from error
             self.windows[index] = window
-            self._hands[index] = Hands(
-                window.handle, place.rotation, task["height"] * place.box.height / panel.pixels[1]
+            self._inputs[index] = InputHandler(
+                window.handle, position.rotation, task["height"] * position.box.height / panel.pixels[1]
             )
         for index, window in self.windows.items():
             if not window.ready.wait(START_WAIT_S) or window.failed:
                 why = window.failed or f"it did not show anything for {START_WAIT_S:.0f} s"
                 raise RunError(f"panel {panels[index].id}: no OpenGL 3.3 in its window on display {display}: {why}")
-        self.tell(["ready", [place.note for place in found if place.note]])
+        self.tell(["ready", [position.note for position in found if position.note]])
 
     def _listen(self) -> None:
         while message := self._receive():
-            index, slot, width, height, number = json.loads(message)
+            index, buffer, width, height, number = json.loads(message)
             window = self.windows.get(index)
             if window is not None:
-                window.offer(slot, width, height, number)
+                window.offer(buffer, width, height, number)
         self._ended = True
         glfw.post_empty_event()
 
@@ -235,13 +240,13 @@ class Glass:
             return b""
 
 
-def _wanted(values: dict[str, Any]) -> Wanted:
+def _request(values: dict[str, Any]) -> WindowRequest:
     window = values["window"]
-    return Wanted(**{**values, "pixels": tuple(values["pixels"]), "window": tuple(window) if window else None})
+    return WindowRequest(**{**values, "pixels": tuple(values["pixels"]), "window": tuple(window) if window else None})
 
 
 def _init(panel: str, display: str) -> None:
-    """Reach the X server; one that is just starting anew, as it does after its last client has left, gets a moment."""
+    """Connect to the X server; wait OPEN_WAIT_S for one that restarts, as it does when its last client leaves."""
     glfw.ERROR_REPORTING = "raise"
     limit = time.monotonic() + OPEN_WAIT_S
     while (error := _refused()) is not None:
@@ -276,7 +281,7 @@ def _monitors() -> list[Monitor]:
     return found
 
 
-def _open(title: str, place: Place) -> Any:
+def _open(title: str, position: WindowPosition) -> Any:
     for hint, value in (
         (glfw.CONTEXT_VERSION_MAJOR, 3),
         (glfw.CONTEXT_VERSION_MINOR, 3),
@@ -288,12 +293,12 @@ def _open(title: str, place: Place) -> Any:
         (glfw.VISIBLE, glfw.FALSE),
     ):
         glfw.window_hint(hint, value)
-    monitor = None if place.monitor is None else glfw.get_monitors()[place.monitor]
+    monitor = None if position.monitor is None else glfw.get_monitors()[position.monitor]
     if monitor is not None:
         glfw.window_hint(glfw.REFRESH_RATE, glfw.get_video_mode(monitor).refresh_rate or glfw.DONT_CARE)
-    handle = glfw.create_window(place.box.width, place.box.height, title, monitor, None)
+    handle = glfw.create_window(position.box.width, position.box.height, title, monitor, None)
     if monitor is None:
-        glfw.set_window_pos(handle, place.box.x, place.box.y)
+        glfw.set_window_pos(handle, position.box.x, position.box.y)
     else:
         glfw.set_input_mode(handle, glfw.CURSOR, glfw.CURSOR_HIDDEN)
     glfw.show_window(handle)
@@ -302,12 +307,13 @@ def _open(title: str, place: Place) -> Any:
 
 
 def main() -> None:
+    """Entry point of the process."""
     parent, descriptor, memory = (int(word) for word in sys.argv[1:4])
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
     pipe = socket.socket(fileno=descriptor)
-    Glass(pipe, memory).run()
+    WindowProcess(pipe, memory).run()
     sys.stderr.flush()
     os._exit(0)  # a window whose swap never returns must not keep the process
 

@@ -1,4 +1,4 @@
-"""Whether an X display can be reached, asked before anything else is begun. No X protocol: only its socket."""
+"""Check that X displays can be reached before a run starts. Connects to the socket only; no X protocol."""
 
 from __future__ import annotations
 

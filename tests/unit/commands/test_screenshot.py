@@ -17,8 +17,9 @@ from wall.commands.screenshot import Shot, Written, screenshot
 from wall.config.loading import load
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
+from wall.display.image_file import display_values
 from wall.display.png import BEZEL_RGB
-from wall.display.strip_file import STRIP_ROWS, display_values
+from wall.display.strip_file import STRIP_ROWS
 from wall.roles.plan import make_layout
 
 FLAT = """\

@@ -13,9 +13,9 @@ from wall.config.loading import load
 from wall.config.schema import GridConfig, WallConfig
 from wall.core.colour import srgb_decoded
 from wall.display.patterns import KINDS, Kind, pattern
+from wall.display.patterns.draw import CYAN, FAINT, GREEN, PLAIN, fitting_size, size_of
 from wall.display.patterns.gamma import CURVES, dither, gamma
-from wall.display.patterns.ink import CYAN, FAINT, GREEN, PLAIN, fitting, size_of
-from wall.display.patterns.sheet import round_number, sheet_of
+from wall.display.patterns.unfolding import round_number, unfold
 from wall.geometry.panels import Wall, expand
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -28,7 +28,7 @@ def grid_wall(columns: int, rows: int, pixels: tuple[int, int], *, bezel: float 
 
 
 def whole(kind: Kind, wall: Wall) -> RGB:
-    """All panels at their places of the virtual screen, black between them."""
+    """All panels at their positions in the virtual screen, black between them."""
     screen = np.zeros((wall.height, wall.width, 3), np.uint8)
     for panel in wall.panels:
         (x, y), (w, h) = panel.screen, panel.pixels
@@ -61,7 +61,7 @@ def test_the_smallest_panels_have_patterns_too(pixels: tuple[int, int]) -> None:
 
 def test_grid_lines_are_one_pixel_and_a_round_number_of_metres_apart() -> None:
     wall = grid_wall(2, 1, (400, 300), bezel=0.0125)
-    assert sheet_of(wall.panels[0], wall).step == pytest.approx(0.02)  # 20 pixels of a millimetre
+    assert unfold(wall.panels[0], wall).step == pytest.approx(0.02)  # 20 pixels of a millimetre
     picture = whole("grid", wall)
     row = picture[np.flatnonzero(~of_colour(picture, FAINT)[:, 200:210].any(axis=1))[40]]
     lines = np.flatnonzero((row == FAINT).all(axis=1) | (row == PLAIN).all(axis=1))
@@ -95,10 +95,10 @@ def test_diagonals_run_straight_over_all_panels_and_their_bezels() -> None:
 
 def test_panels_without_bezels_share_the_sheet_of_one_large_panel() -> None:
     parts, entire = grid_wall(2, 1, (200, 300)), grid_wall(1, 1, (400, 300))
-    whole_sheet = sheet_of(entire.panels[0], entire).places()
+    whole = unfold(entire.panels[0], entire).positions()
     for k in (0, 1):
-        both = [np.broadcast_to(sheet_of(panel, parts).places()[k], (300, 200)) for panel in parts.panels]
-        np.testing.assert_allclose(np.hstack(both), np.broadcast_to(whole_sheet[k], (300, 400)), atol=1e-12)
+        both = [np.broadcast_to(unfold(panel, parts).positions()[k], (300, 200)) for panel in parts.panels]
+        np.testing.assert_allclose(np.hstack(both), np.broadcast_to(whole[k], (300, 400)), atol=1e-12)
 
 
 def test_hairlines_go_on_at_the_other_side_of_a_seam() -> None:
@@ -123,7 +123,7 @@ def test_circles_are_round_in_metres_where_pixels_are_not_square() -> None:
 
 def test_panels_at_angles_are_unfolded_with_no_gap_at_their_folds() -> None:
     wall = expand(load(CONFIGS / "cave_corner.yaml").config.wall)
-    left, front = (sheet_of(wall.panels[k], wall) for k in (0, 1))
+    left, front = (unfold(wall.panels[k], wall) for k in (0, 1))
     np.testing.assert_allclose(left.at(320, 100), front.at(0, 100), atol=1e-6)
 
 
@@ -160,5 +160,5 @@ def test_identify_says_what_it_was_told() -> None:
 
 def test_letters_fit_their_room_and_steps_are_round() -> None:
     for text in ("r0c0", "row12-column31", "i"):
-        assert size_of(text, fitting(text, (300, 80)))[0] <= 300
+        assert size_of(text, fitting_size(text, (300, 80)))[0] <= 300
     assert [round_number(x) for x in (0.9, 1.3, 1.5, 4.0, 0.03, 70.0)] == pytest.approx([1, 1, 2, 5, 0.02, 50])

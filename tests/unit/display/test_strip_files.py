@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.errors import ConfigError, LocalProtocolError, RunError
-from wall.display.strip_file import STRIP_ROWS, check_file, display_values, is_linear, write_strips
+from wall.display.image_file import display_values
+from wall.display.strip_file import STRIP_ROWS, check_file, is_linear, write_strips
 
 SIZES = [(1, 1), (37, 1), (5, STRIP_ROWS), (41, STRIP_ROWS + 1), (300, 3 * STRIP_ROWS + 7)]
 SUFFIXES = [".png", ".exr", ".tiff", ".tif"]

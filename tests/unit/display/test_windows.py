@@ -270,7 +270,7 @@ ALONE = """\
 import sys, time
 from test_windows import *
 sink = WindowSink(panels((120, 90), display=sys.argv[1]), refresh_hz=60)
-print(sink._glasses[0]._process.pid, flush=True)
+print(sink._hosts[0]._process.pid, flush=True)
 time.sleep(600)
 """
 

@@ -191,8 +191,8 @@ def test_picture_that_did_not_change_costs_nothing(setup: Setup, compiled_only: 
 
 
 def test_every_code_survives_the_way_to_light_and_back(tmp_path: Path) -> None:
-    from wall.display.image_file import write_picture
+    from wall.display.image_file import write_image
 
     light = methods_streams.light_of_codes()
-    write_picture(tmp_path / "ramp.png", np.repeat(light[None, :, None], 3, axis=2))
+    write_image(tmp_path / "ramp.png", np.repeat(light[None, :, None], 3, axis=2))
     assert np.array_equal(np.asarray(Image.open(tmp_path / "ramp.png"))[0, :, 1], np.arange(256))

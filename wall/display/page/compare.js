@@ -1,4 +1,4 @@
-// Two samplers on one budget: the adaptive one at the left, another at the right, in one view with a divider or in two.
+// Compare two samplers that share the rays: the adaptive one at the left, another at the right.
 
 const ADAPTIVE = "adaptive";
 const USUAL = "frameless";        // compared with the adaptive one if nobody says otherwise

@@ -1,4 +1,4 @@
-// Maps over the picture: age and density of samples by tiles of 16 pixels, and the tiles that samplers go by.
+// Draw overlays: age and density of samples by tiles of 16 pixels, and the tiles of the samplers.
 
 import { GRADIENT, SCALE } from "./colors.js";
 
@@ -65,18 +65,18 @@ export class Overlay {
   }
 
   // One pixel a tile; the page stretches it, and the panel cuts off what is beyond its edge.
-  #drawMap({ canvas, place }, codes, { rows, columns }) {
+  #drawMap({ canvas, rect }, codes, { rows, columns }) {
     canvas.width = columns;
     canvas.height = rows;
-    canvas.style.width = `${(100 * columns * TILE) / place.width}%`;
-    canvas.style.height = `${(100 * rows * TILE) / place.height}%`;
+    canvas.style.width = `${(100 * columns * TILE) / rect.width}%`;
+    canvas.style.height = `${(100 * rows * TILE) / rect.height}%`;
     const context = canvas.getContext("2d"), image = context.createImageData(columns, rows);
     const table = this.#tables[this.name];
     codes.forEach((code, k) => image.data.set(table[code], 4 * k));
     context.putImageData(image, 0, 0);
   }
 
-  #drawTiles({ canvas, place }, buffer, count) {
+  #drawTiles({ canvas, rect }, buffer, count) {
     const rects = new Uint16Array(buffer, HEADER_BYTES, 4 * count);
     const error_reduction = new Uint8Array(buffer, HEADER_BYTES + 8 * count, count);
     const ratio = window.devicePixelRatio || 1;
@@ -84,8 +84,8 @@ export class Overlay {
     canvas.width = Math.round(canvas.clientWidth * ratio);
     canvas.height = Math.round(canvas.clientHeight * ratio);
     const c = canvas.getContext("2d");
-    const across = (x) => Math.round((x * canvas.width) / place.width);
-    const down = (y) => Math.round((y * canvas.height) / place.height);
+    const across = (x) => Math.round((x * canvas.width) / rect.width);
+    const down = (y) => Math.round((y * canvas.height) / rect.height);
     for (let k = 0; k < count; k++) {
       const [x, y, w, h] = rects.subarray(4 * k, 4 * k + 4);
       const left = across(x), top = down(y), width = across(x + w) - left, height = down(y + h) - top;

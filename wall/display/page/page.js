@@ -1,4 +1,4 @@
-// The connection, and who gets what came over it. Pictures go to the wall, numbers to the readout, commands back.
+// Connect to the run: show pictures on the wall and numbers in the readout, send commands back.
 
 import { Compare } from "./compare.js";
 import { Overlay } from "./overlay.js";

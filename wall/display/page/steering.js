@@ -1,4 +1,4 @@
-// Hands to commands: pointers, wheel and keys add up, and one message an animation frame says the sum.
+// Turn pointer, wheel and key input into steering commands: input is summed, and sent once an animation frame.
 
 const MAX_ZOOM = 64, MAX_MOVE = 10;       // what the server takes, wall/display/steering.py
 const TAP = 0.04;                         // wall heights of one short key press

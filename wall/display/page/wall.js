@@ -1,4 +1,4 @@
-// The wall on the page: one canvas a panel at its true place, edges on whole device pixels. While two samplers are
+// Show the wall: one canvas a panel at its true position, edges on whole device pixels. While two samplers are
 // compared there are two such faces, one over or beside the other.
 
 const DETAILS_WIDTH = 400;        // page.css, --details
@@ -10,7 +10,7 @@ const APART = 0.04;               // between two faces, of the wall's height
 
 export class Wall {
   #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
-  #faces = [];                    // first and second: { element, panels: [{ place, box, context }] }
+  #faces = [];                    // first and second: { element, panels: [{ rect, box, context }] }
 
   // `controls` stand beneath the wall and keep their room.
   constructor(element, room, controls) {
@@ -46,12 +46,12 @@ export class Wall {
 
   draw(index, image, second) {
     const panel = this.#faces[second ? 1 : 0]?.panels[index];
-    panel?.context.drawImage(image, 0, 0, panel.place.width, panel.place.height);
+    panel?.context.drawImage(image, 0, 0, panel.rect.width, panel.rect.height);
     if (panel && second) this.#faces[1].element.classList.remove("empty");
     image.close();
   }
 
-  // The canvas over one panel, made when first asked for, and the panel's place; undefined if it is not shown.
+  // The canvas over one panel, made when first asked for, and the rectangle of the panel; undefined if it is not shown.
   cover(index, second) {
     const panel = second && this.#view === "single" ? undefined : this.#faces[second ? 1 : 0]?.panels[index];
     if (panel && !panel.cover) {
@@ -59,7 +59,7 @@ export class Wall {
       panel.cover.className = "cover";
       panel.box.append(panel.cover);
     }
-    return panel && { canvas: panel.cover, place: panel.place };
+    return panel && { canvas: panel.cover, rect: panel.rect };
   }
 
   uncover() {
@@ -71,8 +71,8 @@ export class Wall {
 
   // Outline one panel, or none.
   point(id) {
-    for (const { place, box } of this.#faces.flatMap((face) => face.panels)) {
-      box.classList.toggle("pointed", place.id === id);
+    for (const { rect, box } of this.#faces.flatMap((face) => face.panels)) {
+      box.classList.toggle("pointed", rect.id === id);
     }
   }
 
@@ -88,9 +88,9 @@ export class Wall {
     this.#room.style.setProperty("--wall-height", `${snap(whole.height) + this.#below()}px`);
     this.#faces.forEach(({ element, panels }, k) => {
       put(element, snap(k * step.x), snap(k * step.y), snap(full.width), snap(full.height));
-      for (const { place, box } of panels) {
-        const left = snap(place.x + frame), top = snap(place.y + frame);
-        put(box, left, top, snap(place.x + place.across + frame) - left, snap(place.y + place.down + frame) - top);
+      for (const { rect, box } of panels) {
+        const left = snap(rect.x + frame), top = snap(rect.y + frame);
+        put(box, left, top, snap(rect.x + rect.across + frame) - left, snap(rect.y + rect.down + frame) - top);
       }
     });
     this.#element.style.setProperty("--right-x", `${snap(step.x)}px`);
@@ -99,15 +99,15 @@ export class Wall {
   }
 
   #addFace() {
-    const panels = this.#layout.panels.map((place) => {
+    const panels = this.#layout.panels.map((rect) => {
       const canvas = document.createElement("canvas");
-      canvas.width = place.width;
-      canvas.height = place.height;
-      canvas.dataset.panel = place.id;
+      canvas.width = rect.width;
+      canvas.height = rect.height;
+      canvas.dataset.panel = rect.id;
       const box = document.createElement("div");
       box.className = "panel";
       box.append(canvas);
-      return { place, box, context: canvas.getContext("2d", { alpha: false }) };
+      return { rect, box, context: canvas.getContext("2d", { alpha: false }) };
     });
     const element = document.createElement("div");
     element.className = this.#faces.length ? "face second empty" : "face";

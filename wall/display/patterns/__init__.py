@@ -1,7 +1,7 @@
 """Test patterns: is every panel where the wall thinks it is, its pixels whole, its greys right?
 
-Pure: a panel of a wall in, its picture out. Lines are drawn in metres of the wall's sheet (sheet.py), so that they run
-on from panel to panel exactly if the panels stand where the configuration says.
+Pure: a panel of a wall in, its picture out. Lines are drawn in metres of the unfolded wall (unfolding.py), so that they
+run on from panel to panel exactly if the panels stand where the configuration says.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from wall.display.patterns.gamma import gamma
 from wall.display.patterns.grid import grid
 from wall.display.patterns.identify import identify
 from wall.display.patterns.seam import seam
-from wall.display.patterns.sheet import sheet_of
+from wall.display.patterns.unfolding import unfold
 from wall.geometry.panels import Panel, Wall
 
 Kind: TypeAlias = Literal["identify", "grid", "seam", "gamma"]
@@ -34,7 +34,7 @@ def pattern(kind: Kind, panel: Panel, wall: Wall, about: Sequence[tuple[str, str
     """
     if kind == "gamma":
         return gamma(*panel.pixels)
-    sheet = sheet_of(panel, wall)
+    unfolded = unfold(panel, wall)
     if kind == "grid":
-        return grid(panel, sheet)
-    return seam(panel, sheet) if kind == "seam" else identify(panel, sheet, about)
+        return grid(panel, unfolded)
+    return seam(panel, unfolded) if kind == "seam" else identify(panel, unfolded, about)

@@ -1,7 +1,7 @@
-"""Gamma: greys made of a few bright pixels among black ones have a known light, whatever the display does to values.
+"""Gamma: dithered black and bright pixels have a known mean light whatever the display's curve is.
 
-From afar, or with eyes half closed, a patch that is as bright as the dither around it tells the display's curve: the
-one marked sRGB where the display is as it should be.
+From afar, the patch that is as bright as the dither around it tells the display's curve: the one marked sRGB on a
+display that is right.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Float64
-from wall.display.patterns.ink import BRIGHT, fitting, paper, write
+from wall.display.patterns.draw import BRIGHT, blank, draw_text, fitting_size
 
 CURVES: dict[str, float] = {"1.8": 1.8, "2.0": 2.0, "2.2": 2.2, "sRGB": 0.0, "2.4": 2.4, "2.6": 2.6, "2.8": 2.8}
 ROWS = ((0.25, (1, 1, 1)), (0.5, (1, 1, 1)), (0.75, (1, 1, 1)), (0.5, (1, 0, 0)), (0.5, (0, 1, 0)), (0.5, (0, 0, 1)))
@@ -19,14 +19,14 @@ ROWS = ((0.25, (1, 1, 1)), (0.5, (1, 1, 1)), (0.75, (1, 1, 1)), (0.5, (1, 0, 0))
 
 def gamma(width: int, height: int) -> NDArray[np.uint8]:
     """(h, w, 3) uint8 sRGB: a smooth ramp and a dithered one, above rows of patches in dithers of known light."""
-    picture, values = paper((width, height)), np.linspace(0, 1, width)
+    picture, values = blank((width, height)), np.linspace(0, 1, width)
     tops = np.linspace(0, height, 3 + len(ROWS) + 1).astype(int)
     picture[: tops[1]] = np.rint(255 * values)[None, :, None]
     picture[tops[1] : tops[2]] = dither(np.broadcast_to(srgb_decoded(values), (tops[2] - tops[1], width)))[..., None]
     edges = np.linspace(0, width, len(CURVES) + 1)
-    size = fitting("sRGB", (0.6 * width / len(CURVES), 0.6 * (tops[3] - tops[2])))
+    size = fitting_size("sRGB", (0.6 * width / len(CURVES), 0.6 * (tops[3] - tops[2])))
     for k, name in enumerate(CURVES):
-        write(picture, name, ((edges[k] + edges[k + 1]) / 2, (tops[2] + tops[3]) / 2), size, BRIGHT, anchor="mm")
+        draw_text(picture, name, ((edges[k] + edges[k + 1]) / 2, (tops[2] + tops[3]) / 2), size, BRIGHT, anchor="mm")
     for k, (share, colour) in enumerate(ROWS):
         _row(picture[tops[3 + k] : tops[4 + k]], share, np.array(colour, np.uint8), edges)
     return picture

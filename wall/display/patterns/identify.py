@@ -1,4 +1,4 @@
-"""Identify: which panel is this, where does it think it is, and which way is up?"""
+"""Identify: the panel's name, position and size, and an arrow that points up."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
-from wall.display.patterns.ink import (
+from wall.display.patterns.draw import (
     AMBER,
     BRIGHT,
     CYAN,
@@ -17,38 +17,38 @@ from wall.display.patterns.ink import (
     ROSE,
     SMALLEST,
     VIOLET,
-    fitting,
-    mix,
-    paper,
-    write,
+    blank,
+    blend,
+    draw_text,
+    fitting_size,
 )
-from wall.display.patterns.sheet import Sheet
+from wall.display.patterns.unfolding import UnfoldedPanel
 from wall.geometry.panels import Panel
 
 HUES = (AMBER, CYAN, ROSE, GREEN, VIOLET)
 FINER = 4  # the arrow is drawn so many times larger, then shrunk: smooth edges
 
 
-def identify(panel: Panel, sheet: Sheet, about: Sequence[tuple[str, str]]) -> NDArray[np.uint8]:
+def identify(panel: Panel, unfolded: UnfoldedPanel, about: Sequence[tuple[str, str]]) -> NDArray[np.uint8]:
     """See wall.display.patterns.pattern."""
     width, height = panel.pixels
-    picture, hue = paper(panel.pixels), HUES[panel.index % len(HUES)]
+    picture, hue = blank(panel.pixels), HUES[panel.index % len(HUES)]
     edge = max(1, min(width, height) // 100)
     picture[:edge], picture[-edge:], picture[:, :edge], picture[:, -edge:] = (hue,) * 4
     _arrow(picture, (round(0.5 * width), round(0.06 * height)), round(0.14 * min(width, height)), hue)
-    size = fitting(panel.id, (0.7 * width, 0.2 * height))
-    write(picture, panel.id, (0.5 * width, 0.36 * height), size, BRIGHT, anchor="mm")
-    rows = [*about, *_own_rows(panel, sheet)]
+    size = fitting_size(panel.id, (0.7 * width, 0.2 * height))
+    draw_text(picture, panel.id, (0.5 * width, 0.36 * height), size, BRIGHT, anchor="mm")
+    rows = [*about, *_own_rows(panel, unfolded)]
     _table(picture, rows, top=0.52 * height, bottom=0.88 * height)
     _corners(picture, panel, edge)
     return picture
 
 
-def _own_rows(panel: Panel, sheet: Sheet) -> list[tuple[str, str]]:
-    (width, height), pitch = panel.pixels, (np.linalg.norm(sheet.per_x), np.linalg.norm(sheet.per_y))
+def _own_rows(panel: Panel, unfolded: UnfoldedPanel) -> list[tuple[str, str]]:
+    (width, height), pitch = panel.pixels, (np.linalg.norm(unfolded.per_x), np.linalg.norm(unfolded.per_y))
     rows = [
         ("pixels", f"{width} x {height} at {panel.screen[0]}, {panel.screen[1]}"),
-        ("size", f"{width * pitch[0]:.3f} x {height * pitch[1]:.3f} m, {1000 * sheet.pitch:.3g} mm a pixel"),
+        ("size", f"{width * pitch[0]:.3f} x {height * pitch[1]:.3f} m, {1000 * unfolded.pitch:.3g} mm a pixel"),
     ]
     return [*rows, ("mounted", f"turned {panel.rotation}° clockwise")] if panel.rotation else rows
 
@@ -57,22 +57,22 @@ def _table(picture: NDArray[np.uint8], rows: Sequence[tuple[str, str]], *, top: 
     """Names to the left of a line, texts to its right."""
     width, step = picture.shape[1], (bottom - top) / max(4, len(rows))
     tall = max(0.62 * step, min(SMALLEST + 1, 0.9 * step))  # on a small panel rows move together before they shrink
-    size = max(1, min(*(fitting(text, (0.6 * width, step)) for _, text in rows), int(tall)))
+    size = max(1, min(*(fitting_size(text, (0.6 * width, step)) for _, text in rows), int(tall)))
     for k, (name, text) in enumerate(rows):
         y = top + (k + 0.5) * step
-        write(picture, name, (0.33 * width, y), size, PLAIN, anchor="rm")
-        write(picture, text, (0.36 * width, y), size, BRIGHT, anchor="lm")
+        draw_text(picture, name, (0.33 * width, y), size, PLAIN, anchor="rm")
+        draw_text(picture, text, (0.36 * width, y), size, BRIGHT, anchor="lm")
 
 
 def _corners(picture: NDArray[np.uint8], panel: Panel, edge: int) -> None:
-    """The three corners of the configuration, in metres, each at its place."""
+    """Draw the three configured corners' coordinates, in metres, each in its corner."""
     height, width = picture.shape[:2]
     gap = 2 * edge + max(2, height // 60)
     places = ((gap, height - gap, "lb"), (width - gap, height - gap, "rb"), (gap, gap, "lt"))
     texts = [", ".join(f"{x:.3f}" for x in corner) for corner in panel.corners]
-    size = min(fitting(text, (0.4 * width, 0.035 * height)) for text in texts)
+    size = min(fitting_size(text, (0.4 * width, 0.035 * height)) for text in texts)
     for (x, y, anchor), text in zip(places, texts, strict=True):
-        write(picture, text, (x, y), size, PLAIN, anchor=anchor)
+        draw_text(picture, text, (x, y), size, PLAIN, anchor=anchor)
 
 
 def _arrow(picture: NDArray[np.uint8], tip: tuple[int, int], height: int, colour: tuple[int, int, int]) -> None:
@@ -88,4 +88,4 @@ def _arrow(picture: NDArray[np.uint8], tip: tuple[int, int], height: int, colour
     )  # fmt: skip
     coverage = np.asarray(mask.resize((height, height), Image.Resampling.BOX), np.float32) / 255
     x = tip[0] - height // 2
-    mix(picture[tip[1] : tip[1] + height, x : x + height], coverage, colour)
+    blend(picture[tip[1] : tip[1] + height, x : x + height], coverage, colour)

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
-from wall.display.image_file import write_picture
+from wall.display.image_file import write_image
 from wall.study.quality.experiment import reference_of, run
 from wall.study.quality.methods import check_method
 from wall.study.quality.pictures import LOOKS, REFERENCE, picture_path, spent_by
@@ -131,7 +131,7 @@ def measure(trial: Trial, out: Path | None) -> Row:
 def _keep(path: Path, picture: Float32) -> None:
     """Write a picture that another process may be writing too."""
     own = path.with_name(f".{os.getpid()}-{path.name}")
-    write_picture(own, picture)
+    write_image(own, picture)
     own.replace(path)
 
 

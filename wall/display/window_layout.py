@@ -1,4 +1,4 @@
-"""Where the windows of one X display go. Pure: panels and monitors in, rectangles out.
+"""Choose the monitor and rectangle of each window of one X display. Pure: panels and monitors in, rectangles out.
 
 A panel that names a `window` has it there, counted from its monitor if it names one, else from the whole X screen. A
 panel that names a monitor fills it. A single panel that names neither fills the first monitor; several such panels lie
@@ -40,8 +40,8 @@ class Monitor(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """What a panel's window has to be."""
+class WindowRequest:
+    """What a panel's configuration asks of its window."""
 
     id: str
     pixels: tuple[int, int]  # width, height as the viewer sees it
@@ -53,8 +53,8 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where a window is, and how its picture gets there."""
+class WindowPosition:
+    """Rectangle, monitor and rotation of a window, and how often its picture changes."""
 
     box: Box
     monitor: int | None  # which it fills; None: a window of that box
@@ -63,10 +63,10 @@ class Place:
     note: str = ""  # what the user should know: a picture that is scaled
 
 
-def wanted_of(panel: Panel, refresh_hz: float) -> Wanted:
-    """What a panel of the wall says about its window, to which `refresh_hz` pictures come a second."""
+def request_of(panel: Panel, refresh_hz: float) -> WindowRequest:
+    """The request of a panel's configuration, with `refresh_hz` pictures a second on their way to it."""
     window = panel.window
-    return Wanted(
+    return WindowRequest(
         id=panel.id,
         pixels=panel.pixels,
         screen=panel.screen,
@@ -77,8 +77,8 @@ def wanted_of(panel: Panel, refresh_hz: float) -> Wanted:
     )
 
 
-def places(panels: Sequence[Wanted], monitors: Sequence[Monitor], *, display: str) -> list[Place]:
-    """Where each panel's window goes on an X display.
+def lay_out(panels: Sequence[WindowRequest], monitors: Sequence[Monitor], *, display: str) -> list[WindowPosition]:
+    """The position of each panel's window on an X display.
 
     Raises RunError naming the panel, what it wants and what the display has, when there is no such monitor or another
     panel fills it.
@@ -91,11 +91,15 @@ def places(panels: Sequence[Wanted], monitors: Sequence[Monitor], *, display: st
     found = []
     for panel in panels:
         if panel.id in on_desk:
-            found.append(_place(panel, on_desk[panel.id], None, monitors[0], rotation=0))
+            found.append(_position(panel, on_desk[panel.id], None, monitors[0], rotation=0))
             continue
         index = _monitor_index(panel, monitors, display)
         if panel.window is not None:
-            found.append(_window_place(panel, None if panel.monitor is None else monitors[index], monitors[index]))
+            x, y, width, height = panel.window
+            if panel.monitor is not None:
+                x, y = x + monitors[index].box.x, y + monitors[index].box.y
+            box = Box(x, y, width, height)
+            found.append(_position(panel, box, None, monitors[index], rotation=panel.rotation))
             continue
         if index in filled:
             raise RunError(
@@ -103,11 +107,11 @@ def places(panels: Sequence[Wanted], monitors: Sequence[Monitor], *, display: st
                 f"{filled[index]}; wanted another `monitor`, or a `window` for both"
             )
         filled[index] = panel.id
-        found.append(_place(panel, monitors[index].box, index, monitors[index], rotation=panel.rotation))
+        found.append(_position(panel, monitors[index].box, index, monitors[index], rotation=panel.rotation))
     return found
 
 
-def _monitor_index(panel: Wanted, monitors: Sequence[Monitor], display: str) -> int:
+def _monitor_index(panel: WindowRequest, monitors: Sequence[Monitor], display: str) -> int:
     if panel.monitor is None:
         return 0
     for index, monitor in enumerate(monitors):
@@ -117,21 +121,13 @@ def _monitor_index(panel: Wanted, monitors: Sequence[Monitor], display: str) -> 
     raise RunError(f"panel {panel.id}: display {display} has no monitor {panel.monitor}; it has {has}")
 
 
-def _window_place(panel: Wanted, origin: Monitor | None, monitor: Monitor) -> Place:
-    assert panel.window is not None
-    x, y, width, height = panel.window
-    if origin is not None:
-        x, y = x + origin.box.x, y + origin.box.y
-    return _place(panel, Box(x, y, width, height), None, monitor, rotation=panel.rotation)
-
-
-def _place(panel: Wanted, box: Box, fills: int | None, monitor: Monitor, *, rotation: int) -> Place:
+def _position(panel: WindowRequest, box: Box, fills: int | None, monitor: Monitor, *, rotation: int) -> WindowPosition:
     width, height = panel.pixels if rotation % 180 == 0 else panel.pixels[::-1]
     note = ""
     if (width, height) != (box.width, box.height):
         where = f"monitor {monitor.name}" if fills is not None else "its window"
         note = f"panel {panel.id}: {width}x{height} pixels are scaled to the {box.width}x{box.height} of {where}"
-    return Place(
+    return WindowPosition(
         box=box,
         monitor=fills,
         rotation=rotation,
@@ -140,8 +136,8 @@ def _place(panel: Wanted, box: Box, fills: int | None, monitor: Monitor, *, rota
     )
 
 
-def _side_by_side(panels: Sequence[Wanted], room: Box) -> dict[str, Box]:
-    """Every panel where it is in the virtual screen, all of them in the middle of `room`."""
+def _side_by_side(panels: Sequence[WindowRequest], room: Box) -> dict[str, Box]:
+    """Boxes of panels as the virtual screen arranges them, shrunk to fit and centred in `room`."""
     left, top = (min(p.screen[k] for p in panels) for k in (0, 1))
     width, height = (max(p.screen[k] + p.pixels[k] for p in panels) - (left, top)[k] for k in (0, 1))
     scale = min(1.0, room.width / width, room.height / height)

@@ -1,7 +1,7 @@
-"""The wall's sheet: all panels laid into one plane, metres to the right and down from the top left corner of all.
+"""Lay all panels of a wall into one plane: metres to the right and down from the top left corner of all.
 
-Panels in one plane are where they are. Others are unfolded as the virtual screen unfolds them, with the pixels of their
-own size: what runs over the fold of two panels that meet runs on.
+Panels of a flat wall keep their positions. Others lie as in the virtual screen, with pixels of their true size, so that
+a line over the fold between two panels that meet has no step.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ NICE = (1.0, 2.0, 5.0, 10.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sheet:
-    """Where a panel is on the sheet, and how large that is."""
+class UnfoldedPanel:
+    """Where a panel lies in the plane, and how large the whole unfolded wall is."""
 
     origin: Float64  # (2,) metres, of the panel's top left corner
     per_x: Float64  # (2,) metres, a pixel to the right
     per_y: Float64  # (2,) metres, a pixel down
     pixels: tuple[int, int]
-    size: tuple[float, float]  # width and height of the whole sheet, metres
+    size: tuple[float, float]  # width and height of the unfolded wall, metres
     step: float  # a round number of metres, about a tenth of a panel
 
     @property
@@ -36,24 +36,24 @@ class Sheet:
         """Metres of one pixel."""
         return float(np.sqrt(np.linalg.norm(self.per_x) * np.linalg.norm(self.per_y)))
 
-    def places(self) -> tuple[Field, Field]:
-        """Metres to the right and down of every pixel's centre, from the middle of the sheet."""
+    def positions(self) -> tuple[Field, Field]:
+        """Metres to the right and down of every pixel's centre, from the middle of the unfolded wall."""
         width, height = self.pixels
         x, y = np.arange(width) + 0.5, (np.arange(height) + 0.5)[:, None]
         right, down = (self.origin[k] - self.size[k] / 2 + x * self.per_x[k] + y * self.per_y[k] for k in (0, 1))
         return right, down
 
     def at(self, x: float, y: float) -> Float64:
-        """(2,) metres from the middle of the sheet, of a place in panel pixels."""
+        """(2,) metres from the middle of the unfolded wall, of a position in panel pixels."""
         found: Float64 = self.origin - np.array(self.size) / 2 + x * self.per_x + y * self.per_y
         return found
 
 
-def sheet_of(panel: Panel, wall: Wall) -> Sheet:
-    """The sheet of a wall, as one of its panels is on it."""
+def unfold(panel: Panel, wall: Wall) -> UnfoldedPanel:
+    """Lay a wall into a plane; returns where one of its panels lies."""
     boxes, first, size, step = _laid(wall)
     origin, per_x, per_y = boxes[panel.index]
-    return Sheet(origin=origin - first, per_x=per_x, per_y=per_y, pixels=panel.pixels, size=size, step=step)
+    return UnfoldedPanel(origin=origin - first, per_x=per_x, per_y=per_y, pixels=panel.pixels, size=size, step=step)
 
 
 _Box: TypeAlias = tuple[Float64, Float64, Float64]  # (2,) metres: top left corner, steps of a pixel right and down
@@ -61,7 +61,7 @@ _Box: TypeAlias = tuple[Float64, Float64, Float64]  # (2,) metres: top left corn
 
 @lru_cache(maxsize=2)
 def _laid(wall: Wall) -> tuple[list[_Box], Float64, tuple[float, float], float]:
-    """Every panel's box, then the sheet's top left corner, its size and its step."""
+    """Every panel's box; top left corner, size and step of the unfolded wall."""
     boxes = _flat_boxes(wall) if wall.flat else _unfolded_boxes(wall)
     corners, sides = [], []
     for panel, (corner, per_x, per_y) in zip(wall.panels, boxes, strict=True):
