@@ -178,12 +178,12 @@ def test_both_views_have_their_own_map(page, source):
 def test_an_overlay_survives_a_reconnection(page, source, grid):
     port = int(source.sink.address.rsplit(":", 1)[1].strip("/"))
     page.keyboard.press("o")
-    eventually(page, lambda: source.statistics == "on", "statistics_images")
+    eventually(page, lambda: source.statistics == "on", "statistics are asked for")
     source.stop()
     find(page, "#banner:not([hidden])")
     following = type(source)(grid, port)
     try:
-        eventually(page, lambda: following.statistics_image == "on", "the next run is asked, too")
+        eventually(page, lambda: following.statistics == "on", "the next run is asked, too")
     finally:
         following.stop()
     page.complaints = [text for text in page.complaints if "WebSocket connection" not in text]
