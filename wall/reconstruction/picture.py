@@ -41,6 +41,7 @@ DECAY_PER_RESIDUAL = 100.0
 PROBES = 3  # of one tile between two refreshes, from which their mean change says something
 USUAL_CHANGE = 0.1  # of a tile's probes on average: noise
 EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
+CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,6 +167,21 @@ class Picture:
             temporal_gradient=self.residual,
             nothing_moves=self.nothing_moves,
         )
+
+    def discard(self, samples: Samples, base_time: float) -> None:
+        """Remove the samples of one insert again, and what their pixels have accumulated.
+
+        They are told by the span of their times, since they may have moved and been rounded since they were inserted.
+        """
+        if len(samples) == 0:
+            return
+        first = self._seconds(base_time)
+        times, confidence = self._store.state[:, : self.count]
+        confidence[(times >= first - CLOCK_STEP_S) & (times <= first + samples["time"].max() + CLOCK_STEP_S)] = 0.0
+        j, i = (samples["xy"].astype(np.intp) - (self.rect.x, self.rect.y)).T
+        inside = (i >= 0) & (j >= 0) & (i < self.rect.height) & (j < self.rect.width)
+        self.still[i[inside], j[inside]] = 0.0
+        self.dirty[i[inside] // TILE, j[inside] // TILE] = True
 
     def clear(self) -> None:
         """Forget every sample."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from wall.config.schema import AdaptiveSampling
-from wall.core.data import Event, Float32, Rect, Region, Samples
+from wall.core.data import Event, Rect, Region, Samples
 from wall.core.errors import RunError
 from wall.geometry.cameras import PanelView
 from wall.geometry.prediction import foreseen
@@ -30,11 +30,11 @@ class AdaptiveRenderer:
         self.picture = Picture(
             panel, self._seen.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
         )
-        self._sampler = AdaptiveSampler(
+        self.sampler = AdaptiveSampler(
             band, self.picture.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
         )
         self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
-        self._due, self._chosen_at = float("-inf"), 0.0
+        self._due = float("-inf")
         self._predictor = make_predictor(plan)
         self._newest: Event | None = None
         self._event: Event | None = None  # that rays are traced under
@@ -43,13 +43,12 @@ class AdaptiveRenderer:
         now = self._clock.now()
         if now >= self._due:
             self.picture.refresh(self._seen(self._expected(newest, now)), now)
-            self._sampler.replan(self.picture.feedback())
+            self.sampler.replan(self.picture.feedback())
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
         elif newest is not self._newest:
             self._expected(newest, now)
-        self._chosen_at = now
-        return self._sampler.choose(self._event or newest)
+        return self.sampler.choose(self._event or newest)
 
     def _expected(self, newest: Event, now: float) -> Event:
         """What a display that is refreshed now shows; rays are traced for that moment too."""
@@ -58,17 +57,20 @@ class AdaptiveRenderer:
         self._newest, self._event = newest, foreseen(newest, expected)
         return expected
 
-    def observe(self, samples: Samples) -> None:
+    def observe(self, samples: Samples, base_time: float) -> None:
+        """Insert samples into the deep buffer, and update the scores by what they contradict."""
         if self._event is not None:
-            self.picture.insert(samples, self._chosen_at, self._seen(self._event))
-            self._sampler.observe(samples)
+            self.picture.insert(samples, base_time, self._seen(self._event))
+            self.sampler.observe(samples)
 
     def measure(self) -> Measured:
         """What is known of the band's tiles since the last refresh."""
-        return self._sampler.measure()
+        return self.sampler.measure()
 
-    def forget(self, xy: Float32) -> None:
-        self._sampler.forget(xy)
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Take back samples whose packet was dropped, so that their pixels are sampled again."""
+        self.picture.discard(samples, base_time)
+        self.sampler.forget(samples)
 
     def restart(self) -> None:
         self.picture.clear()

@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
-from wall.core.data import Batch, Event, Float32, Region
+from wall.core.data import Batch, Event, Region
 from wall.geometry.cameras import PanelView
 from wall.packets.samples import Codec, encode
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
@@ -46,7 +46,7 @@ class Worker:
         self._relightable = tracer_scene.needs.relighting
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
-        self._lost: deque[tuple[Float32, bool]] = deque()
+        self._lost: deque[Batch] = deque()
 
     @property
     def sampler(self) -> Sampler:
@@ -54,8 +54,8 @@ class Worker:
 
     def step(self, newest: Event) -> bytes | None:
         while self._lost:
-            xy, adaptive = self._lost.popleft()
-            _of_kind(self.sampler, adaptive).forget(xy)
+            lost = self._lost.popleft()
+            _of_kind(self.sampler, lost.adaptive).forget(lost.samples, lost.base_time)
         targets = self.sampler.choose(newest)
         if targets is None:
             return None
@@ -65,7 +65,7 @@ class Worker:
         samples, cost = tracer.trace(targets.xy)
         step = max(0.0, self._clock.now() - began) / len(targets.xy)
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
-        self.sampler.observe(samples)
+        self.sampler.observe(samples, began)
         chosen = _chosen(self.sampler)
         self.samples_traced += cost.primary
         self.samples_compared += cost.primary * (isinstance(self.sampler, SplitSampler) and self.sampler.turn)
@@ -107,7 +107,7 @@ class Worker:
 
     def forget(self, batch: Batch) -> None:
         """A packet of ours was dropped before it was sent. May be called while another thread runs `step`."""
-        self._lost.append((batch.samples["xy"], batch.adaptive))
+        self._lost.append(batch)
 
 
 def _chosen(sampler: Sampler) -> Sampler:

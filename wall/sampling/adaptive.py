@@ -77,9 +77,15 @@ class AdaptiveSampler:
         placed = rects[listed] + np.array([self._rect.x, self._rect.y, 0, 0])
         return Measured(rects=placed.astype(np.uint16), contrast=contrast, density=density)
 
-    def forget(self, xy: Float32) -> None:
-        """Score the pixels of these positions as holes, until the next replan: their samples never arrived."""
-        kernels.mark_lost(xy, self._rect.x, self._rect.y, self._scores.score, self.division.tiles)
+    @property
+    def score(self) -> Float32:
+        """(h, w) expected error reduction of one more sample in each pixel, squared display units."""
+        score: Float32 = self._scores.score
+        return score
+
+    def forget(self, samples: Samples) -> None:
+        """Score the pixels of these samples as holes until the next replan; the reconstruction has to discard them."""
+        kernels.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score, self.division.tiles)
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
         """The next `rays`, in whole packets and at least one; None where no pixel gains."""

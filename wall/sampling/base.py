@@ -37,12 +37,12 @@ class Sampler(Protocol):
         """The next batch; None once the view is complete under `newest`, and nothing needs tracing."""
         ...
 
-    def observe(self, samples: Samples) -> None:
-        """Learn from samples just traced."""
+    def observe(self, samples: Samples, base_time: float) -> None:
+        """Learn from samples just traced; their times count from `base_time`, seconds."""
         ...
 
-    def forget(self, xy: Float32) -> None:
-        """Count these positions as not sampled: their packet was dropped."""
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Count these as not sampled: their packet was dropped. They are as they were observed, rounded by packing."""
         ...
 
     def restart(self) -> None:

@@ -77,14 +77,14 @@ class FramedSampler:
         event = self._counter.event or newest
         return Targets(xy=xy, event=event, frame=self._frame, frame_samples=self._area)
 
-    def observe(self, samples: Samples) -> None:
+    def observe(self, samples: Samples, base_time: float) -> None:
         """Ignore the samples: the order is fixed."""
 
-    def forget(self, xy: Float32) -> None:
-        """Choose these positions again in this frame."""
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Choose the positions of these samples again in this frame."""
         if self._at >= len(self._centres) and not self._again:
             self._counter.unfinish()
-        self._again.append(xy)
+        self._again.append(samples["xy"])
 
     def restart(self) -> None:
         """Begin another frame once this one is complete, even if nothing has changed."""

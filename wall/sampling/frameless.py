@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wall.core.data import Event, Float32, Rect, Samples
+from wall.core.data import Event, Rect, Samples
 from wall.sampling.base import Targets
 from wall.sampling.kernels import permutation as kernels
 from wall.sampling.ownership import hilbert_chunks, slots_of
@@ -53,13 +53,13 @@ class FramelessSampler:
         numbers.sort()  # along the curve: 16 in a row are neighbours, which doubles the tracing rate
         return Targets(xy=self._centres.take(numbers, axis=0), event=newest)
 
-    def observe(self, samples: Samples) -> None:
+    def observe(self, samples: Samples, base_time: float) -> None:
         """Ignore the samples: the order is random."""
 
-    def forget(self, xy: Float32) -> None:
-        """Choose these pixels again."""
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Choose the pixels of these samples again."""
         self._missing += kernels.clear_epochs(
-            xy, self._slots, self._rect.x, self._rect.y, self._epochs, np.uint32(self._epoch)
+            samples["xy"], self._slots, self._rect.x, self._rect.y, self._epochs, np.uint32(self._epoch)
         )
 
     def restart(self) -> None:

@@ -99,15 +99,15 @@ class HilbertSampler:
             self._sweep, self._at = self._sweep + 1, 0
         return None
 
-    def observe(self, samples: Samples) -> None:
+    def observe(self, samples: Samples, base_time: float) -> None:
         """Update the running statistics of pixels."""
         kernels.running_statistics(
             samples, self._slots, self._rect.x, self._rect.y, self.count, self.mean, self._m2, STATISTICS_WINDOW
         )
 
-    def forget(self, xy: Float32) -> None:
-        """Visit the chunks of these positions again."""
-        pixels = xy.astype(np.int32) - np.array([self._rect.x, self._rect.y], np.int32)
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Visit the chunks of these samples again."""
+        pixels = samples["xy"].astype(np.int32) - np.array([self._rect.x, self._rect.y], np.int32)
         slots = self._slots[pixels[:, 1], pixels[:, 0]]
         self._fresh[self._chunk_of[slots[slots >= 0]]] = (
             0  # slot -1: of another thread's pixel, lost before the sampler was switched

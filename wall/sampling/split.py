@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wall.core.data import Event, Float32, Samples
+from wall.core.data import Event, Samples
 from wall.sampling.base import Sampler, Targets
 
 
@@ -27,14 +27,14 @@ class SplitSampler:
             self.rays[side] = max(self.rays)
         return None
 
-    def observe(self, samples: Samples) -> None:
+    def observe(self, samples: Samples, base_time: float) -> None:
         """Tell the side of the newest batch."""
-        self.sides[self.turn].observe(samples)
+        self.sides[self.turn].observe(samples, base_time)
 
-    def forget(self, xy: Float32) -> None:
+    def forget(self, samples: Samples, base_time: float) -> None:
         """Tell both sides, since which one chose them is not known here; `sides[k].forget` is exact."""
         for side in self.sides:
-            side.forget(xy)
+            side.forget(samples, base_time)
 
     def restart(self) -> None:
         """Restart both."""

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
+from sampler_runs import samples_at, until_idle
 
 from wall.core.data import Event, Rect
 from wall.sampling.base import Targets
@@ -18,13 +19,6 @@ Path = Callable[[int], Event]
 def samplers(workers: int = 1, *, batch: int = 64, rect: Rect = RECT) -> list[FramedSampler]:
     counter = FrameCounter(workers)
     return [FramedSampler(rect, counter, batch=batch, worker=k, workers=workers) for k in range(workers)]
-
-
-def until_idle(sampler: FramedSampler, event: Event) -> list[Targets]:
-    found = []
-    while (targets := sampler.choose(event)) is not None:
-        found.append(targets)
-    return found
 
 
 def centres(batches: list[Targets]) -> list[tuple[float, float]]:
@@ -93,7 +87,7 @@ def test_forgotten_positions_are_traced_again_in_their_frame(camera_path: Path) 
     (sampler,) = samplers()
     batches = [sampler.choose(camera_path(0)) for _ in range(2)]
     assert batches[0] is not None
-    sampler.forget(batches[0].xy)
+    sampler.forget(samples_at(batches[0].xy), 0.0)
     rest = until_idle(sampler, camera_path(0))
     seen = Counter(centres([*(b for b in batches if b), *rest]))
     assert Counter(seen.values())[2] == len(batches[0].xy)
@@ -104,7 +98,7 @@ def test_forgetting_after_the_last_batch_reopens_the_frame(camera_path: Path) ->
     first, second = samplers(2)
     lost = until_idle(first, camera_path(0))[-1]
     until_idle(second, camera_path(0))
-    first.forget(lost.xy)
+    first.forget(samples_at(lost.xy), 0.0)
     assert second.choose(camera_path(1)) is None, "frame 1 is not through"
     again = first.choose(camera_path(1))
     assert again is not None

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from sampler_runs import positions, samples_at, until_idle
 
 from wall.core.data import Event, Float32, Rect
-from wall.sampling.base import Targets
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.kernels import permutation as kernels
 
@@ -21,18 +21,6 @@ def frameless(
     *, batch: int = 32, seed: int = 1, worker: int = 0, workers: int = 1, rect: Rect = RECT
 ) -> FramelessSampler:
     return FramelessSampler(rect, batch=batch, seed=seed, worker=worker, workers=workers)
-
-
-def until_idle(sampler: FramelessSampler, event: Event) -> list[Targets]:
-    found = []
-    while (targets := sampler.choose(event)) is not None:
-        found.append(targets)
-        assert len(found) <= RECT.area, "never idle"
-    return found
-
-
-def positions(batches: list[Targets]) -> Float32:
-    return np.concatenate([np.zeros((0, 2), np.float32), *(targets.xy for targets in batches)])
 
 
 def pixels_of(rect: Rect) -> set[tuple[int, int]]:
@@ -119,7 +107,7 @@ def test_threads_share_the_pixels_without_overlap_or_gap(camera_path: Path, work
 def test_forgotten_pixels_and_only_they_are_sampled_again(camera_path: Path) -> None:
     sampler = frameless()
     lost = until_idle(sampler, camera_path(0))[2].xy
-    sampler.forget(lost)
+    sampler.forget(samples_at(lost), 0.0)
     again = positions(until_idle(sampler, camera_path(0)))
     assert sorted(again.tolist()) == sorted(lost.tolist())
 
@@ -130,7 +118,7 @@ def test_forgetting_what_an_older_event_showed_does_not_ask_for_more_pixels_than
     old = positions(until_idle(sampler, camera_path(0)))
     begun = sampler.choose(camera_path(1))
     assert begun is not None
-    sampler.forget(old)
+    sampler.forget(samples_at(old), 0.0)
     rest = positions(until_idle(sampler, camera_path(1)))
     assert len(rest) == RECT.area, "those of the first batch were forgotten too"
     assert sampler.choose(camera_path(1)) is None
@@ -139,7 +127,7 @@ def test_forgetting_what_an_older_event_showed_does_not_ask_for_more_pixels_than
 def test_forgetting_pixels_of_another_thread_changes_nothing(camera_path: Path) -> None:
     sampler, other = frameless(worker=0, workers=2), frameless(worker=1, workers=2)
     until_idle(sampler, camera_path(0))
-    sampler.forget(positions(until_idle(other, camera_path(0))))
+    sampler.forget(samples_at(positions(until_idle(other, camera_path(0)))), 0.0)
     assert sampler.choose(camera_path(0)) is None
 
 

@@ -7,9 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from sampler_runs import positions, samples_at, until_idle
 from small_scenes import batch_of
 
-from wall.core.data import SAMPLE, Event, Float32, Rect, Samples
+from wall.core.data import Event, Float32, Rect
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.sampling.base import Targets
 from wall.sampling.hilbert import STATISTICS_WINDOW, HilbertSampler
@@ -29,28 +30,10 @@ def hilbert(
     )
 
 
-def until_idle(sampler: HilbertSampler, event: Event) -> list[Targets]:
-    found = []
-    while (targets := sampler.choose(event)) is not None:
-        found.append(targets)
-        assert len(found) <= 4 * RECT.area, "never idle"
-    return found
-
-
-def positions(batches: list[Targets]) -> Float32:
-    return np.concatenate([np.zeros((0, 2), np.float32), *(targets.xy for targets in batches)])
-
-
 def chunk_of(targets: Targets, chunks: list[np.ndarray[tuple[int, ...], np.dtype[np.int32]]]) -> int:
     """Which chunk a batch of one chunk visits."""
     pixels = {(int(x), int(y)) for x, y in targets.xy}
     return next(k for k, chunk in enumerate(chunks) if {(x, y) for x, y in chunk.tolist()} == pixels)
-
-
-def samples_at(xy: Float32, radiance: object) -> Samples:
-    samples = np.zeros(len(xy), SAMPLE)
-    samples["xy"], samples["radiance"] = xy, radiance
-    return samples
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3, 5])
@@ -124,7 +107,7 @@ def test_under_a_moving_camera_every_chunk_is_visited_equally_often(camera_path:
 def test_forgotten_positions_are_visited_again_and_others_are_not(camera_path: Path) -> None:
     sampler = hilbert()
     lost = until_idle(sampler, camera_path(0))[3].xy
-    sampler.forget(lost)
+    sampler.forget(samples_at(lost), 0.0)
     again = positions(until_idle(sampler, camera_path(0)))
     assert {(int(x), int(y)) for x, y in again} == {(int(x), int(y)) for x, y in lost}
     assert set(map(tuple, lost.tolist())) <= set(map(tuple, again.tolist()))
@@ -133,7 +116,7 @@ def test_forgotten_positions_are_visited_again_and_others_are_not(camera_path: P
 def test_forgetting_pixels_of_another_thread_changes_nothing(camera_path: Path) -> None:
     sampler, other = hilbert(worker=0, workers=2), hilbert(worker=1, workers=2)
     until_idle(sampler, camera_path(0))
-    sampler.forget(positions(until_idle(other, camera_path(0))))
+    sampler.forget(samples_at(positions(until_idle(other, camera_path(0)))), 0.0)
     assert sampler.choose(camera_path(0)) is None
 
 
@@ -151,7 +134,7 @@ def test_a_thread_without_chunks_is_idle_from_the_start(camera_path: Path) -> No
 def one_pixel(values: Float32) -> HilbertSampler:
     sampler = hilbert()
     for value in values:
-        sampler.observe(samples_at(np.float32([[5.25, 3.25]]), value))
+        sampler.observe(samples_at(np.float32([[5.25, 3.25]]), value), 0.0)
     return sampler
 
 
@@ -195,8 +178,8 @@ def test_variance_keeps_its_digits_beside_a_large_mean() -> None:
 def test_statistics_leave_foreign_samples_out(camera_path: Path) -> None:
     sampler, other = hilbert(worker=0, workers=2), hilbert(worker=1, workers=2)
     foreign = positions(until_idle(other, camera_path(0)))
-    sampler.observe(samples_at(np.concatenate([foreign, np.float32([[-9, -9], [3.5, 2], [900, 3]])]), 1.0))
-    sampler.observe(samples_at(np.zeros((0, 2), np.float32), 1.0))
+    sampler.observe(samples_at(np.concatenate([foreign, np.float32([[-9, -9], [3.5, 2], [900, 3]])]), 1.0), 0.0)
+    sampler.observe(samples_at(np.zeros((0, 2), np.float32), 1.0), 0.0)
     assert not sampler.count.any()
 
 

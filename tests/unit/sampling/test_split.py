@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from small_scenes import view
 
-from wall.core.data import SAMPLE, Event, Float32, Samples
+from wall.core.data import SAMPLE, Event, Samples
 from wall.sampling.base import Targets
 from wall.sampling.split import SplitSampler
 
@@ -26,11 +26,11 @@ class Rays:
         self.traced += self.batch
         return Targets(xy=np.zeros((self.batch, 2), np.float32), event=newest)
 
-    def observe(self, samples: Samples) -> None:
+    def observe(self, samples: Samples, base_time: float) -> None:
         self.seen += len(samples)
 
-    def forget(self, xy: Float32) -> None:
-        self.lost += len(xy)
+    def forget(self, samples: Samples, base_time: float) -> None:
+        self.lost += len(samples)
 
     def restart(self) -> None:
         self.left = 10**9
@@ -51,7 +51,7 @@ def test_samples_are_observed_by_the_one_that_chose_them() -> None:
         targets = halves.choose(EVENT)
         assert targets is not None
         assert halves.coherent == halves.sides[halves.turn].coherent
-        halves.observe(np.zeros(len(targets.xy), SAMPLE))
+        halves.observe(np.zeros(len(targets.xy), SAMPLE), 0.0)
     assert (first.seen, second.seen) == (first.traced, second.traced)
 
 

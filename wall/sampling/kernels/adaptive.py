@@ -272,13 +272,13 @@ def raise_score(score, tiles, i, j, least):
 
 
 @kernel
-def mark_lost(xy, x0, y0, score, tiles):
+def mark_lost(samples, x0, y0, score, tiles):
     """Score the pixels of lost samples as holes.
 
-    xy : (n, 2) float32, panel pixels; x0, y0 : int, panel pixel of score[0, 0]
+    samples : (n,) SAMPLE; x0, y0 : int, panel pixel of score[0, 0]
     score : (h, w) float32, updated; tiles : Tiles, sums are updated
     """
-    for k in range(xy.shape[0]):
-        i, j = int(xy[k, 1]) - y0, int(xy[k, 0]) - x0
+    for k in range(samples.shape[0]):
+        i, j = int(samples[k]["xy"][1]) - y0, int(samples[k]["xy"][0]) - x0
         if 0 <= i < score.shape[0] and 0 <= j < score.shape[1]:
             raise_score(score, tiles, i, j, HOLE)

@@ -65,7 +65,7 @@ class SamplerMethod:
             targets.xy, targets.event, self._now, frame=targets.frame, frame_samples=targets.frame_samples,
             blend=targets.blend,
         )  # fmt: skip
-        self._sampler.observe(samples)
+        self._sampler.observe(samples, self._now)
 
     def _insert(self, batch: Batch) -> None:
         """Show it, or the frame that it completes. Nothing gets lost or repeated here, so samples are counted."""
