@@ -1,27 +1,19 @@
-"""The `wall` command: reads its words, calls one function, says what came of it.
+"""The `wall` command line: each command reads its options, calls one function and prints the result.
 
-Exit codes: 0 ok, 1 the run failed, 2 the configuration was refused.
+Exit codes: 0 ok, 1 the run failed, 2 the configuration was refused. Each command imports what it runs when it is
+called, so that `wall --help` loads nothing but the command line itself.
 """
 
 from __future__ import annotations
 
-import os
 import sys
-import threading
-import time
-import webbrowser
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
+from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, write_text
 from wall.core.errors import ConfigError, WallError
-
-OK, FAILED, REFUSED = 0, 1, 2
-MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,8 +26,6 @@ app = typer.Typer(
 )
 measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.")
 app.add_typer(measure, name="measure")
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
-console = Console(highlight=False)
 
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
@@ -62,26 +52,24 @@ def run(
 
     [bold]mpirun -n 5 wall run configs/demo.yaml --headless --seconds 20[/]
     """
-    from wall.run.launch import Options
-    from wall.run.launch import run as run_wall
+    from wall.commands.progress import StartProgress, show_summary
+    from wall.run import launch
 
-    loaded = _load(config, scene)
-    options = Options(
+    loaded = load_config(config, scene)
+    options = launch.Options(
         out=out or Path(loaded.config.output.directory),
         seconds=seconds,
         headless=headless,
         until_complete=until_complete,
         still=still or until_complete,
     )
-    with _Stages() as stages:
-        outcome = run_wall(
-            loaded, options, stages.say, lambda address: stages.opened(address, loaded.config.output.browser.open)
-        )
+    with StartProgress(open_page=loaded.config.output.browser.open) as progress:
+        outcome = launch.run(loaded, options, progress.say, progress.opened)
     if outcome is None:
         return
-    _show_summary(outcome.summary, options.out)
+    show_summary(outcome.summary, options.out)
     if outcome.failed:
-        _fail(f"the run failed: {outcome.failed}")
+        fail(f"the run failed: {outcome.failed}")
 
 
 @app.command()
@@ -101,22 +89,20 @@ def render(
 
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
     """
-    from wall.commands.render import render as render_picture
+    from wall.commands.progress import progress_bar
+    from wall.commands.render import render as render_image
     from wall.display.image_file import check_suffix, write_image
 
     check_suffix(output)
-    loaded = _load(what, None)
-    with Progress(
-        TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=errors
-    ) as bar:
-        task = bar.add_task("rendering")
-        picture = render_picture(
+    loaded = load_config(what)
+    with progress_bar("rendering") as update:
+        picture = render_image(
             loaded,
             spp=spp,
             seed=seed,
-            size=_size(size),
+            size=parse_size(size),
             at=at,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total: update(completed=done, total=total),
         )
     if picture is not None:
         write_image(output, picture)
@@ -140,7 +126,7 @@ def draw(
     """
     from wall.commands.drawing.draw import draw as draw_wall
 
-    page = draw_wall(_load(config, None), output, samples_per_s=samples_per_s, width=width)
+    page = draw_wall(load_config(config), output, samples_per_s=samples_per_s, width=width)
     console.print(f"wrote {output}: {page.width:.0f} x {page.height:.0f} mm")
 
 
@@ -162,21 +148,13 @@ def screenshot(
 
     [bold]wall screenshot configs/demo.yaml --scale 8 -o wall.png[/]
     """
+    from wall.commands.progress import progress_bar
     from wall.commands.screenshot import Shot
     from wall.commands.screenshot import screenshot as take
 
-    shot = Shot(size=_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels)
-    columns = (
-        TextColumn("rendering"),
-        BarColumn(),
-        TextColumn("{task.completed} of {task.total} rows"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=errors) as bar:
-        task = bar.add_task("rendering")
-        written = take(
-            _load(config, None), output, shot, lambda done, total: bar.update(task, completed=done, total=total)
-        )
+    shot = Shot(size=parse_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels)
+    with progress_bar("rendering", count="{task.completed} of {task.total} rows") as update:
+        written = take(load_config(config), output, shot, lambda done, total: update(completed=done, total=total))
     for one in written:
         console.print(f"wrote {one.path}: {one.width}x{one.height}, {spp} samples a pixel, seed {seed}")
 
@@ -200,10 +178,10 @@ def identify(
 
     pattern = kind_of(kind)
     if output is not None:
-        files = write_patterns(_load(config, None), pattern, output)
+        files = write_patterns(load_config(config), pattern, output)
         console.print(f"wrote {len(files)} files to {output}/")
         return
-    show_patterns(_load(config, None), pattern, seconds=seconds, say=lambda line: console.print(line, markup=False))
+    show_patterns(load_config(config), pattern, seconds=seconds, say=lambda line: console.print(line, markup=False))
 
 
 @app.command()
@@ -211,7 +189,7 @@ def check(config: ConfigArgument) -> None:
     """Check a configuration, and say what would run where, with what, at what cost."""
     from wall.commands.check import check as check_config
 
-    for item in check_config(_load(config, None)):
+    for item in check_config(load_config(config)):
         console.print(item)
 
 
@@ -235,7 +213,7 @@ def expand(
     if output is None:
         print(text, end="")
         return
-    _write(output, text)
+    write_text(output, text)
     console.print(f"wrote {output}")
 
 
@@ -293,7 +271,7 @@ def speed(
         console.print(note)
     broken = [row.metric for row in rows if row.failed]
     if broken:
-        _fail(f"could not be measured: {', '.join(broken)}")
+        fail(f"could not be measured: {', '.join(broken)}")
 
 
 @measure.command()
@@ -326,6 +304,7 @@ def quality(
 
     [bold]wall measure quality --rates 400k --seeds 1[/]
     """
+    from wall.commands.progress import progress_bar
     from wall.study.quality import command
     from wall.study.quality.report import write_report
     from wall.study.quality.sweep import Wanted, sweep
@@ -336,7 +315,7 @@ def quality(
         configs=command.configs_of(configs or [], scenes),
         methods=command.methods_of(methods, clock=clock),
         rates=command.rates_of(rates),
-        size=_size(size) or (256, 256),
+        size=parse_size(size) or (256, 256),
         seeds=tuple(range(1, seeds + 1)),
         out=out,
         clock=clock,
@@ -344,10 +323,8 @@ def quality(
         refresh_hz=refresh_hz,
         seconds=seconds,
     )
-    columns = (TextColumn("{task.description:<24}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=errors, disable=not errors.is_terminal) as bar:
-        task = bar.add_task("starting", total=None)
-        rows = sweep(wanted, lambda what, done, of: bar.update(task, description=what, completed=done, total=of))
+    with progress_bar("{task.description:<24}", show=errors.is_terminal) as update:
+        rows = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
     for table in tables(rows):
         console.print(table)
     write_summary(out / "summary.json", rows)
@@ -364,120 +341,7 @@ def schema(
     if output is None:
         print(schema_text(), end="")
     else:
-        _write(output, schema_text())
-
-
-def _load(path: Path, scene: Path | None):  # type: ignore[no-untyped-def]
-    """A configuration, or the default one around a model; `scene` replaces what it shows."""
-    from wall.config.loading import default_for_model, load, with_scene
-
-    loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
-    return with_scene(loaded, scene) if scene is not None else loaded
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        _fail(f"{path}: cannot be written ({error.strerror or error})")
-
-
-def _size(text: str | None) -> tuple[int, int] | None:
-    if text is None:
-        return None
-    width, x, height = text.lower().partition("x")
-    if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise ConfigError(f"--size {text}: wanted WIDTHxHEIGHT in pixels, such as 960x540")
-    return int(width), int(height)
-
-
-class _Stages:
-    """What a starting run is doing: a line a stage, and a bar while kernels are compiled, where there is a terminal."""
-
-    def __init__(self) -> None:
-        columns = (TextColumn("  {task.description}"), BarColumn(), TimeElapsedColumn())
-        self._bar = Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal)
-        self._task = self._bar.add_task("starting", total=None)
-        self._compiling = threading.Event()
-
-    def __enter__(self) -> _Stages:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop()
-
-    def say(self, line: str) -> None:
-        if not errors.is_terminal or line.startswith("note: "):
-            errors.print(f"  {line}", markup=False)
-        if line.startswith("starting "):
-            self._stop()  # its thread must not be there when processes are forked
-        if line.startswith(("starting ", "note: ")):
-            return
-        self._bar.update(self._task, description=line)
-        if line.startswith("compiling") and not self._compiling.is_set():
-            self._compiling.set()
-            threading.Thread(target=self._follow_compiler, daemon=True).start()
-
-    def _follow_compiler(self) -> None:
-        """Move the bar with the kernels that appear in the cache."""
-        from wall.core.jit import compiled_kernels, kernels_made
-
-        before = compiled_kernels()
-        while self._compiling.is_set():
-            self._bar.update(self._task, total=kernels_made(), completed=compiled_kernels() - before)
-            time.sleep(0.2)
-
-    def opened(self, address: str, open_page: bool) -> None:
-        self._stop()
-        if not address:
-            console.print("running (Ctrl-C ends the run)")
-            return
-        console.print(f"watch and steer the wall at [bold]{address}[/] (Ctrl-C ends the run)")
-        if open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            webbrowser.open(address)
-
-    def _stop(self) -> None:
-        self._compiling.clear()
-        self._bar.stop()
-
-
-def _show_summary(summary: dict, out: Path) -> None:  # type: ignore[type-arg]
-    table = Table(title=f"{summary['seconds']:.1f} s, ended: {summary['ended']}", title_justify="left")
-    for name in ("rank", "role", "region", "samples/s", "bytes/s", "peak memory"):
-        table.add_column(name, justify="left" if name in ("role", "region") else "right")
-    for rank in summary["ranks"]:
-        table.add_row(
-            str(rank["rank"]),
-            rank["role"],
-            rank["region"],
-            _si(rank["samples_per_s"]),
-            _si(rank["bytes_per_s"]),
-            f"{rank['peak_memory'] / 2**20:.0f} MB",
-        )
-    console.print(table)
-    p50, p95, p99 = (summary["latency_ms"][name] for name in ("p50", "p95", "p99"))
-    console.print(
-        f"traced {_si(summary['samples_traced'])} samples, shown {_si(summary['samples_shown'])}; "
-        f"{_si(summary['packets'])} packets, {_si(summary['bytes'])}B; "
-        + (f"input to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "no input came")
-    )
-    if summary["dropped"]:
-        console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
-    console.print(f"results in {out}/")
-
-
-def _si(value: float) -> str:
-    """1234567 as 1.23 M."""
-    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
-        if value >= size:
-            return f"{value / size:.3g} {unit}"
-    return f"{value:.0f} "
-
-
-def _fail(message: str) -> NoReturn:
-    errors.print(message, style="red", markup=False)
-    raise SystemExit(FAILED)
+        write_text(output, schema_text())
 
 
 def main() -> None:
@@ -488,6 +352,6 @@ def main() -> None:
         errors.print(str(error), style="red", markup=False)
         sys.exit(REFUSED)
     except WallError as error:
-        _fail(str(error))
+        fail(str(error))
     except KeyboardInterrupt:
-        _fail("interrupted")
+        fail("interrupted")

@@ -1,17 +1,24 @@
-"""What a converged picture is drawn in: pieces of planes, and bands of them drawn by any number of threads.
+"""Render converged images offline: any size, as tiles whose bands any number of threads trace.
 
-A picture of any size is cut into pieces whose positions float32 holds finely enough; one that needs no cut has the same
-bits as if there were no cutting.
+`wall render`, `wall screenshot` and the references of `wall measure quality` share this renderer. An image is cut into
+tiles small enough for float32 pixel positions; an image that fits one tile has the same bits as an uncut one.
 """
 
 from __future__ import annotations
 
+import os
 import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wall.core.data import Float32, Rect
+from wall.core.data import Event, Float32, Float64, Rect
 from wall.core.errors import ConfigError
 from wall.geometry import outlines
 from wall.geometry.cameras import PanelView
@@ -21,45 +28,62 @@ from wall.sampling.progressive import ProgressiveSampler
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
-FLOAT32_EXACT_PIXELS = 8192  # sub-pixel positions stay finer than 1/1024 pixel up to here
-_SEEDS_APART = 0x9E3779B1  # odd, so that the seeds of 2^32 pieces all differ
+BAND_ROWS = 16  # rows traced at a time: small enough to share evenly, large enough to keep rays coherent
+LARGEST_TILE_PIXELS = 8192  # float32 sub-pixel positions stay finer than 1/1024 pixel up to this edge
+LOOKAHEAD = 2  # bands for each thread that are submitted before their turn
+SEED_STEP = 0x9E3779B1  # odd, so that the seeds of 2^32 tiles all differ
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Piece:
-    """A rectangle of the picture, at most FLOAT32_EXACT_PIXELS on an edge, as a display of its own."""
+class Tile:
+    """A rectangle of the image, at most LARGEST_TILE_PIXELS on an edge, described as a panel of its own."""
 
-    panel: Panel  # its `screen` is where the piece is in the picture
+    panel: Panel  # its `screen` is the tile's top left pixel in the image
     seed: int
 
     @property
     def rect(self) -> Rect:
-        """Where it is in the picture."""
+        """The tile's rectangle in the image, pixels."""
         (x, y), (width, height) = self.panel.screen, self.panel.pixels
         return Rect(x=x, y=y, width=width, height=height)
 
 
-def pieces(panels: list[Panel], *, seed: int) -> list[Piece]:
-    """Panels, cut where they are large. The first piece of each has the seed itself: whole panels stay as they are."""
-    cut = []
+Band: TypeAlias = tuple[Tile, Rect]  # a tile and a rectangle in the tile's own pixels
+Image: TypeAlias = NDArray[Any]  # (h, w, 3): uint8 sRGB, or float32 linear RGB
+
+
+def tiles_of(panels: list[Panel], *, seed: int) -> list[Tile]:
+    """Cut large panels into tiles. The first tile of each panel keeps the seed, so uncut panels stay as they are."""
+    tiles = []
     for panel in panels:
         width, height = panel.pixels
-        corners = [
-            (x, y) for y in range(0, height, FLOAT32_EXACT_PIXELS) for x in range(0, width, FLOAT32_EXACT_PIXELS)
-        ]
+        corners = [(x, y) for y in range(0, height, LARGEST_TILE_PIXELS) for x in range(0, width, LARGEST_TILE_PIXELS)]
         for k, (x, y) in enumerate(corners):
-            pixels = (min(FLOAT32_EXACT_PIXELS, width - x), min(FLOAT32_EXACT_PIXELS, height - y))
-            screen = (panel.screen[0] + x, panel.screen[1] + y)
-            part = replace(panel, pixels=pixels, screen=screen)
-            cut.append(Piece(panel=part, seed=(seed + k * _SEEDS_APART) & 0xFFFFFFFF))
-    return cut
+            pixels = (min(LARGEST_TILE_PIXELS, width - x), min(LARGEST_TILE_PIXELS, height - y))
+            part = replace(panel, pixels=pixels, screen=(panel.screen[0] + x, panel.screen[1] + y))
+            tiles.append(Tile(panel=part, seed=(seed + k * SEED_STEP) & 0xFFFFFFFF))
+    return tiles
 
 
-def whole(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.0) -> list[Panel]:
-    """What is drawn: one panel that is the whole flat wall at the wanted size, or the panels themselves.
+def bands_of(tile: Tile, first: int = 0, end: int | None = None) -> Iterator[Band]:
+    """Bands of BAND_ROWS that cover the tile's rows from `first` to `end`; all rows by default."""
+    width, height = tile.panel.pixels
+    end = height if end is None else min(end, height)
+    for y in range(max(0, first), end, BAND_ROWS):
+        yield tile, Rect(x=0, y=y, width=width, height=min(BAND_ROWS, end - y))
 
-    size : width and height of the picture, pixels; it keeps the wall's height in view. None: the wall's own
-    scale : times more pixels each way, without a `size`
+
+def image_size(panels: Iterable[Panel]) -> tuple[int, int]:
+    """Width and height of the image that holds all panels, pixels."""
+    corners = [(p.screen[0] + p.pixels[0], p.screen[1] + p.pixels[1]) for p in panels]
+    return max(x for x, _ in corners), max(y for _, y in corners)
+
+
+def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.0) -> list[Panel]:
+    """The panels to render: one that covers the whole flat wall at the wanted size, else the wall's own panels.
+
+    size : width and height of the image, pixels; the wall's height fills it. None: the wall's own size
+    scale : factor on the pixels of both axes, without a `size`
 
     Raises ConfigError for a `size` of panels that stand at angles, or are seen from several eyes.
     """
@@ -77,7 +101,7 @@ def whole(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.0) -
 
 
 def scaled(panel: Panel, scale: float) -> Panel:
-    """The same lit area in `scale` times as many pixels each way, to whole pixels; so is its place on the screen."""
+    """Scale a panel's pixel counts and screen position, rounded to whole pixels; its lit area in metres stays."""
     if scale == 1.0:
         return panel
     (w, h), plane = panel.pixels, panel.plane
@@ -88,29 +112,58 @@ def scaled(panel: Panel, scale: float) -> Panel:
     return replace(panel, pixels=(width, height), screen=(x, y), plane=Plane(origin=origin, per_x=per_x, per_y=per_y))
 
 
-class Drawing:
-    """Draws bands of pieces at one moment; threads may ask at once, each has a tracer of its own."""
+def event_at(plan: Plan, at: float) -> Event:
+    """The event that shows scene time `at`, seconds, through the view's own camera path."""
+    return replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at))
 
-    def __init__(self, plan: Plan, tracer_scene: TracerScene, *, spp: int, at: float) -> None:
-        """`at` is the scene time, seconds; `spp` the samples of a pixel."""
+
+class OfflineRenderer:
+    """Renders bands of tiles under one event; threads may call at once, each gets its own tracer."""
+
+    def __init__(self, plan: Plan, tracer_scene: TracerScene, event: Event, *, spp: int) -> None:
+        """`spp`: samples a pixel. `event` may be replaced while no band is being rendered."""
+        self.event = event
         self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
-        self._event = replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at))
-        self._own = threading.local()
+        self._local = threading.local()
 
-    def band(self, piece: Piece, rect: Rect) -> Float32:
-        """(h, w, 3) float32 linear RGB of a rectangle in the piece's own pixels."""
-        tracer, sampler = self._tracer(piece), ProgressiveSampler(rect, seed=piece.seed)
+    def band(self, tile: Tile, rect: Rect) -> Float64:
+        """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
+        tracer, sampler = self._tracer(tile), ProgressiveSampler(rect, seed=tile.seed)
         for sample in range(self._spp):
             sampler.add(tracer.trace(sampler.positions(sample))[0])
-        return sampler.mean().astype(np.float32)
+        return sampler.mean()
 
-    def _tracer(self, piece: Piece) -> Tracer:
-        own = self._own
-        if getattr(own, "piece", None) is piece:
-            return own.tracer  # type: ignore[no-any-return]
-        seen = PanelView(self._plan.view, piece.panel)
-        if not hasattr(own, "tracer"):
-            own.tracer = Tracer(self._tracer_scene, piece.panel, seen.eye, coherent=True)
-        own.tracer.look_through(piece.panel, seen.eye, seen(self._event))
-        own.piece = piece
-        return own.tracer  # type: ignore[no-any-return]
+    def bands(
+        self, work: Iterable[Band], finish: Callable[[Float32], Image], *, threads: int | None = None
+    ) -> Iterator[Image]:
+        """Render bands in parallel and yield them in order, each passed through `finish` by its thread.
+
+        At most LOOKAHEAD bands a thread wait for their turn. `threads`: None for all cores of this process.
+        """
+
+        def render(band: Band) -> Image:
+            return finish(self.band(*band).astype(np.float32))
+
+        count = threads or len(os.sched_getaffinity(0))
+        pending = iter(work)
+        with ThreadPoolExecutor(count) as pool:
+            begun = deque(pool.submit(render, band) for band in islice(pending, LOOKAHEAD * count))
+            try:
+                while begun:
+                    yield begun.popleft().result()
+                    begun.extend(pool.submit(render, band) for band in islice(pending, 1))
+            finally:
+                for future in begun:
+                    future.cancel()
+
+    def _tracer(self, tile: Tile) -> Tracer:
+        """This thread's tracer, set to the tile and the event."""
+        local = self._local
+        if getattr(local, "tile", None) is tile and local.event is self.event:
+            return local.tracer  # type: ignore[no-any-return]
+        seen = PanelView(self._plan.view, tile.panel)
+        if not hasattr(local, "tracer"):
+            local.tracer = Tracer(self._tracer_scene, tile.panel, seen.eye, coherent=True)
+        local.tracer.look_through(tile.panel, seen.eye, seen(self.event))
+        local.tile, local.event = tile, self.event
+        return local.tracer  # type: ignore[no-any-return]

@@ -1,31 +1,27 @@
-"""`wall render`: one converged picture, the same bits for a seed however many threads and ranks share the work."""
+"""`wall render`: one converged image, with the same bits for a seed however many threads and ranks share the work."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from wall.commands.offline import Drawing, Piece, pieces, whole
+from wall.commands.offline import Band, OfflineRenderer, bands_of, event_at, image_size, panels_of, tiles_of
 from wall.config.loading import Loaded
-from wall.core.data import Float32, Rect
+from wall.core.data import Float32
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.run.bootstrap import under_mpi
 from wall.tracing.tracer_scene import make_tracer_scene
 
-BAND_ROWS = 16  # rows of one piece of work
-
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], None]  # is told the work done, and all there is
 
 
 def render(
     loaded: Loaded, *, spp: int, seed: int, size: tuple[int, int] | None, at: float, progress: Progress
 ) -> Float32 | None:
-    """The picture at scene time `at` seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
+    """Render the image at scene time `at`, seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
 
-    A flat wall is drawn through its plane at `size` (width, height), keeping the wall's height in view; other walls
+    A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
     panel by panel at their own pixels. Raises ConfigError.
     """
     plan = make_plan(make_layout(loaded))
@@ -41,60 +37,47 @@ def render_plan(
     size: tuple[int, int] | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Float32 | None:
-    """The same for a plan whose scene is loaded."""
-    parts = pieces(whole(plan.layout, size), seed=seed)
-    drawing = Drawing(plan, make_tracer_scene(plan.scene), spp=spp, at=at)
-    bands = [(piece, band) for piece in parts for band in _bands(piece)]
+    """Render the same image for a plan whose scene is loaded."""
+    panels = panels_of(plan.layout, size)
+    bands = [band for tile in tiles_of(panels, seed=seed) for band in bands_of(tile)]
+    renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, at), spp=spp)
     if not under_mpi():
-        rendered = _render_bands(drawing, bands, progress)
-    else:
-        from wall.run.bootstrap_mpi import MpiBootstrap
+        return _assembled(bands, _rendered(renderer, bands, progress))
+    from wall.run.bootstrap_mpi import MpiBootstrap
 
-        world = MpiBootstrap()
-        mine = _render_bands(drawing, bands[world.rank :: world.size], progress, threads=1)
-        gathered = world.gather(b"".join(band.tobytes() for band in mine))
-        if gathered is None:
-            return None
-        rendered = [np.zeros(0, np.float32)] * len(bands)
-        for rank, data in enumerate(gathered):
-            rendered[rank :: world.size] = _unpack(data, bands[rank :: world.size])
-    return _assemble(bands, rendered)
-
-
-def _bands(piece: Piece) -> list[Rect]:
-    width, height = piece.panel.pixels
-    return [Rect(x=0, y=y, width=width, height=min(BAND_ROWS, height - y)) for y in range(0, height, BAND_ROWS)]
+    world = MpiBootstrap()
+    own = _rendered(renderer, bands[world.rank :: world.size], progress, threads=1)
+    gathered = world.gather(b"".join(band.tobytes() for band in own))
+    if gathered is None:
+        return None
+    rendered = [np.zeros(0, np.float32)] * len(bands)
+    for rank, data in enumerate(gathered):
+        rendered[rank :: world.size] = _unpacked(data, bands[rank :: world.size])
+    return _assembled(bands, rendered)
 
 
-def _render_bands(
-    drawing: Drawing, bands: list[tuple[Piece, Rect]], progress: Progress, *, threads: int | None = None
+def _rendered(
+    renderer: OfflineRenderer, bands: list[Band], progress: Progress, *, threads: int | None = None
 ) -> list[Float32]:
-    count = max(1, min(threads or len(os.sched_getaffinity(0)), len(bands)))
-    rendered: dict[int, Float32] = {}
-
-    def work(share: range) -> None:
-        for k in share:
-            rendered[k] = drawing.band(*bands[k])
-            progress(len(rendered), len(bands))
-
-    with ThreadPoolExecutor(count) as pool:
-        for future in [pool.submit(work, range(k, len(bands), count)) for k in range(count)]:
-            future.result()
-    return [rendered[k] for k in range(len(bands))]
+    """Each band, (h, w, 3) float32 linear RGB."""
+    rendered: list[Float32] = []
+    for band in renderer.bands(bands, lambda band: band, threads=threads):
+        rendered.append(band)
+        progress(len(rendered), len(bands))
+    return rendered
 
 
-def _unpack(data: bytes, bands: list[tuple[Piece, Rect]]) -> list[Float32]:
-    values, parts, start = np.frombuffer(data, np.float32), [], 0
-    for _, rect in bands:
-        parts.append(values[start : start + 3 * rect.area].reshape(rect.height, rect.width, 3))
-        start += 3 * rect.area
-    return parts
+def _unpacked(data: bytes, bands: list[Band]) -> list[Float32]:
+    """The bands that one rank rendered, from the float32 bytes that it sent."""
+    values = iter(np.split(np.frombuffer(data, np.float32), np.cumsum([3 * rect.area for _, rect in bands])))
+    return [next(values).reshape(rect.height, rect.width, 3) for _, rect in bands]
 
 
-def _assemble(bands: list[tuple[Piece, Rect]], rendered: list[Float32]) -> Float32:
-    width, height = max(p.rect.right for p, _ in bands), max(p.rect.bottom for p, _ in bands)
-    picture = np.zeros((height, width, 3), np.float32)
-    for (piece, rect), band in zip(bands, rendered, strict=True):
-        x, y = piece.rect.x + rect.x, piece.rect.y + rect.y
-        picture[y : y + rect.height, x : x + rect.width] = band
-    return picture
+def _assembled(bands: list[Band], rendered: list[Float32]) -> Float32:
+    """Put the bands in their places of the image; pixels of no band are black."""
+    width, height = image_size(tile.panel for tile, _ in bands)
+    image = np.zeros((height, width, 3), np.float32)
+    for (tile, rect), band in zip(bands, rendered, strict=True):
+        x, y = tile.rect.x + rect.x, tile.rect.y + rect.y
+        image[y : y + rect.height, x : x + rect.width] = band
+    return image

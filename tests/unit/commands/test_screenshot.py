@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from wall.commands import offline as pieces
-from wall.commands import render as reference
+from wall.commands import offline
+from wall.commands.render import render
 from wall.commands.screenshot import Shot, Written, screenshot
 from wall.config.loading import load
 from wall.core.data import Float32
@@ -66,7 +66,7 @@ def shoot(config: Path, name: str, **changes: Any) -> list[Written]:
 
 
 def rendered(config: Path, size: tuple[int, int] | None = None) -> Float32:
-    picture = reference.render(load(config), spp=2, seed=3, size=size, at=0.5, progress=quiet)
+    picture = render(load(config), spp=2, seed=3, size=size, at=0.5, progress=quiet)
     assert picture is not None
     return picture
 
@@ -101,20 +101,18 @@ def test_scale_gives_the_same_view_in_more_pixels(corner: Path, compiled_only: N
     assert np.abs(halved - small).mean() < shifted / 3
 
 
-def test_pieces_change_nothing_before_the_first_cut_and_go_on_after_it(
+def test_tiles_change_nothing_before_the_first_cut_and_go_on_after_it(
     flat: Path, monkeypatch: pytest.MonkeyPatch, compiled_only: None
 ) -> None:
     [one] = shoot(flat, "whole.exr", size=(96, 80), spp=64)
-    monkeypatch.setattr(pieces, "FLOAT32_EXACT_PIXELS", 32)
+    monkeypatch.setattr(offline, "LARGEST_TILE_PIXELS", 32)
     [cut] = shoot(flat, "cut.exr", size=(96, 80), spp=64)
     whole, parts = read(one.path), read(cut.path)
     np.testing.assert_array_equal(parts[:32, :32], whole[:32, :32])
     others = np.abs(parts - whole)[32:, 32:]
     assert 0 < others.mean() < 0.005  # other samples of the same light
-    assert len(pieces.pieces(pieces.whole(make_layout(load(flat)), (96, 80)), seed=3)) == 9
-    np.testing.assert_array_equal(
-        parts, reference.render(load(flat), spp=64, seed=3, size=(96, 80), at=0.5, progress=quiet)
-    )
+    assert len(offline.tiles_of(offline.panels_of(make_layout(load(flat)), (96, 80)), seed=3)) == 9
+    np.testing.assert_array_equal(parts, render(load(flat), spp=64, seed=3, size=(96, 80), at=0.5, progress=quiet))
 
 
 def test_each_panel_can_have_a_file_of_its_own(corner: Path, compiled_only: None) -> None:
@@ -164,4 +162,4 @@ def test_a_picture_wider_than_any_piece_is_drawn_end_to_end(flat: Path, compiled
     assert picture.shape == (100, 12000, 3)
     assert picture.std() > 10
     beside = np.abs(np.diff(picture, axis=1)).mean(axis=(0, 2))
-    assert beside[8191] < 3 * np.median(beside) + 3  # nothing marks where pieces meet
+    assert beside[8191] < 3 * np.median(beside) + 3  # nothing marks where tiles meet

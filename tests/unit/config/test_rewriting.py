@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wall import cli
+from wall.commands import terminal
 from wall.config.loading import load, loads
 from wall.config.rewriting import with_wall
 from wall.core.errors import ConfigError
@@ -95,4 +96,4 @@ def test_command_writes_what_loads_and_says_where_it_cannot(tmp_path: Path) -> N
         "r0c0.right",
         "r0c1.left",
     ]
-    assert failed.exit_code == cli.FAILED
+    assert failed.exit_code == terminal.FAILED

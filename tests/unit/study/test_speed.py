@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wall import cli
+from wall.commands import terminal
 from wall.core.data import BACKGROUND
 from wall.core.errors import ConfigError, RunError
 from wall.study.speed import record, runs, speed
@@ -68,7 +69,7 @@ def test_failed_measurement_does_not_lose_the_others(monkeypatch: pytest.MonkeyP
     assert [(row.metric, row.met, row.failed) for row in rows] == [("encode", None, True), ("decode", True, False)]
     assert "ZeroDivisionError" in rows[0].note
     result = CliRunner().invoke(cli.app, ["measure", "speed", "-o", str(tmp_path / "speed.jsonl")])
-    assert result.exit_code == cli.FAILED
+    assert result.exit_code == terminal.FAILED
     assert "decode" in (tmp_path / "speed.jsonl").read_text()
 
 

@@ -1,4 +1,4 @@
-"""A wall in parts is the wall as a whole, bit for bit; the reference picture does not know who drew it."""
+"""A wall in parts is the wall as a whole, bit for bit; a converged image does not depend on who rendered it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from small_scenes import View, flat_wall, picture, view
 
-from wall.commands import render as reference
+from wall.commands import offline
+from wall.commands.render import render
 from wall.config.loading import load
 from wall.core.data import Float32
 from wall.geometry.cameras import default_eye, look_at
@@ -64,20 +65,20 @@ views: [{id: main}]
 
 
 def rendered(path: Path, *, seed: int = 3) -> Float32:
-    drawn = reference.render(load(path), spp=2, seed=seed, size=(45, 37), at=0.5, progress=lambda done, of: None)
+    drawn = render(load(path), spp=2, seed=seed, size=(45, 37), at=0.5, progress=lambda done, of: None)
     assert drawn is not None
     return drawn
 
 
-def test_reference_has_the_same_bits_for_any_number_of_threads_and_any_bands(
+def test_converged_image_has_the_same_bits_for_any_number_of_threads_and_any_bands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compiled_only: None
 ) -> None:
     config = tmp_path / "wall.yaml"
     config.write_text(CONFIG)
     pictures = []
     for threads, rows in ((1, 16), (3, 16), (2, 5), (1, 64)):
-        monkeypatch.setattr(reference.os, "sched_getaffinity", lambda _, n=threads: set(range(n)))
-        monkeypatch.setattr(reference, "BAND_ROWS", rows)
+        monkeypatch.setattr(offline.os, "sched_getaffinity", lambda _, n=threads: set(range(n)))
+        monkeypatch.setattr(offline, "BAND_ROWS", rows)
         pictures.append(rendered(config))
     assert pictures[0].shape == (37, 45, 3)
     assert pictures[0].any()

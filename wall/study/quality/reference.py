@@ -15,23 +15,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wall.core.data import Event, Float32, Rect
+from wall.commands.offline import OfflineRenderer, Tile, bands_of
+from wall.core.data import Event, Float32
 from wall.core.jit import PACKAGE
 from wall.roles.plan import Plan
-from wall.sampling.progressive import ProgressiveSampler
 from wall.study.quality.method import Inputs
-from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
 SAMPLES_A_PIXEL = 64
 SEED = 20050629  # of every reference picture, whatever the methods' seeds
-BAND_ROWS = 32  # traced at a time
 LARGEST = 65504.0  # of float16: brighter light is kept as this
 SMALL_PIXELS = 100_000  # up to here every 2nd refresh is scored, above every 8th
 SMALL_STRIDE, LARGE_STRIDE = 2, 8
-TRACER_SOURCES = ("tracing", "sampling/progressive.py", "sampling/kernels/permutation.py", "geometry/frusta.py")
+TRACER_SOURCES = (
+    "tracing",
+    "commands/offline.py",
+    "sampling/progressive.py",
+    "sampling/kernels/permutation.py",
+    "geometry/frusta.py",
+)
 
 
 def reference_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: float) -> tuple[int, ...]:
@@ -75,23 +78,16 @@ class Reference:
 
     def make(self, wanted: Iterable[int], progress: Callable[[], None] = lambda: None) -> None:
         """Trace pictures in this thread; each counts as there only once it is all on disk."""
-        tracer = Tracer(self._tracer_scene, self._panel, self._plan.view.eye, coherent=True)
+        tile = Tile(panel=self._panel, seed=SEED)
+        renderer = OfflineRenderer(self._plan, self._tracer_scene, self.events[0], spp=self._spp)
         for k in wanted:
-            tracer.take(self.events[k])
-            self._pictures[k] = np.minimum(self._trace(tracer), LARGEST)
+            renderer.event = self.events[k]
+            picture = np.concatenate([renderer.band(*band) for band in bands_of(tile)])
+            self._pictures[k] = np.minimum(picture, LARGEST)
             self._pictures.flush()
             self._done[k] = True
             self._done.flush()
             progress()
-
-    def _trace(self, tracer: Tracer) -> NDArray[np.float64]:
-        (width, height), bands = self._panel.pixels, []
-        for y in range(0, height, BAND_ROWS):
-            sampler = ProgressiveSampler(Rect(x=0, y=y, width=width, height=min(BAND_ROWS, height - y)), seed=SEED)
-            for sample in range(self._spp):
-                sampler.add(tracer.trace(sampler.positions(sample))[0])
-            bands.append(sampler.mean())
-        return np.concatenate(bands)
 
     def _open(self) -> tuple[np.memmap[Any, np.dtype[np.float16]], np.memmap[Any, np.dtype[np.bool_]]]:
         """The files, made whole before they get their name: another process may be at it too."""

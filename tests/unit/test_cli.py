@@ -1,0 +1,26 @@
+"""The command line starts quickly: a command's libraries are loaded when the command runs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+SLOW_TO_IMPORT = ("numba", "numpy", "embreex", "matplotlib", "aiohttp", "pydantic", "ruamel", "zmq", "lxml", "lark")
+HELP = """\
+import sys
+from wall import cli
+try:
+    cli.main()
+except SystemExit as ended:
+    assert not ended.code
+print("loaded:", *sys.modules)
+"""
+
+
+def test_help_imports_no_command_and_none_of_its_libraries() -> None:
+    done = subprocess.run([sys.executable, "-c", HELP, "--help"], capture_output=True, text=True, check=True)
+    assert "screenshot" in done.stdout
+    modules = done.stdout.splitlines()[-1].split()[1:]
+    assert not set(SLOW_TO_IMPORT) & set(modules)
+    ours = {name for name in modules if name.startswith("wall")}
+    assert ours == {"wall", "wall.cli", "wall.core", "wall.core.errors", "wall.commands", "wall.commands.terminal"}

@@ -1,0 +1,118 @@
+"""Progress bars of the commands, and the table that ends a run."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import webbrowser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from wall.commands.terminal import console, errors
+
+POLL_S = 0.2  # between looks at the cache of compiled kernels
+
+
+@contextmanager
+def progress_bar(
+    title: str = "{task.description}", *, count: str | None = None, show: bool = True
+) -> Iterator[Callable[..., None]]:
+    """Show a progress bar on standard error; yields a function that takes `completed=`, `total=`, `description=`.
+
+    `title` and `count` are the texts before and after the bar in rich's notation; `count` defaults to done/total.
+    """
+    counted = MofNCompleteColumn() if count is None else TextColumn(count)
+    with Progress(
+        TextColumn(title), BarColumn(), counted, TimeElapsedColumn(), console=errors, disable=not show
+    ) as bar:
+        task = bar.add_task("starting", total=None)
+        yield lambda **values: bar.update(task, **values)
+
+
+class StartProgress:
+    """Shows the stages of a starting run: a line each, and on a terminal a bar while kernels are compiled."""
+
+    def __init__(self, *, open_page: bool) -> None:
+        """`open_page`: whether a run's address is opened in a browser where there is a display."""
+        columns = (TextColumn("  {task.description}"), BarColumn(), TimeElapsedColumn())
+        self._bar = Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal)
+        self._task = self._bar.add_task("starting", total=None)
+        self._compiling = threading.Event()
+        self._open_page = open_page
+
+    def __enter__(self) -> StartProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
+    def say(self, line: str) -> None:
+        """Show a stage, or a line that begins with `note: `."""
+        if not errors.is_terminal or line.startswith("note: "):
+            errors.print(f"  {line}", markup=False)
+        if line.startswith("starting "):
+            self._stop()  # the bar's thread must not exist when processes are forked
+        if line.startswith(("starting ", "note: ")):
+            return
+        self._bar.update(self._task, description=line)
+        if line.startswith("compiling") and not self._compiling.is_set():
+            self._compiling.set()
+            threading.Thread(target=self._follow_compiler, daemon=True).start()
+
+    def opened(self, address: str) -> None:
+        """Say that the wall runs, and where its page is; opens the page if wanted."""
+        self._stop()
+        if not address:
+            console.print("running (Ctrl-C ends the run)")
+            return
+        console.print(f"watch and steer the wall at [bold]{address}[/] (Ctrl-C ends the run)")
+        if self._open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            webbrowser.open(address)
+
+    def _follow_compiler(self) -> None:
+        """Advance the bar with the kernels that appear in the cache."""
+        from wall.core.jit import compiled_kernels, kernels_made
+
+        before = compiled_kernels()
+        while self._compiling.is_set():
+            self._bar.update(self._task, total=kernels_made(), completed=compiled_kernels() - before)
+            time.sleep(POLL_S)
+
+    def _stop(self) -> None:
+        self._compiling.clear()
+        self._bar.stop()
+
+
+def show_summary(summary: dict[str, Any], out: Path) -> None:
+    """Print what a run measured: a row a rank, then totals, latency and drops."""
+    table = Table(title=f"{summary['seconds']:.1f} s, ended: {summary['ended']}", title_justify="left")
+    for name in ("rank", "role", "region", "samples/s", "bytes/s", "peak memory"):
+        table.add_column(name, justify="left" if name in ("role", "region") else "right")
+    for rank in summary["ranks"]:
+        rates = (_si(rank["samples_per_s"]), _si(rank["bytes_per_s"]), f"{rank['peak_memory'] / 2**20:.0f} MB")
+        table.add_row(str(rank["rank"]), rank["role"], rank["region"], *rates)
+    console.print(table)
+    p50, p95, p99 = (summary["latency_ms"][name] for name in ("p50", "p95", "p99"))
+    console.print(
+        f"traced {_si(summary['samples_traced'])} samples, shown {_si(summary['samples_shown'])}; "
+        f"{_si(summary['packets'])} packets, {_si(summary['bytes'])}B; "
+        + (f"input to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "no input came")
+    )
+    if summary["dropped"]:
+        console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
+    console.print(f"results in {out}/")
+
+
+def _si(value: float) -> str:
+    """Shorten a number with a unit prefix: 1234567 as 1.23 M."""
+    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value:.0f} "

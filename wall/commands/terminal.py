@@ -1,0 +1,51 @@
+"""What the command line shares: consoles, exit codes, and how paths and sizes given on it are read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from rich.console import Console
+
+from wall.core.errors import ConfigError
+
+if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
+    from wall.config.loading import Loaded
+
+OK, FAILED, REFUSED = 0, 1, 2  # exit codes
+MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+
+console = Console(highlight=False)
+errors = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+def fail(message: str) -> NoReturn:
+    """Print a message and end the process with the exit code of a failed run."""
+    errors.print(message, style="red", markup=False)
+    raise SystemExit(FAILED)
+
+
+def load_config(path: Path, scene: Path | None = None) -> Loaded:
+    """Load a configuration, or the default one around a model; `scene` replaces what it shows."""
+    from wall.config.loading import default_for_model, load, with_scene
+
+    loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
+    return with_scene(loaded, scene) if scene is not None else loaded
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file; ends the process if that cannot be done."""
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        fail(f"{path}: cannot be written ({error.strerror or error})")
+
+
+def parse_size(text: str | None) -> tuple[int, int] | None:
+    """Width and height of `WIDTHxHEIGHT` in pixels. Raises ConfigError."""
+    if text is None:
+        return None
+    width, x, height = text.lower().partition("x")
+    if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise ConfigError(f"--size {text}: wanted WIDTHxHEIGHT in pixels, such as 960x540")
+    return int(width), int(height)
