@@ -10,7 +10,7 @@ from rich.table import Table
 
 from wall.config import yaml_text
 from wall.core.errors import ConfigError
-from wall.importers.dropped_values import fitting
+from wall.importers.dropped_values import checked_layout
 from wall.importers.formats import MOST_CHARACTERS, Format, detect, known, named
 from wall.importers.report import Conversion, Item
 
@@ -19,21 +19,21 @@ MOST_BYTES = 4 * MOST_CHARACTERS  # of UTF-8, for each character
 
 
 def convert_file(path: Path, format_name: str | None = None) -> tuple[Format, Conversion, str]:
-    """The format of a file, what came of it, and the YAML text, which passes the project's own checks.
+    """Convert a file: its format, the conversion with its report, and YAML text that passes the project's checks.
 
-    Raises ConfigError: the file cannot be read, is of no known format, or cannot be a wall here.
+    Raises ConfigError if the file cannot be read, has no known format, or describes no wall that is possible here.
     """
     return convert_text(read(path), str(path), format_name)
 
 
 def convert_text(text: str, name: str, format_name: str | None = None) -> tuple[Format, Conversion, str]:
-    """The same for text that errors call `name`."""
+    """Convert text that errors call `name`; as `convert_file`."""
     if len(text) > MOST_CHARACTERS:
         raise ConfigError(f"{name}: {len(text)} characters are too many; accepted: at most {MOST_CHARACTERS}")
     chosen = named(format_name) if format_name else detect(text, name)
     conversion = chosen.convert(text, name)
     try:
-        layout = fitting(conversion)
+        layout = checked_layout(conversion)
     except ConfigError as error:
         raise ConfigError(f"{name}: what it describes is refused here: {error}") from error
     conversion.ranks = len(layout.regions)
@@ -48,7 +48,7 @@ def read(path: Path) -> str:
         data = None
         if not path.is_dir():
             with path.open("rb") as file:
-                data = file.read(MOST_BYTES + 1)  # what is no file, such as a pipe, has no size before it is read
+                data = file.read(MOST_BYTES + 1)  # a pipe has no size before it is read
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, ValueError) as error:
@@ -69,7 +69,7 @@ def read(path: Path) -> str:
 
 
 def header(conversion: Conversion, chosen: Format, name: str) -> str:
-    """The comment before the YAML: where it comes from, what was assumed, how much is left out."""
+    """The comment before the YAML: the source, the assumptions, and the number of items not carried."""
     lines = [f"Converted from {_plain(name)} ({chosen.name}) by `wall convert`."]
     lines += [_plain(sentence) for sentence in conversion.assumed]
     if conversion.not_carried:
@@ -78,9 +78,9 @@ def header(conversion: Conversion, chosen: Format, name: str) -> str:
 
 
 def table(conversion: Conversion) -> Table | None:
-    """What was not carried, with its lines; None if all was.
+    """A table of the items not carried, with their lines; None if there are none.
 
-    What is inside another thing that was not is in its row, and equal things are in one.
+    Items inside another such item share its row, and so do items that differ only in their indices.
     """
     if not conversion.not_carried:
         return None
@@ -99,19 +99,19 @@ def table(conversion: Conversion) -> Table | None:
 
 
 def _outermost(items: Sequence[Item]) -> list[Item]:
-    """The items that are in no other one that has the same reason."""
+    """The items that are inside no other item with the same reason."""
     named = {(item.what, item.why) for item in items}
     return [item for item in items if not any((head, item.why) in named for head in _around(item.what))]
 
 
 def _around(what: str) -> Iterator[str]:
-    """The names of all that something is inside of: a, a.b for a.b[2]."""
+    """The names of all that an item is inside of: a, a.b for a.b[2]."""
     name = what.split(" = ")[0]
     return (name[:k] for k, ch in enumerate(name) if ch in ".[")
 
 
 def write_report(path: Path, conversion: Conversion) -> None:
-    """The report as JSON. Raises ConfigError if it cannot be written."""
+    """Write the report as JSON. Raises ConfigError if it cannot be written."""
     write(path, json.dumps(conversion.as_json(), indent=2, ensure_ascii=False) + "\n")
 
 
@@ -124,14 +124,15 @@ def write(path: Path, text: str) -> None:
 
 
 def _without_indices(what: str) -> str:
-    """What something is called without its place in lists, so that equal things can be counted."""
+    """An item's name without indices, so that items of one kind can be counted."""
     return "".join(ch for ch in what.split(" = ")[0] if not ch.isdigit())
 
 
 def _escaped(text: str) -> str:
+    """One printable line, its brackets escaped for rich."""
     return _plain(text).replace("[", "\\[")
 
 
 def _plain(text: str) -> str:
-    """One printable line."""
+    """The text as one printable line."""
     return "".join(ch if ch.isprintable() else " " for ch in text)

@@ -1,4 +1,4 @@
-"""DisplayCluster's configuration.xml, and the XML that Tide had before its JSON: `dimensions`, `process`, `screen`.
+"""Import DisplayCluster's configuration.xml, and Tide's earlier XML: `dimensions`, `process`, `screen`.
 
 Tide renamed screenWidth to displayWidth, mullionWidth to bezelWidth, numTilesWidth to numScreensX.
 """
@@ -6,10 +6,18 @@ Tide renamed screenWidth to displayWidth, mullionWidth to bezelWidth, numTilesWi
 from __future__ import annotations
 
 from wall.importers import xml_source
-from wall.importers.panels import configuration, settle
+from wall.importers.panels import configuration, fit_panels
 from wall.importers.report import Conversion
+from wall.importers.screen_grids import (
+    Screen,
+    Surface,
+    drafts,
+    every_screen,
+    read_stereo,
+    read_surface,
+    read_window_position,
+)
 from wall.importers.source import Node, Source
-from wall.importers.tiles import Screen, Surface, drafts, every_screen, read_count, read_gap, read_screen
 
 ROOT = "configuration"
 AT_THE_HEAD = "the head runs, and serves its page, where the run is started"
@@ -40,27 +48,20 @@ def convert(text: str, name: str) -> Conversion:
     panels = drafts(source, [surface], screens)
     if len(panels) > len(source.root.children("process")) > 0:
         source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
-    settled, _ = settle(source, panels, None)
-    return source.close(configuration(settled), panels=len(panels), ranks=len(panels))
+    fitted, _ = fit_panels(source, panels, None)
+    return source.close(configuration(fitted), panels=len(panels), ranks=len(panels))
 
 
 def _surface(source: Source, node: Node) -> Surface:
+    """The one surface of <dimensions>, whose keys have the names of either program."""
     tide = node.get("displayWidth") is not None
-    one = read_screen(source, node, ("displayWidth", "displayHeight") if tide else ("screenWidth", "screenHeight"))
-    gap = tuple(
-        read_gap(source, _either(node, f"bezel{side}", f"mullion{side}"), size)
-        for side, size in zip(("Width", "Height"), one, strict=True)
+    surface = read_surface(
+        source,
+        node,
+        display=("displayWidth", "displayHeight") if tide else ("screenWidth", "screenHeight"),
+        gap=(_either(node, "bezelWidth", "mullionWidth"), _either(node, "bezelHeight", "mullionHeight")),
+        count=(_either(node, "numScreensX", "numTilesWidth"), _either(node, "numScreensY", "numTilesHeight")),
     )
-    count = (
-        read_count(source, _either(node, "numScreensX", "numTilesWidth"), 1),
-        read_count(source, _either(node, "numScreensY", "numTilesHeight"), 1),
-    )
-    each = (
-        read_count(source, node.get("displaysPerScreenX"), 1),
-        read_count(source, node.get("displaysPerScreenY"), 1),
-    )
-    screen = tuple(round(n * size + (n - 1) * between) for n, size, between in zip(each, one, gap, strict=True))
-    surface = Surface(node=node, screen=(screen[0], screen[1]), count=count, gap=(gap[0], gap[1]))
     width, height = (source.number(node.get(key)) for key in ("physicalWidth", "physicalHeight"))
     if width is not None and height is not None and width > 0 and height > 0:
         surface.metres = (width, height)
@@ -70,17 +71,19 @@ def _surface(source: Source, node: Node) -> Surface:
 
 
 def _either(node: Node, first: str, second: str) -> Node | None:
+    """The member of the first name, else of the second."""
     found = node.get(first)
     return found if found is not None else node.get(second)
 
 
 def _screens(source: Source, *, fullscreen: bool) -> list[Screen]:
+    """The screens of all processes."""
     found = []
     for process in source.root.children("process"):
         host, display = source.text(process.get("host")), source.text(process.get("display"))
         for key in ("host", "display"):
             source.carry(process.get(key), key)
-        stereo = _stereo(source, process.get("stereo"))
+        stereo = read_stereo(source, process.get("stereo"))
         for screen in process.children("screen"):
             column, row = (source.whole(screen.get(key)) or 0 for key in ("i", "j"))
             found.append(
@@ -91,31 +94,10 @@ def _screens(source: Source, *, fullscreen: bool) -> list[Screen]:
                     row=max(0, row),
                     host=host,
                     display=source.text(screen.get("display")) or display,
-                    place=read_place(source, screen, fullscreen=fullscreen),
+                    window_position=read_window_position(source, screen, fullscreen=fullscreen),
                     stereo=stereo,
                 )
             )
             for key in ("i", "j", "display"):
                 source.carry(screen.get(key), "where the panel is")
     return found
-
-
-def read_place(source: Source, screen: Node, *, fullscreen: bool) -> tuple[int, int] | None:
-    """Where a screen's window is on its display, pixels; None where it is the whole display."""
-    x, y = (source.whole(screen.get(key)) for key in ("x", "y"))
-    for key in ("x", "y"):
-        source.carry(screen.get(key), "window")
-    if fullscreen and not x and not y:
-        return None
-    return x or 0, y or 0
-
-
-def _stereo(source: Source, node: Node | None) -> str:
-    if node is None:
-        return "mono"
-    kind = str(node.value).strip().lower()
-    if kind not in ("mono", "left", "right", "side_by_side"):
-        source.drop(node, "is not one of mono, left, right, side_by_side")
-        return "mono"
-    source.carry(node, "stereo")
-    return kind

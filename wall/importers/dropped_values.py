@@ -1,6 +1,6 @@
-"""Values that a configuration refuses give way: what can be left out is, and is listed with its line in the source.
+"""Drop the values of a conversion that a configuration refuses, and list each with its line in the source.
 
-The converters clamp what they know of; this is for all else that the loader and the checks of the whole wall refuse.
+Converters clamp the limits that they know; this handles everything else that the loader and the wall's checks refuse.
 """
 
 from __future__ import annotations
@@ -29,25 +29,25 @@ _STEP = re.compile(r"\w+")
 Path = tuple[str | int, ...]
 
 
-def fitting(conversion: Conversion) -> Layout:
-    """The layout of the conversion's values, less what it could not be. Raises ConfigError if too little is left.
+def checked_layout(conversion: Conversion) -> Layout:
+    """Check a conversion's values, drop what is refused, and return the layout of the rest.
 
-    `conversion.values` and its account change: a refused optional key goes, a refused panel goes if there are others,
-    refused nodes go for a graph of one picture a panel.
+    Changes `conversion`: drops a refused optional key, a refused panel if there are others, and replaces a refused
+    graph by one image a panel. Raises ConfigError if too little is left.
     """
     for _ in range(ROUNDS):
         try:
             return make_layout(loads(yaml_text.write(conversion.values), name=NAME))
         except ConfigError as error:
-            gave_way = [_give_way(conversion, path, why) for path, why in _problems(str(error))]
-            if not any(gave_way):
+            dropped = [_drop_value(conversion, path, why) for path, why in _problems(str(error))]
+            if not any(dropped):
                 raise
-            _without_gone(conversion)
+            _remove_dropped_panels(conversion)
     return make_layout(loads(yaml_text.write(conversion.values), name=NAME))
 
 
 def _problems(text: str) -> list[tuple[Path, str]]:
-    """Paths that an error names, each once, and what it says of them."""
+    """The paths that an error names, each once, with the error's text about them."""
     found: dict[Path, str] = {}
     for line in text.splitlines():
         if (match := _PROBLEM.match(line)) is not None:
@@ -58,8 +58,8 @@ def _problems(text: str) -> list[tuple[Path, str]]:
     return list(found.items())
 
 
-def _give_way(conversion: Conversion, path: Path, why: str) -> bool:
-    """Leave out what stands at a path, or around it. False if the wall cannot be without."""
+def _drop_value(conversion: Conversion, path: Path, why: str) -> bool:
+    """Drop the value at a path, or the value that contains it. Returns False if the wall needs it."""
     values: Any = conversion.values
     for step in path:
         if isinstance(values, dict) and step in OPTIONAL:
@@ -75,13 +75,13 @@ def _give_way(conversion: Conversion, path: Path, why: str) -> bool:
         panel = conversion.values["wall"]["panels"][path[2]]
         if panel is not None:
             _list(conversion, path, f"{why}; the panel is left out")
-            conversion.values["wall"]["panels"][path[2]] = None  # goes when all problems, which count it, are read
+            conversion.values["wall"]["panels"][path[2]] = None  # removed later: other problems' indices count it
         return True
     return False
 
 
 def _plain_graph(conversion: Conversion, path: Path, why: str) -> bool:
-    """Ranks of its own for each panel instead of the graph. False if it is that already."""
+    """Replace the graph by one with ranks of its own for each panel. Returns False if it is that already."""
     plain = enough_ranks(conversion.values["wall"]["panels"])
     if conversion.values.get("graph") == plain.get("graph"):
         return False
@@ -92,13 +92,14 @@ def _plain_graph(conversion: Conversion, path: Path, why: str) -> bool:
 
 
 def _has(values: Any, step: str | int) -> bool:
+    """Whether a dict or list has an entry at this step of a path."""
     if isinstance(values, dict):
         return step in values
     return isinstance(values, list) and isinstance(step, int) and step < len(values)
 
 
-def _without_gone(conversion: Conversion) -> None:
-    """Take panels that are left out, and nodes that may be theirs, out of the values."""
+def _remove_dropped_panels(conversion: Conversion) -> None:
+    """Remove dropped panels from the values, and the graph whose nodes may name them."""
     wall = conversion.values["wall"]
     kept = [k for k, panel in enumerate(wall["panels"]) if panel is not None]
     if len(kept) == len(wall["panels"]):
@@ -111,7 +112,7 @@ def _without_gone(conversion: Conversion) -> None:
 
 
 def _list(conversion: Conversion, path: Path, why: str) -> None:
-    """Say where in the source it comes from: its panel, else what carried a key of that name, else the file."""
+    """List a path as not carried, with the line of its panel, else of an item that carried its key, else line 1."""
     number = path[2] if path[:2] == ("wall", "panels") and len(path) > 2 else None
     if isinstance(number, int) and number < len(conversion.origins):
         origin = conversion.origins[number]

@@ -1,4 +1,4 @@
-"""Which format a file is of: by its suffix and by what it says. The refusal names what was looked at."""
+"""The known formats, and how a file's format is detected: by its suffix, then by its content."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from wall.core.errors import ConfigError
 from wall.importers import json_source, xml_source
 from wall.importers.report import Conversion, NotThisFormat
 
-MOST_CHARACTERS = 1 << 20
+MOST_CHARACTERS = 1 << 20  # of a file
+LONGEST_QUOTE = 60  # characters of a file that a refusal repeats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Format:
-    """A known format: its name, how people recognise it, and where its `convert(text, name)` is."""
+    """A known format: its name, how a person recognises it, and the module of its `convert(text, name)`."""
 
     name: str
     known_by: str
     module: str
 
     def convert(self, text: str, name: str) -> Conversion:
-        """Read `text`, which errors call `name`. Raises NotThisFormat, with name:line:column."""
+        """Convert `text`, which errors call `name`. Raises NotThisFormat, with name:line:column."""
         function: Callable[[str, str], Conversion] = import_module(self.module).convert
         return function(text, name)
 
@@ -45,7 +46,7 @@ SUFFIXES = {".pvx": "paraview", ".eqc": "equalizer"}  # others are shared by man
 
 
 def detect(text: str, name: str) -> Format:
-    """The format of a file. Raises NotThisFormat that says what was looked at."""
+    """The format of a file. Raises NotThisFormat that says what the file begins with."""
     if not text.strip():
         raise NotThisFormat(f"{name}:1:1: the file is empty; accepted: {known()}")
     suffix = PurePath(name).suffix
@@ -66,11 +67,12 @@ def named(name: str) -> Format:
 
 
 def known() -> str:
-    """All formats, as people recognise them."""
+    """The names and descriptions of all formats, for refusals."""
     return "; ".join(f"{found.name}: {found.known_by}" for found in FORMATS.values())
 
 
 def _looks_like_json(text: str) -> bool:
+    """Whether the text begins with { or [ after blanks and comments."""
     at = 0
     while found := _BLANK.match(text, at):  # one by one: comments in a repeated group take exponential time
         at = found.end()
@@ -78,6 +80,7 @@ def _looks_like_json(text: str) -> bool:
 
 
 def _json(text: str, name: str) -> str:
+    """The format of a JSON file by its top-level keys, else a description of it."""
     root = json_source.parse(text, name)
     keys = set(root.fields)
     if keys & {"nodes", "masteraddress"}:
@@ -90,12 +93,14 @@ def _json(text: str, name: str) -> str:
 
 
 def _markup(text: str, name: str) -> str:
+    """The format of an XML file by its first element, else a description of it."""
     root = xml_source.parse(text, name)
     kind = {"pvx": "paraview", "configuration": "displaycluster", "Cluster": "sgct"}.get(root.key)
-    return kind or f"XML with <{root.key[:60]}>"
+    return kind or f"XML with <{root.key[:LONGEST_QUOTE]}>"
 
 
 def _words(text: str) -> str:
+    """The format of other text: Equalizer's by its first block, else a description of it."""
     if re.search(r"^\s*#\s*Equalizer|^\s*(?:global|server|config|appNode|node)\s*\n?\s*\{", text, re.MULTILINE):
         return "equalizer"
     first = next(line.strip() for line in text.splitlines() if line.strip())

@@ -1,4 +1,4 @@
-"""JSON and JSON5 text to a tree of nodes with lines. The only file that knows the JSON5 library."""
+"""Parse JSON and JSON5 to a tree of nodes with lines and columns. The only file that imports the JSON5 library."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ def _document(text: str) -> Any:
 
 
 def without_comments(text: str, name: str) -> str:
-    """The text with blanks for comments, so that all else stays where it is; in one pass, as long as the text.
+    """Replace comments by blanks, so that positions stay the same; in linear time.
 
-    The library's own way takes exponential time for a comment without an end. Raises NotThisFormat for one, or a
-    string, that is never closed, and for more levels, tokens or digits than a wall has.
+    The library takes exponential time for a comment that is never closed. Raises NotThisFormat for such a comment or
+    string, and for more levels, tokens or digits than a wall has.
     """
     parts, kept, depth = list[str](), 0, 0
     for tokens, found in enumerate(_PIECE.finditer(text)):
@@ -76,12 +76,13 @@ def without_comments(text: str, name: str) -> str:
 
 
 class _Tree:
-    """From the library's nodes to ours."""
+    """Converts the library's nodes to Node."""
 
     def __init__(self, name: str) -> None:
         self._name = name
 
     def node(self, value: Any, path: str, key: str, depth: int) -> Node:
+        """The tree of a value that stands at `path`. Raises NotThisFormat if it is nested too deeply."""
         line, column = value.lineno or 1, (value.col_offset or 0) + 1
         if depth > MAX_DEPTH:
             where = f"{self._name}:{line}:{column}"
@@ -109,6 +110,7 @@ class _Tree:
 
 
 def _scalar(value: Any) -> Scalar:
+    """The plain value of the library's number, text or literal."""
     if isinstance(value, model.UnaryOp):
         inner = _scalar(value.value)
         return -inner if value.op == "-" and isinstance(inner, (int, float)) else inner
@@ -125,7 +127,7 @@ def _scalar(value: Any) -> Scalar:
 
 
 def _place(text: str, error: Exception) -> str:
-    """line:column of a parse error; of the text's end or beginning if the library does not say."""
+    """line:column of a parse error; of the text's beginning or end where the library gives none."""
     if found := re.search(r"line (\d+),? column (\d+)", str(error)):
         return f"{found[1]}:{found[2]}"
     if found := re.search(r"at index (\d+)", str(error)):
@@ -134,11 +136,12 @@ def _place(text: str, error: Exception) -> str:
 
 
 def _line_column(text: str, index: int) -> str:
+    """line:column of an index into the text, both from 1."""
     return f"{text.count(chr(10), 0, index) + 1}:{index - text.rfind(chr(10), 0, index)}"
 
 
 def _reason(error: Exception) -> str:
-    """The library's first complaint in one line, without its place, which is said already."""
+    """The library's first message in one line, without its position."""
     said = str(error).split("The primary error was:")[-1].strip().splitlines()
     first = re.sub(r"(:| at:?)? ?\(?line \d+,? column \d+.*$", "", said[0]) if said else ""
     return f" ({' '.join(first.split())[:120]})" if first else ""

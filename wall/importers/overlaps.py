@@ -1,4 +1,4 @@
-"""Which panels light the same place, and how wide: what a configuration wants declared at each side."""
+"""Find panels that overlap, and the widths that a configuration declares at their sides."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from wall.core.data import Float64
 
 SAME_PLANE = 1e-6  # sine between planes; share of a panel's size between them
-LEAST_M = 1e-7  # less is rounding
+LEAST_M = 1e-7  # metres; less is rounding
 EYES = {"mono": "m", "left": "l", "right": "r"}  # other kinds of stereo show both, l and r
 
 
 def declare_overlaps(panels: Sequence[tuple[Float64, str]]) -> list[dict[str, float]]:
-    """The width at each side of each panel that its neighbours light too, metres; only sides that have one.
+    """The width of the overlap at each side of each panel, metres; only sides that have one.
 
-    `panels` are (3, 3) corners (lower left, lower right, upper left; metres) with the eye that sees them:
-    a panel for the left eye and one for the right may light the same place.
+    `panels` are (3, 3) corners (lower left, lower right, upper left; metres) with their kind of stereo: panels for
+    different eyes do not overlap.
     """
     found: list[dict[str, float]] = [{} for _ in panels]
     corners = np.array([corners for corners, _ in panels])  # (n, 3, 3)
@@ -58,9 +58,9 @@ def _meets(rectangles: Float64) -> NDArray[np.bool_]:
 
 
 def _declare(mine: dict[str, float], other: dict[str, float], a: Float64, b: Float64) -> None:
-    """Note what rectangles a and b share: beside each other if they share less of their widths than heights.
+    """Record the overlap of rectangles a and b: they are side by side if they share less of their width than height.
 
-    Of two panels the one that begins farther left has it at its right, the one that ends higher at its bottom.
+    The overlap is at the right of the panel that begins farther left, or at the bottom of the one that ends higher.
     """
     wide, high = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
     beside = wide / min(a[2] - a[0], b[2] - b[0]) <= high / min(a[3] - a[1], b[3] - b[1])

@@ -1,4 +1,4 @@
-"""Panels as foreign files draw them, to panels that a configuration accepts. What had to give way is remarked.
+"""Fit panels of source files to what a configuration accepts, and report every change.
 
 All lengths are metres in the wall's frame: x right, y up, z towards the viewer.
 """
@@ -22,17 +22,18 @@ from wall.importers.report import Item
 from wall.importers.source import Node, Source
 
 METRES_A_PIXEL = 0.25e-3  # a desktop monitor of about 100 pixels an inch
-MOST_PIXELS = 16384
-SMALLEST_M = 1e-4  # the least that a configuration accepts
-IN_PLANE_M = 1e-4  # an eye nearer to a panel's plane sees nothing of it
-LONGEST_NAME = 48
-FARTHEST_PIXEL = 65536
-PACKED = ("side_by_side", "top_bottom")
+MOST_PIXELS = 16384  # of a panel, each way, as a configuration accepts them
+SMALLEST_M = 1e-4  # metres of a panel, each way, as a configuration accepts them
+IN_PLANE_M = 1e-4  # metres; an eye nearer to a panel's plane sees only its edge
+LONGEST_NAME = 48  # characters of a panel's id
+FARTHEST_PIXEL = 65536  # of a window's position, as a configuration accepts it
+EYE_TRIALS = 16  # distances tried to move an eye out of a panel's plane, each half of the one before
+PACKED = ("side_by_side", "top_bottom")  # kinds of stereo with both eyes in one panel
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Draft:
-    """One panel before it is made to fit."""
+    """One panel as the source describes it."""
 
     node: Node  # what it comes from
     name: str
@@ -45,13 +46,13 @@ class Draft:
 
     @property
     def size(self) -> tuple[float, float]:
-        return float(np.linalg.norm(self.corners[1] - self.corners[0])), float(
-            np.linalg.norm(self.corners[2] - self.corners[0])
-        )
+        """Width and height, metres."""
+        width, height = np.linalg.norm(self.corners[1:] - self.corners[0], axis=1)
+        return float(width), float(height)
 
     @property
     def normal(self) -> Float64:
-        """(3,) unit, towards the side that it is looked at from."""
+        """(3,) unit vector towards the panel's front."""
         across: Float64 = np.cross(self.corners[1] - self.corners[0], self.corners[2] - self.corners[0])
         return across / np.linalg.norm(across)
 
@@ -65,13 +66,25 @@ def corners_of(lower_left: ArrayLike, lower_right: ArrayLike, upper_right: Array
     return corners if min(width, height) >= SMALLEST_M and area >= 0.5 * width * height else None
 
 
+def rotation(axis: int, angle: float) -> Float64:
+    """(3, 3) rotation about x (0), y (1) or z (2) by `angle` radians, counter-clockwise seen from the axis's tip."""
+    turn = np.eye(3)
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    turn[i, i] = turn[k, k] = math.cos(angle)
+    turn[k, i] = math.sin(angle)
+    turn[i, k] = -math.sin(angle)
+    return turn
+
+
 def upright(x: float, y: float, width: float, height: float) -> Float64:
     """(3, 3) corners of a panel in the plane z = 0 whose lower left corner is at x, y; metres."""
     return np.array([[x, y, 0.0], [x + width, y, 0.0], [x, y + height, 0.0]])
 
 
-def settle(source: Source, drafts: Sequence[Draft], eye: Float64 | None) -> tuple[list[dict[str, Any]], Float64 | None]:
-    """The panels' values for YAML, and the view's eye, from which all of them are seen.
+def fit_panels(
+    source: Source, drafts: Sequence[Draft], eye: Float64 | None
+) -> tuple[list[dict[str, Any]], Float64 | None]:
+    """Make panels fit: their values for YAML, and the view's eye, moved so that it sees the front of all of them.
 
     `eye` is the file's, (3,) metres, or None if it has none. Raises NotThisFormat for more panels than a
     configuration holds.
@@ -102,7 +115,7 @@ def configuration(
     eye_separation: float | None = None,
     refresh_hz: float | None = None,
 ) -> dict[str, Any]:
-    """The values of a whole configuration around the panels: the built-in courtyard, one view, enough ranks."""
+    """The values of a whole configuration with these panels: the built-in courtyard, one view, enough ranks."""
     view: dict[str, Any] = {"id": "main", "camera": "auto"}
     if eye is not None:
         view["eye"] = numbers(eye)
@@ -115,13 +128,13 @@ def configuration(
 
 
 def enough_ranks(panels: list[dict[str, Any]]) -> dict[str, Any]:
-    """The graph of a picture a panel, as values of a configuration: empty where one rank a panel is enough."""
+    """The values of a graph with ranks of its own for each panel; empty where one rank a panel is enough."""
     ranks = max(_ranks_for(panel["pixels"]) for panel in panels)
     return {"graph": {"preset": "sort-first", "ranks_per_panel": ranks}} if ranks > 1 else {}
 
 
 def _ranks_for(pixels: list[int]) -> int:
-    """How many ranks a panel needs, so that none has more pixels in a row than a rank can render."""
+    """How many ranks a panel needs so that no region is wider or higher than a rank can render."""
     whole, ranks = Rect(x=0, y=0, width=pixels[0], height=pixels[1]), 1
     while any(max(part.width, part.height) > MAX_EDGE for part in split(whole, ranks)):
         ranks += 1
@@ -129,12 +142,12 @@ def _ranks_for(pixels: list[int]) -> int:
 
 
 def numbers(values: Iterable[float]) -> list[float]:
-    """Floats for YAML: to a nanometre, without -0."""
+    """Floats for YAML: rounded to a nanometre, without -0."""
     return [round(float(value), 9) + 0.0 for value in values]
 
 
 def unique_names(wanted: Iterable[str]) -> list[str]:
-    """Names fit for panels, each once, as near to the wanted ones as may be."""
+    """Valid panel ids, each once, as near to the wanted names as possible."""
     taken: set[str] = set()
     names = []
     for n, text in enumerate(wanted):
@@ -149,22 +162,23 @@ def unique_names(wanted: Iterable[str]) -> list[str]:
 
 
 def _limit_pixels(source: Source, draft: Draft) -> None:
+    """Scale a panel down to MOST_PIXELS, and make the pixels that two eyes share even."""
     width, height = draft.pixels
     if (largest := max(width, height)) > MOST_PIXELS:
         share = MOST_PIXELS / largest
         draft.pixels = (max(1, int(width * share)), max(1, int(height * share)))
         draft.others.pop("window", None)
-        source.remark(draft.node, f"{width}x{height} pixels; a panel has at most {MOST_PIXELS}, so it is drawn coarser")
+        source.note(draft.node, f"{width}x{height} pixels; a panel has at most {MOST_PIXELS}, so it is drawn coarser")
     axis = 0 if draft.stereo == "side_by_side" else 1
     if draft.stereo in PACKED and draft.pixels[axis] % 2:
         halved = list(draft.pixels)
         halved[axis] += 1 if draft.pixels[axis] == 1 else -1
         draft.pixels = (halved[0], halved[1])
-        source.remark(draft.node, "an odd number of pixels cannot be halved for two eyes: one pixel is left out")
+        source.note(draft.node, "an odd number of pixels cannot be halved for two eyes: one pixel is left out")
 
 
 def _square(source: Source, draft: Draft) -> None:
-    """Make the corner at the lower left a right angle if it is too far from one."""
+    """Make the lower left corner a right angle if it is too far from one."""
     low, right, high = draft.corners
     across, up = right - low, high - low
     width, height = np.linalg.norm(across), np.linalg.norm(up)
@@ -174,39 +188,38 @@ def _square(source: Source, draft: Draft) -> None:
     straight = up - (up @ across) / (across @ across) * across
     draft.corners = np.array([low, right, low + straight])
     angle = math.degrees(math.acos(max(-1.0, min(1.0, cosine))))
-    source.remark(
-        draft.node, f"its corners meet at {angle:.1f} degrees; a panel is a rectangle, so they meet at 90 now"
-    )
+    source.note(draft.node, f"its corners meet at {angle:.1f} degrees; a panel is a rectangle, so they meet at 90 now")
 
 
 def _turn_to(source: Source, draft: Draft, eye: Float64 | None) -> None:
-    """Turn a panel's front to the eye."""
+    """Exchange left and right of a panel that shows its back to the eye."""
     if eye is not None and float((eye - draft.corners[0]) @ draft.normal) < -IN_PLANE_M:
         low, right, high = draft.corners
         draft.corners = np.array([right, low, high + right - low])
-        source.remark(draft.node, "its corners show its back to the eye: left and right are exchanged")
+        source.note(draft.node, "its corners show its back to the eye: left and right are exchanged")
 
 
 def _seeing(source: Source, drafts: Sequence[Draft], eye: Float64) -> Float64:
-    """(3,) metres: the eye, or a place near it if it sees a panel from the edge.
+    """(3,) metres: the eye, or a position near it if it lies in a panel's plane.
 
     It is moved along the normals of such panels, as far as keeps it before all others.
     """
-    places, normals = np.array([draft.corners[0] for draft in drafts]), np.array([draft.normal for draft in drafts])
-    beside = [k for k, before in enumerate(((eye - places) * normals).sum(axis=1)) if before < IN_PLANE_M]
+    lower_left, normals = np.array([draft.corners[0] for draft in drafts]), np.array([draft.normal for draft in drafts])
+    beside = [k for k, before in enumerate(((eye - lower_left) * normals).sum(axis=1)) if before < IN_PLANE_M]
     if not beside:
         return eye
     way = normals[beside].sum(axis=0)
-    for distance in (max(max(draft.size) for draft in drafts) / 2**k for k in range(16)):
+    for distance in (max(max(draft.size) for draft in drafts) / 2**k for k in range(EYE_TRIALS)):
         moved: Float64 = eye + distance * way / max(float(np.linalg.norm(way)), 1e-9)
-        if (((moved - places) * normals).sum(axis=1) >= IN_PLANE_M).all():
+        if (((moved - lower_left) * normals).sum(axis=1) >= IN_PLANE_M).all():
             break
     shown = f"[{', '.join(f'{value:g}' for value in moved)}]"
-    source.remark(drafts[beside[0]].node, f"the eye is in its plane and would see its edge: it is at {shown} now")
+    source.note(drafts[beside[0]].node, f"the eye is in its plane and would see its edge: it is at {shown} now")
     return moved
 
 
 def _values(source: Source, draft: Draft, name: str, overlap: dict[str, float]) -> dict[str, Any]:
+    """A panel's values for YAML."""
     low, right, high = draft.corners
     values: dict[str, Any] = {
         "id": name,
@@ -225,13 +238,13 @@ def _values(source: Source, draft: Draft, name: str, overlap: dict[str, float]) 
 
 
 def _bezel(source: Source, draft: Draft, overlap: dict[str, float]) -> dict[str, float]:
-    """The sides that have a frame: none where neighbours light the same place, none wider than the panel."""
+    """The bezel's width at each side, metres: none where panels overlap, none wider than the panel."""
     limits = {"left": draft.size[0], "right": draft.size[0], "top": draft.size[1], "bottom": draft.size[1]}
     found = {}
     for side, width in draft.bezel.items():
         if width <= 0 or side in overlap:
             continue
         if width > limits[side]:
-            source.remark(draft.node, f"the frame at its {side} is wider than itself: it is as wide as the panel")
+            source.note(draft.node, f"the frame at its {side} is wider than itself: it is as wide as the panel")
         found[side] = round(min(width, limits[side] * (1 - 1e-9), 100.0), 9)
     return found

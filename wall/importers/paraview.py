@@ -1,8 +1,8 @@
-"""ParaView's display configurations (.pvx): one `Machine` a rank, with the corners of its screen.
+"""Import ParaView's display configurations (.pvx): one `Machine` a rank, with the corners of its screen.
 
-Read as ParaView reads them (Remoting/Core/vtkDisplayConfiguration.cxx): unknown attributes are passed over,
-a number ends where it stops being one, a screen without corners shows a window of the whole view. The eye is
-at the origin.
+Read as ParaView reads them (Remoting/Core/vtkDisplayConfiguration.cxx): unknown attributes are ignored, a number
+ends at the first character that is not part of it, a screen without corners shows a window of the whole view.
+The eye is at the origin.
 """
 
 from __future__ import annotations
@@ -14,11 +14,14 @@ import numpy as np
 
 from wall.core.data import Float64
 from wall.importers import xml_source
-from wall.importers.panels import METRES_A_PIXEL, Draft, configuration, corners_of, settle, upright
+from wall.importers.panels import METRES_A_PIXEL, Draft, configuration, corners_of, fit_panels, upright
 from wall.importers.report import Conversion
 from wall.importers.source import Node, Source, as_number
 
-NO_GEOMETRY = (1920, 1080)
+NO_GEOMETRY = (1920, 1080)  # pixels assumed for a screen with neither corners nor Geometry
+MOST_GEOMETRY = 10**6  # pixels; a larger Geometry is a typing error
+MOST_EYE_SEPARATION_M = 10.0  # as a configuration accepts it
+LONGEST_DISPLAY = 4096  # characters of an X display's name
 ASSUMED_ACROSS = 1920  # pixels along the longest side of a screen whose pixels are not said
 STEREO = {"Left": "left", "Right": "right", "SplitViewportHorizontal": "side_by_side"}
 ROOT = "pvx"
@@ -57,13 +60,13 @@ def convert(text: str, name: str) -> Conversion:
         _before_the_eye(source, drafts, screens)
     separation = _eye_separation(source, process)
     _options(source, process, machines)
-    panels, eye = settle(source, drafts, eye)
+    panels, eye = fit_panels(source, drafts, eye)
     values = configuration(panels, eye=eye, eye_separation=separation)
     return source.close(values, panels=len(drafts), ranks=len(machines))
 
 
 def _process(source: Source) -> Node:
-    """Where the machines stand: the root, or the <Process Type="server"> of older files, else its last one."""
+    """The element with the machines: the root, or the <Process Type="server"> of older files, else the last one."""
     processes = source.root.children("Process")
     if not processes:
         return source.root
@@ -94,7 +97,7 @@ def _corners(source: Source, machine: Node) -> Float64 | None:
 
 
 def _point(source: Source, node: Node) -> list[float]:
-    """Three numbers, each read up to where it stops being one, as a C++ stream does; what is missing is 0."""
+    """Three numbers, read as a C++ stream reads them; missing ones are 0."""
     rest, found = str(node.value), []
     for _ in range(3):
         match = _NUMBER.match(rest)
@@ -107,7 +110,7 @@ def _point(source: Source, node: Node) -> list[float]:
             break
     if len(found) < 3 or rest.strip():
         read = " ".join(f"{value:g}" for value in [*found, 0.0, 0.0, 0.0][:3])
-        source.remark(node, f"is not three numbers: {read}, as ParaView reads it")
+        source.note(node, f"is not three numbers: {read}, as ParaView reads it")
     return found + [0.0] * (3 - len(found))
 
 
@@ -117,7 +120,7 @@ def _geometry(source: Source, machine: Node) -> tuple[tuple[int, int] | None, di
     if node is None or not str(node.value).strip():
         return None, None
     match = _GEOMETRY.match(str(node.value))
-    if match is None or not (0 < int(match[1][:9]) <= 10**6 and 0 < int(match[2][:9]) <= 10**6):
+    if match is None or not all(0 < int(side[:9]) <= MOST_GEOMETRY for side in match.groups()[:2]):
         source.drop(node, "is not WIDTHxHEIGHT+X+Y")
         return None, None
     source.carry(node, "pixels, window")
@@ -129,7 +132,7 @@ def _geometry(source: Source, machine: Node) -> tuple[tuple[int, int] | None, di
 
 
 def _pitch(source: Source, machines: list[Node], screens: list[Float64 | None]) -> float:
-    """Metres a pixel of screens whose Geometry is absent: the longest has ASSUMED_ACROSS of them."""
+    """Metres a pixel of screens without Geometry: the longest has ASSUMED_ACROSS pixels."""
     longest = 0.0
     for machine, corners in zip(machines, screens, strict=True):
         if corners is not None and machine.get("Geometry") is None:
@@ -144,6 +147,7 @@ def _pitch(source: Source, machines: list[Node], screens: list[Float64 | None]) 
 
 
 def _draft(source: Source, machine: Node, corners: Float64 | None, *, pitch: float, beside: float) -> Draft:
+    """The panel of a machine; `pitch` is metres a pixel, `beside` the left edge, metres, of one without corners."""
     pixels, window = _geometry(source, machine)
     if corners is None:
         width, height = pixels or NO_GEOMETRY
@@ -189,11 +193,12 @@ def _display(source: Source, machine: Node) -> dict[str, str]:
         return {}
     source.carry(node, "display")
     if rest:
-        source.remark(node, f"{rest}: environment variables are set where the ranks are started")
-    return {"display": found[1][:4096]}
+        source.note(node, f"{rest}: environment variables are set where the ranks are started")
+    return {"display": found[1][:LONGEST_DISPLAY]}
 
 
 def _stereo(source: Source, machine: Node) -> str:
+    """The kind of stereo that a machine shows."""
     node = machine.get("StereoType")
     if node is None:
         return "mono"
@@ -206,7 +211,7 @@ def _stereo(source: Source, machine: Node) -> str:
 
 
 def _options(source: Source, process: Node, machines: list[Node]) -> None:
-    """Carry what says what happens here anyway: options that are off, the first viewer, off-axis projection."""
+    """Report as carried what this renderer does anyway: options that are off, the first viewer, off-axis projection."""
     named = [(option.get("Name"), option) for option in process.children("Option")]
     for machine in machines:
         for key in OFF_AS_HERE:
@@ -223,10 +228,10 @@ def _options(source: Source, process: Node, machines: list[Node]) -> None:
 
 
 def _eye_separation(source: Source, process: Node) -> float | None:
-    """<EyeSeparation Value="..."/>, metres; what single viewers have is not carried."""
+    """Metres of <EyeSeparation Value="..."/>; those of single viewers are not carried."""
     for element in process.children("EyeSeparation"):
         found = source.number(element.get("Value"))
-        if found is not None and 0.0 <= found <= 10.0:
+        if found is not None and 0.0 <= found <= MOST_EYE_SEPARATION_M:
             source.carry(element, "views[0].eye_separation")
             return found
         source.drop(element, "is not a distance in metres that can be used")
@@ -234,8 +239,8 @@ def _eye_separation(source: Source, process: Node) -> float | None:
 
 
 def _before_the_eye(source: Source, drafts: list[Draft], screens: list[Float64 | None]) -> None:
-    """Screens without corners beside others that have them: two metres before the eye."""
+    """Put screens without corners two metres before the eye, where other screens have corners."""
     for draft, corners in zip(drafts, screens, strict=True):
         if corners is None:
             draft.corners = draft.corners + np.array([0.0, 0.0, -2.0])
-            source.remark(draft.node, "has no corners where others have them: it stands two metres before the eye")
+            source.note(draft.node, "has no corners where others have them: it stands two metres before the eye")

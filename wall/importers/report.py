@@ -1,6 +1,6 @@
-"""What came of a conversion: the configuration's values, and an account of everything in the source.
+"""The result of a conversion: the configuration's values, and a report on every item of the source.
 
-The rule of all converters: each thing in a source ends up in `carried` or in `not_carried`, with its line.
+The rule of all converters: each item of a source ends up in `carried` or in `not_carried`, with its line.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from typing import Any
 from wall.core.errors import ConfigError
 
 
-class NotThisFormat(ConfigError):  # noqa: N818  (says what the file is, beside what is wrong)
-    """A file that is not of the format it was read as (exit code 2); the text says name:line:column."""
+class NotThisFormat(ConfigError):  # noqa: N818  (the name says what the file is, not only that it is wrong)
+    """The file is not of the format it was read as (exit code 2); the text says name:line:column."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Item:
-    """One thing of the source: how it calls it, where, and what became of it or why nothing could."""
+    """One item of the source: its name there, its line, and what it became or why it was not carried."""
 
     what: str
     line: int  # of the source, from 1
@@ -26,7 +26,7 @@ class Item:
 
 @dataclass(slots=True, kw_only=True)
 class Conversion:
-    """A configuration as plain values fit for YAML, and the account of the source that it came from."""
+    """A configuration as plain values for YAML, and the report on the source that it came from."""
 
     values: dict[str, Any]
     carried: list[Item]

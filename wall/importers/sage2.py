@@ -1,8 +1,8 @@
-"""SAGE2's server configuration (JSON5): `resolution` and `dimensions` of a tile, `layout`, `displays`.
+"""Import SAGE2's server configuration (JSON5): `resolution` and `dimensions` of a tile, `layout`, `displays`.
 
 Fields after the project's wiki page Configuration. `tile_borders` came in two shapes, [left, right, bottom,
 top] and an object; other keys are read in either too. A display is one browser window over width x height
-tiles, whose pixels go on without regard to the frames between them.
+tiles, whose pixels ignore the bezels between them.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from wall.config.screens import MAX_PANELS
+from wall.core.data import Float64
 from wall.importers import json_source
-from wall.importers.panels import METRES_A_PIXEL, SMALLEST_M, Draft, configuration, settle, upright
+from wall.importers.panels import METRES_A_PIXEL, SMALLEST_M, Draft, configuration, fit_panels, upright
 from wall.importers.report import Conversion
 from wall.importers.source import Node, Source
 
 BORDERS = ("left", "right", "bottom", "top")
+WIDEST_BEZEL_M = 100  # as a configuration accepts it
 SERVER = "the server of SAGE2; the head runs, and serves its page, where the run is started"
 DESKTOP = "what is shown is the scene; SAGE2's desktop, services and applications are not"
 REASONS = dict.fromkeys(
@@ -33,7 +35,7 @@ REASONS["background"] = "where no panel is, nothing is drawn"
 
 @dataclass(slots=True, kw_only=True)
 class Tile:
-    """One physical display: pixels, metres, and the frame around it."""
+    """One physical display: pixels, metres, and its bezel."""
 
     pixels: tuple[int, int]
     metres: tuple[float, float]
@@ -41,7 +43,7 @@ class Tile:
 
     @property
     def pitch(self) -> tuple[float, float]:
-        """From one tile to the next, metres, across and down."""
+        """Distance from one tile to the next, metres, across and down."""
         return (
             self.metres[0] + self.bezel.get("left", 0.0) + self.bezel.get("right", 0.0),
             self.metres[1] + self.bezel.get("top", 0.0) + self.bezel.get("bottom", 0.0),
@@ -65,7 +67,7 @@ def convert(text: str, name: str) -> Conversion:
     drafts = [_draft(source, tile, cell, rows=rows, columns=columns) for cell in cells]
     eye = _eye(source)
     source.assume("Every display is shown by this machine: SAGE2 does not say which one a display hangs on.")
-    panels, eye = settle(source, drafts, eye)
+    panels, eye = fit_panels(source, drafts, eye)
     return source.close(configuration(panels, eye=eye), panels=len(drafts), ranks=len(drafts))
 
 
@@ -80,6 +82,7 @@ def _pair(source: Source, key: str, names: tuple[str, str]) -> tuple[Node | None
 
 
 def _tile(source: Source) -> Tile:
+    """The tile that all displays consist of. Raises NotThisFormat where its pixels are missing."""
     resolution = source.root.get("resolution")
     if resolution is None:
         raise source.refuse(source.root, "has no resolution", "resolution: {width: ..., height: ...}")
@@ -94,6 +97,7 @@ def _tile(source: Source) -> Tile:
 
 
 def _metres(source: Source, pixels: tuple[int, int]) -> tuple[float, float]:
+    """A tile's width and height, metres; with square pixels where the file gives less than both."""
     dimensions = source.root.get("dimensions")
     nodes = [dimensions.get(key) if dimensions is not None else None for key in ("tile_width", "tile_height")]
     width, height = (source.number(node) for node in nodes)
@@ -111,7 +115,7 @@ def _metres(source: Source, pixels: tuple[int, int]) -> tuple[float, float]:
 
 
 def _bezel(source: Source) -> dict[str, float]:
-    """The frame around a tile, metres, from either shape of tile_borders."""
+    """The bezel of a tile, metres, from either shape of tile_borders."""
     dimensions = source.root.get("dimensions")
     node = dimensions.get("tile_borders") if dimensions is not None else None
     if node is None:
@@ -120,14 +124,14 @@ def _bezel(source: Source) -> dict[str, float]:
     found = {}
     for side in BORDERS:
         width = source.number(parts.get(side))
-        if width is not None and 0 <= width <= 100:
+        if width is not None and 0 <= width <= WIDEST_BEZEL_M:
             found[side] = width
             source.carry(parts[side], f"bezel.{side}")
     return found
 
 
 def _layout(source: Source) -> tuple[int, int]:
-    """Rows and columns; 1 each where the file does not say (displays beyond make it larger)."""
+    """Rows and columns of tiles; 1 each where the file does not say."""
     counts = []
     for node in _pair(source, "layout", ("rows", "columns")):
         count = source.whole(node)
@@ -139,7 +143,7 @@ def _layout(source: Source) -> tuple[int, int]:
 
 
 def _displays(source: Source) -> list[Node]:
-    """The displays of a list, of an object by name, or the one object itself."""
+    """The displays: items of a list, members of an object, or the object itself."""
     node = source.root.get("displays")
     if node is None:
         return []
@@ -151,7 +155,7 @@ def _displays(source: Source) -> list[Node]:
 
 
 def _cell(source: Source, node: Node) -> tuple[Node, int, int, int, int]:
-    """The display, and its row, column, and width and height in tiles."""
+    """A display with its row, column, width and height in tiles."""
     found = []
     for key, otherwise, least in (("row", 0, 0), ("column", 0, 0), ("width", 1, 1), ("height", 1, 1)):
         inner = node.get(key)
@@ -165,14 +169,14 @@ def _cell(source: Source, node: Node) -> tuple[Node, int, int, int, int]:
 
 
 def _draft(source: Source, tile: Tile, cell: tuple[Node, int, int, int, int], *, rows: int, columns: int) -> Draft:
-    """A display over `wide` x `high` tiles; the layout's middle is the origin of the wall's frame."""
+    """The panel of a display; the layout's middle is the origin of the wall's frame."""
     node, row, column, wide, high = cell
     (px, py), bezel = tile.pitch, tile.bezel
     width, height = wide * px - (px - tile.metres[0]), high * py - (py - tile.metres[1])
     x = column * px + bezel.get("left", 0.0) - columns * px / 2
     y = rows * py / 2 - (row + high) * py + bezel.get("bottom", 0.0)
     if (wide > 1 and px > tile.metres[0]) or (high > 1 and py > tile.metres[1]):
-        source.remark(node, "covers several tiles in one window: the frames between them are part of its picture")
+        source.note(node, "covers several tiles in one window: the frames between them are part of its picture")
     return Draft(
         node=node,
         name=f"r{row}c{column}",
@@ -184,7 +188,7 @@ def _draft(source: Source, tile: Tile, cell: tuple[Node, int, int, int, int], *,
 
 
 def _host(source: Source, node: Node) -> dict[str, Any]:
-    """Some forks name a machine for each display."""
+    """The machine of a display, which some forks name."""
     if node is source.root:
         return {}
     for key in ("host", "hostname"):
@@ -194,7 +198,8 @@ def _host(source: Source, node: Node) -> dict[str, Any]:
     return {}
 
 
-def _eye(source: Source) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+def _eye(source: Source) -> Float64 | None:
+    """(3,) metres: the eye at the viewing distance; None where the file gives none."""
     dimensions = source.root.get("dimensions")
     node = dimensions.get("viewing_distance") if dimensions is not None else None
     distance = source.number(node)

@@ -1,7 +1,7 @@
-"""SGCT's configurations: `nodes` with `windows` with `viewports`, each with a projection; `users` look at them.
+"""Import SGCT's configurations: `nodes` with `windows` with `viewports`, each with a projection, and `users`.
 
 JSON after its schema (sgct.schema.json), and the XML of earlier versions, which wall/importers/sgct_xml.py gives
-the same shape. Corners are used as they are; a viewport's place counts from the window's lower left, a window's
+the same shape. Corners are used as they are; a viewport's position counts from the window's lower left, a window's
 from the upper left of the desktop.
 """
 
@@ -14,12 +14,16 @@ import numpy as np
 
 from wall.core.data import Float64
 from wall.importers import json_source, sgct_xml
-from wall.importers.panels import FARTHEST_PIXEL, MOST_PIXELS, Draft, configuration, settle
+from wall.importers.panels import FARTHEST_PIXEL, MOST_PIXELS, Draft, configuration, fit_panels
 from wall.importers.report import Conversion
 from wall.importers.sgct_projection import corners_of_projection, is_unit, vector
 from wall.importers.source import Node, Source
 
-WINDOW = (640, 480)
+WINDOW = (640, 480)  # pixels of a window without a size, as SGCT makes it
+LARGEST_SHARE = 16.0  # of a viewport in its window; anything beyond is a mistake
+MOST_EYE_SEPARATION_M = 10.0  # as a configuration accepts it
+REFRESH_HZ = (0.1, 1000.0)  # as a configuration accepts it
+LAST_MONITOR = 255  # as a configuration accepts it
 STEREO = {"side_by_side": "side_by_side", "top_bottom": "top_bottom"}
 INVERTED = {"side_by_side_inverted": "side_by_side", "top_bottom_inverted": "top_bottom"}
 NO_STEREO = ("none", "no_stereo")
@@ -41,7 +45,7 @@ REASONS = (
 
 @dataclass(slots=True, kw_only=True)
 class User:
-    """Someone who looks at the wall."""
+    """A viewer of the wall, and the eye's position."""
 
     node: Node | None
     name: str | None
@@ -60,7 +64,7 @@ def convert(text: str, name: str) -> Conversion:
     if not drafts:
         raise source.refuse(nodes, "have no windows", '"windows": [{"size": ..., "viewports": [...]}]')
     source.carry(root.get("version"), "the version of the format")
-    panels, eye = settle(source, drafts, users[0].eye)
+    panels, eye = fit_panels(source, drafts, users[0].eye)
     values = configuration(
         panels,
         eye=eye,
@@ -72,14 +76,14 @@ def convert(text: str, name: str) -> Conversion:
 
 
 def _users(source: Source) -> list[User]:
-    """All users, the one that viewports without a user's name belong to first."""
+    """All users; the first is the one of viewports that name no user."""
     listed = source.root.get("users")
     found = []
     for node in listed.items if listed is not None else []:
-        place = node.get("pos")
-        eye = vector(source, place)
+        position = node.get("pos")
+        eye = vector(source, position)
         if eye is not None:
-            source.carry(place, "eye")
+            source.carry(position, "eye")
         label = source.text(node.get("name"))
         source.carry(node.get("name"), "which viewports are this user's")
         found.append(User(node=node, name=label, eye=np.zeros(3) if eye is None else eye))
@@ -91,26 +95,29 @@ def _users(source: Source) -> list[User]:
 
 
 def _eye_separation(source: Source, user: User) -> float | None:
+    """Metres between a user's eyes; None where the file says nothing usable."""
     node = user.node.get("eyeseparation") if user.node is not None else None
     found = source.number(node)
-    if found is None or not 0.0 <= found <= 10.0:
+    if found is None or not 0.0 <= found <= MOST_EYE_SEPARATION_M:
         return None
     source.carry(node, "views[0].eye_separation")
     return found
 
 
 def _refresh(source: Source) -> float | None:
+    """The display's refresh rate, Hz; None where the file says nothing usable."""
     settings = source.root.get("settings")
     display = settings.get("display") if settings is not None else None
     node = display.get("refreshrate") if display is not None else None
     found = source.number(node)
-    if found is None or not 0.1 <= found <= 1000.0:
+    if found is None or not REFRESH_HZ[0] <= found <= REFRESH_HZ[1]:
         return None
     source.carry(node, "views[0].refresh_hz")
     return found
 
 
 def _node(source: Source, node: Node, index: int, users: list[User]) -> list[Draft]:
+    """The panels of a machine's windows."""
     address = source.text(node.get("address"))
     source.carry(node.get("address"), "host")
     windows = node.get("windows")
@@ -121,12 +128,13 @@ def _node(source: Source, node: Node, index: int, users: list[User]) -> list[Dra
 
 
 def _window(source: Source, window: Node, name: str, users: list[User], host: str | None) -> list[Draft]:
+    """The panels of a window: one a viewport; `name` is their id where the file gives none."""
     size = _pixels(source, window)
-    place = _place(source, window)
+    position = _window_position(source, window)
     stereo = _stereo(source, window)
     others: dict[str, Any] = {} if host is None else {"host": host}
     monitor = source.whole(window.get("monitor"))
-    if monitor is not None and monitor <= 255:
+    if monitor is not None and monitor <= LAST_MONITOR:
         source.carry(window.get("monitor"), "monitor" if monitor >= 0 else "the first monitor, as here")
         others |= {"monitor": monitor} if monitor >= 0 else {}
     others |= _mirrored(source, window)
@@ -151,23 +159,24 @@ def _window(source: Source, window: Node, name: str, users: list[User], host: st
         )
         if viewport.get("blendmask") is not None:
             draft.others["blend"] = "auto"
-        if place is not None or len(viewports) > 1:
-            draft.others |= _window_of(place or (0, 0), size, low, pixels)
+        if position is not None or len(viewports) > 1:
+            draft.others |= _window_of(position or (0, 0), size, low, pixels)
         found.append(draft)
     return found
 
 
 def _label(source: Source, node: Node) -> str | None:
-    """What a window or viewport is called, for its panel's id."""
+    """The name of a window or viewport, for its panel's id."""
     source.carry(node.get("name"), "id")
     return source.text(node.get("name"))
 
 
 def _pixels(source: Source, window: Node) -> tuple[int, int]:
+    """A window's width and height, pixels. Raises NotThisFormat for a size below 1."""
     node = window.get("size")
     sides = [source.whole(node.get(axis)) if node is not None else None for axis in "xy"]
     if sides[0] is None or sides[1] is None:
-        source.remark(window, f"has no size: {WINDOW[0]}x{WINDOW[1]} pixels, as SGCT makes windows")
+        source.note(window, f"has no size: {WINDOW[0]}x{WINDOW[1]} pixels, as SGCT makes windows")
         return WINDOW
     if min(sides[0], sides[1]) < 1:
         raise source.refuse(node or window, f"is {sides[0]} x {sides[1]}", "pixels above 0")
@@ -176,8 +185,8 @@ def _pixels(source: Source, window: Node) -> tuple[int, int]:
     return sides[0], sides[1]
 
 
-def _place(source: Source, window: Node) -> tuple[int, int] | None:
-    """Where a window is on the desktop, pixels from its upper left; None if it fills its display."""
+def _window_position(source: Source, window: Node) -> tuple[int, int] | None:
+    """A window's position on the desktop, pixels from its upper left; None if it fills its display."""
     node, fullscreen = window.get("pos"), source.flag(window.get("fullscreen")) or False
     source.carry(window.get("fullscreen"), "no window" if fullscreen else "window")
     if node is not None:
@@ -189,21 +198,24 @@ def _place(source: Source, window: Node) -> tuple[int, int] | None:
     return None if fullscreen else (0, 0)
 
 
-def _window_of(place: tuple[int, int], size: tuple[int, int], low: Float64, pixels: tuple[int, int]) -> dict[str, Any]:
+def _window_of(
+    position: tuple[int, int], size: tuple[int, int], low: Float64, pixels: tuple[int, int]
+) -> dict[str, Any]:
     """The part of the desktop that a viewport covers; `low` is its lower left in shares of the window."""
-    x, top = place[0] + round(float(low[0]) * size[0]), place[1] + size[1] - round(float(low[1]) * size[1]) - pixels[1]
+    x = position[0] + round(float(low[0]) * size[0])
+    top = position[1] + size[1] - round(float(low[1]) * size[1]) - pixels[1]
     if max(pixels) > MOST_PIXELS or max(abs(x), abs(top)) > FARTHEST_PIXEL:
         return {}
     return {"window": {"x": x, "y": top, "width": pixels[0], "height": pixels[1]}}
 
 
 def _share(source: Source, viewport: Node) -> tuple[Float64, Float64]:
-    """Lower left and size of a viewport, shares of its window; all of it where the file does not say."""
+    """Lower left and size of a viewport as shares of its window; the whole window where the file does not say."""
     found = []
     for key, otherwise in (("pos", 0.0), ("size", 1.0)):
         node = viewport.get(key)
         parts = [source.number(node.get(axis)) if node is not None else None for axis in "xy"]
-        usable = all(part is not None and -16.0 <= part <= 16.0 for part in parts)
+        usable = all(part is not None and abs(part) <= LARGEST_SHARE for part in parts)
         if usable and (key == "pos" or min(p for p in parts if p is not None) > 0):
             source.carry(node, "pixels, window")
             found.append(np.array(parts, dtype=np.float64))
@@ -214,6 +226,7 @@ def _share(source: Source, viewport: Node) -> tuple[Float64, Float64]:
 
 
 def _user_of(source: Source, viewport: Node, users: list[User]) -> User:
+    """The user that a viewport names, else the first."""
     node = viewport.get("user")
     label = source.text(node)
     if label is None:
@@ -227,12 +240,13 @@ def _user_of(source: Source, viewport: Node, users: list[User]) -> User:
 
 
 def _stereo(source: Source, window: Node) -> str:
+    """The kind of stereo that a window shows."""
     node = window.get("stereo")
     if node is None:
         return "mono"
     kind = str(node.value).strip().lower()
     if kind in INVERTED:
-        source.remark(node, "the eyes have each other's place here: left comes first")
+        source.note(node, "the eyes have each other's place here: left comes first")
     if kind in NO_STEREO or kind in STEREO or kind in INVERTED:
         source.carry(node, "stereo")
         return STEREO.get(kind) or INVERTED.get(kind) or "mono"
@@ -241,6 +255,7 @@ def _stereo(source: Source, window: Node) -> str:
 
 
 def _eye_of(source: Source, viewport: Node) -> str | None:
+    """The one eye that a viewport is for; None for both."""
     node = viewport.get("eye")
     kind = source.text(node)
     if kind not in ("left", "right", "center"):
@@ -250,7 +265,7 @@ def _eye_of(source: Source, viewport: Node) -> str | None:
 
 
 def _mirrored(source: Source, window: Node) -> dict[str, Any]:
-    """mirrorx, mirrory as a warp of the whole picture."""
+    """The warp that does what mirrorx and mirrory say; empty if they are off."""
     across, down = (source.flag(window.get(key)) or False for key in ("mirrorx", "mirrory"))
     for key in ("mirrorx", "mirrory"):
         source.carry(window.get(key), "warp" if across or down else "off, as here")
@@ -262,7 +277,7 @@ def _mirrored(source: Source, window: Node) -> dict[str, Any]:
 
 
 def _same_as_here(source: Source) -> None:
-    """Carry what says what this renderer does anyway: options that are off, a scene that is not moved."""
+    """Report as carried what this renderer does anyway: options that are off, a scene that is not moved."""
     scene = source.root.get("scene")
     if scene is not None and is_unit(source, scene):
         source.carry(scene, "the scene as it is, as here")

@@ -1,4 +1,4 @@
-"""What SGCT's projections are as flat panels: exact corners where they are planes, a stand-in where not.
+"""Convert SGCT's projections to flat panels: exact corners where they are planes, a substitute where not.
 
 Field of view and orientation after src/baseviewport.cpp and the project's page on PlanarProjection: yaw turns to
 the right, pitch up, roll to the right, applied as Ry(-yaw) Rx(pitch) Rz(-roll); angles in degrees.
@@ -11,20 +11,20 @@ import math
 import numpy as np
 
 from wall.core.data import Float64
-from wall.importers.panels import SMALLEST_M, corners_of
+from wall.importers.panels import SMALLEST_M, corners_of, rotation
 from wall.importers.source import Node, Source
 
-DISTANCE_M = 1.0
-WIDEST = 85.0  # degrees between the middle and an edge: beyond, a flat picture has no end
-STAND_IN_FOV = 90.0
-WIDEST_STAND_IN = 120.0
+DISTANCE_M = 1.0  # metres from the eye to a plane whose distance the file does not give
+WIDEST = 85.0  # degrees from the middle to an edge: a plane's size diverges at 90
+SUBSTITUTE_FOV = 90.0  # degrees
+WIDEST_SUBSTITUTE = 120.0  # degrees
 PLANES = ("planarprojection", "texturemappedprojection")
 
 
 def corners_of_projection(source: Source, viewport: Node, pixels: tuple[int, int], eye: Float64) -> Float64:
-    """(3, 3) corners (metres, wall frame) of a viewport.
+    """(3, 3) corners of a viewport, metres in the wall's frame.
 
-    A projection by field of view has no place: it stands DISTANCE_M, or its own distance, before `eye`.
+    A projection by field of view has no position: its plane is DISTANCE_M, or its own distance, before `eye`.
     """
     node = viewport.get("projection")
     kind = (source.text(node.get("type")) or "").lower() if node is not None else ""
@@ -38,10 +38,11 @@ def corners_of_projection(source: Source, viewport: Node, pixels: tuple[int, int
         if corners is not None:
             return corners
         source.drop(node, "has no field of view that can be used: a flat panel of 90 degrees instead")
-    return _stand_in(source, node, pixels, eye)
+    return _substitute(source, node, pixels, eye)
 
 
 def _plane(source: Source, node: Node) -> Float64 | None:
+    """(3, 3) corners of a projection plane; None if its points span no rectangle."""
     points = [vector(source, node.get(key)) for key in ("lowerleft", "upperleft", "upperright")]
     if points[0] is None or points[1] is None or points[2] is None:
         return None
@@ -55,6 +56,7 @@ def _plane(source: Source, node: Node) -> Float64 | None:
 
 
 def _by_field_of_view(source: Source, node: Node, eye: Float64, kind: str) -> Float64 | None:
+    """(3, 3) corners of a plane given by its field of view; None if that cannot be used."""
     angles = _angles(source, node.get("fov"))
     if angles is None:
         return None
@@ -69,7 +71,7 @@ def _by_field_of_view(source: Source, node: Node, eye: Float64, kind: str) -> Fl
     if corners is None:
         return None
     if kind == "texturemappedprojection":
-        source.remark(node, "the flat picture that the mesh is textured with; the mesh is not carried")
+        source.note(node, "the flat picture that the mesh is textured with; the mesh is not carried")
     source.carry(node.get("fov"), "corners")
     source.carry(node.get("type"), "corners")
     source.assume(
@@ -79,7 +81,7 @@ def _by_field_of_view(source: Source, node: Node, eye: Float64, kind: str) -> Fl
 
 
 def _angles(source: Source, node: Node | None) -> tuple[float, float, float, float] | None:
-    """Degrees from the middle to the left, right, lower and upper edge."""
+    """Degrees from the middle to the left, right, lower and upper edge; None if the file does not say."""
     if node is None:
         return None
     if node.get("hfov") is not None or node.get("vfov") is not None:
@@ -93,12 +95,13 @@ def _angles(source: Source, node: Node | None) -> tuple[float, float, float, flo
     if len(found) < 4 or found[0] + found[1] <= 0 or found[2] + found[3] <= 0:
         return None
     if max(map(abs, found)) > WIDEST:
-        source.remark(node, f"a flat picture reaches at most {WIDEST:g} degrees from its middle: it ends there")
+        source.note(node, f"a flat picture reaches at most {WIDEST:g} degrees from its middle: it ends there")
     clamped = [max(-WIDEST, min(WIDEST, angle)) for angle in found]
     return clamped[0], clamped[1], clamped[2], clamped[3]
 
 
 def _distance(source: Source, node: Node) -> float:
+    """Metres from the eye to a projection's plane."""
     fov = node.get("fov")
     given = node.get("distance")
     if given is None and fov is not None:
@@ -127,17 +130,7 @@ def _orientation(source: Source, node: Node | None) -> Float64:
         return np.eye(3)
     yaw, pitch, roll = (math.radians(source.number(node.get(key)) or 0.0) for key in ("yaw", "pitch", "roll"))
     source.carry(node, "corners")
-    return _about(1, -yaw) @ _about(0, pitch) @ _about(2, -roll)
-
-
-def _about(axis: int, angle: float) -> Float64:
-    """(3, 3): the turn by `angle` radians about a coordinate axis, counterclockwise from its tip."""
-    turn = np.eye(3)
-    i, k = (axis + 1) % 3, (axis + 2) % 3
-    turn[i, i] = turn[k, k] = math.cos(angle)
-    turn[k, i] = math.sin(angle)
-    turn[i, k] = -math.sin(angle)
-    return turn
+    return rotation(1, -yaw) @ rotation(0, pitch) @ rotation(2, -roll)
 
 
 def _of_quaternion(quaternion: Float64) -> Float64:
@@ -148,13 +141,13 @@ def _of_quaternion(quaternion: Float64) -> Float64:
     return turn
 
 
-def _stand_in(source: Source, node: Node | None, pixels: tuple[int, int], eye: Float64) -> Float64:
-    """A flat panel with square pixels 1 m before the eye, its longer side as wide as is plausible."""
+def _substitute(source: Source, node: Node | None, pixels: tuple[int, int], eye: Float64) -> Float64:
+    """(3, 3) corners of a flat panel with square pixels 1 m before the eye, its longer side as wide as is plausible."""
     wanted = source.number(node.get("fov")) if node is not None and _has_one_fov(node) else None
-    fov = STAND_IN_FOV if wanted is None or wanted <= 0 else min(wanted, WIDEST_STAND_IN)
+    fov = SUBSTITUTE_FOV if wanted is None or wanted <= 0 else min(wanted, WIDEST_SUBSTITUTE)
     if node is None:
         source.assume("Viewports without a projection are flat panels of 90 degrees, 1 m before the eye.")
-    elif not node.settled:
+    elif not node.reported:
         label = source.text(node.get("type")) or "this projection"
         source.drop(node, f"{label} is not rendered here: a flat panel of {fov:g} degrees stands in for it")
     half = DISTANCE_M * math.tan(math.radians(fov / 2))
@@ -165,12 +158,13 @@ def _stand_in(source: Source, node: Node | None, pixels: tuple[int, int], eye: F
 
 
 def _has_one_fov(node: Node) -> bool:
+    """Whether a projection's field of view is one number."""
     fov = node.get("fov")
     return fov is not None and fov.kind == "value"
 
 
 def vector(source: Source, node: Node | None) -> Float64 | None:
-    """(3,) of {x, y, z}; what is missing is 0. None if there is no node or something in it is no number."""
+    """(3,) of {x, y, z}, 0 where one is missing; None if there is no node or one is not a number."""
     if node is None or node.kind != "object":
         return None
     parts = [0.0 if node.get(axis) is None else source.number(node.get(axis)) for axis in "xyz"]

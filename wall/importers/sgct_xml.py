@@ -1,4 +1,4 @@
-"""SGCT's earlier XML, given the shape of its JSON: same keys, the XML's own lines and names.
+"""Convert the tree of SGCT's earlier XML to the shape of its JSON: same keys, with the XML's lines and names.
 
 <Cluster><Node><Window><Viewport> become nodes, windows, viewports; <Viewplane> with its three <Pos> becomes the
 projection ProjectionPlane; heading and azimuth are yaw, elevation is pitch, bank is roll. In the oldest files a
@@ -52,6 +52,7 @@ def parse(text: str, name: str) -> Node:
 
 
 def _shaped(element: Node) -> Node:
+    """An element with its attributes and children as members."""
     found = replace(element, fields={}, items=[])
     for key, attribute in element.fields.items():
         _put(found, _key(key), attribute)
@@ -61,6 +62,7 @@ def _shaped(element: Node) -> Node:
 
 
 def _add(parent: Node, child: Node) -> None:
+    """Add a child element to its parent as JSON has it: in a list, as the projection, or as a member."""
     tag = child.key.lower()
     if tag in LISTS:
         listed = parent.fields.get(LISTS[tag])
@@ -84,7 +86,7 @@ def _add(parent: Node, child: Node) -> None:
 
 
 def _with_window(node: Node) -> Node:
-    """A node of the oldest files, its viewports put into its first window."""
+    """A node of the oldest files with its viewports moved into its first window."""
     windows = node.fields.get("windows")
     if windows is None:
         return node
@@ -112,15 +114,17 @@ def _plane(element: Node) -> Node:
 
 
 def _type(element: Node, value: str) -> Node:
+    """The member `type` that JSON's projections have."""
     return Node(name=element.name, line=element.line, column=element.column, kind="value", key="type", value=value)
 
 
 def _key(name: str) -> str:
+    """JSON's key for a tag or an attribute."""
     return RENAMED.get(name.lower(), name.lower())
 
 
 def _put(parent: Node, key: str, node: Node) -> None:
-    """Set a member; one that is there already stays beside it, to be listed as not carried."""
+    """Set a member; a second one of the same key becomes an item, to be listed as not carried."""
     node.key = key
     if key in parent.fields:
         parent.items.append(node)

@@ -1,7 +1,7 @@
-"""A parsed foreign file: a tree whose every node knows its line, and the account of what became of each.
+"""A parsed source file: a tree whose every node has its line, and the report on each node.
 
-A converter reads nodes, and says of each that it was carried or that it could not be. Whatever it never
-looked at is listed as not carried by `Source.close`, so nothing is dropped in silence.
+A converter reads nodes, and reports each as carried or as not carried. `Source.close` lists every node that the
+converter never read as not carried, so nothing is dropped silently.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from typing import Any, Literal, TypeAlias
 from wall.importers.report import Conversion, Item, NotThisFormat
 
 Scalar: TypeAlias = str | int | float | bool | None
-LARGEST = 1e9  # metres, pixels, degrees: whatever is larger is a typing error
+LARGEST = 1e9  # metres, pixels, degrees: anything larger is a typing error
+LONGEST_TEXT = 4096  # characters of a name that are kept
+LONGEST_SHOWN = 60  # characters of a value that reports show
 NO_COUNTERPART = "has no counterpart here"
-_SECRET = re.compile("secret|token|password|passwd|key", re.IGNORECASE)  # values of such are not repeated
+_SECRET = re.compile("secret|token|password|passwd|key", re.IGNORECASE)  # reports do not repeat such values
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -32,11 +34,11 @@ class Node:
     value: Scalar = None
     fields: dict[str, Node] = field(default_factory=dict)  # members by key; XML attributes
     items: list[Node] = field(default_factory=list)  # of a list; XML child elements
-    settled: bool = False  # carried, or listed as not carried
+    reported: bool = False  # as carried or as not carried
     panel: bool = False  # became a panel, whatever it holds
 
     def get(self, key: str) -> Node | None:
-        """A member, if there is one that says something (null and absent are the same)."""
+        """The member of that key; None where it is absent or null."""
         found = self.fields.get(key)
         return None if found is None or (found.kind == "value" and found.value is None) else found
 
@@ -45,12 +47,13 @@ class Node:
         return [item for item in self.items if item.key == tag]
 
     def inside(self) -> Iterator[Node]:
+        """Its members and items."""
         yield from self.fields.values()
         yield from self.items
 
 
 class Source:
-    """A tree with its account. Refusals are NotThisFormat, and say name:line:column."""
+    """A tree with the report on it. Refusals are NotThisFormat, and say name:line:column."""
 
     def __init__(self, name: str, root: Node, reasons: Mapping[str, str] | None = None) -> None:
         """`reasons` say by key why something has no counterpart."""
@@ -63,42 +66,42 @@ class Source:
         self._not_carried: list[Item] = []
 
     def refuse(self, node: Node, what: str, accepted: str) -> NotThisFormat:
-        """The error of something without which there is no wall; the caller raises it."""
+        """The error for a node without which there is no wall; the caller raises it."""
         where = f"{self.name}:{node.line}:{node.column}"
         return NotThisFormat(f"{where}: {node.name or 'the file'}: {what}; accepted: {accepted}")
 
     def carry(self, node: Node | None, into: str = "") -> None:
-        """Note that a node, with all inside it, is in the configuration; `into` says where."""
-        if node is not None and not node.settled:
+        """Report a node, with all inside it, as carried; `into` says where in the configuration."""
+        if node is not None and not node.reported:
             self._carried.append(Item(what=node.name, line=node.line, why=into))
-            _settle(node)
+            _mark_reported(node)
 
     def drop(self, node: Node | None, why: str = NO_COUNTERPART) -> None:
-        """Note that a node is not in the configuration, and why; so is every value inside it that was not carried."""
-        if node is not None and not node.settled:
+        """Report a node as not carried, and every value inside it that was not carried either."""
+        if node is not None and not node.reported:
             self._not_carried.append(Item(what=_shown(node), line=node.line, why=why))
-            node.settled = True
+            node.reported = True
             for inner in node.inside():
                 self._drop_values(inner, why)
 
     def _drop_values(self, node: Node, why: str) -> None:
-        if not node.settled and node.kind == "value":
+        if not node.reported and node.kind == "value":
             self._not_carried.append(Item(what=_shown(node), line=node.line, why=why))
-        node.settled = True
+        node.reported = True
         for inner in node.inside():
             self._drop_values(inner, why)
 
-    def remark(self, node: Node, why: str) -> None:
-        """Note that a node was carried only in part: what is missing."""
+    def note(self, node: Node, why: str) -> None:
+        """Report a node that was carried only in part: `why` says what is missing."""
         self._not_carried.append(Item(what=_shown(node), line=node.line, why=why))
 
     def assume(self, sentence: str) -> None:
-        """Note what the file leaves open, once."""
+        """Report an assumption about what the file leaves open, once."""
         if sentence not in self.assumed:
             self.assumed.append(sentence)
 
     def close(self, values: dict[str, Any], *, panels: int, ranks: int) -> Conversion:
-        """The conversion; what was never looked at is listed as not carried."""
+        """The conversion; nodes that were never read are listed as not carried."""
         self._leftovers(self.root)
         return Conversion(
             values=values,
@@ -112,7 +115,7 @@ class Source:
 
     def _leftovers(self, node: Node) -> None:
         for inner in node.inside():
-            if inner.settled:
+            if inner.reported:
                 continue
             if _touched(inner):
                 self._leftovers(inner)
@@ -120,10 +123,7 @@ class Source:
                 self.drop(inner, self._reasons.get(inner.key, NO_COUNTERPART))
 
     def number(self, node: Node | None) -> float | None:
-        """A finite number, also one written as text; None where there is none or it cannot be read.
-
-        What cannot be read is listed as not carried.
-        """
+        """A finite number, also one written as text; None, and reported as not carried, where it cannot be read."""
         if node is None:
             return None
         found = as_number(node.value)
@@ -145,7 +145,7 @@ class Source:
         """A printable text without blanks around it; None where there is none, or only blanks."""
         if node is None or node.kind != "value" or node.value is None or isinstance(node.value, bool):
             return None
-        return "".join(ch for ch in str(node.value).strip()[:4096] if ch.isprintable()).strip() or None
+        return "".join(ch for ch in str(node.value).strip()[:LONGEST_TEXT] if ch.isprintable()).strip() or None
 
     def flag(self, node: Node | None) -> bool | None:
         """true or false, also as 0, 1 or text; None where there is neither."""
@@ -167,7 +167,7 @@ class Source:
 
 
 def as_number(value: Scalar) -> float | None:
-    """The number that a value is or spells; None if none, or one that is not finite or beyond LARGEST."""
+    """The number that a value is or spells; None if there is none, or it is not finite or beyond LARGEST."""
     if value is None or isinstance(value, bool):
         return None
     try:
@@ -177,22 +177,24 @@ def as_number(value: Scalar) -> float | None:
     return found if math.isfinite(found) and abs(found) <= LARGEST else None
 
 
-def _settle(node: Node) -> None:
-    node.settled = True
+def _mark_reported(node: Node) -> None:
+    """Mark a node and all inside it as reported."""
+    node.reported = True
     stack = [node]
     while stack:
         for inner in stack.pop().inside():
-            inner.settled = True
+            inner.reported = True
             stack.append(inner)
 
 
 def _touched(node: Node) -> bool:
-    return node.panel or any(inner.settled or _touched(inner) for inner in node.inside())
+    """Whether a converter used a node: it is a panel, or something inside it was reported."""
+    return node.panel or any(inner.reported or _touched(inner) for inner in node.inside())
 
 
 def _shown(node: Node) -> str:
-    """A node by name, and a value by what it says."""
+    """A node's name, with the value if it is one that may be shown."""
     if node.kind != "value" or _SECRET.search(node.key):
         return node.name
     text = {True: "true", False: "false"}.get(node.value, "") if isinstance(node.value, bool) else repr(node.value)
-    return f"{node.name} = {text if len(text) <= 60 else text[:57] + '...'}"
+    return f"{node.name} = {text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + '...'}"

@@ -1,4 +1,4 @@
-"""Tide's configuration.json: `surfaces` of equal screens, `processes` with the screens they draw.
+"""Import Tide's configuration.json: `surfaces` of equal screens, `processes` with the screens they draw.
 
 Keys and defaults after tide/core/json/serialization.cpp and SurfaceConfig: a count that is absent is 1; a
 screen is displaysPerScreen displays with the bezels between them; `dimensions` are the surface's metres.
@@ -7,13 +7,20 @@ screen is displaysPerScreen displays with the bezels between them; `dimensions` 
 from __future__ import annotations
 
 from wall.importers import json_source
-from wall.importers.displaycluster import AT_THE_HEAD, CONTENT, read_place
-from wall.importers.panels import configuration, settle
+from wall.importers.displaycluster import AT_THE_HEAD, CONTENT
+from wall.importers.panels import configuration, fit_panels
 from wall.importers.report import Conversion
+from wall.importers.screen_grids import (
+    Screen,
+    Surface,
+    drafts,
+    every_screen,
+    read_stereo,
+    read_surface,
+    read_window_position,
+)
 from wall.importers.source import Node, Source
-from wall.importers.tiles import Screen, Surface, drafts, every_screen, read_count, read_gap, read_screen
 
-STEREO = ("mono", "left", "right", "side_by_side")
 REASONS = {
     "master": AT_THE_HEAD,
     "background": "where no panel is, nothing is drawn",
@@ -33,28 +40,26 @@ def convert(text: str, name: str) -> Conversion:
     processes = source.root.get("processes")
     if processes is not None and len(panels) > len(processes.items) > 0:
         source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
-    settled, _ = settle(source, panels, None)
-    return source.close(configuration(settled), panels=len(panels), ranks=len(panels))
+    fitted, _ = fit_panels(source, panels, None)
+    return source.close(configuration(fitted), panels=len(panels), ranks=len(panels))
 
 
 def _surface(source: Source, node: Node) -> Surface:
+    """One entry of `surfaces`. Raises NotThisFormat where its pixels are missing."""
     if node.kind != "object":
         raise source.refuse(node, "is not an object", '{"displayWidth": ..., "displayHeight": ...}')
-    one = read_screen(source, node, ("displayWidth", "displayHeight"))
-    gap = (
-        read_gap(source, node.get("bezelWidth"), one[0]),
-        read_gap(source, node.get("bezelHeight"), one[1]),
+    surface = read_surface(
+        source,
+        node,
+        display=("displayWidth", "displayHeight"),
+        gap=(node.get("bezelWidth"), node.get("bezelHeight")),
+        count=(
+            node.get("screenCountX") or node.get("numScreensX"),
+            node.get("screenCountY") or node.get("numScreensY"),
+        ),
     )
-    each = [read_count(source, node.get(f"displaysPerScreen{axis}"), 1) for axis in "XY"]
-    count = [read_count(source, node.get(f"screenCount{a}") or node.get(f"numScreens{a}"), 1) for a in "XY"]
-    screen = [round(n * size + (n - 1) * between) for n, size, between in zip(each, one, gap, strict=True)]
-    return Surface(
-        node=node,
-        screen=(screen[0], screen[1]),
-        count=(count[0], count[1]),
-        gap=gap,
-        metres=_metres(source, node.get("dimensions")),
-    )
+    surface.metres = _metres(source, node.get("dimensions"))
+    return surface
 
 
 def _metres(source: Source, node: Node | None) -> tuple[float, float] | None:
@@ -71,6 +76,7 @@ def _metres(source: Source, node: Node | None) -> tuple[float, float] | None:
 
 
 def _screens(source: Source) -> list[Screen]:
+    """The screens of all processes."""
     found = []
     processes = source.root.get("processes")
     for process in processes.items if processes is not None else []:
@@ -83,6 +89,7 @@ def _screens(source: Source) -> list[Screen]:
 
 
 def _screen(source: Source, node: Node, host: str | None) -> Screen:
+    """One screen of a process that runs on `host`."""
     surface, column, row = (source.whole(node.get(key)) or 0 for key in ("surface", "i", "j"))
     fullscreen = source.flag(node.get("fullscreen")) or False
     screen = Screen(
@@ -92,19 +99,9 @@ def _screen(source: Source, node: Node, host: str | None) -> Screen:
         row=max(0, row),
         host=host,
         display=source.text(node.get("display")),
-        place=read_place(source, node, fullscreen=fullscreen),
-        stereo=_stereo(source, node.get("stereo")),
+        window_position=read_window_position(source, node, fullscreen=fullscreen),
+        stereo=read_stereo(source, node.get("stereo")),
     )
     for key in ("surface", "i", "j", "display", "fullscreen"):
         source.carry(node.get(key), "where the panel is" if key in "surface ij" else key)
     return screen
-
-
-def _stereo(source: Source, node: Node | None) -> str:
-    if node is None:
-        return "mono"
-    if node.value not in STEREO:
-        source.drop(node, f"is not one of {', '.join(STEREO)}")
-        return "mono"
-    source.carry(node, "stereo")
-    return str(node.value)

@@ -1,4 +1,7 @@
-"""XML text to a tree of nodes with lines, by expat. Entities of its own and external ones are refused."""
+"""Parse XML to a tree of nodes with lines and columns, by expat. Internal and external entities are refused.
+
+lxml gives no position of an attribute, and no column of an element, which reports and refusals name; expat does.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,7 @@ def parse(text: str, name: str) -> Node:
 
 
 class _Reader:
-    """What expat calls while it reads."""
+    """Builds the tree from expat's callbacks."""
 
     def __init__(self, text: str, name: str) -> None:
         self._data = _ENCODING.sub(r"\1", text).encode("utf-8", "replace")  # it is decoded already
@@ -52,6 +55,7 @@ class _Reader:
         self._root: Node | None = None
 
     def read(self) -> Node:
+        """The tree of the whole document."""
         self._parser.Parse(self._data, True)
         assert self._root is not None  # expat refuses a document without an element
         return self._root
@@ -109,7 +113,7 @@ class _Reader:
 
 
 def _attribute_places(source: str, line: int, column: int) -> dict[str, tuple[int, int]]:
-    """Line and column of each attribute in the start tag `source`, which begins at line, column; in one pass."""
+    """Line and column of each attribute in the start tag `source` that begins at line, column; in linear time."""
     found, start, after = dict[str, tuple[int, int]](), 0, column  # `after`: the column of source[start]
     for attribute in _ATTRIBUTE.finditer(source):
         between = source[start : attribute.start()]

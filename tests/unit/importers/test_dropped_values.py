@@ -7,7 +7,7 @@ from equalizer_texts import one_panel
 
 from wall.core.errors import ConfigError
 from wall.importers.command import convert_text
-from wall.importers.dropped_values import fitting
+from wall.importers.dropped_values import checked_layout
 from wall.importers.report import Conversion, Item
 
 SCREEN = 'LowerLeft="-1 -1 -1" LowerRight="1 -1 -1" UpperRight="1 1 -1"'
@@ -56,7 +56,7 @@ def listed(conversion: Conversion) -> list[tuple[str, int]]:
 def test_what_fits_stays_as_it_is() -> None:
     made = two_panels()
 
-    fitting(made)
+    checked_layout(made)
 
     assert made.values == two_panels().values
     assert made.not_carried == []
@@ -82,7 +82,7 @@ def test_an_optional_value_that_is_refused_is_left_out_and_listed_with_the_line_
     made = two_panels()
     made.values["wall"]["panels"][1][key] = value
 
-    fitting(made)
+    checked_layout(made)
 
     assert made.values == two_panels().values
     assert listed(made) == [("screen 1", 5)]
@@ -94,7 +94,7 @@ def test_several_odd_values_give_way_at_once() -> None:
     made.values["wall"]["panels"][0] |= {"host": "", "monitor": -1}
     made.values["views"][0]["eye_separation"] = 11.0
 
-    fitting(made)
+    checked_layout(made)
 
     assert made.values == two_panels().values
     assert listed(made) == [("the file", 1), ("screen 0", 3), ("screen 0", 3)]
@@ -104,7 +104,7 @@ def test_a_panel_that_cannot_be_is_left_out_if_others_are_left() -> None:
     made = two_panels()
     made.values["wall"]["panels"][0]["pixels"] = [64, 20000]
 
-    layout = fitting(made)
+    layout = checked_layout(made)
 
     assert [panel.id for panel in layout.wall.panels] == ["right"]
     assert made.panels == 1
@@ -116,14 +116,14 @@ def test_a_panel_that_covers_another_is_left_out() -> None:
     made = two_panels()
     made.values["wall"]["panels"][1]["corners"] = made.values["wall"]["panels"][0]["corners"]
 
-    assert len(fitting(made).wall.panels) == 1
+    assert len(checked_layout(made).wall.panels) == 1
 
 
 def test_a_graph_that_is_refused_gives_way_to_ranks_of_each_panel() -> None:
     made = two_panels()
     made.values["graph"]["nodes"][1]["input"] = "none"
 
-    layout = fitting(made)
+    layout = checked_layout(made)
 
     assert "graph" not in made.values
     assert len(layout.regions) == 2
@@ -134,7 +134,7 @@ def test_a_panel_that_needs_more_ranks_has_them() -> None:
     made = two_panels()
     made.values["wall"]["panels"][0]["pixels"] = [9000, 64]
 
-    layout = fitting(made)
+    layout = checked_layout(made)
 
     assert made.values["graph"] == {"preset": "sort-first", "ranks_per_panel": 3}
     assert len(layout.regions) == 6
@@ -173,7 +173,7 @@ def test_the_only_panel_is_not_left_out() -> None:
     made.values["wall"]["panels"] = [made.values["wall"]["panels"][0] | {"pixels": [64, 20000]}]
 
     with pytest.raises(ConfigError, match="is too large"):
-        fitting(made)
+        checked_layout(made)
 
 
 def test_a_geometry_far_from_every_display_loses_its_window_alone() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wall.importers.overlaps import declare_overlaps
-from wall.importers.panels import Draft, configuration, corners_of, settle, unique_names, upright
+from wall.importers.panels import Draft, configuration, corners_of, fit_panels, unique_names, upright
 from wall.importers.report import NotThisFormat
 from wall.importers.source import Node, Source
 
@@ -31,7 +31,7 @@ def test_a_skewed_screen_keeps_its_lower_edge_and_gets_a_right_angle() -> None:
     made = source()
     skewed = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.1, 1.0, 0.0]])
 
-    panel = settle(made, [draft(skewed)], None)[0][0]
+    panel = fit_panels(made, [draft(skewed)], None)[0][0]
 
     assert panel["corners"]["lower_right"] == [2.0, 0.0, 0.0]
     assert panel["corners"]["upper_left"] == [0.0, 1.0, 0.0]
@@ -42,7 +42,7 @@ def test_a_corner_within_half_a_degree_stays_as_it_is() -> None:
     made = source()
     nearly = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.005, 1.0, 0.0]])
 
-    assert settle(made, [draft(nearly)], None)[0][0]["corners"]["upper_left"] == [0.005, 1.0, 0.0]
+    assert fit_panels(made, [draft(nearly)], None)[0][0]["corners"]["upper_left"] == [0.005, 1.0, 0.0]
     assert remarks(made) == []
 
 
@@ -50,7 +50,7 @@ def test_a_screen_with_its_back_to_the_eye_is_turned_round() -> None:
     made = source()
     backwards = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
 
-    panel = settle(made, [draft(backwards)], np.array([0.0, 0.0, 2.0]))[0][0]
+    panel = fit_panels(made, [draft(backwards)], np.array([0.0, 0.0, 2.0]))[0][0]
 
     assert panel["corners"]["lower_left"] == [0.0, 0.0, 0.0]
     assert panel["corners"]["upper_left"] == [0.0, 1.0, 0.0]
@@ -60,7 +60,7 @@ def test_a_screen_with_its_back_to_the_eye_is_turned_round() -> None:
 def test_an_eye_in_the_plane_of_a_panel_is_moved_before_it() -> None:
     made = source()
 
-    _, eye = settle(made, [draft(upright(-1.0, -0.5, 2.0, 1.0))], np.zeros(3))
+    _, eye = fit_panels(made, [draft(upright(-1.0, -0.5, 2.0, 1.0))], np.zeros(3))
 
     np.testing.assert_allclose(eye, [0.0, 0.0, 2.0])
     assert "it is at [0, 0, 2] now" in remarks(made)[0]
@@ -69,30 +69,30 @@ def test_an_eye_in_the_plane_of_a_panel_is_moved_before_it() -> None:
 def test_an_eye_that_is_moved_stays_before_all_other_panels() -> None:
     across = np.array([[1.0, -1.0, 1.5], [-1.0, -1.0, 1.5], [1.0, 1.0, 1.5]])  # faces -z, 1.5 m behind the viewer
 
-    _, eye = settle(source(), [draft(upright(-1.0, -1.0, 2.0, 2.0)), draft(across)], np.zeros(3))
+    _, eye = fit_panels(source(), [draft(upright(-1.0, -1.0, 2.0, 2.0)), draft(across)], np.zeros(3))
 
     np.testing.assert_allclose(eye, [0.0, 0.0, 1.0])
 
 
 def test_too_many_pixels_are_fewer_at_the_same_aspect() -> None:
-    panel = settle(source(), [draft(upright(0, 0, 1, 1), pixels=(40_000, 20_000))], None)[0][0]
+    panel = fit_panels(source(), [draft(upright(0, 0, 1, 1), pixels=(40_000, 20_000))], None)[0][0]
 
     assert panel["pixels"] == [16384, 8192]
 
 
 def test_odd_pixels_leave_one_out_where_two_eyes_share_them() -> None:
-    panel = settle(source(), [draft(upright(0, 0, 1, 1), pixels=(101, 50), stereo="side_by_side")], None)[0][0]
+    panel = fit_panels(source(), [draft(upright(0, 0, 1, 1), pixels=(101, 50), stereo="side_by_side")], None)[0][0]
 
     assert panel["pixels"] == [100, 50]
 
 
 def test_more_panels_than_a_configuration_holds_are_refused() -> None:
     with pytest.raises(NotThisFormat, match="has 1025 panels; accepted: 1 to 1024"):
-        settle(source(), [draft(upright(0, 0, 1, 1))] * 1025, None)
+        fit_panels(source(), [draft(upright(0, 0, 1, 1))] * 1025, None)
 
 
 def test_a_panel_wider_than_a_rank_can_render_gets_more_ranks() -> None:
-    panels, _ = settle(source(), [draft(upright(0, 0, 8, 1), pixels=(8192, 1024))], None)
+    panels, _ = fit_panels(source(), [draft(upright(0, 0, 8, 1), pixels=(8192, 1024))], None)
 
     assert configuration(panels)["graph"] == {"preset": "sort-first", "ranks_per_panel": 2}
     assert "graph" not in configuration([panels[0] | {"pixels": [4096, 1024]}])
@@ -153,7 +153,7 @@ def test_a_frame_gives_way_where_neighbours_light_the_same_place() -> None:
     frame = dict.fromkeys(("left", "right", "top", "bottom"), 0.01)
     drafts = [draft(upright(0, 0, 2, 1), bezel=frame), draft(upright(1.9, 0, 2, 1), bezel=frame)]
 
-    first = settle(source(), drafts, None)[0][0]
+    first = fit_panels(source(), drafts, None)[0][0]
 
     assert first["overlap"] == {"right": 0.1}
     assert first["bezel"] == {"left": 0.01, "top": 0.01, "bottom": 0.01}

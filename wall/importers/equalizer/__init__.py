@@ -1,4 +1,4 @@
-"""Equalizer's `.eqc`: resources, canvases and compounds as a wall and its compositing graph."""
+"""Import Equalizer's `.eqc`: resources, canvases and compounds as a wall and its compositing graph."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Iterator
 from wall.config.schema import WallConfig
 from wall.core.errors import ConfigError
 from wall.geometry.panels import expand
-from wall.importers.equalizer.canvases import leave_other_layouts, read_canvases
-from wall.importers.equalizer.conversion_report import account, described
+from wall.importers.equalizer.canvases import drop_other_layouts, read_canvases
+from wall.importers.equalizer.conversion_report import described, report_items
 from wall.importers.equalizer.destinations import Destinations
 from wall.importers.equalizer.grammar import Statement, parse
-from wall.importers.equalizer.report_notes import mark_compounds, mark_nodes
-from wall.importers.equalizer.resolved_values import Drawn, GraphValues, drawn, share_channels
+from wall.importers.equalizer.report_notes import note_compounds, note_nodes
+from wall.importers.equalizer.resolved_values import GraphValues, ResolvedPanel, resolve_panel, share_channels
 from wall.importers.equalizer.resources import read_resources
 from wall.importers.equalizer.wall_values import wall_values
 from wall.importers.report import Conversion, Item
 
 
 def convert(text: str, name: str) -> Conversion:
-    """The configuration that an Equalizer file describes, and what became of each of its statements.
+    """The configuration that an Equalizer file describes, with a report on each of its statements.
 
     Raises NotThisFormat for a file that does not begin like one, ConfigError (name:line:column: what came; wanted)
     for a mistake in it.
@@ -30,11 +30,11 @@ def convert(text: str, name: str) -> Conversion:
     if not resources.channels:
         raise ConfigError(f"{name}:{config.line}:{config.column}: no channel in this config; wanted: node {{ pipe {{ "
                           "window { channel { } } } }")  # fmt: skip
-    shown = read_canvases(config, resources, name)
-    destinations = Destinations(config, resources, shown, name).read()
-    leave_other_layouts(config, shown)
+    segment_views = read_canvases(config, resources, name)
+    destinations = Destinations(config, resources, segment_views, name).read()
+    drop_other_layouts(config, segment_views)
     wall = wall_values(destinations, _eye_base(top), name)
-    panels = [drawn(part, name) for part in wall.parts]
+    panels = [resolve_panel(part, name) for part in wall.parts]
     share_channels(panels)
     screens = {panel.id: panel.screen for panel in expand(WallConfig.model_validate({"panels": wall.panels})).panels}
     graph = GraphValues(panels, screens)
@@ -46,9 +46,9 @@ def convert(text: str, name: str) -> Conversion:
         "views": [view],
         "graph": graph.values(),
     }
-    mark_nodes(config, resources, _used(panels), graph.hosts)
-    mark_compounds(panels)
-    carried, left = account(top)
+    note_nodes(config, resources, _used(panels), graph.hosts)
+    note_compounds(panels)
+    carried, left = report_items(top)
     shown_ids = {panel["id"] for panel in wall.panels}
     assumed = ["an Equalizer file names no scene: this one shows the courtyard", *wall.assumed]
     return Conversion(
@@ -67,16 +67,18 @@ def _config(top: Statement, name: str) -> Statement:
         raise ConfigError(f"{name}:{server.line}:{server.column}: server without a config; wanted: config {{ ... }}")
     for other in found[1:]:
         for one in other.walk():
-            one.leave(f"one wall a file: the config of line {found[0].line} is carried over")
+            one.drop(f"one wall a file: the config of line {found[0].line} is carried over")
     return found[0]
 
 
 def _globals(top: Statement, *words: str) -> Iterator[Statement]:
+    """Statements of the file's global blocks with one of these words."""
     for block in top.all("global"):
         yield from block.all(*words)
 
 
 def _fullscreen(top: Statement) -> bool:
+    """Whether windows are full screen that do not say it themselves."""
     value = False
     for one in _globals(top, "EQ_WINDOW_IATTR_HINT_FULLSCREEN"):
         value = str(one.values[0]) in ("ON", "1")
@@ -85,7 +87,7 @@ def _fullscreen(top: Statement) -> bool:
 
 
 def _eye_base(top: Statement) -> float | None:
-    """Metres between both eyes, of the file or of its config."""
+    """Metres between both eyes, from the file's globals or its config; None where neither says."""
     found = list(_globals(top, "EQ_CONFIG_FATTR_EYE_BASE"))
     for config in (one for one in top.walk() if one.word == "config"):
         found.extend(one for block in config.all("attributes") for one in block.all("eye_base"))
@@ -94,7 +96,7 @@ def _eye_base(top: Statement) -> float | None:
     return float(found[-1].values[0]) if found else None
 
 
-def _used(panels: list[Drawn]) -> set[int]:
-    """Identities of the channels that draw for a panel, or join what others drew."""
+def _used(panels: list[ResolvedPanel]) -> set[int]:
+    """Identities of the channels that render for a panel or join rendered parts."""
     drawing = {id(draw.where) for one in panels for draw in one.draws}
     return drawing.union(*(one.joiners for one in panels))

@@ -1,8 +1,8 @@
-"""The compound tree: who draws what part of a panel, from what part of the scene, and to whom it goes.
+"""The compound tree: which channel renders which part of a panel, from which part of the scene, for which frame.
 
-A tree is walked as Equalizer's server does. Each channel has a frame buffer; a leaf draws into its channel's, input
-frames are assembled into it, output frames are read back from it. What a pixel of the panel shows is then asked back
-through the frames: parts of the scene's objects joined by depth, and which channel joined them.
+The tree is walked as Equalizer's server does. Each channel has a frame buffer; a leaf draws into its channel's, input
+frames are assembled into it, output frames are read back from it. A pixel of the panel is then traced back through
+the frames: to the parts of the scene's objects that are joined by depth, and the channels that join them.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from wall.core.errors import ConfigError
+from wall.importers.equalizer.frusta import WHOLE, View, viewport_of, within
 from wall.importers.equalizer.grammar import Statement
-from wall.importers.equalizer.places import WHOLE, View, viewport_of, within
 from wall.importers.equalizer.resources import Channel, Rect
 
 ALL_EYES = frozenset({"CYCLOP", "LEFT", "RIGHT"})
 ALL_TASKS = frozenset({"CLEAR", "DRAW", "ASSEMBLE", "READBACK"})
-SHARING = ("pixel", "subpixel", "period")  # ways to share a panel that are ranks of one region each here
+SHARING = ("pixel", "subpixel", "period")  # ways to share a panel; here each sharer is a rank with its own region
 BALANCERS = ("load_equalizer", "tree_equalizer", "loadBalancer")
-MOST_QUESTIONS = 100_000  # frames may go through each other, in files that nobody would write by hand
+MOST_QUERIES = 100_000  # steps of tracing one panel; frames that form circles may take exponentially many
 
 Range = tuple[float, float]
 EVERYTHING: Range = (0.0, 1.0)
@@ -29,7 +29,7 @@ LEAST_RANGE = 1e-6  # of the scene
 
 @dataclass(slots=True, eq=False)
 class Compound:
-    """One node of the tree, with what it says itself."""
+    """One node of the tree, with its own values; None where it inherits them."""
 
     statement: Statement
     parent: Compound | None
@@ -50,15 +50,15 @@ class Compound:
         self.eyes, self.tasks, self.buffers = (_words(block, word) for word in ("eye", "task", "buffer"))
 
     def _range(self, low: float, high: float) -> Range | None:
-        """A part of the scene; None, and not carried, where it holds nothing."""
+        """A part of the scene; None, and reported as not carried, where it is empty."""
         if high - low >= LEAST_RANGE:
             return low, high
         for one in self.statement.all("range"):
-            one.leave("no part of the scene lies in it: the compound draws what the one above it does")
+            one.drop("no part of the scene lies in it: the compound draws what the one above it does")
         return None
 
     @property
-    def places(self) -> bool:
+    def names_channel(self) -> bool:
         """Whether it names a channel."""
         return self.channel is not None or self.target is not None
 
@@ -70,7 +70,7 @@ class Compound:
         return "DRAW" in (ALL_TASKS if self.tasks is None else self.tasks)
 
     def draws_for(self, eye: str) -> bool:
-        """Whether it or a compound below it draws for an eye that none on the way leaves out."""
+        """Whether it or a compound below it draws for an eye that no compound between excludes."""
         here: Compound | None = self
         while here is not None:
             if here.eyes is not None and eye not in here.eyes:
@@ -80,19 +80,19 @@ class Compound:
 
     @property
     def inherited_buffers(self) -> frozenset[str]:
-        """What its frames hold if they do not say it: its own word, or the nearest above."""
+        """The buffers of its frames that name none: its own, or those of the nearest compound above."""
         if self.buffers is not None:
             return self.buffers
         return self.parent.inherited_buffers if self.parent is not None else frozenset({"COLOR"})
 
     def below(self) -> Iterator[Compound]:
-        """It and all below it."""
+        """The compound and all below it."""
         yield self
         for child in self.children:
             yield from child.below()
 
     def share_ranges(self) -> None:
-        """Where the source balances ranges as it runs, give each child an equal part of the scene."""
+        """Give each child an equal part of the scene where the source balances ranges at run time."""
         mode = {str(one.values[0]) for block in self.statement.all(*BALANCERS) for one in block.all("mode")}
         drawing = [child for child in self.children if child.draws]
         if "DB" in mode and len(drawing) > 1 and all(child.range is None for child in drawing):
@@ -101,6 +101,7 @@ class Compound:
 
 
 def _words(block: Statement, word: str) -> frozenset[str] | None:
+    """The words after a word of a block, reported as carried; None if it is missing."""
     found = block.last(word)
     if found is None:
         return None
@@ -110,7 +111,7 @@ def _words(block: Statement, word: str) -> frozenset[str] | None:
 
 @dataclass(frozen=True, slots=True)
 class Draw:
-    """Pixels that a leaf drew, of a part of the scene."""
+    """Pixels that a leaf rendered, of a part of the scene."""
 
     leaf: Compound
     where: object  # the channel
@@ -130,7 +131,7 @@ Part = Draw | Join
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """What happens to a frame buffer."""
+    """One operation on a frame buffer."""
 
     kind: str  # clear, draw, assemble
     rect: Rect
@@ -140,7 +141,7 @@ class _Step:
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """What was read back: a channel's buffer after so many steps."""
+    """An output frame: a channel's buffer after the first `steps` steps."""
 
     where: object
     steps: int
@@ -150,6 +151,8 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True)
 class _Inherited:
+    """The values that a compound passes to its children."""
+
     where: object
     label: str
     view: View
@@ -158,26 +161,26 @@ class _Inherited:
 
 
 class Trace:
-    """What a panel of `pixels` shows to one eye, by the compounds of its destination."""
+    """Traces the pixels of a panel back to the compounds of its destination that render them, for one eye."""
 
     def __init__(self, roots: list[Compound], *, label: str, eye: str, pixels: tuple[int, int], name: str) -> None:
-        self._eye, self._pixels, self._questions = eye, pixels, 0
+        self._eye, self._pixels, self._queries = eye, pixels, 0
         self._refusal = (
             f"{name}:{roots[0].statement.line if roots else 1}:1: compounds take each other's frames in too many ways; "
-            f"wanted: at most {MOST_QUESTIONS} ways through them"
+            f"wanted: at most {MOST_QUERIES} ways through them"
         )
         self._own = {root.channel for root in roots if root.channel is not None}
         self._steps: dict[object, list[_Step]] = {}
         self._frames: dict[str, list[_Frame]] = {}
         self._cuts: tuple[set[int], set[int]] = ({0, pixels[0]}, {0, pixels[1]})
-        self.unknown: list[Statement] = []  # input frames that nobody below the destination puts out
+        self.unknown: list[Statement] = []  # input frames that no compound of the destination outputs
         self._asked: list[tuple[Statement, str]] = []
         for root in roots:
             self._visit(root, _Inherited("panel", label, WHOLE, EVERYTHING, root.inherited_buffers), top=True)
         self.unknown = [block for block, name in self._asked if name not in self._frames]
 
     def cells(self) -> list[tuple[Rect, Part | None]]:
-        """Rectangles of the panel (pixels from its top left), each shown one way; None where nobody draws."""
+        """Rectangles of the panel (pixels from its top left) with the part that each shows; None: nothing."""
         xs, ys = (sorted(cut) for cut in self._cuts)
         found = []
         for y0, y1 in pairwise(ys):
@@ -187,6 +190,7 @@ class Trace:
         return found
 
     def _visit(self, compound: Compound, above: _Inherited, *, top: bool = False) -> None:
+        """Record the steps and frames of a compound and of those below it."""
         if compound.eyes is not None and self._eye not in compound.eyes:
             return
         channel = compound.channel
@@ -213,7 +217,7 @@ class Trace:
         self._exchange(compound, here, tasks)
 
     def _exchange(self, compound: Compound, here: _Inherited, tasks: frozenset[str]) -> None:
-        """Assemble input frames, then read output frames back."""
+        """Record its input frames, then its output frames."""
         steps = self._steps[here.where]
         for block in compound.statement.all("inputframe"):
             name = _frame_name(block, here.label)
@@ -229,7 +233,7 @@ class Trace:
             self._frames.setdefault(_frame_name(block, here.label), []).append(frame)
 
     def _rect(self, view: View) -> Rect:
-        """A part of the panel in whole pixels, from its top left; its edges cut cells."""
+        """A part of the panel in whole pixels, from its top left; its edges become cuts between cells."""
         w, h = self._pixels
         x0, x1 = (min(w, max(0, round(edge * w))) for edge in (view[0], view[0] + view[2]))
         y0, y1 = (min(h, max(0, round((1 - edge) * h))) for edge in (view[1] + view[3], view[1]))
@@ -238,11 +242,11 @@ class Trace:
         return x0, y0, x1 - x0, y1 - y0
 
     def _at(self, where: object, count: int, point: tuple[int, int], asked: frozenset[object]) -> list[Part]:
-        """What a channel's buffer holds at a pixel after so many steps. Raises ConfigError where it never ends."""
-        self._questions += 1
-        if self._questions > MOST_QUESTIONS:
+        """The parts in a channel's buffer at a pixel after `count` steps. Raises ConfigError after MOST_QUERIES."""
+        self._queries += 1
+        if self._queries > MOST_QUERIES:
             raise ConfigError(self._refusal)
-        if (where, count) in asked:  # frames in a circle: what was there before they came
+        if (where, count) in asked:  # frames in a circle add nothing
             return []
         asked, shown = asked | {(where, count)}, list[Part]()
         for step in self._steps.get(where, [])[:count]:
@@ -260,7 +264,7 @@ class Trace:
 
 
 def joined(parts: list[Part], where: object) -> Part | None:
-    """Several parts as one, joined on that channel."""
+    """Several parts as one, joined on that channel; None if there are none."""
     if len(parts) < 2:
         return parts[0] if parts else None
     return Join(where, tuple(parts))
@@ -276,7 +280,7 @@ def draws_of(part: Part) -> Iterator[Draw]:
 
 
 def _assembled(shown: list[Part], parts: list[Part], frame: _Frame) -> list[Part]:
-    """A frame put on what is there: compared by depth, or over it, or beside draws of the same objects."""
+    """The parts after a frame is assembled: joined by depth, or replaced by a frame of more of the scene."""
     new = joined(parts, frame.where)
     if new is None:
         return shown
@@ -288,8 +292,10 @@ def _assembled(shown: list[Part], parts: list[Part], frame: _Frame) -> list[Part
 
 
 def _holds(rect: Rect, point: tuple[int, int]) -> bool:
+    """Whether a pixel is inside a rectangle."""
     return rect[0] <= point[0] < rect[0] + rect[2] and rect[1] <= point[1] < rect[1] + rect[3]
 
 
 def _frame_name(block: Statement, label: str) -> str:
+    """A frame's own name, else the default name of its channel's frames."""
     return block.text("name") or f"frame.{label}"

@@ -1,4 +1,4 @@
-"""The account of a source: every statement of it as carried or not carried, with its line and why."""
+"""The conversion report: every statement of the source as carried or not carried, with its line and the reason."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ REASONS: Mapping[str, str] = {
 _PARTS = ("wall", "projection", "attributes", "server", "config", "global", "file")  # say nothing by themselves
 
 
-def account(top: Statement) -> tuple[list[Item], list[Item]]:
-    """What was carried and what was not, in the order of the source; every statement is in one of both."""
+def report_items(top: Statement) -> tuple[list[Item], list[Item]]:
+    """The items that were carried and those that were not, in the order of the source."""
     carried, left = [], []
     for one in top.walk():
         above = one.parent
         if above is not None and above.carried is False:
-            one.leave(one.why if one.carried is False and one.why else above.why)
+            one.drop(one.why if one.carried is False and one.why else above.why)
         elif one.carried is None:
             _decide(one)
         if one.carried:
@@ -60,7 +60,7 @@ def account(top: Statement) -> tuple[list[Item], list[Item]]:
 
 
 def described(one: Statement) -> str:
-    """Where it stands and what it says: node "render1" / pipe / device 1."""
+    """A statement with its values and the blocks around it: node "render1" / pipe / device 1."""
     text = _named(one)
     if one.values:
         text += " " + (f'"{one.values[0]}"' if one.word in ("name", "channel", "host") else shown_values(one))
@@ -71,29 +71,30 @@ def described(one: Statement) -> str:
 
 
 def _named(one: Statement) -> str:
+    """A statement's word, with the name of its block if it has one."""
     names = [child.values[0] for child in one.body or () if child.word == "name" and child.values]
     return f'{one.word} "{names[-1]}"' if names else one.word
 
 
 def _decide(one: Statement) -> None:
-    """What nobody asked for: a part of something that was left out goes with it; else the word has its own reason."""
+    """Report a statement that the converter did not read as not carried, with the reason of its word."""
     if one.word in _PARTS:
         if not one.body:
             one.carry("empty")
     elif not one.known:
-        one.leave("an attribute that Equalizer's loader does not name")
+        one.drop("an attribute that Equalizer's loader does not name")
     elif one.word in REASONS:
-        one.leave(REASONS[one.word])
+        one.drop(REASONS[one.word])
     elif one.word.startswith(("hint_", "planes_")):
-        one.leave(_WINDOW)
+        one.drop(_WINDOW)
     elif one.word.startswith("EQ_"):
-        one.leave(_of_global(one.word))
+        one.drop(_of_global(one.word))
     else:
-        one.leave("nothing that is shown uses it")
+        one.drop("nothing that is shown uses it")
 
 
 def _of_global(word: str) -> str:
-    """Why a default for all was left out: as the attribute of one, whose name it ends in."""
+    """The reason for a global default: that of the attribute whose name it ends in."""
     own = word.split("ATTR_")[-1].lower()
     if own in REASONS:
         return REASONS[own]

@@ -1,4 +1,4 @@
-"""What ends up before a viewer: each part of a segment, or the channel of a root compound, becomes a panel."""
+"""Find the panels of a config: each view on a segment, or the channel of a root compound, becomes one."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
-from wall.importers.equalizer.canvases import Shown, targets, unknown_channel
+from wall.importers.equalizer.canvases import SegmentView, targets, unknown_channel
 from wall.importers.equalizer.compounds import ALL_EYES, Compound
+from wall.importers.equalizer.frusta import WHOLE, Frustum, View, frustum_of, within
 from wall.importers.equalizer.grammar import Statement
-from wall.importers.equalizer.places import WHOLE, Frustum, View, frustum_of, within
 from wall.importers.equalizer.resources import Channel, Resources, unique
 
 UNSHOWN = "no panel shows this view on this segment"
@@ -19,7 +19,7 @@ SWITCHED = "layouts are not switched as it runs, and no canvas begins with this 
 
 @dataclass(slots=True, eq=False)
 class Destination:
-    """A panel before it has its place: what it shows, and the compounds that make it."""
+    """A panel of the source: its channel, its corners if the file gives them, and the compounds that render it."""
 
     id: str
     channel: Channel
@@ -33,7 +33,7 @@ class Destination:
 
     @property
     def pixels(self) -> tuple[int, int]:
-        """Width and height of its part of the channel, its edges rounded."""
+        """Width and height of its part of the channel, with the edges rounded."""
         x, y, w, h = self.part
         size = self.channel.pixels
         return (
@@ -43,27 +43,27 @@ class Destination:
 
 
 class Destinations:
-    """All panels of a config, from its canvases and its compounds."""
+    """Collects the panels of a config from its canvases and compounds."""
 
-    def __init__(self, config: Statement, resources: Resources, shown: list[Shown], name: str) -> None:
+    def __init__(self, config: Statement, resources: Resources, shown: list[SegmentView], name: str) -> None:
         self._config, self._resources, self._name = config, resources, name
         self._ids: set[str] = set()
-        self._of_view = {(id(one.segment), id(one.view)): self._of_shown(one) for one in shown}
+        self._of_view = {(id(one.segment), id(one.view)): self._of_segment_view(one) for one in shown}
         self._on_canvas = list(self._of_view.values())
         self._of_channel: dict[tuple[Channel, bytes], Destination] = {}
         self.all: list[Destination] = list(self._on_canvas)
-        self._lost: list[ConfigError] = []  # of compounds that name what is not there
+        self._errors: list[ConfigError] = []  # of compounds that name unknown channels or segments
 
     def read(self) -> list[Destination]:
-        """The panels, in the order of the file; a file of channels alone shows each of them.
+        """The panels, in the order of the file; a file without canvases and compounds shows each channel.
 
-        Raises ConfigError if no compound is whole.
+        Raises ConfigError if no compound can be converted.
         """
         for block in self._config.all("compound"):
             if (whole := self._compound(block, None)) is not None:
                 self._root(whole)
-        if self._lost and not any(one.roots for one in self.all):
-            raise self._lost[0]
+        if self._errors and not any(one.roots for one in self.all):
+            raise self._errors[0]
         self._drop_cleared()
         for one in self.all:
             one.eyes = _shown_eyes(one)
@@ -78,7 +78,8 @@ class Destinations:
             one.channel.statement.carry(f"panel {one.id}")
         return self.all
 
-    def _of_shown(self, one: Shown) -> Destination:
+    def _of_segment_view(self, one: SegmentView) -> Destination:
+        """The panel of a view on a segment."""
         made = self._made(one.channel.id, one.channel, one.segment, one.part, one.corners, one.eyes)
         made.observer = one.observer
         made.view = one.view
@@ -93,21 +94,21 @@ class Destinations:
         return Destination(unique(label, self._ids), channel, statement, part, corners, eyes, None)
 
     def _compound(self, block: Statement, parent: Compound | None) -> Compound | None:
-        """A compound with all below it; None, and not carried, where it names what is not there."""
+        """A compound with all below it; None, and reported as not carried, where it names what is not there."""
         made = Compound(statement=block, parent=parent)
         try:
-            self._name_place(made)
+            self._find_target(made)
         except ConfigError as error:
-            self._lost.append(error)
+            self._errors.append(error)
             for one in block.walk():
-                one.leave(str(error).removeprefix(f"{self._name}:"))
+                one.drop(str(error).removeprefix(f"{self._name}:"))
             return None
         children = [self._compound(child, made) for child in block.all("compound")]
         made.children = [child for child in children if child is not None]
         made.share_ranges()
         return made
 
-    def _name_place(self, made: Compound) -> None:
+    def _find_target(self, made: Compound) -> None:
         """Find the channel, or the segment and view, that it names. Raises ConfigError if there is none."""
         key = made.statement.last("channel")
         if key is not None and key.body is not None:
@@ -121,8 +122,8 @@ class Destinations:
                 raise unknown_channel(key, self._resources, self._name)
 
     def _root(self, compound: Compound) -> None:
-        """Find the topmost compounds with a channel: each belongs to a panel."""
-        if not compound.places:
+        """Assign the topmost compounds with a channel to panels."""
+        if not compound.names_channel:
             if compound.children:
                 compound.statement.carry("its children are panels")
             for child in compound.children:
@@ -136,12 +137,12 @@ class Destinations:
             view = compound.target
             begun = isinstance(view, Statement) and view.parent is not None and view.parent.carried
             for one in compound.statement.walk():
-                one.leave(UNSHOWN if begun else SWITCHED)
+                one.drop(UNSHOWN if begun else SWITCHED)
         else:
             self._of_compound(compound)
 
     def _of_compound(self, compound: Compound) -> None:
-        """The panel of a compound that names its channel itself: a new one, or one that shows the same place."""
+        """Assign a compound that names its channel: to a new panel, or to one of the same channel and corners."""
         channel = compound.channel
         assert channel is not None
         own = _frustum(compound, self._name)
@@ -160,7 +161,7 @@ class Destinations:
         made.eyes |= _eyes(compound)
 
     def _drop_cleared(self) -> None:
-        """Leave out panels whose compounds draw nothing, unless there would be none left."""
+        """Drop panels whose compounds draw nothing, unless none would be left."""
         empty = [one for one in self.all if one.roots and not any(root.draws for root in one.roots)]
         empty = [one for one in empty if not any(_takes(root) for root in one.roots)]
         self._drop(empty, "its compounds only clear it: nothing is shown there")
@@ -168,24 +169,27 @@ class Destinations:
         self._drop(hidden, "off-screen: panels that take its frames render what they show themselves")
 
     def _drop(self, some: list[Destination], why: str) -> None:
-        """Leave out some of the panels, unless none would be left."""
+        """Drop some of the panels, unless none would be left."""
         if len(some) == len(self.all):
             return
         for one in some:
             self.all.remove(one)
             for block in (one.statement, *(root.statement for root in one.roots)):
-                block.leave(why)
+                block.drop(why)
 
 
 def _takes(compound: Compound) -> bool:
+    """Whether it or a compound below it has an input frame."""
     return any(one.statement.all("inputframe") for one in compound.below())
 
 
 def _gives(compound: Compound) -> bool:
+    """Whether it has an output frame."""
     return bool(compound.statement.all("outputframe"))
 
 
 def _above(compound: Compound) -> Iterator[Compound]:
+    """The compound and all above it, upwards."""
     here: Compound | None = compound
     while here is not None:
         yield here
@@ -193,7 +197,7 @@ def _above(compound: Compound) -> Iterator[Compound]:
 
 
 def _frustum(compound: Compound, name: str) -> tuple[Frustum, View] | None:
-    """The nearest wall at or above a destination, and its part of it; else the wall of the first below it."""
+    """The nearest frustum at or above a compound, with the compound's part of it; else the first one below it."""
     view = WHOLE
     for here in _above(compound):
         view = within(here.view, view)
@@ -206,7 +210,7 @@ def _frustum(compound: Compound, name: str) -> tuple[Frustum, View] | None:
 
 
 def _shown_eyes(one: Destination) -> frozenset[str]:
-    """The panel's eyes; where its compounds draw for none of them, those that they draw for."""
+    """The panel's eyes; where its compounds draw for none of them, the eyes that they draw for."""
     drawn = {eye for root in one.roots for eye in ALL_EYES if root.draws_for(eye)}
     if not drawn or drawn & one.eyes:
         return one.eyes
@@ -214,7 +218,7 @@ def _shown_eyes(one: Destination) -> frozenset[str]:
 
 
 def _eyes(compound: Compound) -> frozenset[str]:
-    """Eyes that it and those below it name; the one in the middle if none is named, or more than both sides."""
+    """LEFT and RIGHT as the compound, those above it, or those below it name them; else CYCLOP."""
     named = next((here.eyes for here in _above(compound) if here.eyes is not None), None)
     if named is None:
         named = frozenset[str]().union(*(one.eyes for one in compound.below() if one.eyes is not None))

@@ -1,6 +1,8 @@
-"""Text of an Equalizer configuration to a tree of statements, each with its place and what became of it.
+"""Parse an Equalizer configuration to a tree of statements, each with its position and the report on it.
 
-A statement is a word and what the language wants after it: values, or a block of statements.
+A statement is a word followed by values or by a block of statements, as the rules of language.py say for the block
+that it stands in. What follows a word depends on that block, and refusals name what it wanted, so this is a
+recursive-descent parser with one token of lookahead.
 """
 
 from __future__ import annotations
@@ -24,7 +26,10 @@ from wall.importers.equalizer.language import (
 from wall.importers.report import NotThisFormat
 
 Value = str | float | int
-MAX_DEPTH = 200  # nested blocks; deeper is no wall that anybody built
+MAX_DEPTH = 200  # nested blocks; deeper files fill the stack
+MAX_DIGITS = 40  # characters of a number
+LARGEST = 1e9  # metres, pixels, degrees: anything larger is a typing error
+LONGEST_SHOWN = 60  # characters of a value that reports show
 
 _TOKEN = re.compile(
     r"""(?P<space>[\s,;]+|//[^\n]*|\#[^\n]*)
@@ -39,7 +44,7 @@ _TOKEN = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Token:
-    """A piece of the text and where it begins, from 1."""
+    """A token and the position where it begins, from 1."""
 
     kind: str  # string, character, number, word, sign, end
     text: str
@@ -48,12 +53,13 @@ class Token:
 
     @property
     def shown(self) -> str:
+        """The token as refusals show it."""
         return "the end of the file" if self.kind == "end" else self.text[:60]
 
 
 @dataclass(slots=True, eq=False)
 class Statement:
-    """A word, what follows it, and what became of it."""
+    """A word, what follows it, and the report on it."""
 
     word: str
     line: int
@@ -62,15 +68,15 @@ class Statement:
     values: list[Value] = field(default_factory=list)
     body: list[Statement] | None = None
     known: bool = True  # whether the language names this word here
-    carried: bool | None = None  # None: nobody said yet
+    carried: bool | None = None  # None: not reported yet
     why: str = ""
 
     def carry(self, why: str = "") -> None:
-        """Say that it stands in the configuration now, and as what."""
+        """Report it as carried; `why` says as what."""
         self.carried, self.why = True, why or self.why
 
-    def leave(self, why: str) -> None:
-        """Say that it could not be carried over, and why."""
+    def drop(self, why: str) -> None:
+        """Report it as not carried, and why."""
         self.carried, self.why = False, why
 
     def all(self, *words: str) -> list[Statement]:
@@ -78,14 +84,14 @@ class Statement:
         return [one for one in self.body or () if one.word in words]
 
     def last(self, word: str) -> Statement | None:
-        """The last of its block with this word: the one that counts."""
+        """The last statement of its block with this word, which overrules earlier ones."""
         found = self.all(word)
         for overruled in found[:-1]:
-            overruled.leave(f"line {found[-1].line} says it again")
+            overruled.drop(f"line {found[-1].line} says it again")
         return found[-1] if found else None
 
     def text(self, word: str) -> str:
-        """The text after a word of its block, marked as carried; empty if it is not there."""
+        """The text after a word of its block, reported as carried; empty if the word is missing."""
         found = self.last(word)
         if found is None:
             return ""
@@ -93,7 +99,7 @@ class Statement:
         return str(found.values[0])
 
     def numbers(self, word: str) -> list[float] | None:
-        """The numbers after a word of its block, marked as carried."""
+        """The numbers after a word of its block, reported as carried; None if the word is missing."""
         found = self.last(word)
         if found is None:
             return None
@@ -101,30 +107,30 @@ class Statement:
         return [float(value) for value in found.values]
 
     def walk(self) -> Iterator[Statement]:
-        """It and all inside it, in the order of the text."""
+        """The statement and all inside it, in the order of the text."""
         yield self
         for one in self.body or ():
             yield from one.walk()
 
 
 def parse(text: str, name: str) -> Statement:
-    """The whole file as one block. Raises NotThisFormat if it does not begin like one, else ConfigError."""
+    """The whole file as one block. Raises NotThisFormat if it does not begin as one, ConfigError for a mistake."""
     return _Parser(text.removeprefix("\ufeff"), name).file()
 
 
 def shown_values(statement: Statement) -> str:
     """The values as the source writes them, shortened."""
     text = " ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in statement.values)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
 
 
 def _may_be(word: str, parent: Statement) -> bool:
-    """Whether it may be an attribute of another version of the language."""
+    """Whether a word may be an attribute of another version of the language."""
     return word.startswith("EQ_") == (parent.word == "global")
 
 
 class _Parser:
-    """One token ahead, one method a form."""
+    """A recursive-descent parser: one token of lookahead, a method for each form of rule."""
 
     def __init__(self, text: str, name: str) -> None:
         self._name, self._text = name, text
@@ -136,6 +142,7 @@ class _Parser:
         self._depth = 0
 
     def file(self) -> Statement:
+        """The whole file. Raises NotThisFormat or ConfigError."""
         top = Statement(word="file", line=1, column=1, body=[])
         if self._next.text not in BLOCKS["file"]:
             token = self._next
@@ -150,6 +157,7 @@ class _Parser:
         return top
 
     def _read(self) -> Iterator[Token]:
+        """Tokens without blanks and comments, then the end again and again."""
         line, start, at = 1, 0, 0
         while at < len(self._text):
             match = _TOKEN.match(self._text, at)
@@ -180,6 +188,7 @@ class _Parser:
         return self._take()
 
     def _statement(self, parent: Statement, rules: Mapping[str, Rule], *, open_block: bool) -> None:
+        """Read one statement; words that `rules` do not name are read only in an open block."""
         token = self._next
         word = ALIASES.get(token.text, token.text)
         rule = rules.get(word) if token.kind == "word" else None
@@ -199,6 +208,7 @@ class _Parser:
             self._after(statement, rule)
 
     def _after(self, statement: Statement, rule: Rule) -> None:
+        """Read what a rule wants after a word."""
         wanted = f"{rule.wanted} after {statement.word}"
         if rule.form == "block":
             self._block(statement, rule.block, "{", "}")
@@ -224,7 +234,7 @@ class _Parser:
             self._choice(statement, rule, wanted)
 
     def _choice(self, statement: Statement, rule: Rule, wanted: str) -> None:
-        """Forms that begin in different ways."""
+        """Read what follows a word whose rule allows several forms."""
         if rule.form == "bound" and self._next.text == "[":
             self._after(statement, Rule("wholes", count=2))
         elif rule.form == "bound":
@@ -241,6 +251,7 @@ class _Parser:
             self._refuse(f"{self._next.shown!r} came", wanted)
 
     def _block(self, statement: Statement, name: str, begin: str, end: str) -> None:
+        """Read the statements of a block between its brackets."""
         self._expect("sign", f"{begin} after {statement.word}", text=begin)
         self._depth += 1
         if self._depth > MAX_DEPTH:
@@ -254,25 +265,28 @@ class _Parser:
         self._depth -= 1
 
     def _number(self, wanted: str, *, whole: bool = False) -> float | int:
+        """Take a number up to LARGEST, a whole one without a minus if `whole`."""
         token = self._next
         if token.kind != "number":
             self._refuse(f"{token.shown!r} came", wanted)
-        if len(token.text) > 40:
+        if len(token.text) > MAX_DIGITS:
             self._refuse(f"{token.text[:20]}... has too many digits", wanted)
         if whole and not re.fullmatch(r"\+?\d{1,9}", token.text):
             self._refuse(f"{token.shown!r} came", wanted)
         value = int(token.text) if whole else float(token.text)
-        if abs(value) > 1e9:
+        if abs(value) > LARGEST:
             self._refuse(f"{token.shown} is too large", "a number up to 1e9")
         self._take()
         return value
 
     def _word(self, words: tuple[str, ...], wanted: str) -> str:
-        if self._next.kind not in ("word",) or self._next.text not in words:
+        """Take one of these words."""
+        if self._next.kind != "word" or self._next.text not in words:
             self._refuse(f"{self._next.shown!r} came", wanted)
         return self._take().text
 
     def _setting(self, statement: Statement, wanted: str) -> None:
+        """Read a setting: a number, a word with a number, a switch, or another of the known words."""
         if self._next.kind == "number":
             statement.values.append(self._number(wanted))
         elif self._next.text in COUNTED_SETTINGS:
@@ -283,7 +297,7 @@ class _Parser:
             statement.values.append(self._word(SETTINGS, wanted))
 
     def _any_value(self, statement: Statement) -> None:
-        """The value of an attribute that this version of the language does not name."""
+        """Read the value of an attribute that this version of the language does not name."""
         if self._next.text == "{":
             self._block(statement, "attributes", "{", "}")
         elif self._next.text == "[":

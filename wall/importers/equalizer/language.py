@@ -1,4 +1,4 @@
-"""The words of Equalizer's configuration language: what may stand in which block, and what follows each word.
+"""The rules of Equalizer's configuration language: the words of each block, and what follows each word.
 
 Source: the language that Equalizer's server reads (versions 0.6 to 2.1), as its lexer and parser define it.
 """
@@ -17,7 +17,7 @@ Form = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """What follows a word."""
+    """What may follow a word."""
 
     form: Form
     block: str = ""  # name of the block, for form block and path
@@ -26,7 +26,7 @@ class Rule:
 
     @property
     def wanted(self) -> str:
-        """What must come, in words."""
+        """What must follow, for refusals."""
         listed = ", ".join(self.words)
         return {
             "block": "{",
@@ -67,6 +67,7 @@ BALANCE = ("2D", "DB", "HORIZONTAL", "VERTICAL")
 
 
 def _block(name: str) -> Rule:
+    """The rule of a word that a block of this name follows."""
     return Rule("block", block=name)
 
 

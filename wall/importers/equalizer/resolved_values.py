@@ -1,4 +1,4 @@
-"""What panels show, as the values of `graph:`: a preset where each panel has its own ranks, else node by node."""
+"""Resolve what panels show to the values of `graph:`: a preset where each panel has its own ranks, else nodes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from wall.importers.equalizer.wall_values import PanelPart
 SINKS = ["browser", "png"]
 LOCAL = (None, "localhost", "127.0.0.1")  # names of no machine in particular
 
-Shape = tuple[Any, ...]  # ("part", range) or ("join", channel, shapes): what pixels show, whoever drew it
+Shape = tuple[Any, ...]  # ("part", range) or ("join", channel, shapes): what pixels show, without who rendered it
 
 
 @dataclass(slots=True)
-class Drawn:
-    """One panel: its rectangles with what they show, and the leaves that draw each part of the scene."""
+class ResolvedPanel:
+    """A panel: its rectangles with what they show, and the leaves that render each part of the scene."""
 
     part: PanelPart
     areas: list[tuple[Rect, Shape]]  # pixels from the panel's top left
@@ -27,13 +27,13 @@ class Drawn:
 
     @property
     def draws(self) -> Iterator[Draw]:
-        """All that is drawn for it."""
+        """All draws of the panel."""
         for draws in self.leaves.values():
             yield from draws
 
     @property
     def joiners(self) -> set[int]:
-        """Identities of the channels that compare what others drew."""
+        """Identities of the channels that join rendered parts."""
         found, shapes = set(), [shape for _, shape in self.areas]
         while shapes:
             shape = shapes.pop()
@@ -44,16 +44,16 @@ class Drawn:
 
     @property
     def plain(self) -> bool:
-        """Whether it shows samples of the whole scene, as they are."""
+        """Whether it shows the whole scene without a join."""
         return [shape for _, shape in self.areas] == [("part", EVERYTHING)]
 
 
-def drawn(part: PanelPart, name: str) -> Drawn:
-    """What a panel shows by its compounds; its own channel draws it where they say nothing. Raises ConfigError."""
+def resolve_panel(part: PanelPart, name: str) -> ResolvedPanel:
+    """Resolve what a panel shows by its compounds; without any, its own channel renders it. Raises ConfigError."""
     roots = part.destination.roots
     trace = Trace(roots, label=part.destination.channel.name, eye=part.eye, pixels=part.pixels, name=name)
     for block in trace.unknown:
-        block.leave("its frame comes from outside this panel, which renders all it shows itself")
+        block.drop("its frame comes from outside this panel, which renders all it shows itself")
     cells = trace.cells()
     leaves: dict[Range, list[Draw]] = {}
     for draw in (draw for _, shown in cells if shown is not None for draw in draws_of(shown)):
@@ -63,14 +63,14 @@ def drawn(part: PanelPart, name: str) -> Drawn:
     shapes = [(rect, _shape(shown)) for rect, shown in cells if shown is not None]
     if not leaves:
         leaves, shapes = {EVERYTHING: []}, [((0, 0, *part.pixels), ("part", EVERYTHING))]
-    elif len(shapes) < len(cells):  # pixels that nobody draws: those who draw the others do
+    elif len(shapes) < len(cells):  # pixels that no leaf renders get the shape that most others have
         common = Counter(shape for _, shape in shapes).most_common(1)[0][0]
         shapes = [(rect, common if shown is None else _shape(shown)) for rect, shown in cells]
-    return Drawn(part, _merged(shapes), dict(sorted(leaves.items())))
+    return ResolvedPanel(part, _merged(shapes), dict(sorted(leaves.items())))
 
 
 def _shape(shown: Part) -> Shape:
-    """What it shows without who drew it: parts of the scene, each once, joined where more than one."""
+    """A part without who rendered it: parts of the scene, each once, joined where there are several."""
     if isinstance(shown, Draw):
         return ("part", shown.range)
     parts = tuple(dict.fromkeys(_shape(part) for part in shown.parts))
@@ -78,7 +78,7 @@ def _shape(shown: Part) -> Shape:
 
 
 def _merged(cells: list[tuple[Rect, Shape]]) -> list[tuple[Rect, Shape]]:
-    """Neighbours that show the same in one rectangle: along rows, then rows of equal width."""
+    """Merge neighbours of one shape: along rows, then rows of equal width."""
     for axis in (0, 1):
         found: list[tuple[Rect, Shape]] = []
         for rect, shape in sorted(cells, key=lambda cell: (cell[0][1 - axis], cell[0][axis])):
@@ -95,13 +95,14 @@ def _merged(cells: list[tuple[Rect, Shape]]) -> list[tuple[Rect, Shape]]:
 
 
 def _continues(a: Rect, b: Rect, axis: int) -> bool:
+    """Whether b begins where a ends along an axis, with equal extent across it."""
     other = 1 - axis
     return a[other] == b[other] and a[2 + other] == b[2 + other] and a[axis] + a[2 + axis] == b[axis]
 
 
-def share_channels(panels: list[Drawn]) -> None:
-    """A channel that helps several panels by turns (view_equalizer) becomes a rank of one: its own, or the emptiest."""
-    users: dict[Channel, list[tuple[Drawn, Range, Draw]]] = {}
+def share_channels(panels: list[ResolvedPanel]) -> None:
+    """Make a channel that a view_equalizer shares among panels a rank of one: its own panel, or that with fewest."""
+    users: dict[Channel, list[tuple[ResolvedPanel, Range, Draw]]] = {}
     for one in panels:
         for part, leaves in one.leaves.items():
             for draw in leaves:
@@ -115,12 +116,13 @@ def share_channels(panels: list[Drawn]) -> None:
             if one is keeper[0] or len(one.leaves[part]) == 1:
                 continue
             one.leaves[part].remove(draw)
-            draw.leaf.statement.leave(
+            draw.leaf.statement.drop(
                 f"load balance between panels: here its channel is a rank of panel {keeper[0].part.id} alone"
             )
 
 
 def _balanced(leaf: Compound) -> bool:
+    """Whether a view_equalizer balances a leaf."""
     here: Compound | None = leaf
     while here is not None:
         if here.statement.all("view_equalizer"):
@@ -131,21 +133,22 @@ def _balanced(leaf: Compound) -> bool:
 
 @dataclass(slots=True)
 class GraphValues:
-    """What the YAML says of the graph, and how many renderers it names."""
+    """The YAML's values of the graph."""
 
-    panels: list[Drawn]
+    panels: list[ResolvedPanel]
     screens: dict[str, tuple[int, int]]  # top left pixel of each panel in the virtual screen
     nodes: list[dict[str, Any]] = field(default_factory=list)
-    pieces: list[str] = field(default_factory=list)  # what the picture of the wall is made of
+    areas: list[str] = field(default_factory=list)  # ids of the nodes that the wall's image is tiled from
     compositors: dict[tuple[str, int], str] = field(default_factory=dict)  # where a channel's joins run
     hosts: set[str] = field(default_factory=set)  # machines that joins are placed on
 
     @property
     def renderers(self) -> int:
+        """The number of ranks that render."""
         return sum(max(1, len(draws)) for one in self.panels for draws in one.leaves.values())
 
     def values(self) -> dict[str, Any]:
-        """A preset if it says all there is, else nodes."""
+        """The values of a preset if one is enough, else of single nodes."""
         counts = {max(1, len(draws)) for one in self.panels for draws in one.leaves.values()}
         if all(one.plain for one in self.panels) and len(counts) == 1:
             ranks = counts.pop()
@@ -155,14 +158,15 @@ class GraphValues:
         self._name_hosts()
         for one in self.panels:
             self._panel(one)
-        self.nodes.append({"id": "wall", "op": "tile", "inputs": self.pieces})
-        self._on_head(self.nodes[-1])
+        self.nodes.append({"id": "wall", "op": "tile", "inputs": self.areas})
+        if self.compositors:
+            self.nodes[-1]["on"] = "head"
         self.nodes.extend({"id": kind, "op": "sink", "kind": kind, "input": "wall"} for kind in SINKS)
         head = {"compositors": 1 + len(self.compositors)} if self.compositors else {}
         return {**head, "nodes": self.nodes}
 
-    def _name_compositors(self, one: Drawn, shapes: Iterable[Shape]) -> None:
-        """Number the channels that join what others drew; panels' own are the head."""
+    def _name_compositors(self, one: ResolvedPanel, shapes: Iterable[Shape]) -> None:
+        """Name a compositor for each channel that joins; panels' own channels are the head."""
         for shape in shapes:
             if shape[0] == "join":
                 if shape[1] != "panel":
@@ -170,7 +174,7 @@ class GraphValues:
                 self._name_compositors(one, shape[2])
 
     def _name_hosts(self) -> None:
-        """Joins of one panel run on their channels' machines, if each has one of its own."""
+        """Place the joins of a single panel on their channels' machines, if each has one of its own."""
         channels = {id(draw.where): draw.where for one in self.panels for draw in one.draws}
         joining = [channels.get(where) for _, where in self.compositors]
         hosts = [channel.host for channel in joining if isinstance(channel, Channel) and channel.host not in LOCAL]
@@ -180,22 +184,17 @@ class GraphValues:
             self.compositors = {key: f"host {host}" for key, host in zip(self.compositors, hosts, strict=True)}
 
     @staticmethod
-    def _key(one: Drawn, where: object) -> tuple[str, int]:
+    def _key(one: ResolvedPanel, where: object) -> tuple[str, int]:
+        """The key of a panel's join in `compositors`."""
         return one.part.id, id(where)
 
-    def _on_head(self, node: dict[str, Any]) -> None:
+    def _place(self, node: dict[str, Any], one: ResolvedPanel, where: object) -> None:
+        """Set the compositor that a node runs on, if there are others than the head."""
         if self.compositors:
-            node["on"] = "head"
+            node["on"] = self.compositors.get(self._key(one, where), "head")
 
-    def _place(self, node: dict[str, Any], one: Drawn, where: object) -> None:
-        place = self.compositors.get(self._key(one, where))
-        if place is not None:
-            node["on"] = place
-        else:
-            self._on_head(node)
-
-    def _panel(self, one: Drawn) -> None:
-        """Samples and framelets of its parts of the scene, then what each of its rectangles shows."""
+    def _panel(self, one: ResolvedPanel) -> None:
+        """Add the nodes of a panel: samples and framelets of its parts of the scene, then each of its rectangles."""
         framelets: dict[Range, str] = {}
         name = one.part.id
         for i, (part, draws) in enumerate(one.leaves.items()):
@@ -210,10 +209,14 @@ class GraphValues:
             self.nodes.extend((samples, framelet))
         whole = len(one.areas) == 1
         for k, (rect, shape) in enumerate(one.areas):
-            self.pieces.append(self._piece(one, framelets, shape, None if whole else rect, f"{k}" if not whole else ""))
+            self.areas.append(
+                self._area_node(one, framelets, shape, None if whole else rect, f"{k}" if not whole else "")
+            )
 
-    def _piece(self, one: Drawn, framelets: dict[Range, str], shape: Shape, rect: Rect | None, suffix: str) -> str:
-        """The id of a node that shows this shape; `rect`: cut out of the panel, None: all of it."""
+    def _area_node(
+        self, one: ResolvedPanel, framelets: dict[Range, str], shape: Shape, rect: Rect | None, suffix: str
+    ) -> str:
+        """Add the nodes of a shape and return the last one's id; `rect`: its area of the panel, None for all of it."""
         name = one.part.id
         if shape[0] == "part":
             if rect is None:
@@ -222,7 +225,7 @@ class GraphValues:
             node: dict[str, Any] = {"id": f"{name}.c{suffix}", "op": "crop", "input": framelets[shape[1]]}
             node["area"] = [x + rect[0], y + rect[1], rect[2], rect[3]]
         else:
-            inputs = [self._piece(one, framelets, part, rect, f"{suffix}.{i}") for i, part in enumerate(shape[2])]
+            inputs = [self._area_node(one, framelets, part, rect, f"{suffix}.{i}") for i, part in enumerate(shape[2])]
             node = {"id": f"{name}.d{suffix}", "op": "depth", "inputs": inputs}
             self._place(node, one, shape[1])
         self.nodes.append(node)

@@ -1,4 +1,4 @@
-"""Nodes, pipes, windows and channels: where each channel's pixels are, on which machine and display.
+"""Read nodes, pipes, windows and channels: the pixels of each channel, its machine and its display.
 
 Pipes and windows count pixels from the top left; a channel's viewport in its window counts from the bottom left.
 """
@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from wall.importers.equalizer.grammar import Statement
 
 ASSUMED_PIPE = (1920, 1080)  # pixels of a display that does not say its size
-MOST_PIXELS = 16384
+MOST_PIXELS = 16384  # of a channel, each way
+LONGEST_NAME = 40  # characters of an id
 OFF_SCREEN = ("FBO", "pbuffer")
 
 Rect = tuple[int, int, int, int]  # x, y, width, height
@@ -19,7 +20,7 @@ Rect = tuple[int, int, int, int]  # x, y, width, height
 
 @dataclass(slots=True, eq=False)
 class Channel:
-    """One picture area of a window, the smallest thing that draws or shows."""
+    """A rectangle of a window, the smallest unit that renders or shows."""
 
     name: str  # as the file calls it; may be empty
     id: str  # unique, letters, digits, '.', '_' and '-'
@@ -29,12 +30,12 @@ class Channel:
     pixels: tuple[int, int]
     window: Rect | None  # on its display, from the top left; None: all of it
     assumed: bool  # whether the display's size had to be assumed
-    off_screen: bool  # its window says that nobody sees it
+    off_screen: bool  # its window is a frame buffer that no display shows
 
 
 @dataclass(slots=True)
 class Resources:
-    """All channels in the order of the file, and what each node and its ways are called."""
+    """All channels, in the order of the file."""
 
     channels: list[Channel] = field(default_factory=list)
 
@@ -44,7 +45,7 @@ class Resources:
 
 
 def read_resources(config: Statement, fullscreen: bool) -> Resources:
-    """All channels of a config. `fullscreen`: what windows are that do not say it."""
+    """All channels of a config. `fullscreen`: whether windows are full screen that do not say it."""
     found, ids = Resources(), set[str]()
     for node in config.all("appNode", "node"):
         host = _host(node)
@@ -52,19 +53,15 @@ def read_resources(config: Statement, fullscreen: bool) -> Resources:
             display, size = _display(pipe), pipe.numbers("viewport")
             for window in pipe.all("window"):
                 for channel in window.all("channel"):
-                    place = _place(channel, window, size, fullscreen)
-                    label = channel.text("name")
-                    found.channels.append(
-                        Channel(
-                            label, unique(label or "channel", ids), channel, host, display, *place, _off_screen(window)
-                        )
-                    )
+                    area, label = _area(channel, window, size, fullscreen), channel.text("name")
+                    name = unique(label or "channel", ids)
+                    found.channels.append(Channel(label, name, channel, host, display, *area, _off_screen(window)))
     return found
 
 
 def unique(name: str, taken: set[str]) -> str:
-    """A name fit for ids (letters, digits, '.', '_' and '-', beginning with a letter or digit), not taken yet."""
-    base = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-._")[:40] or "panel"
+    """A valid id (letters, digits, '.', '_' and '-', beginning with a letter or digit) that is not taken yet."""
+    base = re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-._")[:LONGEST_NAME] or "panel"
     found, number = base, 2
     while found in taken:
         found, number = f"{base}-{number}", number + 1
@@ -73,7 +70,7 @@ def unique(name: str, taken: set[str]) -> str:
 
 
 def _host(node: Statement) -> str | None:
-    """Its own host, else the machine of its first connection."""
+    """A node's own host, else the machine of its first connection."""
     own = node.text("host")
     for connection in node.all("connection"):
         hostname = connection.last("hostname")
@@ -91,7 +88,7 @@ def _display(pipe: Statement) -> str | None:
     return f":{int(port[0]) if port else 0}.{int(device[0]) if device else 0}"
 
 
-def _place(
+def _area(
     channel: Statement, window: Statement, pipe: list[float] | None, fullscreen: bool
 ) -> tuple[tuple[int, int], Rect | None, bool]:
     """Pixels of the channel, its rectangle on the display, and whether the display's size was assumed."""
@@ -105,7 +102,7 @@ def _place(
     x, y, w, h = (0, 0, area[2], area[3]) if part is None else _pixels(part, area[2:])
     if not (0 < w <= MOST_PIXELS and 0 < h <= MOST_PIXELS):
         for one in channel.all("viewport") or window.all("viewport") or [channel]:
-            one.leave(f"a channel of {w} x {h} pixels came; wanted: 1 to {MOST_PIXELS} each way, so it is cut to that")
+            one.drop(f"a channel of {w} x {h} pixels came; wanted: 1 to {MOST_PIXELS} each way, so it is cut to that")
         w, h = (min(MOST_PIXELS, max(1, size)) for size in (w, h))
     covers = whole and part is None
     rect = None if covers or _off_screen(window) else (area[0] + x, area[1] + area[3] - y - h, w, h)
@@ -113,6 +110,7 @@ def _place(
 
 
 def _in_pixels(viewport: list[float]) -> bool:
+    """Whether a viewport is given in pixels, not in shares."""
     return viewport[2] > 1 or viewport[3] > 1
 
 
@@ -126,7 +124,7 @@ def _pixels(viewport: list[float], of: tuple[int, int] | Rect) -> Rect:
 
 
 def _switch(block: Statement, word: str, default: bool) -> bool:
-    """Whether an attribute of it is on."""
+    """Whether an attribute of a block is on."""
     value = default
     for attributes in block.all("attributes"):
         if (found := attributes.last(word)) is not None and found.values[0] not in ("AUTO", -1.0):
@@ -136,5 +134,6 @@ def _switch(block: Statement, word: str, default: bool) -> bool:
 
 
 def _off_screen(window: Statement) -> bool:
+    """Whether a window renders to a frame buffer that no display shows."""
     drawables = [one for attributes in window.all("attributes") for one in attributes.all("hint_drawable")]
     return any(one.values[0] in OFF_SCREEN for one in drawables)

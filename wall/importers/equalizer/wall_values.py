@@ -1,4 +1,4 @@
-"""Destinations as the values of `wall:` and `views:`."""
+"""Convert destinations to the values of `wall:` and `views:`."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ from wall.config.screens import PanelConfig
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
 from wall.importers.equalizer.destinations import Destination
+from wall.importers.equalizer.frusta import in_a_row
 from wall.importers.equalizer.grammar import Statement
-from wall.importers.equalizer.places import in_a_row
 from wall.importers.panels import FARTHEST_PIXEL
 
 EYE_BASE_M = 0.05  # Equalizer's default distance of both eyes
-BEHIND = 0.002  # of its distance from the eye: how far a panel steps back from one that shows the same place
-SAME_PLANE = 0.1  # pixels
-NEAREST = 1e-3  # metres of a panel's plane from the eye
+BEHIND = 0.002  # of the distance to the eye: how far a panel moves behind one that it overlaps
+SAME_PLANE = 0.1  # pixels between planes that count as one
+PARALLEL = 1e-5  # difference of unit vectors that count as parallel
+LEAST_OVERLAP = 0.4  # pixels; panels that share less only touch
+NEAREST = 1e-3  # metres from the eye to a panel's plane
 
 
 @dataclass(frozen=True, slots=True)
 class PanelPart:
-    """A panel as the graph sees it: one for each eye."""
+    """A panel of the graph: the part of a destination that one eye sees."""
 
     id: str
     eye: str  # CYCLOP, LEFT or RIGHT
@@ -34,7 +36,7 @@ class PanelPart:
 
 @dataclass(slots=True)
 class WallValues:
-    """What the YAML says of the wall and its viewer."""
+    """The YAML's values of the wall and its viewer."""
 
     panels: list[dict[str, Any]]
     parts: list[PanelPart]
@@ -44,9 +46,9 @@ class WallValues:
 
 
 def wall_values(destinations: list[Destination], eye_base: float | None, name: str) -> WallValues:
-    """Panels with their places and eyes. Raises ConfigError where no panel can be: what cannot is not carried."""
+    """The wall's panels and its viewer. Invalid panels are reported as not carried; raises ConfigError if all are."""
     assumed: list[str] = []
-    _place(destinations, assumed)
+    _assume_corners(destinations, assumed)
     eyes = [_eye(one.observer) for one in destinations]
     _turn_to(destinations, eyes, assumed)
     separation = next((_separation(one.observer) for one in destinations if one.observer is not None), None)
@@ -60,7 +62,7 @@ def wall_values(destinations: list[Destination], eye_base: float | None, name: s
             _check(one, values, eye, name)
         except ConfigError as error:
             refusals.append(error)
-            one.statement.leave(str(error).removeprefix(f"{name}:"))
+            one.statement.drop(str(error).removeprefix(f"{name}:"))
             continue
         panels.append(values)
         parts.extend(ours)
@@ -74,17 +76,18 @@ def wall_values(destinations: list[Destination], eye_base: float | None, name: s
     return WallValues(panels, parts, eyes[0], separation or eye_base or EYE_BASE_M, assumed)
 
 
-def _place(destinations: list[Destination], assumed: list[str]) -> None:
-    homeless = [one for one in destinations if one.corners is None]
-    for one, corners in zip(homeless, in_a_row([one.pixels for one in homeless]), strict=True):
+def _assume_corners(destinations: list[Destination], assumed: list[str]) -> None:
+    """Give corners to the panels that have none in the file."""
+    unplaced = [one for one in destinations if one.corners is None]
+    for one, corners in zip(unplaced, in_a_row([one.pixels for one in unplaced]), strict=True):
         one.corners = corners
-    if homeless:
-        names = ", ".join(one.id for one in homeless)
+    if unplaced:
+        names = ", ".join(one.id for one in unplaced)
         assumed.append(f"the file says no place of {names}: side by side, 1 m high, 1 m before the viewer")
 
 
 def _turn_to(destinations: list[Destination], eyes: list[list[float]], assumed: list[str]) -> None:
-    """Walls that face away from their viewer: left and right are exchanged, so that they face him."""
+    """Exchange left and right of walls that face away from their viewer."""
     for one, eye in zip(destinations, eyes, strict=True):
         corners = one.corners
         assert corners is not None
@@ -94,7 +97,7 @@ def _turn_to(destinations: list[Destination], eyes: list[list[float]], assumed: 
 
 
 def _eye(observer: Statement | None) -> list[float]:
-    """Metres; an observer begins at the origin."""
+    """The eye of an observer, metres; the origin by default."""
     found = observer.numbers("eye_cyclop") if observer is not None else None
     if observer is not None:
         observer.carry("who looks")
@@ -103,6 +106,7 @@ def _eye(observer: Statement | None) -> list[float]:
 
 
 def _separation(observer: Statement | None) -> float | None:
+    """Metres between an observer's eyes; None where the file does not say."""
     if observer is None:
         return None
     left, right, base = (observer.numbers(word) for word in ("eye_left", "eye_right", "eye_base"))
@@ -112,7 +116,7 @@ def _separation(observer: Statement | None) -> float | None:
 
 
 def _check(one: Destination, values: dict[str, Any], eye: list[float], name: str) -> None:
-    """Raise ConfigError for a panel that a configuration refuses, or that its viewer sees from the edge."""
+    """Raise ConfigError for a panel that a configuration refuses, or whose plane holds the viewer's eye."""
     corners, at = one.corners, one.statement
     try:
         PanelConfig.model_validate(values)
@@ -132,13 +136,14 @@ def _check(one: Destination, values: dict[str, Any], eye: list[float], name: str
 
 
 def _normal(corners: Float64) -> Float64:
+    """(3,) unit normal of a rectangle's front."""
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     found: Float64 = normal / np.linalg.norm(normal)
     return found
 
 
 def _step_back(destinations: list[Destination], eyes: list[list[float]], assumed: list[str]) -> None:
-    """Panels that show the same place stand behind each other, so that each covers the same directions."""
+    """Move overlapping panels behind each other, along the directions from the eye, so that they look the same."""
     for i, one in enumerate(destinations):
         first, steps, hidden = one.corners, 0, ""
         assert first is not None
@@ -155,7 +160,7 @@ def _step_back(destinations: list[Destination], eyes: list[list[float]], assumed
 
 
 def _covers(destinations: list[Destination], eyes: list[list[float]], i: int) -> Destination | None:
-    """An earlier panel of the same plane and viewer that lights a part of this one's place."""
+    """An earlier panel of the same plane and eye that overlaps panel i."""
     for j, other in enumerate(destinations[:i]):
         one = destinations[i]
         if eyes[i] == eyes[j] and (one.eyes & other.eyes) and _overlap(one, other):
@@ -164,20 +169,22 @@ def _covers(destinations: list[Destination], eyes: list[list[float]], i: int) ->
 
 
 def _overlap(one: Destination, other: Destination) -> bool:
+    """Whether two panels lie in one plane and overlap."""
     a, b = one.corners, other.corners
     assert a is not None
     assert b is not None
     size_a, size_b = (np.linalg.norm(c[1:] - c[0], axis=1) for c in (a, b))
     pitch = np.minimum(size_a / one.pixels, size_b / other.pixels)
     across_a, across_b = (a[1:] - a[0]) / size_a[:, None], (b[1:] - b[0]) / size_b[:, None]
-    if np.abs(across_a - across_b).max() > 1e-5 or abs((b[0] - a[0]) @ _normal(a)) > SAME_PLANE * pitch.min():
+    if np.abs(across_a - across_b).max() > PARALLEL or abs((b[0] - a[0]) @ _normal(a)) > SAME_PLANE * pitch.min():
         return False
     low = across_a @ (b[0] - a[0])
     shared = np.minimum(size_a, low + size_b) - np.maximum(0.0, low)
-    return bool((shared > 0.4 * pitch).all())
+    return bool((shared > LEAST_OVERLAP * pitch).all())
 
 
 def _panel(one: Destination, assumed: list[str]) -> tuple[dict[str, Any], list[PanelPart]]:
+    """A panel's values for YAML, and its part for each eye."""
     corners, (w, h) = one.corners, one.pixels
     assert corners is not None
     sides = sorted(one.eyes & {"LEFT", "RIGHT"})
@@ -209,16 +216,16 @@ def _even(w: int, h: int) -> tuple[int, int]:
 
 
 def _window(one: Destination, pixels: tuple[int, int]) -> dict[str, int] | None:
-    """Where it is on its display, pixels from the top left; None: all of it."""
+    """A panel's window on its display, pixels from the top left; None if it fills the display."""
     x, y, _, h = one.part
     area, whole = one.channel.window, one.part == (0.0, 0.0, 1.0, 1.0)
     if area is None and whole:
         return None
     left, top, width, height = area or (0, 0, *one.channel.pixels)
-    place = left + round(x * width), top + height - round((y + h) * height)
-    if max(map(abs, place)) > FARTHEST_PIXEL:
+    left, top = left + round(x * width), top + height - round((y + h) * height)
+    if max(abs(left), abs(top)) > FARTHEST_PIXEL:
         for viewport in (at.last("viewport") for at in (one.channel.statement, one.channel.statement.parent) if at):
             if viewport is not None:
-                viewport.leave(f"its window at {place[0]}, {place[1]} is on no display: it fills its display")
+                viewport.drop(f"its window at {left}, {top} is on no display: it fills its display")
         return None
-    return {"x": place[0], "y": place[1], "width": pixels[0], "height": pixels[1]}
+    return {"x": left, "y": top, "width": pixels[0], "height": pixels[1]}

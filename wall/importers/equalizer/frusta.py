@@ -1,4 +1,4 @@
-"""Where walls stand: `wall` and `projection` blocks as corners, and parts of them.
+"""Convert `wall` and `projection` blocks to corners of rectangles, and cut parts out of them.
 
 Equalizer's frame is the wall's: metres, x right, y up, z towards the viewer, who begins at the origin.
 Corners are (3, 3) float64 rows lower left, lower right, upper left. Defaults as in eq/fabric of Equalizer 2.
@@ -13,10 +13,14 @@ import numpy as np
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
 from wall.importers.equalizer.grammar import Statement
+from wall.importers.panels import rotation
 
 DEFAULT_WALL = ((-0.8, -0.5, -1.0), (0.8, -0.5, -1.0), (-0.8, 0.5, -1.0))
 DEFAULT_FOV, DEFAULT_DISTANCE = (77.3196, 53.1301), 1.0  # degrees, metres
-ASSUMED_HEIGHT, ASSUMED_DISTANCE = 1.0, 1.0  # metres, of panels whose place the file does not say
+ASSUMED_HEIGHT, ASSUMED_DISTANCE = 1.0, 1.0  # metres, of panels whose position the file does not give
+SMALLEST_M = 1e-4  # metres of a panel, each way
+SMALLEST_SHARE = 1e-4  # of a whole; parts that share less only touch
+LARGEST_COSINE = 0.01  # between the sides of a rectangle
 WHOLE = (0.0, 0.0, 1.0, 1.0)
 
 View = tuple[float, float, float, float]  # x, y, width, height: part of a whole, from its lower left
@@ -24,7 +28,7 @@ View = tuple[float, float, float, float]  # x, y, width, height: part of a whole
 
 @dataclass(frozen=True, slots=True)
 class Frustum:
-    """Corners, and the statement that gave them."""
+    """Corners of a rectangle, and the statement that gave them."""
 
     corners: Float64
     statement: Statement
@@ -35,10 +39,10 @@ class Frustum:
 
 
 def frustum_of(block: Statement, name: str) -> Frustum | None:
-    """The last wall or projection of a block. Raises ConfigError where its corners span nothing."""
+    """The last wall or projection of a block. Raises ConfigError where its corners span no rectangle."""
     found = block.all("wall", "projection")
     for overruled in found[:-1]:
-        overruled.leave(f"line {found[-1].line} says it again")
+        overruled.drop(f"line {found[-1].line} says it again")
     if not found:
         return None
     last = found[-1]
@@ -49,7 +53,7 @@ def frustum_of(block: Statement, name: str) -> Frustum | None:
 
 
 def viewport_of(block: Statement) -> View:
-    """Its viewport, the whole where it has none."""
+    """A block's viewport, the whole where it has none."""
     found = block.numbers("viewport")
     return (found[0], found[1], found[2], found[3]) if found else WHOLE
 
@@ -70,10 +74,10 @@ def within(outer: View, inner: View) -> View:
 
 
 def common(a: View, b: View) -> View | None:
-    """What two parts have in common; None if they only touch (to a ten-thousandth)."""
+    """The intersection of two parts; None if they only touch."""
     x, y = max(a[0], b[0]), max(a[1], b[1])
     w, h = min(a[0] + a[2], b[0] + b[2]) - x, min(a[1] + a[3], b[1] + b[3]) - y
-    return (x, y, w, h) if w > 1e-4 and h > 1e-4 else None
+    return (x, y, w, h) if min(w, h) > SMALLEST_SHARE else None
 
 
 def relative(view: View, to: View) -> View:
@@ -82,7 +86,7 @@ def relative(view: View, to: View) -> View:
 
 
 def in_a_row(sizes: list[tuple[int, int]]) -> list[Float64]:
-    """Places for panels that have none: side by side before the viewer, each 1 m high, in their pixels' proportion."""
+    """Corners for panels that have none: side by side before the viewer, each 1 m high, with square pixels."""
     widths = [ASSUMED_HEIGHT * w / h for w, h in sizes]
     left, found = -sum(widths) / 2, []
     for width in widths:
@@ -96,47 +100,42 @@ def in_a_row(sizes: list[tuple[int, int]]) -> list[Float64]:
 
 
 def _of_wall(wall: Statement) -> Float64:
+    """(3, 3) corners of a wall block."""
     found = [wall.numbers(word) for word in ("bottom_left", "bottom_right", "top_left")]
     corners = [given or default for given, default in zip(found, DEFAULT_WALL, strict=True)]
     kind = wall.last("type")
     if kind is not None and kind.values[0] == "HMD":
-        kind.leave("a head-mounted display: its wall moves with the head there, and stands still here")
+        kind.drop("a head-mounted display: its wall moves with the head there, and stands still here")
     elif kind is not None:
         kind.carry()
     return np.array(corners, np.float64)
 
 
 def _of_projection(projection: Statement) -> Float64:
-    """Heading turns to the left, pitch down, roll clockwise (degrees), as Equalizer 2 makes a wall of a projector."""
+    """(3, 3) corners of a projection block, as Equalizer 2 converts a projector to a wall.
+
+    Heading turns to the left, pitch down, roll clockwise; degrees.
+    """
     origin = np.array(projection.numbers("origin") or (0.0, 0.0, 0.0))
     distance = abs((projection.numbers("distance") or [DEFAULT_DISTANCE])[0])
     half = distance * np.tan(np.radians(projection.numbers("fov") or DEFAULT_FOV) / 2)
     heading, pitch, roll = np.radians(projection.numbers("hpr") or (0.0, 0.0, 0.0))
-    turned = _turn(2, -roll) @ _turn(1, heading) @ _turn(0, -pitch)
+    turned = rotation(2, -roll) @ rotation(1, heading) @ rotation(0, -pitch)
     flat = [(-half[0], -half[1], -distance), (half[0], -half[1], -distance), (-half[0], half[1], -distance)]
     found: Float64 = np.array(flat) @ turned.T + origin
     return found
 
 
-def _turn(axis: int, angle: float) -> Float64:
-    """(3, 3) rotation about x (0), y (1) or z (2), counter-clockwise, radians."""
-    c, s = np.cos(angle), np.sin(angle)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    found = np.eye(3)
-    found[i, i] = found[j, j] = c
-    found[i, j], found[j, i] = -s, s
-    return found
-
-
 def _check(corners: Float64, block: Statement, name: str) -> None:
+    """Raise ConfigError for corners that span no rectangle."""
     across, up = corners[1] - corners[0], corners[2] - corners[0]
     sizes = float(np.linalg.norm(across)), float(np.linalg.norm(up))
-    if min(sizes) < 1e-4 or not np.isfinite(corners).all():
+    if min(sizes) < SMALLEST_M or not np.isfinite(corners).all():
         raise ConfigError(
             f"{name}:{block.line}:{block.column}: {block.word} of {sizes[0]:g} x {sizes[1]:g} m came; "
             "wanted: at least 0.0001 m each way"
         )
-    if abs(float(across @ up)) > 0.01 * sizes[0] * sizes[1]:
+    if abs(float(across @ up)) > LARGEST_COSINE * sizes[0] * sizes[1]:
         raise ConfigError(
             f"{name}:{block.line}:{block.column}: the corners of this {block.word} meet at no right angle; "
             "wanted: a rectangle"
