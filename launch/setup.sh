@@ -1,5 +1,5 @@
-# Sourced by the scripts beside it: make .venv/ in the clone and install what the project's files name.
-# setup EXTRAS...   (skipped when nothing changed since the last time)
+# Sourced by the scripts in this folder: makes .venv/ in the clone and installs the packages that pyproject.toml names.
+# setup EXTRAS...   (skipped if neither pyproject.toml nor constraints.txt changed since the last time)
 
 setup() {
     local extras; extras=$(IFS=,; echo "$*")
@@ -26,7 +26,7 @@ setup() {
     echo "$wanted" > "$stamp"
 }
 
-# One line that changes, on a terminal; otherwise a line for every package.
+# On a terminal one line that is overwritten, otherwise one line for each package.
 progress() {
     local line log=""
     while IFS= read -r line; do
