@@ -132,6 +132,7 @@ class Device:
         end.atexit = False  # threads may still trace then
 
     def check(self, doing: str) -> None:
+        """Raises RunError if Embree met an error; `doing` is what it was asked for."""
         error = _library.rtcGetDeviceError(self.handle)
         if error:
             raise RunError(

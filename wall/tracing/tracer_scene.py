@@ -17,37 +17,35 @@ from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle
-
-HAS_NORMALS, HAS_COLORS, HAS_UVS = 1, 2, 4
+from wall.tracing.kernels.values import (
+    HAS_COLORS,
+    HAS_NORMALS,
+    HAS_UVS,
+    MATERIAL,
+    PLACEMENT_COLUMNS,
+    Materials,
+    Surfaces,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracerScene:
-    """Read-only arrays of a scene; see kernels.Surfaces and kernels.trace for shapes and units."""
+    """Read-only arrays of a scene; the values that kernels take, and what places them."""
 
     scene: Scene
     needs: Needs
     device: Device
     meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
     extents: Float64  # (n,) radius of each instance's mesh about its origin
-    triangles: NDArray[np.uint32]
-    mesh_table: NDArray[np.uint32]
-    materials: Float32
-    sky: Float32
-    irradiance: Float32
-    normals: Float32 | None
-    colors: Float32 | None
-    uvs: Float32 | None
-    texels: NDArray[np.uint8] | None
-    textures: NDArray[np.int32] | None
-    to_linear: Float32
-    emission: Float32 | None
-    mirrors: Float32 | None
+    surfaces: Surfaces  # without placements, which are each Tracer's own
+    materials: Materials
+    sky: Float32  # (3, 3), see Lights
+    sky_irradiance: Float32
 
     @property
     def bytes(self) -> int:
         """Memory of the arrays kept here (Embree's own trees come on top)."""
-        arrays = [getattr(self, name) for name in self.__slots__]
+        arrays = (self.extents, *self.surfaces, *self.materials, self.sky, self.sky_irradiance)
         return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 
@@ -59,7 +57,6 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
     np.concatenate([mesh.vertices for mesh in scene.meshes], out=vertices[:-2])
     triangles = np.ascontiguousarray(np.concatenate([mesh.triangles for mesh in scene.meshes]), np.uint32)
     table = _mesh_table(scene.meshes, wanted)
-    texels, textures = _texels(scene) if wanted.textures else (None, None)
     device = Device()
     handles = []
     for mesh, row in zip(scene.meshes, table, strict=True):
@@ -75,23 +72,23 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
         device=device,
         meshes=tuple(handles[k] for k in of_instance),
         extents=np.array(radii, np.float64)[of_instance],
-        triangles=triangles,
-        mesh_table=table[of_instance],
-        materials=_materials(scene),
+        surfaces=Surfaces(
+            triangles=triangles,
+            mesh_table=table[of_instance],
+            placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
+            normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
+            colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
+            uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
+            eye_from_object=None,
+        ),
+        materials=_materials(scene, wanted),
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
-        irradiance=sky_irradiance(scene.sky),
-        normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
-        colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
-        uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
-        texels=texels,
-        textures=textures,
-        to_linear=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
-        emission=np.ones(1, np.float32) if wanted.emission else None,
-        mirrors=np.ones(1, np.float32) if wanted.mirrors else None,
+        sky_irradiance=sky_irradiance(scene.sky),
     )
 
 
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
+    """(meshes, 4) uint32, a row of Surfaces.mesh_table for each mesh."""
     table = np.zeros((len(meshes), 4), np.uint32)
     triangle = vertex = 0
     for row, mesh in zip(table, meshes, strict=True):
@@ -104,23 +101,26 @@ def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
 
 
 def _attribute(meshes: tuple[Mesh, ...], name: str, width: int) -> Float32:
+    """(v, width) float32 of all meshes' vertices, zero where a mesh does not have the attribute."""
     parts = [getattr(mesh, name) for mesh in meshes]
     blank = [np.zeros((len(mesh.vertices), width), np.float32) for mesh in meshes]
     return np.concatenate([b if p is None else p for p, b in zip(parts, blank, strict=True)]).astype(np.float32)
 
 
-def _materials(scene: Scene) -> Float32:
-    rows = np.zeros((len(scene.materials), 8), np.float32)
+def _materials(scene: Scene, wanted: Needs) -> Materials:
+    """One MATERIAL row for each of the scene's materials, and the texels of all textures one after another."""
+    sizes = [texture.texels.shape[:2] for texture in scene.textures]
+    firsts = np.cumsum([0, *(height * width for height, width in sizes)])
+    rows = np.zeros(len(scene.materials), MATERIAL)
     for row, material in zip(rows, scene.materials, strict=True):
-        row[:7] = *material.base_color, material.mirror, *material.emission
-    return rows
-
-
-def _texels(scene: Scene) -> tuple[NDArray[np.uint8], NDArray[np.int32]]:
-    firsts = np.cumsum([0, *(t.texels.shape[0] * t.texels.shape[1] for t in scene.textures)])
-    table = np.zeros((len(scene.materials), 3), np.int32)
-    for row, material in zip(table, scene.materials, strict=True):
-        if material.texture is not None:
-            height, width = scene.textures[material.texture].texels.shape[:2]
-            row[:] = firsts[material.texture], width, height
-    return np.concatenate([t.texels.reshape(-1, 3) for t in scene.textures]), table
+        row["base_color"], row["mirror"], row["emission"] = material.base_color, material.mirror, material.emission
+        if wanted.textures and (texture := material.texture) is not None:
+            row["first_texel"] = firsts[texture]
+            row["texture_height"], row["texture_width"] = sizes[texture]
+    return Materials(
+        rows=rows,
+        texels=np.concatenate([t.texels.reshape(-1, 3) for t in scene.textures]) if wanted.textures else None,
+        linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
+        emits=True if wanted.emission else None,
+        mirrors=True if wanted.mirrors else None,
+    )

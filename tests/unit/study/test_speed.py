@@ -17,7 +17,7 @@ from wall.study.speed import record, runs, speed
 from wall.study.speed.tracing import T_FAR, Bench
 from wall.tracing import embree
 from wall.tracing.kernels import trace as kernels
-from wall.tracing.kernels.packet import PRIMARY, SHADOW
+from wall.tracing.kernels.values import PRIMARY_RAYS, SHADOW_RAYS
 
 KEYS = {"metric", "value", "unit", "limit", "ratio", "command", "machine", "seed", "commit"}
 
@@ -78,8 +78,8 @@ def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
     work = bench.tracer._work
     work.counts[:] = 0
     kernels.trace(*bench.arguments(bench.raster))
-    assert work.counts[PRIMARY] == 16 * len(bench.hits)
-    assert work.counts[SHADOW] == int((bench.lit != 0).sum())
+    assert work.counts[PRIMARY_RAYS] == 16 * len(bench.hits)
+    assert work.counts[SHADOW_RAYS] == int((bench.lit != 0).sum())
     assert np.array_equal(bench.found.ravel() == embree.NO_HIT, bench.samples["object_id"] == BACKGROUND)
     assert bench.stopped.any()
     assert not bench.stopped.all()

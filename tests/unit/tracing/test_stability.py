@@ -31,7 +31,7 @@ from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Instance, PointLight, Sky
 from wall.tracing import tracer
 
-HARDEST = 4.0  # LIFT_ULPS / 4: where the hard cases below must be free of acne already
+HARDEST = 4.0  # OFFSET_ULPS / 4: where the hard cases below must be free of acne already
 
 
 def codes(radiance: object) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
@@ -137,31 +137,31 @@ CASES = {name: (scene, seen) for name, scene, seen in hard_cases()}
 
 
 def acne(scene: Scene, seen: View, monkeypatch: pytest.MonkeyPatch, *, ulps: float) -> tuple[int, int]:
-    """Pixels of one convex object that face the light but are shadowed at a lift of `ulps`; and pixels that are lit.
+    """Pixels of a convex object that face the light but are shadowed at a ray offset of `ulps`; pixels that are lit.
 
-    A convex body never shadows what faces the light, so each one is an error. Facing is what a lift of 512 shows.
+    A convex body never shadows what faces the light, so each one is an error. Facing is what an offset of 512 shows.
     Radiance below 2e-3 of the brightest is left out: there the cosine itself is within rounding of nothing.
     """
-    monkeypatch.setattr(tracer, "LIFT_ULPS", 512.0)
+    monkeypatch.setattr(tracer, "OFFSET_ULPS", 512.0)
     lit = picture(scene, seen, coherent=False).radiance[..., 0]
     facing = lit > 2e-3 * lit.max()
-    monkeypatch.setattr(tracer, "LIFT_ULPS", ulps)
+    monkeypatch.setattr(tracer, "OFFSET_ULPS", ulps)
     got = picture(scene, seen, coherent=False).radiance[..., 0]
     return int((got == 0.0)[facing].sum()), int(facing.sum())
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_no_shadow_acne_at_a_quarter_of_the_lift(
+def test_no_shadow_acne_at_a_quarter_of_the_ray_offset(
     name: str, monkeypatch: pytest.MonkeyPatch, compiled_only: None
 ) -> None:
-    assert tracer.LIFT_ULPS >= 4 * HARDEST
+    assert tracer.OFFSET_ULPS >= 4 * HARDEST
     wrong, facing = acne(*CASES[name], monkeypatch, ulps=HARDEST)
     assert wrong == 0
     assert facing > 40
 
 
-def test_without_a_lift_these_cases_do_show_acne(monkeypatch: pytest.MonkeyPatch, compiled_only: None) -> None:
-    """The cases are hard ones: at a lift of zero nearly all of them fail."""
+def test_without_an_offset_these_cases_do_show_acne(monkeypatch: pytest.MonkeyPatch, compiled_only: None) -> None:
+    """The cases are hard ones: at an offset of zero nearly all of them fail."""
     failing = sum(acne(scene, seen, monkeypatch, ulps=0.0)[0] > 0 for scene, seen in CASES.values())
     assert failing > 0.8 * len(CASES)
 
@@ -178,8 +178,8 @@ FLOORS = {"quad": instance(0), "flattened": instance(0, scale=(1.0, 1.0, 1e-3))}
 
 
 @pytest.mark.parametrize("floor", FLOORS.values(), ids=FLOORS.keys())
-def test_light_leaks_only_under_what_is_closer_than_the_lift(floor: Instance) -> None:
-    """A floor of 10 units, seen from 1.7: W = abs(T) = 1.7, R sqrt(3) = 12.2, lift 16 * 2^-24 * 17.3 = 1.7e-5: a
+def test_light_leaks_only_under_what_is_closer_than_the_ray_offset(floor: Instance) -> None:
+    """A floor of 10 units, seen from 1.7: W = abs(T) = 1.7, R sqrt(3) = 12.2, offset 16 * 2^-24 * 17.3 = 1.7e-5: a
     plate 2e-5 above it still shades it. Flattening the floor's frame does not make it worse."""
     got = contact(2e-5, floor)
     assert (got.objects == 1).all()
@@ -196,13 +196,13 @@ def test_a_mirror_far_away_shows_near_things_without_acne(monkeypatch: pytest.Mo
         lights=[sun(np.array([0.4, 0.3, -1.0]))],
     )
     seen = view((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), pixels=(48, 48), fov=math.degrees(2.0 / 2e4))
-    wrong, facing = acne(scene, seen, monkeypatch, ulps=tracer.LIFT_ULPS)
+    wrong, facing = acne(scene, seen, monkeypatch, ulps=tracer.OFFSET_ULPS)
     assert facing > 500
     assert wrong == 0
 
 
 def test_a_lamp_in_a_surface_is_not_shaded_by_it() -> None:
-    """A lamp exactly in a ceiling: ending the ray at the lamp itself, rounding would decide; it ends a lift before."""
+    """A lamp exactly in a ceiling: ending the ray at the lamp itself, rounding would decide; it ends before it."""
     ceiling, floor = instance(0, at=(0.1, 0.2, 1.3), turn=("x", 180.0)), instance(0)
     lamp = PointLight(position=(0.3, 0.1, 1.3), intensity=(1.0, 1.0, 1.0))
     scene = scene_of([quad(9.0, 9.0)], [floor, ceiling], lights=[lamp])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,8 +18,10 @@ from wall.study.speed.kernels.embree_rate import bare_queries
 from wall.study.speed.record import SEED, Row, compared
 from wall.tracing import embree
 from wall.tracing.kernels import trace as kernels
-from wall.tracing.kernels.packet import SHADE, SHADOW, Workspace
-from wall.tracing.tracer import Tracer
+from wall.tracing.kernels.lights import aim_directional, aim_point
+from wall.tracing.kernels.rows import SHADOW_PACKET
+from wall.tracing.kernels.values import SHADOW_RAYS, Lights, Workspace
+from wall.tracing.tracer import Arguments, Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
 
 SCENE = """\
@@ -59,29 +60,30 @@ class Bench:
         self.samples = np.zeros(len(self.raster), SAMPLE)
         self._record()
 
-    def arguments(self, xy: Float32, *, suns: Any = "all", points: Any = "all") -> tuple[Any, ...]:
-        arguments = list(self.tracer.arguments(xy, self.samples[: len(xy)]))
-        arguments[-3] = None  # mirrors
-        arguments[-6] = arguments[-6] if isinstance(points, str) else points
-        arguments[-5] = arguments[-5] if isinstance(suns, str) else suns
-        return tuple(arguments)
+    def arguments(self, xy: Float32) -> Arguments:
+        """The arguments of kernels.trace for positions (n, 2), without mirrors."""
+        arguments = self.tracer.arguments(xy, self.samples[: len(xy)])
+        return arguments._replace(materials=arguments.materials._replace(mirrors=None))
 
     def _record(self) -> None:
         """Every primary packet, and the shadow packet of every light that some lane of it faces."""
-        work, (points, suns) = self.tracer._work, self.arguments(self.raster)[-6:-4]
-        lights = [(None, suns[k : k + 1]) for k in range(0 if suns is None else len(suns))]
-        lights += [(points[k : k + 1], None) for k in range(0 if points is None else len(points))]
+        work, every = self.tracer._work, self.arguments(self.raster).lights
+        dark = every._replace(directional=None, points=None)
+        lights = [
+            dark._replace(directional=row[None]) for row in (() if every.directional is None else every.directional)
+        ]
+        lights += [dark._replace(points=row[None]) for row in (() if every.points is None else every.points)]
         hits, shadows, lit, stopped, ends = [], [], [], [], []
         for first in range(0, len(self.raster), embree.PACKET):
             xy = self.raster[first : first + embree.PACKET]
-            for point, sun in lights or [(None, None)]:
+            for light in lights or [dark]:
                 work.counts[:] = 0
-                kernels.trace(*self.arguments(xy, suns=sun, points=point))
-                if work.counts[SHADOW]:
-                    lit.append(work.lit.copy())
-                    stopped.append(work.packet[SHADE + embree.T_FAR :][: embree.PACKET] < 0.0)
-                    _aim_again(point, sun, work)
-                    shadows.append(work.packet[SHADE : SHADE + embree.RAY_FLOATS].copy())
+                kernels.trace(*self.arguments(xy)._replace(lights=light))
+                if work.counts[SHADOW_RAYS]:
+                    lit.append(work.shadow_valid.copy())
+                    stopped.append(work.packet[SHADOW_PACKET + embree.T_FAR :][: embree.PACKET] < 0.0)
+                    _aim_again(light, work)
+                    shadows.append(work.packet[SHADOW_PACKET : SHADOW_PACKET + embree.RAY_FLOATS].copy())
             hits.append(work.packet[: embree.RAY_HIT_FLOATS].copy())
             ends.append(len(shadows))
         self.hits, self.shadows = np.array(hits), np.array(shadows).reshape(-1, embree.RAY_FLOATS)
@@ -150,12 +152,12 @@ class Bench:
         return batches[: len(batches) // 2]
 
 
-def _aim_again(point: Float32 | None, sun: Float32 | None, work: Workspace) -> None:
-    """Aim the shadow packet as tracing did: Embree overwrote how far its rays go."""
-    if sun is not None:
-        kernels.aim_directional(sun[0], work)
-    elif point is not None:
-        kernels.aim_point(point[0], work)
+def _aim_again(light: Lights, work: Workspace) -> None:
+    """Aim the shadow packet at the only light as tracing did: Embree overwrote how far its rays go."""
+    if light.directional is not None:
+        aim_directional(light.directional[0], work)
+    elif light.points is not None:
+        aim_point(light.points[0], work)
 
 
 def measure(rounds: int) -> list[Row]:

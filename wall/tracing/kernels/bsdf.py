@@ -1,0 +1,71 @@
+"""How surfaces scatter light: a diffuse share, and a mirror share that is followed by one more ray.
+
+A material with another lobe (rough metal, glass) is added here: its fields in values.MATERIAL, its value towards a
+light beside `diffuse` (called by lights.py), and how its rays go on beside `reflect` (called by trace.py).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.core.jit import inline_kernel
+from wall.tracing import embree
+from wall.tracing.kernels import rows
+from wall.tracing.kernels.rows import set_xyz, xyz
+from wall.tracing.kernels.surface import material_of
+from wall.tracing.kernels.values import EVERY_OBJECT, INF, INV_PI, MISS, ONE, ZERO
+
+EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
+TWO = np.float32(2.0)
+
+
+@inline_kernel
+def diffuse(cosine):
+    """Lambert's BSDF of albedo 1 times the cosine between the shading normal and the direction to the light."""
+    return cosine * INV_PI
+
+
+@inline_kernel
+def reflect(surfaces, materials, work):
+    """Sends the lanes on that hit mirrors; adds what all others show to their paths. Returns how many go on."""
+    p, bits, valid = work.packet, work.bits, work.valid
+    going = 0
+    for lane in range(16):
+        if valid[lane] == 0:
+            continue
+        share = ZERO
+        if p[rows.HIT + lane] != ZERO:
+            share = material_of(surfaces, materials, lane, work)["mirror"]
+        through = p[rows.THROUGHPUT + lane]
+        r, g, b = xyz(p, rows.RADIANCE_R, lane)
+        p[rows.PATH_RADIANCE_R + lane] += through * (ONE - share) * r
+        p[rows.PATH_RADIANCE_G + lane] += through * (ONE - share) * g
+        p[rows.PATH_RADIANCE_B + lane] += through * (ONE - share) * b
+        p[rows.THROUGHPUT + lane] = through * share
+        if share <= ZERO:
+            valid[lane] = 0
+            continue
+        going += 1
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
+        dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
+        turn = TWO * (nx * dx + ny * dy + nz * dz)
+        if (dx - turn * nx) * gx + (dy - turn * ny) * gy + (dz - turn * nz) * gz <= ZERO:
+            nx, ny, nz = gx, gy, gz  # the shading normal would send it inside
+            turn = TWO * (nx * dx + ny * dy + nz * dz)
+        set_xyz(p, embree.DIRECTION_X, lane, dx - turn * nx, dy - turn * ny, dz - turn * nz)
+        start_off_surface(p, embree.ORIGIN_X, lane)
+        p[embree.T_FAR + lane] = INF
+        bits[embree.MASK + lane] = EVERY_OBJECT_MASK
+        bits[embree.GEOMETRY + lane] = MISS
+        bits[embree.INSTANCE + lane] = MISS
+    return going
+
+
+@inline_kernel
+def start_off_surface(p, row, lane):
+    """Writes the start of a lane's secondary ray to `row`: its hit, moved off the surface by the ray offset."""
+    offset = p[rows.RAY_OFFSET + lane]
+    px, py, pz = xyz(p, rows.POSITION_X, lane)
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    set_xyz(p, row, lane, px + offset * gx, py + offset * gy, pz + offset * gz)

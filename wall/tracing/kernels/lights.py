@@ -1,0 +1,165 @@
+"""Light on a packet's hits: sky, directional and point lights with shadow rays, emission."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.core.jit import inline_kernel
+from wall.scene.sky import SKY_STEPS
+from wall.tracing import embree
+from wall.tracing.embree import occluded16
+from wall.tracing.kernels import rows
+from wall.tracing.kernels.bsdf import diffuse, start_off_surface
+from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
+from wall.tracing.kernels.surface import material_of
+from wall.tracing.kernels.values import INF, ONE, ZERO
+
+SHADOW_ORIGIN, SHADOW_DIRECTION = SHADOW_PACKET + embree.ORIGIN_X, SHADOW_PACKET + embree.DIRECTION_X
+SHADOW_T_FAR = SHADOW_PACKET + embree.T_FAR
+
+
+@inline_kernel
+def see_sky(lights, work):
+    """Sets radiance to the sky's: ground to horizon to zenith, linear in the direction's height."""
+    p, sky = work.packet, lights.sky
+    zr, zg, zb = sky[0, 0] - sky[1, 0], sky[0, 1] - sky[1, 1], sky[0, 2] - sky[1, 2]
+    gr, gg, gb = sky[2, 0] - sky[1, 0], sky[2, 1] - sky[1, 1], sky[2, 2] - sky[1, 2]
+    hr, hg, hb = sky[1, 0], sky[1, 1], sky[1, 2]
+    for lane in range(16):
+        y = p[embree.DIRECTION_Y + lane]
+        up, down = max(y, ZERO), max(-y, ZERO)
+        set_xyz(p, rows.RADIANCE_R, lane, hr + up * zr + down * gr, hg + up * zg + down * gg, hb + up * zb + down * gb)
+
+
+@inline_kernel
+def add_ambient(lights, work):
+    """Sets hits' radiance to light from the whole sky, unoccluded: albedo * E(normal) / pi, by the normal's height."""
+    p, table = work.packet, lights.sky_irradiance
+    for lane in range(16):
+        if p[rows.HIT + lane] != ZERO:
+            x = (p[rows.SHADING_NORMAL_Y + lane] + ONE) * np.float32(SKY_STEPS / 2)
+            i = np.uint32(min(max(int(x), 0), SKY_STEPS - 1))
+            j = i + np.uint32(1)
+            f = x - np.float32(i)
+            r, g, b = xyz(p, rows.ALBEDO_R, lane)
+            p[rows.RADIANCE_R + lane] = r * (table[i, 0] + f * (table[j, 0] - table[i, 0]))
+            p[rows.RADIANCE_G + lane] = g * (table[i, 1] + f * (table[j, 1] - table[i, 1]))
+            p[rows.RADIANCE_B + lane] = b * (table[i, 2] + f * (table[j, 2] - table[i, 2]))
+
+
+@inline_kernel
+def add_emission(emits, surfaces, materials, work):
+    """Adds what hit surfaces emit; emits = None does nothing."""
+    if emits is not None:
+        p = work.packet
+        for lane in range(16):
+            if p[rows.HIT + lane] != ZERO:
+                emission = material_of(surfaces, materials, lane, work)["emission"]
+                p[rows.RADIANCE_R + lane] += emission[0]
+                p[rows.RADIANCE_G + lane] += emission[1]
+                p[rows.RADIANCE_B + lane] += emission[2]
+
+
+@inline_kernel
+def add_directional_lights(directional, first, scene, work):
+    """Adds directional lights (s, 6), numbered from `first`; None does nothing. Returns shadow rays."""
+    rays = 0
+    if directional is not None:
+        for lane in range(16):
+            start_off_surface(work.packet, SHADOW_ORIGIN, lane)
+        for k in range(directional.shape[0]):
+            aim_directional(directional[k], work)
+            rays += add_light(directional[k], first + k, scene, work)
+    return rays
+
+
+@inline_kernel
+def add_point_lights(points, first, scene, work):
+    """Adds point lights (p, 6), numbered from `first`; None does nothing. Returns shadow rays."""
+    rays = 0
+    if points is not None:
+        for lane in range(16):
+            start_off_surface(work.packet, SHADOW_ORIGIN, lane)
+        for k in range(points.shape[0]):
+            aim_point(points[k], work)
+            rays += add_light(points[k], first + k, scene, work)
+    return rays
+
+
+@inline_kernel
+def light_count(directional):
+    """The number of directional lights (s, 6), 0 for None."""
+    if directional is None:
+        return 0
+    return directional.shape[0]
+
+
+@inline_kernel
+def aim_directional(light, work):
+    """Aims shadow rays at a directional light; COSINE becomes the weight of its irradiance, 0 where it is not faced."""
+    p = work.packet
+    lx, ly, lz = light[0], light[1], light[2]
+    for lane in range(16):
+        nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        cosine = nx * lx + ny * ly + nz * lz
+        side = gx * lx + gy * ly + gz * lz
+        p[rows.COSINE + lane] = diffuse(cosine) if min(cosine, side) > ZERO else ZERO
+        set_xyz(p, SHADOW_DIRECTION, lane, lx, ly, lz)
+        p[SHADOW_T_FAR + lane] = INF
+
+
+@inline_kernel
+def aim_point(light, work):
+    """Aims shadow rays at a point light (position relative to the eye); COSINE becomes the weight of its intensity.
+
+    Rays end an offset before the light, so that a light in a surface is not shaded by it. Weights are those of the hit
+    itself: the start off the surface would brighten what lies close to a light.
+    """
+    p = work.packet
+    x, y, z = light[0], light[1], light[2]
+    reach = abs(x) + abs(y) + abs(z)
+    for lane in range(16):
+        px, py, pz = xyz(p, rows.POSITION_X, lane)
+        nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        lx, ly, lz = x - px, y - py, z - pz
+        square = lx * lx + ly * ly + lz * lz
+        scale = ONE / math.sqrt(square)
+        cosine = nx * lx + ny * ly + nz * lz
+        side = gx * lx + gy * ly + gz * lz
+        p[rows.COSINE + lane] = diffuse(cosine * scale) / square if min(cosine, side) > ZERO else ZERO
+        sx, sy, sz = xyz(p, SHADOW_ORIGIN, lane)
+        set_xyz(p, SHADOW_DIRECTION, lane, x - sx, y - sy, z - sz)
+        gap = p[rows.RAY_OFFSET + lane] + p[rows.OFFSET_SLOPE + lane] * reach
+        p[SHADOW_T_FAR + lane] = max(ONE - gap * scale, ZERO)
+
+
+@inline_kernel
+def add_light(light, number, scene, work):
+    """Traces the shadow rays that were aimed, and adds the light (6,) to every lane that sees it. Returns rays traced.
+
+    number : int, the light's bit in row LIGHT_VISIBILITY
+    """
+    p, bits, valid = work.packet, work.bits, work.shadow_valid
+    rays = 0
+    for lane in range(16):
+        facing = p[rows.COSINE + lane] * p[rows.HIT + lane] > ZERO
+        valid[lane] = -1 if facing else 0
+        rays += 1 if facing else 0
+    if rays == 0:
+        return 0
+    occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
+    red, green, blue = light[3], light[4], light[5]
+    for lane in range(16):
+        seen = p[SHADOW_T_FAR + lane] >= ZERO  # Embree sets it to -inf where something is in the way
+        weight = p[rows.COSINE + lane] if seen and p[rows.HIT + lane] > ZERO else ZERO
+        hidden = np.uint32(0) if seen or valid[lane] == 0 else np.uint32(1)
+        bits[rows.LIGHT_VISIBILITY + lane] ^= hidden << np.uint32(number)
+        r, g, b = xyz(p, rows.ALBEDO_R, lane)
+        p[rows.RADIANCE_R + lane] += r * red * weight
+        p[rows.RADIANCE_G + lane] += g * green * weight
+        p[rows.RADIANCE_B + lane] += b * blue * weight
+    return rays

@@ -1,0 +1,83 @@
+"""Places a scene's instances relative to the eye, in Embree and in the table of normals and ray offsets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.core.jit import kernel
+from wall.tracing.embree import FORMAT_FLOAT3X4_ROW_MAJOR, commit_geometry, commit_scene, set_transform
+from wall.tracing.kernels.values import PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH
+
+HALF_ULP = 2.0**-24  # largest relative error of one float32 rounding
+
+
+@kernel
+def place_instances(world_from_object, eye, scene, geometries, transforms, placements, extents, ulps):
+    """Places every instance relative to the eye and commits the scene.
+
+    Parameters
+    ----------
+    world_from_object : (n, 4, 4) float64
+    eye : (3,) float64, world
+    scene, geometries : Embree handles, int and (n,) intp
+    transforms : (n, 12) float32, row major 3x4 eye_from_object, written
+    placements : (n, 12) float32, written; see Surfaces
+    extents : (n,) float64, mesh radius in object space
+    ulps : float, how many float32 roundings a secondary ray's start is off the surface; see surface.finish_surfaces
+
+    Returns
+    -------
+    singular : int, instances whose matrix has no inverse (their normals are left unrotated)
+    """
+    singular = 0
+    for k in range(world_from_object.shape[0]):
+        m = world_from_object[k]
+        a, b, c = m[0, 0], m[0, 1], m[0, 2]
+        d, e, f = m[1, 0], m[1, 1], m[1, 2]
+        g, h, i = m[2, 0], m[2, 1], m[2, 2]
+        x, y, z = m[0, 3] - eye[0], m[1, 3] - eye[1], m[2, 3] - eye[2]
+        for row in range(3):
+            for column in range(3):
+                transforms[k, 4 * row + column] = m[row, column]
+        transforms[k, 3] = x
+        transforms[k, 7] = y
+        transforms[k, 11] = z
+        # the cofactor matrix is the inverse transpose times the determinant; the sign keeps mirrored instances right
+        c0, c1, c2 = e * i - f * h, f * g - d * i, d * h - e * g
+        determinant = a * c0 + b * c1 + c * c2
+        size = math.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i)
+        if determinant == 0.0:
+            singular += 1
+            scale = 1.0
+            placements[k, 0:9] = 0.0
+            placements[k, 0] = placements[k, 4] = placements[k, 8] = 1.0
+        else:
+            scale = 1.0 / determinant * size
+            placements[k, 0], placements[k, 1], placements[k, 2] = c0 * scale, c1 * scale, c2 * scale
+            placements[k, 3], placements[k, 4], placements[k, 5] = (
+                (c * h - b * i) * scale,
+                (a * i - c * g) * scale,
+                (b * g - a * h) * scale,
+            )
+            placements[k, 6], placements[k, 7], placements[k, 8] = (
+                (b * f - c * e) * scale,
+                (c * d - a * f) * scale,
+                (a * e - b * d) * scale,
+            )
+        norm = 0.0
+        for q in range(9):
+            norm += float(placements[k, q]) ** 2
+        # condition number of the 3x3 part in the Frobenius norm over 3: 1 for rotation and uniform scale
+        condition = max(1.0, math.sqrt(norm) / 3.0)
+        root = math.sqrt(3.0)
+        placements[k, PLACEMENT_BASE] = (
+            root * ulps * HALF_ULP * (condition * (abs(x) + abs(y) + abs(z)) + extents[k] * size)
+        )
+        placements[k, PLACEMENT_SLOPE] = ulps * HALF_ULP
+        placements[k, PLACEMENT_STRETCH] = root * ulps * HALF_ULP * condition
+        set_transform(geometries[k], np.uint32(0), np.int32(FORMAT_FLOAT3X4_ROW_MAJOR), transforms.ctypes.data + 48 * k)
+        commit_geometry(geometries[k])
+    commit_scene(scene)
+    return singular

@@ -1,0 +1,49 @@
+"""Rows of a packet: where each quantity of 16 rays stands in one flat array, and how lanes are read and written.
+
+A packet is one float32 array, one row of 16 floats a quantity, so that LLVM sees constant distances between rows and
+turns loops over lanes into vector code. The Embree ray-hit packet comes first (see embree.py), then the Embree packet
+of shadow rays, then the rows below. Rows of x, y, z and of red, green, blue follow each other.
+"""
+
+from __future__ import annotations
+
+from wall.core.jit import inline_kernel
+from wall.tracing.embree import PACKET, RAY_FLOATS, RAY_HIT_FLOATS
+
+SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
+
+(
+    POSITION_X, POSITION_Y, POSITION_Z,  # of the hit, relative to the eye
+    SHADING_NORMAL_X, SHADING_NORMAL_Y, SHADING_NORMAL_Z,  # unit, towards the ray
+    GEOMETRIC_NORMAL_X, GEOMETRIC_NORMAL_Y, GEOMETRIC_NORMAL_Z,  # unit, towards the ray
+    RAY_OFFSET,  # how far secondary rays start off the surface, along the geometric normal
+    OFFSET_BASE, OFFSET_SLOPE, OFFSET_STRETCH,  # what it follows from, see surface.finish_surfaces
+    ALBEDO_R, ALBEDO_G, ALBEDO_B,
+    RADIANCE_R, RADIANCE_G, RADIANCE_B,  # along the newest ray, without what its mirror shows
+    PATH_RADIANCE_R, PATH_RADIANCE_G, PATH_RADIANCE_B,  # along the primary ray: mirrors passed so far added up
+    THROUGHPUT,  # share of the newest ray's radiance that reaches the eye through the mirrors before it
+    COSINE,  # what a light's irradiance or intensity is multiplied by, besides the albedo; 0 = not faced
+    LIGHTING,  # radiance over albedo of the first surface
+    DEPTH,  # of the first surface, from the eye; inf = background
+    HIT,  # 1 where the newest ray hit something, else 0
+    OBJECT_ID,  # uint32, of the first surface; 0 = background
+    LIGHT_VISIBILITY,  # uint32 mask of the newest surface, see core.data.SAMPLE
+    SAMPLE_VISIBILITY,  # uint32 mask of the first surface
+    NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
+    PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 32 * PACKET, PACKET)  # fmt: skip
+PACKET_FLOATS = PRIMARY_MASK + PACKET
+
+
+@inline_kernel
+def xyz(packet, row, lane):
+    """Three float32 of a lane: those of `row` and of the two rows behind it."""
+    return packet[row + lane], packet[row + 16 + lane], packet[row + 32 + lane]
+
+
+@inline_kernel
+def set_xyz(packet, row, lane, x, y, z):
+    """Write three float32 of a lane, to `row` and to the two rows behind it."""
+    packet[row + lane] = x
+    packet[row + 16 + lane] = y
+    packet[row + 32 + lane] = z

@@ -1,0 +1,101 @@
+"""What tracing kernels read and write, as named values: camera, surfaces, materials, lights, workspace.
+
+None stands for a feature that the scene lacks: numba leaves out a branch that tests an argument for None, so that a
+scene without textures runs a kernel without textures. Kernels see the constants here as such.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Float32, Float64, Samples
+from wall.tracing.embree import NO_HIT
+
+INF = np.float32(np.inf)
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+MISS = np.uint32(NO_HIT)
+INV_PI = np.float32(1.0 / math.pi)
+
+# Embree ray masks
+EVERY_OBJECT = 0xFFFFFFFF  # hit by rays that any object stops
+SEEN, UNSEEN = 1, 2  # objects that primary rays may hit, and those that only shadow rays and mirrors know
+
+ALL_LIGHTS = np.uint32(0xFFFFFFFF)  # light visibility mask where nothing is hidden
+NO_NORMAL = np.uint32(0x8080)  # code of the normal (0, 0): of the sky and of mirrors
+
+# counts of a workspace
+PRIMARY_RAYS, SHADOW_RAYS, SECONDARY_RAYS, BAD_SAMPLES = range(4)
+COUNTS = 4
+
+# columns of Surfaces.mesh_table, and the flags in the last of them
+FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS = range(4)
+HAS_NORMALS, HAS_COLORS, HAS_UVS = 1, 2, 4
+# columns of Surfaces.placements behind the nine of normal_from_object
+PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH = 9, 10, 11
+PLACEMENT_COLUMNS = 12
+
+# One material. To add a property of surfaces (roughness, metalness, ...): a field here, filled by tracer_scene.py from
+# scene.model.Material; bsdf.py reads it.
+MATERIAL = np.dtype(
+    [
+        ("base_color", np.float32, (3,)),  # linear RGB reflectance
+        ("mirror", np.float32),  # share of the ray that is mirrored, 0..1
+        ("emission", np.float32, (3,)),  # W sr^-1 m^-2
+        ("first_texel", np.int32),  # row of Materials.texels
+        ("texture_width", np.int32),  # texels; 0 = no texture
+        ("texture_height", np.int32),
+    ]
+)
+
+
+class Camera(NamedTuple):
+    """Primary rays of a panel: direction A + X B + Y C at virtual-screen position (X, Y), from the eye at 0."""
+
+    frame: Float64  # (3, 3) rows A, B, C
+    corner: Float64  # (2,) the panel's top left corner on the virtual screen, pixels
+
+
+class Surfaces(NamedTuple):
+    """Meshes of all instances; they stand one after another in the vertex and triangle arrays."""
+
+    triangles: NDArray[np.uint32]  # (t, 3) vertex numbers within the mesh
+    mesh_table: NDArray[np.uint32]  # (n, 4) of each instance, columns FIRST_TRIANGLE ... MESH_FLAGS
+    placements: Float32  # (n, 12) normal_from_object (9, row major), then PLACEMENT_BASE, _SLOPE, _STRETCH
+    normals: Float32 | None  # (v, 3) shading normals
+    colors: Float32 | None  # (v, 3) linear RGB
+    uvs: Float32 | None  # (v, 2)
+    eye_from_object: Float32 | None  # (n, 12) row major 3x4; None leaves normals and visible lights out of samples
+
+
+class Materials(NamedTuple):
+    """What surfaces look like."""
+
+    rows: Samples  # (k,) MATERIAL
+    texels: NDArray[np.uint8] | None  # (p, 3) sRGB, of all textures
+    linear_of_srgb: Float32  # (256,) linear light of an sRGB byte
+    emits: bool | None  # None: nothing emits
+    mirrors: bool | None  # None: nothing mirrors
+
+
+class Lights(NamedTuple):
+    """What shines: lights by number, directional ones first, and the sky."""
+
+    directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
+    points: Float32 | None  # (p, 6) position relative to the eye, intensity
+    sky: Float32  # (3, 3) radiance of zenith, horizon, ground
+    sky_irradiance: Float32  # (SKY_STEPS + 1, 3) over pi, by the normal's height
+
+
+class Workspace(NamedTuple):
+    """One thread's packet, 64-byte aligned; see workspace() in tracer.py, which sets the rows that never change."""
+
+    packet: Float32  # (rows.PACKET_FLOATS,)
+    bits: NDArray[np.uint32]  # the same memory
+    valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the ray-hit packet
+    shadow_valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the shadow packet
+    arguments: NDArray[np.uint32]  # RTCIntersectArguments
+    counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
