@@ -1,8 +1,4 @@
-"""Check the messages of the live page and where requests come from. Pure: text in; values, or RemoteProtocolError, out.
-
-orbit and pan carry `x` and `y` in heights of the wall (x right, y down, as the pointer moved); zoom carries
-the factor `x` by which things should look larger.
-"""
+"""Check the live page's messages and where requests come from. Pure: text in; values, or RemoteProtocolError, out."""
 
 from __future__ import annotations
 
@@ -12,32 +8,19 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from wall.core.errors import RemoteProtocolError
+from wall.geometry.steering import parse
 
 MAX_MESSAGE_BYTES = 1024  # the longest honest message has about 80
-MAX_MOVE = 10.0  # wall heights in one message: more than any hand can do in a frame
-MAX_ZOOM = 64.0
-MAX_NAME = 64  # characters of a sampler's name
 OVERLAYS = ("", "tiles", "age", "density")
 MAX_NUMBER = 2**53  # the largest whole number that a page can count to
-
-FIELDS = {
-    "orbit": {"kind", "x", "y"},
-    "pan": {"kind", "x", "y"},
-    "zoom": {"kind", "x"},
-    "pause": {"kind"},
-    "reset": {"kind"},
-    "sampler": {"kind", "value"},
-    "compare": {"kind", "value"},
-    "overlay": {"kind", "value"},
-    "shown": {"kind", "number"},
-}
+NOT_FROM_PAGES = ("statistics",)  # commands that a compositor sends, for the overlays of its pages
 
 
 def parse_message(text: str) -> dict[str, Any]:
-    """One message of a page: a steering command, what it lays over its picture (`overlay`, one of OVERLAYS), or
-    `shown` with the number of the picture it has drawn.
+    """Checks one message of a page and returns it as a dict with exactly the fields of its kind.
 
-    Returns a dict with exactly the fields of its kind, checked. Raises RemoteProtocolError for anything else.
+    A message is a steering command (see geometry.steering.parse), what the page lays over its picture (`overlay`, one
+    of OVERLAYS), or `shown` with the number of the picture it has drawn. Raises RemoteProtocolError for anything else.
     """
     if len(text) > MAX_MESSAGE_BYTES:
         raise RemoteProtocolError(f"page message: {len(text)} characters, at most {MAX_MESSAGE_BYTES}")
@@ -46,37 +29,23 @@ def parse_message(text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise RemoteProtocolError(f"page message is no JSON: {text[:60]!r}") from error
     kind = message.get("kind") if isinstance(message, dict) else None
-    if not isinstance(kind, str) or kind not in FIELDS:
-        known = ", ".join(FIELDS)
-        raise RemoteProtocolError(f"page message of kind {str(kind)[:60]!r}: wanted one of {known}")
-    if set(message) != FIELDS[kind]:
-        raise RemoteProtocolError(f"page message {kind}: wanted the fields {sorted(FIELDS[kind])}")
-    _check_values(kind, message)
-    return dict(message)
-
-
-def _check_values(kind: str, message: dict[str, Any]) -> None:
-    if kind in ("orbit", "pan"):
-        _check_number(message["x"], -MAX_MOVE, MAX_MOVE)
-        _check_number(message["y"], -MAX_MOVE, MAX_MOVE)
-    elif kind == "zoom":
-        _check_number(message["x"], 1 / MAX_ZOOM, MAX_ZOOM)
+    if kind == "overlay":
+        valid = set(message) == {"kind", "value"} and message["value"] in OVERLAYS
+        wanted = f"a value of {', '.join(OVERLAYS[1:])}, or nothing"
     elif kind == "shown":
-        _check_number(message["number"], 0, MAX_NUMBER)
-        if not isinstance(message["number"], int):
-            raise RemoteProtocolError(f"page message shown: {message['number']}, wanted a whole number")
-    elif kind in ("sampler", "compare"):
-        value, least = message["value"], int(kind == "sampler")
-        if not isinstance(value, str) or not least <= len(value) <= MAX_NAME:
-            raise RemoteProtocolError(f"page message {kind}: wanted a name of {least} to {MAX_NAME} characters")
-    elif kind == "overlay" and message["value"] not in OVERLAYS:
-        raise RemoteProtocolError(f"page message overlay: wanted one of {', '.join(OVERLAYS[1:])}, or nothing")
-
-
-def _check_number(value: object, low: float, high: float) -> None:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if not number or not low <= value <= high:  # type: ignore[operator]  # `number` says that it is one
-        raise RemoteProtocolError(f"page message: {str(value)[:20]}, wanted a number of {low:g} to {high:g}")
+        number = message.get("number")
+        valid = set(message) == {"kind", "number"} and type(number) is int and 0 <= number <= MAX_NUMBER
+        wanted = "the number of a picture"
+    else:
+        valid, wanted = kind not in NOT_FROM_PAGES, "a command of a page"
+    if not valid:
+        raise RemoteProtocolError(f"page message {text[:60]!r}: want {wanted}")
+    if kind not in ("overlay", "shown"):
+        try:
+            parse(message)
+        except RemoteProtocolError as error:
+            raise RemoteProtocolError(f"page message: {error}") from error
+    return dict(message)
 
 
 def _no_number(text: str) -> float:

@@ -11,8 +11,8 @@ from typing import Any
 
 import glfw
 
-from wall.display.steering import MAX_MOVE, MAX_ZOOM
 from wall.display.window_layout import TURNS
+from wall.geometry.steering import MAX_DRAG, MAX_ZOOM
 
 TAP = 0.04  # wall heights of one key press, and of each repeat while it is held
 KEY_ZOOM = 1.12
@@ -44,11 +44,11 @@ class InputHandler:
         glfw.set_key_callback(handle, self._key)
 
     def commands(self) -> list[dict[str, Any]]:
-        """Steering commands since the last call, within the limits of wall.display.steering."""
+        """Steering commands since the last call, within the limits of wall.geometry.steering."""
         asked: list[dict[str, Any]] = [{"kind": kind} for kind in self._once]
         for kind, (x, y) in self._sums.items():
             if x or y:
-                asked.append({"kind": kind, "x": _within(x, MAX_MOVE), "y": _within(y, MAX_MOVE)})
+                asked.append({"kind": kind, "x": _within(x, MAX_DRAG), "y": _within(y, MAX_DRAG)})
         if self._zoom != 1.0:
             asked.append({"kind": "zoom", "x": math.exp(_within(math.log(self._zoom), math.log(MAX_ZOOM)))})
         self._sums, self._zoom, self._once = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}, 1.0, []

@@ -1,4 +1,4 @@
-"""Steering by hand: what a viewer's page may ask for, and what it does to the camera. Pure."""
+"""Steering by hand: the commands of pages and windows, their only parser, and what they do to the camera. Pure."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ Vector: TypeAlias = tuple[float, float, float]
 
 STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the picture would flip
 ZOOM_RANGE = 1000.0  # times nearer or farther than where steering began
-ZOOM_STEP = 10.0  # the most that one command may do
-FARTHEST_DRAG = 10.0  # wall heights; a command sums the drags of one animation frame
+MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
+MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 NUMBERS: dict[str, tuple[str, ...]] = {"orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",)}
 VALUES: dict[str, tuple[str, ...]] = {
@@ -33,7 +33,7 @@ VALUES: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """One wish of a viewer.
+    """One steering command of a viewer.
 
     orbit, pan: x and y are drags in fractions of the wall's height, x to the right, y down. zoom: x is the
     factor by which things grow. pause: stops or resumes. sampler: `value` is one of METHODS. reset: back to
@@ -47,10 +47,13 @@ class Command:
     value: str = ""
 
 
-def parse(message: Mapping[str, Any]) -> Command:
-    """A command from what a page sent. Raises RemoteProtocolError for whatever is not exactly a command."""
+def parse(message: object) -> Command:
+    """The command of a page's or a window's message: a mapping of `kind` and that kind's fields.
+
+    Raises RemoteProtocolError for whatever is not exactly a command.
+    """
     kind = message.get("kind") if isinstance(message, Mapping) else None
-    if not isinstance(kind, str) or kind not in get_args(Kind):
+    if not isinstance(message, Mapping) or not isinstance(kind, str) or kind not in get_args(Kind):
         raise RemoteProtocolError(f"command kind {_short(kind)}: want one of {', '.join(get_args(Kind))}")
     wanted = NUMBERS.get(kind, ("value",) if kind in VALUES else ())
     if set(message) - {"kind"} != set(wanted):
@@ -65,7 +68,7 @@ def parse(message: Mapping[str, Any]) -> Command:
 
 
 def _number(kind: str, name: str, number: Any) -> float:
-    low, high = (1 / ZOOM_STEP, ZOOM_STEP) if kind == "zoom" else (-FARTHEST_DRAG, FARTHEST_DRAG)
+    low, high = (1 / MAX_ZOOM, MAX_ZOOM) if kind == "zoom" else (-MAX_DRAG, MAX_DRAG)
     is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
     if not is_number or not low <= number <= high:
         raise RemoteProtocolError(f"command {kind}: {name} = {_short(number)}: want a number from {low:g} to {high:g}")

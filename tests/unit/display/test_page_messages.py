@@ -23,6 +23,7 @@ from wall.display.stream import (
     statistics_message,
     status_message,
 )
+from wall.geometry.steering import Command, parse
 
 GOOD = [
     {"kind": "orbit", "x": 0.25, "y": -1},
@@ -79,6 +80,13 @@ BAD = [
 @pytest.mark.parametrize("message", GOOD, ids=lambda m: m["kind"])
 def test_every_kind_comes_through_unchanged(message):
     assert parse_message(json.dumps(message)) == message
+
+
+@pytest.mark.parametrize("factor", [1 / 64, 1 / 32, 32, 64])
+def test_what_a_page_may_zoom_the_camera_takes(factor):
+    """Pages and windows send up to 64 times; a second parser used to refuse what was beyond 10."""
+    message = parse_message(json.dumps({"kind": "zoom", "x": factor}))
+    assert parse(message) == Command(kind="zoom", x=factor)
 
 
 @pytest.mark.parametrize("text", BAD)

@@ -170,7 +170,7 @@ def test_command_is_understood(message: dict[str, Any], expected: Command) -> No
         ({"kind": "orbit", "x": 1e9, "y": 0}, "want a number from -10 to 10"),
         ({"kind": "orbit", "x": True, "y": 0}, "command orbit: x = True"),
         ({"kind": "orbit", "x": 10**400, "y": 0}, "want a number"),
-        ({"kind": "zoom", "x": 0}, "command zoom: x = 0: want a number from 0.1 to 10"),
+        ({"kind": "zoom", "x": 0}, "command zoom: x = 0: want a number from 0.015625 to 64"),
         ({"kind": "zoom", "x": "2"}, "command zoom: x = '2'"),
         ({"kind": "compare", "value": "adaptive"}, "want one of nothing, framed, frameless, hilbert"),
         ({"kind": "statistics", "value": "off"}, "command statistics 'off': want one of nothing, on"),

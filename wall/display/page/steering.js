@@ -1,6 +1,6 @@
 // Turn pointer, wheel and key input into steering commands: input is summed, and sent once an animation frame.
 
-const MAX_ZOOM = 64, MAX_MOVE = 10;       // what the server takes, wall/display/steering.py
+const MAX_ZOOM = 64, MAX_DRAG = 10;       // what the server takes, wall/geometry/steering.py
 const TAP = 0.04;                         // wall heights of one short key press
 const HELD_PER_S = 0.9;                   // wall heights a second while a key is held
 const KEY_ZOOM = 1.12;
@@ -70,8 +70,8 @@ export class Steering {
     this.#hold(now);
     const { orbit, pan, zoom } = this.#sum;
     this.#sum = { orbit: [0, 0], pan: [0, 0], zoom: 1 };
-    if (orbit[0] || orbit[1]) this.#send({ kind: "orbit", x: clamp(orbit[0], MAX_MOVE), y: clamp(orbit[1], MAX_MOVE) });
-    if (pan[0] || pan[1]) this.#send({ kind: "pan", x: clamp(pan[0], MAX_MOVE), y: clamp(pan[1], MAX_MOVE) });
+    if (orbit[0] || orbit[1]) this.#send({ kind: "orbit", x: clamp(orbit[0], MAX_DRAG), y: clamp(orbit[1], MAX_DRAG) });
+    if (pan[0] || pan[1]) this.#send({ kind: "pan", x: clamp(pan[0], MAX_DRAG), y: clamp(pan[1], MAX_DRAG) });
     if (zoom !== 1) this.#send({ kind: "zoom", x: Math.max(1 / MAX_ZOOM, Math.min(MAX_ZOOM, zoom)) });
   }
 
