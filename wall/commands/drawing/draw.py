@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from wall.commands.drawing.bundles import bundled
+from wall.commands.drawing.diagram import diagram_of
 from wall.commands.drawing.graph_part import graph_part
-from wall.commands.drawing.ink import Page, check_suffix, write_page
 from wall.commands.drawing.legend import Legend
-from wall.commands.drawing.model import Sketch
-from wall.commands.drawing.palette import tints
-from wall.commands.drawing.sketch import sketch
+from wall.commands.drawing.merging import merged
+from wall.commands.drawing.model import Diagram
+from wall.commands.drawing.page import Page, check_suffix, write_page
+from wall.commands.drawing.palette import process_colours
 from wall.commands.drawing.wall_part import wall_part
 from wall.config.loading import Loaded
 from wall.roles.plan import make_layout
@@ -21,7 +21,7 @@ HEADING_MM = 4.2
 WALL_MM = (54.0, 92.0)  # width of the wall's part: least, most
 WALL_HEIGHT_MM = (80.0, 120.0)
 SIDE_BY_SIDE_MM = 140.0  # below it the graph stands under the wall
-NEARLY = 1.1  # so much wider than wanted is not worth higher boxes
+NEARLY = 1.1  # times the wanted width: below it boxes are not made narrower and higher
 TEXT_WIDTH_MM = 178.0  # two columns of a journal
 
 
@@ -31,20 +31,20 @@ def draw(loaded: Loaded, path: Path, *, samples_per_s: float, width: float = TEX
     Raises ConfigError for what `wall check` refuses before it loads the scene, and for a file it cannot write.
     """
     check_suffix(path)
-    shown = sketch(make_layout(loaded), samples_per_s=samples_per_s)
+    shown = diagram_of(make_layout(loaded), samples_per_s=samples_per_s)
     page = compose(shown, width=width)
     write_page(page, path, title=shown.name)
     return page
 
 
-def compose(shown: Sketch, *, width: float = TEXT_WIDTH_MM) -> Page:
-    """The page of a sketch: wall and graph beside each other, on less than SIDE_BY_SIDE_MM the graph below.
+def compose(shown: Diagram, *, width: float = TEXT_WIDTH_MM) -> Page:
+    """The page of a diagram: wall and graph side by side, or the graph below on less than SIDE_BY_SIDE_MM.
 
     Type keeps its printed size, so a graph that needs more than `width` makes the page wider.
     """
-    together = bundled(shown)
-    used = {box.place for box in together.boxes}
-    colours = tints({key: place for key, place in together.places.items() if key in used})
+    together = merged(shown)
+    used = {box.process for box in together.boxes}
+    colours = process_colours({key: process for key, process in together.processes.items() if key in used})
     beside = width >= SIDE_BY_SIDE_MM
     room, (least, most) = width - 2 * MARGIN_MM, WALL_MM
     graph = graph_part(together, colours)

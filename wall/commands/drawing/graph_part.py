@@ -1,4 +1,4 @@
-"""The compositing graph on a page: layers left to right, processes tinted, wires between them with their bytes/s."""
+"""Draw the compositing graph: layers from left to right, a coloured frame for each process, edges with bytes/s."""
 
 from __future__ import annotations
 
@@ -9,20 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.path import Path as Curve
 
-from wall.commands.drawing.ink import BLACK, BODY_PT, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, fitted, width_of
-from wall.commands.drawing.layers import Item, Lane, Stacked, stack
-from wall.commands.drawing.model import TIMES, Box, Sketch, Wire
-from wall.commands.drawing.palette import Tint
+from wall.commands.drawing.graph_layout import Cluster, GraphLayout, Item, lay_out
+from wall.commands.drawing.model import TIMES, Box, Diagram, Edge
+from wall.commands.drawing.page import BLACK, BODY_PT, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, text_width, truncated
+from wall.commands.drawing.palette import Colours
 from wall.commands.drawing.traffic import si
 
 LINE_MM = 3.0  # from baseline to baseline
 BOX_PAD = 1.2  # mm, between a box and its text
 WIDEST_TEXT = 34.0  # mm; longer names are cut
-HULL_PAD = 1.6
-BEND = 6.0  # mm, in which a wire changes its height
-PORT_STEP = 1.3  # mm between the ends of wires at one box, where there is room
+FRAME_PAD = 1.6
+BEND = 6.0  # mm of page width in which an edge moves up or down
+PORT_STEP = 1.3  # mm between the ends of edges at one box, where there is room
 ARROW = (1.5, 0.55)  # mm, length and half width
-STACKED = 0.8  # mm by which the boxes behind a bundle stand out
+STACK_STEP = 0.8  # mm between the boxes drawn behind a merged one
+MOST_PORTS = 14  # edges for which a box is made higher; more come closer together
 
 
 Line = list[tuple[str, float, bool]]  # text, points, bold
@@ -30,11 +31,11 @@ Line = list[tuple[str, float, bool]]  # text, points, bold
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GraphPart:
-    """A graph with its size, ready to be drawn anywhere on a page."""
+    """A graph that is laid out, with its size, ready to be drawn anywhere on a page."""
 
-    sketch: Sketch
-    tints: Mapping[str, Tint]
-    stacked: Stacked
+    diagram: Diagram
+    colours: Mapping[str, Colours]
+    layout: GraphLayout
     left: tuple[float, ...]  # of each layer, mm
     widths: tuple[float, ...]
     heights: Mapping[str, float]
@@ -44,62 +45,64 @@ class GraphPart:
 
     def draw(self, page: Page, x: float, y: float) -> None:
         """Draw it with its top left corner at (x, y), mm."""
-        _Drawing(self, page, x, y).draw()
+        _GraphDrawing(self, page, x, y).draw()
 
 
-def graph_part(sketch: Sketch, tints: Mapping[str, Tint], *, narrow: bool = False) -> GraphPart:
-    """Lay the graph of a sketch out; `narrow` makes its boxes higher and less wide."""
-    lines = {box.id: _lines(box, narrow=narrow) for box in sketch.boxes}
+def graph_part(diagram: Diagram, colours: Mapping[str, Colours], *, narrow: bool = False) -> GraphPart:
+    """Lay out the graph of a diagram; `narrow` makes its boxes higher and narrower."""
+    lines = {box.id: _lines(box, narrow=narrow) for box in diagram.boxes}
     fan_in: dict[str, int] = defaultdict(int)
-    for wire in sketch.wires:
-        fan_in[wire.end] += 1
+    for edge in diagram.edges:
+        fan_in[edge.end] += 1
     heights = {
-        box.id: max(_text_height(lines[box.id]), min(fan_in[box.id], 14) * PORT_STEP + 1.0) for box in sketch.boxes
+        box.id: max(_text_height(lines[box.id]), min(fan_in[box.id], MOST_PORTS) * PORT_STEP + 1.0)
+        for box in diagram.boxes
     }
-    rooms = {box.id: heights[box.id] + 2 * _behind(box) for box in sketch.boxes}
-    names = _names(sketch)
-    framed = {key: (sum(map(bool, name)) * LINE_MM - 0.4 + HULL_PAD / 2, HULL_PAD) for key, name in names.items()}
-    stacked = stack(sketch.boxes, sketch.wires, rooms, lambda place: framed.get(place, (0.0, 0.0)))
-    last = max(stacked.level.values())
+    rooms = {box.id: heights[box.id] + 2 * _behind(box) for box in diagram.boxes}
+    names = _names(diagram)
+    framed = {key: (sum(map(bool, name)) * LINE_MM - 0.4 + FRAME_PAD / 2, FRAME_PAD) for key, name in names.items()}
+    layout = lay_out(diagram.boxes, diagram.edges, rooms, lambda process: framed.get(process, (0.0, 0.0)))
+    last = max(layout.level.values())
     widths = [
-        max(_text_width(lines[box.id]) + _behind(box) for box in sketch.boxes if stacked.level[box.id] == k)
+        max(_text_width(lines[box.id]) + _behind(box) for box in diagram.boxes if layout.level[box.id] == k)
         for k in range(last + 1)
     ]
-    gaps = [_gap(sketch, stacked, k) for k in range(last)]
-    for lane in stacked.lanes:
-        if lane.place in names:
-            (a, b), wanted = lane.span, _name_width(names[lane.place]) + 2.0 - 2 * HULL_PAD
+    gaps = [_gap(diagram, layout, k) for k in range(last)]
+    for cluster in layout.clusters:
+        if cluster.process in names:
+            (a, b), wanted = cluster.span, _name_width(names[cluster.process]) + 2.0 - 2 * FRAME_PAD
             widths[b] += max(0.0, wanted - sum(widths[a : b + 1]) - sum(gaps[a:b]))
-    edge = HULL_PAD if any(lane.place in names and lane.span[0] == 0 for lane in stacked.lanes) else 0.0
-    left = [edge + sum(widths[:k]) + sum(gaps[:k]) for k in range(last + 1)]
+    inset = FRAME_PAD if any(cluster.process in names and cluster.span[0] == 0 for cluster in layout.clusters) else 0.0
+    left = [inset + sum(widths[:k]) + sum(gaps[:k]) for k in range(last + 1)]
     return GraphPart(
-        sketch=sketch,
-        tints=tints,
-        stacked=stacked,
+        diagram=diagram,
+        colours=colours,
+        layout=layout,
         left=tuple(left),
         widths=tuple(widths),
         heights=heights,
         lines=lines,
-        width=left[-1] + widths[-1] + HULL_PAD,
-        height=stacked.height,
+        width=left[-1] + widths[-1] + FRAME_PAD,
+        height=layout.height,
     )
 
 
-def _names(sketch: Sketch) -> dict[str, tuple[str, str]]:
-    """Two lines over every process but renderers of sample streams alone, whose boxes say it all."""
-    incoming = sketch.incoming()
-    more = {box.place for box in sketch.boxes if not box.source or sketch.places[box.place].role != "renderer"}
+def _names(diagram: Diagram) -> dict[str, tuple[str, str]]:
+    """Two lines of heading for every process except renderers that only send samples, whose boxes name them."""
+    incoming = diagram.incoming()
+    more = {box.process for box in diagram.boxes if not box.source or diagram.processes[box.process].role != "renderer"}
     named = {}
-    for key, place in sketch.places.items():
+    for key, process in diagram.processes.items():
         if key in more:
-            together = " together" if place.count > 1 else ""
+            together = " together" if process.count > 1 else ""
             total = f"in {si(incoming[key], 'B/s')}{together}" if incoming.get(key) else ""
-            named[key] = (place.label, ", ".join(part for part in (place.detail, total) if part))
+            named[key] = (process.label, ", ".join(part for part in (process.detail, total) if part))
     return named
 
 
 def _name_width(name: tuple[str, str]) -> float:
-    return max(width_of(name[0], BODY_PT, bold=True), width_of(name[1], SMALL_PT))
+    """Width of a process's heading, mm."""
+    return max(text_width(name[0], BODY_PT, bold=True), text_width(name[1], SMALL_PT))
 
 
 def _lines(box: Box, *, narrow: bool) -> list[Line]:
@@ -107,70 +110,78 @@ def _lines(box: Box, *, narrow: bool) -> list[Line]:
     times = f"{box.count} {TIMES} " if box.count > 1 else ""
     alone = f"{box.op} ".removeprefix(f"{box.id} ").strip()  # `browser sink` named browser is a sink
     op = times + box.op if times else alone
-    room = WIDEST_TEXT - (0.0 if narrow or not op else 1.0 + width_of(op, BODY_PT))
-    name = (fitted(box.title or box.id, BODY_PT, room, bold=True), BODY_PT, True)
+    room = WIDEST_TEXT - (0.0 if narrow or not op else 1.0 + text_width(op, BODY_PT))
+    name = (truncated(box.title or box.id, BODY_PT, room, bold=True), BODY_PT, True)
     lines = [[name], [(op, BODY_PT, False)]] if narrow else [[name, (op, BODY_PT, False)]]
-    lines.append([(fitted(box.detail, SMALL_PT, WIDEST_TEXT), SMALL_PT, False)])
+    lines.append([(truncated(box.detail, SMALL_PT, WIDEST_TEXT), SMALL_PT, False)])
     filled = [[part for part in line if part[0]] for line in lines]
     return [line for line in filled if line]
 
 
 def _line_width(line: Line) -> float:
-    return sum(width_of(text, size, bold=bold) for text, size, bold in line) + len(line) - 1.0
+    """Width of a line of text with the gaps between its parts, mm."""
+    return sum(text_width(text, size, bold=bold) for text, size, bold in line) + len(line) - 1.0
 
 
 def _text_width(lines: list[Line]) -> float:
+    """Width of a box with these lines, mm."""
     return max(_line_width(line) for line in lines) + 2 * BOX_PAD
 
 
 def _behind(box: Box) -> float:
-    """By how much the boxes behind a bundle stand out, mm."""
-    return 2 * STACKED if box.count > 1 else 0.0
+    """How far the boxes drawn behind a merged one reach beyond it, mm."""
+    return 2 * STACK_STEP if box.count > 1 else 0.0
 
 
 def _text_height(lines: list[Line]) -> float:
+    """Height of a box with these lines, mm."""
     return len(lines) * LINE_MM + 1.4
 
 
-def _labels(sketch: Sketch) -> dict[str, str]:
-    """What stands at the beginning of the wires that leave each box's process."""
-    leaving: dict[str, list[Wire]] = defaultdict(list)
-    for wire in sketch.wires:
-        if wire.bytes_per_s > 0:
-            leaving[wire.start].append(wire)
-    return {start: " + ".join(dict.fromkeys(_label(wire, wires) for wire in wires)) for start, wires in leaving.items()}
+def _labels(diagram: Diagram) -> dict[str, str]:
+    """The texts at the beginning of the edges that leave each box's process."""
+    leaving: dict[str, list[Edge]] = defaultdict(list)
+    for edge in diagram.edges:
+        if edge.bytes_per_s > 0:
+            leaving[edge.start].append(edge)
+    return {start: " + ".join(dict.fromkeys(_label(edge, edges) for edge in edges)) for start, edges in leaving.items()}
 
 
-def _label(wire: Wire, others: list[Wire]) -> str:
-    count = wire.count * sum(other.bytes_per_s == wire.bytes_per_s and other.count == wire.count for other in others)
-    each = si(wire.bytes_per_s / wire.count, "B/s")
+def _label(edge: Edge, others: list[Edge]) -> str:
+    """The rate of an edge and of those in `others` with the same rate: `2 x 12 MB/s`."""
+    count = edge.count * sum(other.bytes_per_s == edge.bytes_per_s and other.count == edge.count for other in others)
+    each = si(edge.bytes_per_s / edge.count, "B/s")
     return each if count == 1 else f"{count} {TIMES} {each}"
 
 
-def _gap(sketch: Sketch, stacked: Stacked, level: int) -> float:
-    labels = _labels(sketch)
-    widest = [width_of(text, SMALL_PT) for start, text in labels.items() if stacked.level[start] == level]
-    return 2 * HULL_PAD + BEND + (max(widest) + 1.0 if widest else 0.0)
+def _gap(diagram: Diagram, layout: GraphLayout, level: int) -> float:
+    """Width between a layer and the next, mm, with room for its edges' texts and bends."""
+    labels = _labels(diagram)
+    widest = [text_width(text, SMALL_PT) for start, text in labels.items() if layout.level[start] == level]
+    return 2 * FRAME_PAD + BEND + (max(widest) + 1.0 if widest else 0.0)
 
 
-class _Drawing:
+class _GraphDrawing:
+    """Draws a graph at a position of a page."""
+
     def __init__(self, part: GraphPart, page: Page, x: float, y: float) -> None:
         self._part, self._page, self._x, self._y = part, page, x, y
-        self._box = {box.id: box for box in part.sketch.boxes}
-        self._labels = _labels(part.sketch)
+        self._box = {box.id: box for box in part.diagram.boxes}
+        self._labels = _labels(part.diagram)
 
     def draw(self) -> None:
-        names = _names(self._part.sketch)
-        for lane in self._part.stacked.lanes:
-            if lane.place in names:
-                self._hull(lane, names[lane.place])
-        for number, wire in enumerate(self._part.sketch.wires):
-            self._wire(number, wire)
+        """Draw processes, edges with their texts, then boxes."""
+        names = _names(self._part.diagram)
+        for cluster in self._part.layout.clusters:
+            if cluster.process in names:
+                self._frame(cluster, names[cluster.process])
+        for number, edge in enumerate(self._part.diagram.edges):
+            self._edge(number, edge)
         for start, text in self._labels.items():
-            level = self._part.stacked.level[start]
-            x = self._right(level) + HULL_PAD + 0.6
+            level = self._part.layout.level[start]
+            x = self._right(level) + FRAME_PAD + 0.6
             self._page.write(x, self._middle(start) - 0.7, text, size=SMALL_PT)
-        for box in self._part.sketch.boxes:
+        for box in self._part.diagram.boxes:
             self._draw_box(box)
 
     def _left(self, level: int) -> float:
@@ -180,25 +191,25 @@ class _Drawing:
         return self._left(level) + self._part.widths[level]
 
     def _middle(self, item: Item) -> float:
-        return self._y + self._part.stacked.middle[item]
+        return self._y + self._part.layout.middle[item]
 
-    def _hull(self, lane: Lane, name: tuple[str, str]) -> None:
-        first, last = lane.span
-        x, y, tint = self._left(first) - HULL_PAD, self._y + lane.top, self._part.tints[lane.place]
-        width = self._right(last) + HULL_PAD - x
-        style = {"fill": tint.fill, "line": tint.line, "width": THIN_PT, "level": -2}
-        self._page.rect(x, y, width, lane.height, gid=f"place-{lane.place.replace(' ', '-')}", **style)
-        self._page.write(x + 1.0, y + LINE_MM, name[0], bold=True, colour=tint.line)
-        self._page.write(x + 1.0, y + 2 * LINE_MM - 0.3, name[1], size=SMALL_PT, colour=tint.line)
+    def _frame(self, cluster: Cluster, name: tuple[str, str]) -> None:
+        first, last = cluster.span
+        x, y, colours = self._left(first) - FRAME_PAD, self._y + cluster.top, self._part.colours[cluster.process]
+        width = self._right(last) + FRAME_PAD - x
+        style = {"fill": colours.fill, "line": colours.line, "width": THIN_PT, "level": -2}
+        self._page.rect(x, y, width, cluster.height, gid=f"process-{cluster.process.replace(' ', '-')}", **style)
+        self._page.write(x + 1.0, y + LINE_MM, name[0], bold=True, colour=colours.line)
+        self._page.write(x + 1.0, y + 2 * LINE_MM - 0.3, name[1], size=SMALL_PT, colour=colours.line)
 
     def _draw_box(self, box: Box) -> None:
-        level, tint = self._part.stacked.level[box.id], self._part.tints[box.place]
+        level, colours = self._part.layout.level[box.id], self._part.colours[box.process]
         x, height, width = self._left(level), self._part.heights[box.id], self._part.widths[level] - _behind(box)
         y = self._middle(box.id) - height / 2
-        lone = box.place not in _names(self._part.sketch)
-        style = {"fill": tint.fill if lone else "#ffffff", "line": tint.line, "width": THIN_PT}
+        lone = box.process not in _names(self._part.diagram)
+        style = {"fill": colours.fill if lone else "#ffffff", "line": colours.line, "width": THIN_PT}
         for behind in (2, 1) if box.count > 1 else ():
-            self._page.rect(x + behind * STACKED, y - behind * STACKED, width, height, level=2, **style)
+            self._page.rect(x + behind * STACK_STEP, y - behind * STACK_STEP, width, height, level=2, **style)
         self._page.rect(x, y, width, height, gid=f"node-{box.id}", level=3, **style)
         lines = self._part.lines[box.id]
         base = y + height / 2 - len(lines) * LINE_MM / 2 + 0.78 * LINE_MM
@@ -207,18 +218,18 @@ class _Drawing:
             for text, size, bold in line:
                 colour = BLACK if size == BODY_PT else "#4d4d4d"
                 self._page.write(at, base + k * LINE_MM, text, size=size, bold=bold, colour=colour)
-                at += width_of(text, size, bold=bold) + 1.0
+                at += text_width(text, size, bold=bold) + 1.0
 
-    def _wire(self, number: int, wire: Wire) -> None:
-        """Out of the box, past its label, then a bend in every gap, into the port."""
-        first, last = (self._part.stacked.level[name] for name in (wire.start, wire.end))
-        points = [(self._right(first), self._middle(wire.start))]
+    def _edge(self, number: int, edge: Edge) -> None:
+        """Draw an edge: out of the box, past its label, with a bend in every gap, into its port."""
+        first, last = (self._part.layout.level[name] for name in (edge.start, edge.end))
+        points = [(self._right(first), self._middle(edge.start))]
         codes: list[int | np.uint8] = [Curve.MOVETO]
         for level in range(first + 1, last + 1):
             end = level == last
-            y = self._port(number, wire) if end else self._middle((number, level))
+            y = self._port(number, edge) if end else self._middle((number, level))
             x = self._left(level) - (ARROW[0] if end else 0.0)
-            bend = self._left(level) - HULL_PAD - BEND
+            bend = self._left(level) - FRAME_PAD - BEND
             points += [
                 (bend, points[-1][1]),
                 (bend + BEND / 2, points[-1][1]),
@@ -230,27 +241,27 @@ class _Drawing:
             if not end:
                 points.append((self._right(level), y))
                 codes.append(Curve.LINETO)
-        colour, width = (BLACK, LINE_PT) if wire.crosses else (GREY, THIN_PT)
-        name = f"wire-{wire.start}-{wire.end}"
+        colour, width = (BLACK, LINE_PT) if edge.crosses else (GREY, THIN_PT)
+        name = f"edge-{edge.start}-{edge.end}"
         self._page.stroke(points, codes=codes, line=colour, width=width, gid=name, level=1)
         arrow_head(self._page, points[-1], colour)
 
-    def _port(self, number: int, wire: Wire) -> float:
-        """Where a wire ends: the wires of one box are spread over its side, in the order in which they come."""
-        last = self._part.stacked.level[wire.end]
+    def _port(self, number: int, edge: Edge) -> float:
+        """The y at which an edge ends: the edges of a box are spread over its side, in their order downwards."""
+        last = self._part.layout.level[edge.end]
         came = []
-        for other, every in enumerate(self._part.sketch.wires):
-            if every.end == wire.end:
-                adjacent = self._part.stacked.level[every.start] == last - 1
+        for other, every in enumerate(self._part.diagram.edges):
+            if every.end == edge.end:
+                adjacent = self._part.layout.level[every.start] == last - 1
                 came.append((self._middle(every.start if adjacent else (other, last - 1)), other))
         came.sort()
-        k, room = [other for _, other in came].index(number), self._part.heights[wire.end] - 2.4
+        k, room = [other for _, other in came].index(number), self._part.heights[edge.end] - 2.4
         step = min(PORT_STEP, room / max(len(came) - 1, 1))
-        return self._middle(wire.end) + (k - (len(came) - 1) / 2) * step
+        return self._middle(edge.end) + (k - (len(came) - 1) / 2) * step
 
 
 def arrow_head(page: Page, base: tuple[float, float], colour: str) -> None:
-    """A filled tip that points to the right; its base at (x, y), mm."""
+    """Draw a filled arrow head that points to the right, its base at (x, y), mm."""
     x, y = base
     tip = [(x, y - ARROW[1]), (x + ARROW[0], y), (x, y + ARROW[1])]
     page.stroke(np.array(tip), closed=True, fill=colour, line=None, level=1)

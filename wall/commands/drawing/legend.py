@@ -1,13 +1,13 @@
-"""What the marks mean, and what the figures assume, in rows under a drawing."""
+"""The legend under a drawing: what its colours and lines mean, and what its figures assume."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
 from wall.commands.drawing.graph_part import ARROW, arrow_head
-from wall.commands.drawing.ink import BLACK, EYE_MM, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, width_of
-from wall.commands.drawing.model import Sketch
-from wall.commands.drawing.palette import BEZEL, FRUSTUM, OVERLAP, RENDERER, Tint
+from wall.commands.drawing.model import Diagram
+from wall.commands.drawing.page import BLACK, EYE_MM, GREY, LINE_PT, SMALL_PT, THIN_PT, Page, text_width
+from wall.commands.drawing.palette import BEZEL, FRUSTUM, OVERLAP, RENDERER, Colours
 
 KEY_MM = (6.0, 2.4)  # width and height of a sample
 ROW_MM = 3.8
@@ -17,41 +17,42 @@ Entry = tuple[str, Callable[[Page, float, float], None]]  # text, and what draws
 
 
 class Legend:
-    """Only what the drawing holds."""
+    """Explains the colours and lines that occur in a drawing."""
 
-    def __init__(self, sketch: Sketch, tints: Mapping[str, Tint], *, overlaps: bool) -> None:
-        self._sketch, self._tints, self._overlaps = sketch, tints, overlaps
+    def __init__(self, diagram: Diagram, colours: Mapping[str, Colours], *, overlaps: bool) -> None:
+        self._diagram, self._colours, self._overlaps = diagram, colours, overlaps
 
     def draw(self, page: Page, x: float, y: float, width: float) -> float:
-        """Draw rows from (x, y) on; the y of the lower edge, mm."""
+        """Draw rows from (x, y) on, mm; returns the y of the lower edge."""
         page.stroke([(x, y - 3.0), (x + width, y - 3.0)], line=GREY, width=THIN_PT / 2)
         at = x
         for text, sample in self._entries():
-            needed = KEY_MM[0] + 1.2 + width_of(text, SMALL_PT)
+            needed = KEY_MM[0] + 1.2 + text_width(text, SMALL_PT)
             if at > x and at + needed > x + width:
                 at, y = x, y + ROW_MM
             sample(page, at, y)
             page.write(at + KEY_MM[0] + 1.2, y + 0.8, text, size=SMALL_PT)
             at += needed + APART_MM
-        for remark in self._sketch.remarks:
+        for remark in self._diagram.assumptions:
             y += ROW_MM
             page.write(x, y + 0.8, remark, size=SMALL_PT, colour="#4d4d4d")
         return y + 1.4
 
     def _entries(self) -> list[Entry]:
-        used = {box.place for box in self._sketch.boxes}
-        roles = {place.role for key, place in self._sketch.places.items() if key in used}
+        """The entries for what the drawing contains."""
+        used = {box.process for box in self._diagram.boxes}
+        roles = {process.role for key, process in self._diagram.processes.items() if key in used}
         entries: list[Entry] = []
         if "renderer" in roles:
             entries.append(("renderers", _area(RENDERER.fill, RENDERER.line)))
-        for key, place in self._sketch.places.items():
-            if key in used and place.role != "renderer" and len(entries) < 8:
-                entries.append((place.label, _area(self._tints[key].fill, self._tints[key].line)))
-        if any(wire.crosses for wire in self._sketch.wires):
-            entries.append(("between processes, expected bytes/s", _wire(BLACK, LINE_PT)))
-        if any(not wire.crosses for wire in self._sketch.wires):
-            entries.append(("call inside a process, no bytes", _wire(GREY, THIN_PT)))
-        if any(any(screen.bezel) for screen in self._sketch.screens):
+        for key, process in self._diagram.processes.items():
+            if key in used and process.role != "renderer" and len(entries) < 8:
+                entries.append((process.label, _area(self._colours[key].fill, self._colours[key].line)))
+        if any(edge.crosses for edge in self._diagram.edges):
+            entries.append(("between processes, expected bytes/s", _edge(BLACK, LINE_PT)))
+        if any(not edge.crosses for edge in self._diagram.edges):
+            entries.append(("call inside a process, no bytes", _edge(GREY, THIN_PT)))
+        if any(any(screen.bezel) for screen in self._diagram.screens):
             entries.append(("bezel", _area(BEZEL, None)))
         if self._overlaps:
             entries.append(("lit by two panels", _hatched))
@@ -79,7 +80,7 @@ def _frustum(page: Page, x: float, y: float) -> None:
     page.dot(tip, y, EYE_MM, fill=BLACK, line="#ffffff", width=THIN_PT)
 
 
-def _wire(colour: str, width: float) -> Callable[[Page, float, float], None]:
+def _edge(colour: str, width: float) -> Callable[[Page, float, float], None]:
     def draw(page: Page, x: float, y: float) -> None:
         page.stroke([(x, y), (x + KEY_MM[0] - ARROW[0], y)], line=colour, width=width)
         arrow_head(page, (x + KEY_MM[0] - ARROW[0], y), colour)

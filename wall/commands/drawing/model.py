@@ -1,4 +1,4 @@
-"""What a drawing shows, whatever it was made of: screens in space, boxes, and wires between them."""
+"""The data of a drawing: screens in space, boxes of graph nodes, and edges between them."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ Role = Literal["head", "compositor", "renderer"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Screen:
-    """One panel, or several that light the same place, such as those of both eyes."""
+    """One panel, or several at the same position, such as those of both eyes."""
 
     id: str
     pixels: tuple[int, int]
     corners: Float64  # (3, 3) rows lower left, lower right, upper left of the lit area; metres, wall frame
     bezel: tuple[float, float, float, float]  # left, right, top, bottom, metres
-    eyes: tuple[Float64, ...]  # (3,) metres, wall frame: from where it is seen
+    eyes: tuple[Float64, ...]  # (3,) metres, wall frame: the eyes that look at it
     notes: tuple[str, ...] = ()  # further lines of its label
-    place: str = ""  # where its picture is made; "" = several places or none
-    panels: tuple[str, ...] = ()  # ids of all that light it, where they are more than its own
+    process: str = ""  # that makes its image; "" = several processes or none
+    panels: tuple[str, ...] = ()  # ids of its panels, where there are several
 
     def shares_eye(self, other: Screen) -> bool:
         """Whether one eye looks at both."""
@@ -33,7 +33,7 @@ class Screen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Process:
     """A process, or the ranks that share one piece of work."""
 
     label: str
@@ -44,12 +44,12 @@ class Place:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A node of the graph, or `count` alike ones drawn as one."""
+    """A node of the graph, or `count` equivalent ones drawn as one."""
 
     id: str
     op: str
     detail: str
-    place: str  # key of Sketch.places
+    process: str  # key of Diagram.processes
     title: str = ""  # instead of the id
     source: bool = False
     sink: bool = False
@@ -57,7 +57,7 @@ class Box:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wire:
+class Edge:
     """An edge, or `count` edges drawn as one."""
 
     start: str  # Box.id
@@ -68,22 +68,22 @@ class Wire:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Sketch:
-    """All that a drawing shows."""
+class Diagram:
+    """Everything that a drawing shows."""
 
     name: str
     size: tuple[int, int]  # of the whole wall, pixels
     screens: tuple[Screen, ...]
-    places: Mapping[str, Place]  # in the order of their ranks
-    boxes: tuple[Box, ...]  # inputs before those who need them
-    wires: tuple[Wire, ...]
-    remarks: tuple[str, ...]  # what the figures assume
+    processes: Mapping[str, Process]  # in the order of their ranks
+    boxes: tuple[Box, ...]  # inputs before the nodes that need them
+    edges: tuple[Edge, ...]
+    assumptions: tuple[str, ...]  # what the figures assume
 
     def incoming(self) -> dict[str, float]:
-        """Bytes/s that come into each place from others."""
-        place_of = {box.id: box.place for box in self.boxes}
+        """Bytes/s that come into each process from others."""
+        process_of = {box.id: box.process for box in self.boxes}
         found: dict[str, float] = defaultdict(float)
-        for wire in self.wires:
-            if wire.crosses:
-                found[place_of[wire.end]] += wire.bytes_per_s
+        for edge in self.edges:
+            if edge.crosses:
+                found[process_of[edge.end]] += edge.bytes_per_s
         return found

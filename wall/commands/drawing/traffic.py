@@ -1,6 +1,6 @@
-"""Bytes a second to expect on an edge of the graph. Pure arithmetic; upper bounds, before compression.
+"""Bytes a second to expect on an edge of the graph: upper bounds, before compression.
 
-A still view sends less, down to nothing: samplers stop when the picture is complete, and only what changed is sent.
+A still view sends less, down to nothing: samplers stop when the image is complete, and only changes are sent.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 from wall.core.data import Channels
 from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
 
-SAMPLES_PER_S = 1e6  # of a rank, where nobody says better: about what one core traces of a small scene
 COMPACT_BYTES_A_SAMPLE = 7.0  # adaptive, header included: the limit of `adaptive_bytes`, docs/guide/measuring.md
 ENCODED_BYTES = 3  # a pixel of 8-bit sRGB
 LINEAR_BYTES = 12  # a pixel of three float32

@@ -10,14 +10,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
-from small_sketches import binary_tree, graph, sort_first, upright
+from small_diagrams import binary_tree, graph, sort_first, upright
 from typer.testing import CliRunner
 
 from wall import cli
+from wall.commands.drawing.diagram import diagram_of
 from wall.commands.drawing.draw import compose, draw
-from wall.commands.drawing.ink import Page, rendered
 from wall.commands.drawing.model import TIMES
-from wall.commands.drawing.sketch import sketch
+from wall.commands.drawing.page import Page, rendered
 from wall.config.loading import load, loads
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
@@ -38,7 +38,7 @@ SKETCHES = {
 
 
 def page_of(path: Path) -> Page:
-    return compose(sketch(make_layout(load(path)), samples_per_s=1e6))
+    return compose(diagram_of(make_layout(load(path)), samples_per_s=1e6))
 
 
 def svg_of(page: Page) -> ElementTree.Element:
@@ -64,13 +64,13 @@ def inside(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
 
 def check_text(page: Page) -> None:
     """All text on the page, and none over other text."""
-    for words in page.words:
+    for words in page.texts:
         left, top, right, bottom = words.box()
         assert left >= 0, words.text
         assert top >= 0, words.text
         assert right <= page.width, words.text
         assert bottom <= page.height, words.text
-    for a, b in combinations(page.words, 2):
+    for a, b in combinations(page.texts, 2):
         assert not inside(a.box(), b.box()), (a.text, b.text)
 
 
@@ -96,7 +96,7 @@ def test_both_views_have_one_scale_and_one_x() -> None:
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_every_shipped_configuration_draws_all_its_panels_and_nodes(path: Path) -> None:
     layout = make_layout(load(path))
-    page = compose(sketch(layout, samples_per_s=1e6))
+    page = compose(diagram_of(layout, samples_per_s=1e6))
     svg = svg_of(page)
     written = texts(svg)
     joined = "".join(written)
@@ -111,7 +111,7 @@ def test_every_shipped_configuration_draws_all_its_panels_and_nodes(path: Path) 
         assert len(outline(svg, f"node-{node.id}")) == 4
         assert node.id in written
         for source in node.sources:
-            assert len(outline(svg, f"wire-{source}-{node.id}")) >= 2
+            assert len(outline(svg, f"edge-{source}-{node.id}")) >= 2
     check_text(page)
 
 
@@ -133,10 +133,10 @@ def test_expected_traffic_is_written_at_its_wire() -> None:
 def test_wires_between_processes_are_drawn_otherwise_than_calls() -> None:
     page = page_of(CONFIGS / "two_compositors.yaml")
     styles = {
-        stroke.gid: (stroke.line, stroke.width) for stroke in page.strokes if (stroke.gid or "").startswith("wire-")
+        stroke.gid: (stroke.line, stroke.width) for stroke in page.strokes if (stroke.gid or "").startswith("edge-")
     }
-    crossing = {styles[name] for name in ("wire-left-samples-left", "wire-right-samples-right", "wire-right-wall")}
-    calls = {styles[name] for name in ("wire-left-wall", "wire-wall-page", "wire-wall-files")}
+    crossing = {styles[name] for name in ("edge-left-samples-left", "edge-right-samples-right", "edge-right-wall")}
+    calls = {styles[name] for name in ("edge-left-wall", "edge-wall-page", "edge-wall-files")}
     assert len(crossing) == len(calls) == 1
     assert crossing != calls
 
@@ -147,23 +147,23 @@ def test_overlaps_of_projectors_are_hatched() -> None:
     a, b = (np.ptp(s.points, axis=0) for s in page.strokes if (s.gid or "").startswith("panel-projector"))
     assert np.ptp(hatched.points, axis=0) == pytest.approx(np.array([0.2 * a[0], a[1]]))
     assert a == pytest.approx(b)
-    assert "lit by two panels" in [words.text for words in page.words]
+    assert "lit by two panels" in [words.text for words in page.texts]
 
 
 def test_each_process_has_its_own_tint() -> None:
     page = compose(sort_first(6, compositors=3))
-    fills = {stroke.gid: stroke.fill for stroke in page.strokes if (stroke.gid or "").startswith("place-")}
+    fills = {stroke.gid: stroke.fill for stroke in page.strokes if (stroke.gid or "").startswith("process-")}
     assert len(fills) == len(set(fills.values())) == 3
 
 
 def test_a_thousand_panels_still_fit_a_page() -> None:
     text = (CONFIGS / "one_panel.yaml").read_text(encoding="utf-8")
     text = text.replace("columns: 1, rows: 1", "columns: 15, rows: 16")
-    page = compose(sketch(make_layout(loads(text, name="large.yaml")), samples_per_s=1e6))
+    page = compose(diagram_of(make_layout(loads(text, name="large.yaml")), samples_per_s=1e6))
     check_text(page)
     assert page.width < 260
     assert page.height < 180
-    written = [words.text for words in page.words]
+    written = [words.text for words in page.texts]
     assert "r0c0 … r15c14" in written  # ids do not fit the panels
     assert f"240 {TIMES} 12 MB/s" in written
 

@@ -6,12 +6,12 @@ from dataclasses import replace
 from itertools import combinations
 
 import pytest
-from small_sketches import screen, upright
+from small_diagrams import screen, upright
 
-from wall.commands.drawing.front import front
-from wall.commands.drawing.ink import SMALL_PT
+from wall.commands.drawing.front_view import front_view
 from wall.commands.drawing.labels import Label, labels
 from wall.commands.drawing.model import TIMES, Screen
+from wall.commands.drawing.page import SMALL_PT
 
 
 def texts(label: Label | None) -> list[str]:
@@ -20,7 +20,7 @@ def texts(label: Label | None) -> list[str]:
 
 def labelled(screens: list[Screen], scale: float) -> list[Label | None]:
     """`scale`: mm of paper a metre."""
-    return labels(front(screens), scale)
+    return labels(front_view(screens), scale)
 
 
 def test_a_large_panel_says_all_of_it_in_its_middle() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wall.commands.drawing.model import Box, Place, Role, Screen, Sketch, Wire
+from wall.commands.drawing.model import Box, Diagram, Edge, Process, Role, Screen
 
 EYE = (0.0, 0.0, 2.0)
 
@@ -32,44 +32,44 @@ def upright(name: str, x: float, y: float, *, width: float = 1.0, height: float 
 
 def graph(
     boxes: dict[str, tuple[str, str, Sequence[str]]], *, bytes_per_s: float = 1e6, screens: Sequence[Screen] = ()
-) -> Sketch:
-    """A sketch of boxes {id: (op, place, inputs)}, inputs first; wires between places carry `bytes_per_s`."""
-    places: dict[str, Place] = {}
-    for _, place, _ in boxes.values():
-        role: Role = "head" if place == "head" else "renderer" if place.startswith("rank") else "compositor"
-        places.setdefault(place, Place(label=place, detail="", role=role))
-    wires = []
-    for name, (_, place, inputs) in boxes.items():
+) -> Diagram:
+    """A diagram of boxes {id: (op, process, inputs)}, inputs first; edges between processes carry `bytes_per_s`."""
+    processes: dict[str, Process] = {}
+    for _, process, _ in boxes.values():
+        role: Role = "head" if process == "head" else "renderer" if process.startswith("rank") else "compositor"
+        processes.setdefault(process, Process(label=process, detail="", role=role))
+    edges = []
+    for name, (_, process, inputs) in boxes.items():
         for start in inputs:
-            crosses = boxes[start][1] != place
-            wires.append(Wire(start=start, end=name, bytes_per_s=bytes_per_s if crosses else 0.0, crosses=crosses))
-    return Sketch(
-        name="sketch",
+            crosses = boxes[start][1] != process
+            edges.append(Edge(start=start, end=name, bytes_per_s=bytes_per_s if crosses else 0.0, crosses=crosses))
+    return Diagram(
+        name="diagram",
         size=(800, 600),
         screens=tuple(screens) or (upright("only", 0.0, 0.0),),
-        places=places,
+        processes=processes,
         boxes=tuple(
-            Box(id=name, op=op, detail="800 x 600 px", place=place, source=not inputs, sink=op == "sink")
-            for name, (op, place, inputs) in boxes.items()
+            Box(id=name, op=op, detail="800 x 600 px", process=process, source=not inputs, sink=op == "sink")
+            for name, (op, process, inputs) in boxes.items()
         ),
-        wires=tuple(wires),
-        remarks=("assumed",),
+        edges=tuple(edges),
+        assumptions=("assumed",),
     )
 
 
-def sort_first(panels: int, *, compositors: int = 1) -> Sketch:
+def sort_first(panels: int, *, compositors: int = 1) -> Diagram:
     """Samples, reconstruction a panel, one picture, its page."""
     boxes: dict[str, tuple[str, str, Sequence[str]]] = {}
     for k in range(panels):
-        place = k * compositors // panels
+        process = k * compositors // panels
         boxes[f"s{k}"] = ("samples", f"rank {k + compositors}", ())
-        boxes[f"p{k}"] = ("reconstruct", f"compositor {place}" if place else "head", (f"s{k}",))
+        boxes[f"p{k}"] = ("reconstruct", f"compositor {process}" if process else "head", (f"s{k}",))
     boxes["wall"] = ("tile", "head", tuple(f"p{k}" for k in range(panels)))
     boxes["page"] = ("sink", "head", ("wall",))
     return graph(boxes)
 
 
-def binary_tree(leaves: int) -> Sketch:
+def binary_tree(leaves: int) -> Diagram:
     """Sort-last: every rank reconstructs what it renders, pairs are merged on the first of the two, all on the head."""
     boxes: dict[str, tuple[str, str, Sequence[str]]] = {}
     level = []
@@ -80,8 +80,8 @@ def binary_tree(leaves: int) -> Sketch:
     while len(level) > 1:
         merged = []
         for a, b in zip(level[::2], level[1::2], strict=True):
-            place = boxes[a][1] if len(level) > 2 else "head"
-            boxes[f"d{len(boxes)}"] = ("depth", place, (a, b))
+            process = boxes[a][1] if len(level) > 2 else "head"
+            boxes[f"d{len(boxes)}"] = ("depth", process, (a, b))
             merged.append(f"d{len(boxes) - 1}")
         level = merged
     boxes["page"] = ("sink", "head", (level[0],))

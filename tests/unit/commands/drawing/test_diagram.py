@@ -1,4 +1,4 @@
-"""What a drawing is told about a configuration: places, traffic by hand, panels as they stand."""
+"""The diagram of a configuration: processes, traffic calculated by hand, panels at their positions."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from wall.commands.drawing.model import TO, Sketch, Wire
-from wall.commands.drawing.sketch import sketch
+from wall.commands.drawing.diagram import diagram_of
+from wall.commands.drawing.model import TO, Diagram, Edge
 from wall.config.loading import load, loads
 from wall.roles.plan import make_layout
 
@@ -36,37 +36,37 @@ graph:
 
 
 @pytest.fixture(scope="module")
-def sort_last() -> Sketch:
-    return sketch(make_layout(loads(SORT_LAST, name="sort_last.yaml")), samples_per_s=2e6)
+def sort_last() -> Diagram:
+    return diagram_of(make_layout(loads(SORT_LAST, name="sort_last.yaml")), samples_per_s=2e6)
 
 
-def wire(shown: Sketch, start: str, end: str) -> Wire:
-    return next(wire for wire in shown.wires if (wire.start, wire.end) == (start, end))
+def edge(shown: Diagram, start: str, end: str) -> Edge:
+    return next(edge for edge in shown.edges if (edge.start, edge.end) == (start, end))
 
 
-def test_streams_carry_the_samples_of_all_their_ranks(sort_last: Sketch) -> None:
+def test_streams_carry_the_samples_of_all_their_ranks(sort_last: Diagram) -> None:
     """Packets of 1024 samples: 12 bytes each and 146 bytes of header."""
     of_a_rank = 2e6 * (12 + 146 / 1024)
-    assert wire(sort_last, "a", "fa").bytes_per_s == pytest.approx(of_a_rank)
-    assert wire(sort_last, "b", "fb").bytes_per_s == pytest.approx(2 * of_a_rank)
+    assert edge(sort_last, "a", "fa").bytes_per_s == pytest.approx(of_a_rank)
+    assert edge(sort_last, "b", "fb").bytes_per_s == pytest.approx(2 * of_a_rank)
 
 
-def test_a_framelet_that_depth_needs_carries_all_that_the_plan_sends(sort_last: Sketch) -> None:
+def test_a_framelet_that_depth_needs_carries_all_that_the_plan_sends(sort_last: Diagram) -> None:
     """100 x 50 pixels, 10 a second: three floats or bytes of colour, four bytes for every other channel."""
     step = make_layout(loads(SORT_LAST, name="sort_last.yaml")).graph.step("fa")
     assert {"colour", "depth"} <= step.channels
-    found = wire(sort_last, "fa", "near")
+    found = edge(sort_last, "fa", "near")
     assert found.crosses
     assert found.bytes_per_s == 100 * 50 * 10 * ((3 if step.encoded else 12) + 4 * (len(step.channels) - 1))
 
 
-def test_a_framelet_that_is_only_shown_is_sent_encoded(sort_last: Sketch) -> None:
-    assert wire(sort_last, "fc", "wall").bytes_per_s == 100 * 50 * 10 * 3
+def test_a_framelet_that_is_only_shown_is_sent_encoded(sort_last: Diagram) -> None:
+    assert edge(sort_last, "fc", "wall").bytes_per_s == 100 * 50 * 10 * 3
 
 
-def test_a_call_inside_a_process_carries_nothing(sort_last: Sketch) -> None:
+def test_a_call_inside_a_process_carries_nothing(sort_last: Diagram) -> None:
     for start, end in (("fb", "near"), ("near", "wall"), ("wall", "page")):
-        found = wire(sort_last, start, end)
+        found = edge(sort_last, start, end)
         assert not found.crosses
         assert found.bytes_per_s == 0.0
 
@@ -74,18 +74,18 @@ def test_a_call_inside_a_process_carries_nothing(sort_last: Sketch) -> None:
 def test_a_framelet_goes_once_to_a_process_that_needs_it_twice() -> None:
     text = SORT_LAST + "    - {id: again, op: tile, inputs: [near, fc], on: head}\n"
     text += "    - {id: more, op: sink, kind: png, input: again}\n"
-    shown = sketch(make_layout(loads(text, name="twice.yaml")), samples_per_s=1e6)
-    both = [wire(shown, "fc", "wall"), wire(shown, "fc", "again")]
+    shown = diagram_of(make_layout(loads(text, name="twice.yaml")), samples_per_s=1e6)
+    both = [edge(shown, "fc", "wall"), edge(shown, "fc", "again")]
     assert all(found.crosses for found in both)
     assert sorted(found.bytes_per_s for found in both) == [0.0, 100 * 50 * 10 * 3]
 
 
-def test_boxes_say_where_they_run(sort_last: Sketch) -> None:
-    places = {box.id: box.place for box in sort_last.boxes}
-    assert places["near"] == places["page"] == "head"
-    assert places["fa"] == places["fc"] == "compositor 1"
-    assert (places["a"], places["b"], places["c"]) == ("rank 2", f"ranks 3{TO}4", "rank 5")
-    assert {key: place.role for key, place in sort_last.places.items()} == {
+def test_boxes_say_where_they_run(sort_last: Diagram) -> None:
+    processes = {box.id: box.process for box in sort_last.boxes}
+    assert processes["near"] == processes["page"] == "head"
+    assert processes["fa"] == processes["fc"] == "compositor 1"
+    assert (processes["a"], processes["b"], processes["c"]) == ("rank 2", f"ranks 3{TO}4", "rank 5")
+    assert {key: process.role for key, process in sort_last.processes.items()} == {
         "head": "head",
         "compositor 1": "compositor",
         "rank 2": "renderer",
@@ -94,25 +94,25 @@ def test_boxes_say_where_they_run(sort_last: Sketch) -> None:
     }
 
 
-def test_inputs_stand_before_those_who_need_them(sort_last: Sketch) -> None:
+def test_inputs_stand_before_those_who_need_them(sort_last: Diagram) -> None:
     order = [box.id for box in sort_last.boxes]
-    assert all(order.index(found.start) < order.index(found.end) for found in sort_last.wires)
+    assert all(order.index(found.start) < order.index(found.end) for found in sort_last.edges)
 
 
-def test_the_assumption_is_stated(sort_last: Sketch) -> None:
-    assert sort_last.remarks[0] == "samples: 2 M samples/s a rank, 12.1 bytes each (frameless)"
-    assert "10 a second" in sort_last.remarks[1]
+def test_the_assumption_is_stated(sort_last: Diagram) -> None:
+    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 12.1 bytes each (frameless)"
+    assert "10 a second" in sort_last.assumptions[1]
 
 
-def test_a_panel_knows_who_composites_it_unless_several_do(sort_last: Sketch) -> None:
-    assert [screen.place for screen in sort_last.screens] == ["", "compositor 1"]
+def test_a_panel_knows_who_composites_it_unless_several_do(sort_last: Diagram) -> None:
+    assert [screen.process for screen in sort_last.screens] == ["", "compositor 1"]
 
 
 def test_screens_have_their_bezels_and_the_eye_that_sees_them() -> None:
     """courtyard on a wall of 2 x 1 panels; the eye is where the configuration has it."""
-    shown = sketch(make_layout(load(CONFIGS / "cave_corner.yaml")), samples_per_s=1e6)
+    shown = diagram_of(make_layout(load(CONFIGS / "cave_corner.yaml")), samples_per_s=1e6)
     assert {tuple(eye) for screen in shown.screens for eye in screen.eyes} == {(0.0, -0.25, 1.1)}
-    wide = sketch(make_layout(load(CONFIGS / "four_by_two_bezels.yaml")), samples_per_s=1e6)
+    wide = diagram_of(make_layout(load(CONFIGS / "four_by_two_bezels.yaml")), samples_per_s=1e6)
     assert {screen.bezel for screen in wide.screens} == {(0.015, 0.015, 0.015, 0.03)}
 
 
@@ -146,7 +146,7 @@ views: [{eye: [1, 0.5, 2], eye_separation: 0.07}]
 
 
 def test_panels_of_both_eyes_in_one_place_are_one_screen_with_two_eyes() -> None:
-    both, passive, own = sketch(make_layout(loads(STEREO, name="stereo.yaml")), samples_per_s=1e6).screens
+    both, passive, own = diagram_of(make_layout(loads(STEREO, name="stereo.yaml")), samples_per_s=1e6).screens
     assert (both.id, both.panels, both.notes) == ("both", ("both.left", "both.right"), ("stereo",))
     assert (passive.id, passive.panels) == ("wall-left + right", ("wall-left", "wall-right"))
     assert passive.notes == ("stereo", "a", "b")
@@ -158,7 +158,7 @@ def test_panels_of_both_eyes_in_one_place_are_one_screen_with_two_eyes() -> None
 
 def test_skipped_bezels_are_left_out_of_the_lit_area() -> None:
     text = SORT_LAST.replace("wall: {grid", "wall: {bezel: skip, grid")
-    screens = sketch(make_layout(loads(text, name="skip.yaml")), samples_per_s=1e6).screens
+    screens = diagram_of(make_layout(loads(text, name="skip.yaml")), samples_per_s=1e6).screens
     for shown in screens:
         assert shown.corners[1][0] - shown.corners[0][0] == pytest.approx(1.0)
         assert shown.corners[2][1] - shown.corners[0][1] == pytest.approx(0.5)

@@ -1,6 +1,7 @@
-"""A page in millimetres, origin top left, and the marks on it. One typeface; sizes are those on paper.
+"""A page in millimetres, origin top left, with strokes and text; written as SVG, PDF or PNG by matplotlib.
 
-Marks are data until `write_page` draws them, so that a part can be measured before it is placed.
+Strokes and text are data until `write_page` draws them, so that a part can be measured before it is placed.
+One typeface; sizes are those on paper.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ SUFFIXES = (".svg", ".png", ".pdf")
 MM_A_POINT = 25.4 / 72
 PNG_DPI = 300
 BODY_PT, SMALL_PT = 7.0, 6.0  # nothing smaller: it must be read at the printed size
-THIN_PT, LINE_PT = 0.4, 0.8
+THIN_PT, LINE_PT = 0.4, 0.8  # widths of lines
+CAPITALS_EM, DESCENDERS_EM = 0.76, 0.24  # height above and depth below the baseline
 EYE_MM = 0.75  # radius of an eye
 BLACK, GREY = "#1a1a1a", "#767676"
 # DejaVu Sans comes with matplotlib, so a page looks the same on every machine; text of an SVG stays text
@@ -62,7 +64,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Words:
+class TextLine:
     """One line of text."""
 
     x: float  # mm, at `align`
@@ -74,20 +76,21 @@ class Words:
     align: str  # left, center or right
 
     def box(self) -> tuple[float, float, float, float]:
-        """Left, top, right, bottom, mm, of its ink: from capitals' height to descenders."""
-        width = width_of(self.text, self.size, bold=self.bold)
+        """Left, top, right, bottom of its glyphs, mm: from the height of capitals to descenders."""
+        width = text_width(self.text, self.size, bold=self.bold)
         left = self.x - {"left": 0.0, "center": width / 2, "right": width}[self.align]
-        return left, self.y - 0.76 * self.size * MM_A_POINT, left + width, self.y + 0.24 * self.size * MM_A_POINT
+        em = self.size * MM_A_POINT
+        return left, self.y - CAPITALS_EM * em, left + width, self.y + DESCENDERS_EM * em
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Page:
-    """What is drawn so far."""
+    """A page's size, and the strokes and text on it so far."""
 
     width: float = 0.0  # mm
     height: float = 0.0
     strokes: list[Stroke] = field(default_factory=list)
-    words: list[Words] = field(default_factory=list)
+    texts: list[TextLine] = field(default_factory=list)
 
     def stroke(
         self,
@@ -126,12 +129,12 @@ class Page:
         )
 
     def rect(self, x: float, y: float, width: float, height: float, /, **style: Any) -> None:
-        """An upright rectangle; mm."""
+        """Draw an upright rectangle; mm."""
         corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height)]
         self.stroke(corners, closed=True, **style)
 
     def dot(self, x: float, y: float, radius: float, /, **style: Any) -> None:
-        """A disc; mm."""
+        """Draw a disc; mm."""
         turn = np.linspace(0, 2 * np.pi, 25)[:-1]
         self.stroke(np.stack([x + radius * np.cos(turn), y + radius * np.sin(turn)], axis=1), closed=True, **style)
 
@@ -146,33 +149,34 @@ class Page:
         colour: str = BLACK,
         align: str = "left",
     ) -> None:
-        """One line of text whose baseline is at y; mm."""
-        self.words.append(Words(x=x, y=y, text=text, size=size, bold=bold, colour=colour, align=align))
+        """Write one line of text whose baseline is at y; mm."""
+        self.texts.append(TextLine(x=x, y=y, text=text, size=size, bold=bold, colour=colour, align=align))
 
 
 @lru_cache(maxsize=65536)
-def width_of(text: str, size: float = BODY_PT, *, bold: bool = False) -> float:
+def text_width(text: str, size: float = BODY_PT, *, bold: bool = False) -> float:
     """Width of a line of text, mm."""
     width, _, _ = text_to_path.get_text_width_height_descent(text, _font(size, bold), ismath=False)
     return float(width) * MM_A_POINT
 
 
-def fitted(text: str, size: float, room: float, *, bold: bool = False) -> str:
-    """Text cut so that it is no wider than `room`, mm; the cut is shown."""
-    if width_of(text, size, bold=bold) <= room:
+def truncated(text: str, size: float, room: float, *, bold: bool = False) -> str:
+    """Text cut with an ellipsis so that it is no wider than `room`, mm."""
+    if text_width(text, size, bold=bold) <= room:
         return text
-    while len(text) > 1 and width_of(text + "…", size, bold=bold) > room:
+    while len(text) > 1 and text_width(text + "…", size, bold=bold) > room:
         text = text[:-1]
     return text + "…"
 
 
 @lru_cache(maxsize=64)
 def _font(size: float, bold: bool) -> FontProperties:
+    """The typeface at a size in points."""
     return FontProperties(family=["DejaVu Sans"], size=size, weight="bold" if bold else "normal")
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a file whose kind cannot be drawn, before anything is drawn for it."""
+    """Raise ConfigError for a file of another format, or in no folder, before anything is drawn."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigError(f"-o {path}: cannot draw '{path.suffix}'; accepted: {', '.join(SUFFIXES)}")
     if path.parent != Path() and not path.parent.is_dir():
@@ -210,7 +214,7 @@ def rendered(page: Page, kind: str, *, title: str) -> bytes:
         axes.set_axis_off()
         for order, stroke in enumerate(sorted(page.strokes, key=lambda stroke: stroke.level)):
             axes.add_patch(_patch(stroke, order))
-        for words in page.words:
+        for words in page.texts:
             axes.text(
                 words.x,
                 words.y,
@@ -229,6 +233,7 @@ def rendered(page: Page, kind: str, *, title: str) -> bytes:
 
 
 def _patch(stroke: Stroke, order: int) -> PathPatch:
+    """The matplotlib patch of a stroke; `order`: higher ones are drawn later."""
     return PathPatch(
         Curve(stroke.points, stroke.codes),
         edgecolor=stroke.line or "none",

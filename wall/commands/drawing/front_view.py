@@ -1,8 +1,8 @@
-"""The wall seen from the front, every screen in its true size: a flat wall as it is, another one unrolled.
+"""The front view of a wall with every screen in its true size: a flat wall as it is, others unrolled.
 
-Screens of one plane make a *facet*. Facets are unfolded about the edges at which they meet, as a paper model is laid
-flat, beginning with the one straight ahead of the eye. What cannot be unfolded without covering itself, or meets
-nothing, is laid beside the rest.
+Screens of one plane form a *facet*. Facets are unfolded about the edges at which they meet, like a paper model,
+beginning with the one straight ahead of the eye. Facets that meet no other, or would overlap when unfolded, are laid
+beside the rest.
 """
 
 from __future__ import annotations
@@ -18,7 +18,9 @@ from wall.core.data import Float64
 FLAT_COSINE = 0.99996  # half a degree: real files round their corners
 FLAT_OFFSET = 0.01  # of the screen's smaller edge
 NEIGHBOUR_GAP = 0.5  # of the shorter edge: wider gaps are no hinge
-COVERED = 0.01  # share of the smaller screen that may lie over another facet's
+COVERED = 0.01  # share of the smaller screen that may overlap another facet's
+PARALLEL_COSINE = 0.999  # between edges that may meet
+SAME_DISTANCE = 1.01  # ratio of distances that count as equal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,7 +41,7 @@ class Placed:
         )
 
     def moved(self, turn: Float64, shift: Float64) -> Placed:
-        """Turned by a (2, 2) rotation, then shifted."""
+        """The screen turned by a (2, 2) rotation, then shifted."""
         return Placed(
             screen=self.screen,
             lower_left=turn @ self.lower_left + shift,
@@ -50,8 +52,8 @@ class Placed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Front:
-    """All screens, and how they came to lie in one plane."""
+class FrontView:
+    """All screens in one plane, and how they were laid there."""
 
     kind: str  # "flat", "unrolled" or "apart"
     placed: tuple[Placed, ...]
@@ -64,8 +66,8 @@ class Front:
         return float(left), float(bottom), float(right), float(top)
 
 
-def front(screens: Sequence[Screen]) -> Front:
-    """Lay screens flat."""
+def front_view(screens: Sequence[Screen]) -> FrontView:
+    """Lay screens in one plane."""
     facets = _facets(screens)
     laid = [_in_plane([screens[i] for i in facet]) for facet in facets]
     facet_of = [0] * len(screens)
@@ -77,7 +79,7 @@ def front(screens: Sequence[Screen]) -> Front:
     else:
         kind, groups = _unfolded(screens, facets, laid)
     flat = {id(placed.screen): placed for group in _in_a_row(groups) for placed in group}
-    return Front(kind=kind, placed=tuple(flat[id(screen)] for screen in screens), facet_of=tuple(facet_of))
+    return FrontView(kind=kind, placed=tuple(flat[id(screen)] for screen in screens), facet_of=tuple(facet_of))
 
 
 def axes_of(screen: Screen) -> tuple[Float64, Float64, Float64]:
@@ -96,7 +98,7 @@ def size_of(screen: Screen) -> tuple[float, float]:
 
 
 def _facets(screens: Sequence[Screen]) -> list[list[int]]:
-    """Indices of screens that lie in one plane and face the same way, the first of each straightest ahead first."""
+    """Indices of screens that lie in one plane and face the same way; the facet straightest ahead comes first."""
     found: list[tuple[Float64, Float64, float, list[int]]] = []
     for i, screen in enumerate(screens):
         _, _, normal = axes_of(screen)
@@ -111,7 +113,7 @@ def _facets(screens: Sequence[Screen]) -> list[list[int]]:
 
 
 def _in_plane(screens: Sequence[Screen]) -> list[Placed]:
-    """Screens of one plane as they stand, its up as near to the wall frame's +y as may be."""
+    """Screens of one plane in its coordinates, with up as near to the wall frame's +y as possible."""
     right, up, normal = axes_of(screens[0])
     if abs(normal[1]) < 0.9:
         right = np.cross([0.0, 1.0, 0.0], normal)
@@ -136,7 +138,7 @@ def _in_plane(screens: Sequence[Screen]) -> list[Placed]:
 def _unfolded(
     screens: Sequence[Screen], facets: list[list[int]], laid: list[list[Placed]]
 ) -> tuple[str, list[list[Placed]]]:
-    """Facets that meet, laid flat together; each alone where that would cover something."""
+    """Unfold facets that meet together; each alone where they would overlap."""
     edges = [np.concatenate([_edges(screens[i]) for i in facet]) for facet in facets]
     gaps = _facet_gaps(edges)
     left = list(range(len(facets)))
@@ -183,7 +185,7 @@ def _facet_gaps(edges: list[Float64]) -> Float64:
 
 
 def _nearest(gaps: Float64, inside: list[int], outside: list[int]) -> tuple[int, int] | None:
-    """The two nearest facets, one that lies and one that does not; None where no two meet.
+    """The two nearest facets, one laid already and one not; None where no two meet.
 
     Of nearly equal distances the facet that was laid first wins, so that both sides unroll from the middle.
     """
@@ -193,7 +195,7 @@ def _nearest(gaps: Float64, inside: list[int], outside: list[int]) -> tuple[int,
     least = float(between.min())
     if not np.isfinite(least):
         return None
-    near = np.argwhere(between <= least * 1.01 + 1e-6)[0]
+    near = np.argwhere(between <= least * SAME_DISTANCE + 1e-6)[0]
     return inside[int(near[0])], outside[int(near[1])]
 
 
@@ -208,7 +210,7 @@ def _gaps(a: Float64, b: Float64) -> Float64:
     middle = a.mean(axis=1)[:, None] - b[None, :, 0]
     along = np.clip(np.einsum("nmk,mk->nm", middle, along_b / long_b[:, None] ** 2), 0, 1)
     gap = np.minimum(one_way, np.linalg.norm(middle - along[..., None] * along_b[None], axis=2))
-    apart = (cosine > -0.999) | (gap > NEIGHBOUR_GAP * np.minimum(long_a[:, None], long_b[None, :]))
+    apart = (cosine > -PARALLEL_COSINE) | (gap > NEIGHBOUR_GAP * np.minimum(long_a[:, None], long_b[None, :]))
     found: Float64 = np.where(apart, np.inf, gap)
     return found
 
@@ -229,6 +231,7 @@ def _folded(here: Float64, there: Float64, in_space: tuple[Float64, Float64], fa
 
 
 def _covers_itself(placed: list[Placed], facet_of: list[int]) -> bool:
+    """Whether screens of different facets overlap by more than COVERED."""
     rects = np.array([one.rect() for one in placed])
     for i, j in meeting(rects):
         shared = meet(rects[i], rects[j]) if facet_of[i] != facet_of[j] else None
@@ -238,7 +241,7 @@ def _covers_itself(placed: list[Placed], facet_of: list[int]) -> bool:
 
 
 def _in_a_row(groups: list[list[Placed]]) -> list[list[Placed]]:
-    """Groups side by side, from the left, their middles at one height; a single one stays as it is."""
+    """Groups side by side from the left, with their middles at one height; a single group stays as it is."""
     if len(groups) == 1:
         return groups
     boxes = [np.concatenate([placed.rect() for placed in group]) for group in groups]
@@ -252,7 +255,7 @@ def _in_a_row(groups: list[list[Placed]]) -> list[list[Placed]]:
 
 
 def meeting(polygons: Float64) -> list[tuple[int, int]]:
-    """Pairs i < j of (n, k, 2) polygons whose upright bounds have an area in common."""
+    """Pairs i < j of (n, k, 2) polygons whose bounding rectangles overlap."""
     low, high = polygons.min(axis=1), polygons.max(axis=1)
     found: list[tuple[int, int]] = []
     for i in range(len(polygons) - 1):
@@ -262,7 +265,7 @@ def meeting(polygons: Float64) -> list[tuple[int, int]]:
 
 
 def meet(a: Float64, b: Float64) -> Float64 | None:
-    """What two convex polygons (n, 2), both anticlockwise, have in common; None where that has no area.
+    """The intersection of two convex polygons (n, 2), both anticlockwise; None where it has no area.
 
     Sutherland and Hodgman, 1974.
     """
@@ -286,11 +289,12 @@ def meet(a: Float64, b: Float64) -> Float64 | None:
 
 
 def area(polygon: Float64) -> float:
-    """Of (n, 2) corners in order; not negative."""
+    """The area of a polygon of (n, 2) corners in order; not negative."""
     x, y = polygon.T
     return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
 
 
 def _unit(vector: Float64) -> Float64:
+    """The vector scaled to length 1."""
     found: Float64 = vector / np.linalg.norm(vector)
     return found

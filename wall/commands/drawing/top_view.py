@@ -1,6 +1,6 @@
-"""The wall from above: screens as lines, the eyes, and what each screen shows them. Metres, x right, y = z down.
+"""The top view of a wall: screens as lines, the eyes, and the frusta between them. Metres, x right, y = z down.
 
-A plan is drawn with the viewer at its lower edge, so the page's y grows with the wall frame's z.
+The viewer is at the lower edge, so the page's y grows with the wall frame's z.
 """
 
 from __future__ import annotations
@@ -14,27 +14,27 @@ import numpy as np
 from wall.commands.drawing.model import Screen
 from wall.core.data import Float64
 
-BEYOND = 1.12  # a frustum goes on behind its screen, so that its edges are seen
-SAME_M = 1e-4
-NO_GAP = math.radians(2.0)  # between two frusta: bezels seen from far away
+BEYOND = 1.12  # length of a frustum's edges in distances to the screen, so that they show behind it
+SAME_M = 1e-4  # metres between points that count as one
+NO_GAP = math.radians(2.0)  # largest angle of a bezel between frusta that count as adjacent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Wedge:
-    """What an eye sees through a screen, from above."""
+    """A frustum from above: an eye and the two edges of a screen."""
 
     eye: Float64  # (2,) x, z
     left: Float64  # (2,) where its left edge meets the screen
     right: Float64
 
     def ends(self) -> tuple[Float64, Float64]:
-        """Where its edges are left off, a little behind the screen."""
+        """The ends of its edges, a little behind the screen."""
         return self.eye + BEYOND * (self.left - self.eye), self.eye + BEYOND * (self.right - self.eye)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan:
-    """Everything in metres, x and z of the wall frame."""
+class TopView:
+    """Screens, eyes and frusta, metres, x and z of the wall frame."""
 
     screens: tuple[Float64, ...]  # (4, 2) each: a line, seen from above, for an upright screen; without repetition
     eyes: tuple[Float64, ...]  # (2,) each
@@ -48,7 +48,7 @@ class Plan:
         return float(left), float(far), float(right), float(near)
 
     def edges(self, *, most: int) -> list[tuple[Float64, Float64]]:
-        """Eye and end of the frusta's edges; of more than `most`, only those with nothing seen beyond them."""
+        """Eye and end of the frusta's edges; of more than `most`, only those with no other frustum next to them."""
         found = [(wedge.eye, end) for wedge in self.wedges for end in wedge.ends()]
         if len(found) <= most:
             return found
@@ -57,7 +57,7 @@ class Plan:
         return [edge for edge, side in zip(found, turned, strict=True) if not self._seen_beside(*edge, side)]
 
     def _seen_beside(self, eye: Float64, end: Float64, side: float) -> bool:
-        """Whether another frustum of this eye goes on at the other side of an edge, within a degree."""
+        """Whether another frustum of this eye is adjacent at the other side of an edge."""
         for wedge in self.wedges:
             if not np.array_equal(wedge.eye, eye):
                 continue
@@ -68,8 +68,8 @@ class Plan:
         return False
 
 
-def plan(screens: Sequence[Screen]) -> Plan:
-    """Project screens and eyes on the floor; screens above each other are one."""
+def top_view(screens: Sequence[Screen]) -> TopView:
+    """Project screens and eyes to the floor; screens above each other are one."""
     outlines = _different([_outline(screen) for screen in screens])
     eyes = _different([eye[[0, 2]] for screen in screens for eye in screen.eyes])
     wedges: dict[tuple[int, ...], Wedge] = {}
@@ -78,16 +78,17 @@ def plan(screens: Sequence[Screen]) -> Plan:
             wedge = _wedge(_outline(screen), eye[[0, 2]])
             if wedge is not None:
                 wedges.setdefault(_key(np.concatenate([wedge.eye, wedge.left, wedge.right])), wedge)
-    return Plan(screens=tuple(outlines), eyes=tuple(eyes), wedges=tuple(wedges.values()))
+    return TopView(screens=tuple(outlines), eyes=tuple(eyes), wedges=tuple(wedges.values()))
 
 
 def _outline(screen: Screen) -> Float64:
+    """(4, 2) corners of a screen from above."""
     lower_left, lower_right, upper_left = screen.corners[:, [0, 2]]
     return np.array([lower_left, lower_right, lower_right + upper_left - lower_left, upper_left])
 
 
 def _wedge(outline: Float64, eye: Float64) -> Wedge | None:
-    """The two corners farthest apart as seen from the eye; None from above a screen or on its line."""
+    """The wedge of the two corners farthest apart as seen from the eye; None for an eye above the screen or in line."""
     away = outline - eye
     middle = away.mean(axis=0)
     if np.linalg.norm(middle) < SAME_M:
@@ -100,10 +101,12 @@ def _wedge(outline: Float64, eye: Float64) -> Wedge | None:
 
 
 def _different(shapes: list[Float64]) -> list[Float64]:
+    """Shapes without repetitions, in order of their first appearance."""
     return list({_key(shape): shape for shape in reversed(shapes)}.values())[::-1]
 
 
 def _key(shape: Float64) -> tuple[int, ...]:
+    """Equal for shapes whose points agree to SAME_M."""
     return tuple(int(value) for value in np.round(shape.ravel() / SAME_M))
 
 
@@ -114,4 +117,5 @@ def _side(eye: Float64, end: Float64, point: Float64) -> float:
 
 
 def _angle(a: Float64, b: Float64) -> float:
+    """The signed angle from a to b, radians."""
     return math.atan2(a[0] * b[1] - a[1] * b[0], float(a @ b))

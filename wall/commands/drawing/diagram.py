@@ -1,4 +1,4 @@
-"""From a layout to what its drawing shows: the one file that knows both."""
+"""Convert a run's layout to the diagram that is drawn. The only file here that knows how a run is laid out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wall.commands.drawing.model import TIMES, TO, Box, Place, Role, Screen, Sketch, Wire
+from wall.commands.drawing.model import TIMES, TO, Box, Diagram, Edge, Process, Role, Screen
 from wall.commands.drawing.traffic import bytes_a_sample, framelet_traffic, samples_traffic, si
 from wall.compositing.graph import Graph, Layer, Step
 from wall.config.schema import FrameSync, SinkNode
@@ -17,22 +17,22 @@ from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.panels import Panel
 from wall.roles.plan import HEAD, Layout
 
-SAME_M = 1e-5  # panels whose corners agree so far light one place
+SAME_M = 1e-5  # metres between corners of panels that count as one screen
 
 
-def sketch(layout: Layout, *, samples_per_s: float) -> Sketch:
-    """Everything to be drawn. `samples_per_s`: expected of a rank, for the bytes of sample streams."""
+def diagram_of(layout: Layout, *, samples_per_s: float) -> Diagram:
+    """The diagram of a layout. `samples_per_s`: expected of a rank, for the bytes of sample streams."""
     sampling, refresh_hz = layout.sampling, layout.config.views[0].refresh_hz
     sample_bytes = bytes_a_sample(sampling.method, sampling.samples_per_batch)
     lock_step = " in lock step" if isinstance(layout.graph.sync, FrameSync) else ""
-    return Sketch(
+    return Diagram(
         name=Path(layout.loaded.path).name,
         size=(layout.wall.width, layout.wall.height),
         screens=_screens(layout),
-        places=_places(layout),
+        processes=_processes(layout),
         boxes=_boxes(layout),
-        wires=tuple(_wires(layout, samples_per_s, sample_bytes)),
-        remarks=(
+        edges=tuple(_edges(layout, samples_per_s, sample_bytes)),
+        assumptions=(
             f"samples: {si(samples_per_s, ' samples/s')} a rank, {sample_bytes:.3g} bytes each ({sampling.method})",
             f"framelets: whole, {refresh_hz:g} a second{lock_step}, before compression; a still view sends less",
         ),
@@ -40,7 +40,7 @@ def sketch(layout: Layout, *, samples_per_s: float) -> Sketch:
 
 
 def _screens(layout: Layout) -> tuple[Screen, ...]:
-    """What hangs on the wall: panels that light the same place are one."""
+    """The wall's screens: panels at the same position are one."""
     together: dict[tuple[int, ...], list[Panel]] = {}
     for panel in layout.wall.panels:
         key = tuple(int(value) for value in np.round(panel.lit.ravel() / SAME_M))
@@ -53,7 +53,7 @@ def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float
     first = panels[0]
     names = list(dict.fromkeys(panel.of or panel.id for panel in panels))
     eyes = {tuple(eye_of(panel, eye, separation)) for panel in panels}
-    places = {_maker(layout.graph, panel.index) for panel in panels}
+    processes = {_maker(layout.graph, panel.index) for panel in panels}
     hung = dict.fromkeys(" ".join(filter(None, (panel.host, panel.display))) for panel in panels)
     return Screen(
         id=_together(names),
@@ -62,20 +62,20 @@ def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float
         bezel=(first.bezel.left, first.bezel.right, first.bezel.top, first.bezel.bottom),
         eyes=tuple(np.array(one) for one in sorted(eyes)),
         notes=(*_peculiar(panels, len(eyes)), *(host for host in hung if host not in ("", first.id))),
-        place=places.pop() if len(places) == 1 else "",
+        process=processes.pop() if len(processes) == 1 else "",
         panels=tuple(panel.id for panel in panels) if len(panels) > 1 else (),
     )
 
 
 def _together(names: list[str]) -> str:
-    """left-eye + right-eye, or wall-left + right: what their beginnings share is said once."""
+    """Join names without repeating their common beginning: left-eye + right-eye, or wall-left + right."""
     beginnings = [names[0][: sign.end()] for sign in re.finditer(r"[-_.]", names[0])]
     shared = max((own for own in beginnings if all(name.startswith(own) for name in names)), key=len, default="")
     return " + ".join([names[0], *(name.removeprefix(shared) for name in names[1:])])
 
 
 def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
-    """What a viewer would not see from the outline."""
+    """Notes on a screen that its outline does not show: stereo, shared positions, rotation."""
     first = panels[0]
     said = [first.stereo.replace("_", " ")] if first.stereo != "mono" and len(panels) == 1 else []
     if len(panels) > 1:
@@ -84,20 +84,22 @@ def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
 
 
 def _maker(graph: Graph, panel: int) -> str:
-    """The place that takes a panel's samples in; "" if there are several."""
-    places = {layer.compositor for layer in graph.layers if layer.panel == panel}
-    return _rank_key(places.pop()) if len(places) == 1 else ""
+    """The process that inserts a panel's samples; "" if there are several."""
+    processes = {layer.compositor for layer in graph.layers if layer.panel == panel}
+    return _rank_key(processes.pop()) if len(processes) == 1 else ""
 
 
-def _places(layout: Layout) -> dict[str, Place]:
-    graph, places = layout.graph, {}
+def _processes(layout: Layout) -> dict[str, Process]:
+    graph, processes = layout.graph, {}
     for rank in range(graph.compositors):
         role: Role = "compositor" if rank else "head"
-        places[_rank_key(rank)] = Place(label=_rank_key(rank), detail=_on_host(graph, f"rank {rank}", rank), role=role)
+        processes[_rank_key(rank)] = Process(
+            label=_rank_key(rank), detail=_on_host(graph, f"rank {rank}", rank), role=role
+        )
     for layer in graph.layers:
         key = _ranks_key(layer.ranks)
-        places[key] = Place(label=key, detail=_on_host(graph, "", *layer.ranks), role="renderer")
-    return places
+        processes[key] = Process(label=key, detail=_on_host(graph, "", *layer.ranks), role="renderer")
+    return processes
 
 
 def _rank_key(rank: int) -> str:
@@ -118,7 +120,7 @@ def _on_host(graph: Graph, text: str, *ranks: int) -> str:
 
 
 def _boxes(layout: Layout) -> tuple[Box, ...]:
-    """Every node, inputs first."""
+    """A box for every node, inputs first."""
     layers, steps = {one.samples: one for one in layout.graph.layers}, {s.node.id: s for s in layout.graph.steps}
     return tuple(
         _samples_box(layout, layers[node.id]) if node.id in layers else _step_box(steps[node.id])
@@ -127,21 +129,21 @@ def _boxes(layout: Layout) -> tuple[Box, ...]:
 
 
 def _samples_box(layout: Layout, layer: Layer) -> Box:
-    place, panel = _ranks_key(layer.ranks), layout.wall.panels[layer.panel]
+    process, panel = _ranks_key(layer.ranks), layout.wall.panels[layer.panel]
     share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
-    return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {place}", place=place, source=True)
+    return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {process}", process=process, source=True)
 
 
 def _step_box(step: Step) -> Box:
-    node, place = step.node, _rank_key(step.rank)
+    node, process = step.node, _rank_key(step.rank)
     if isinstance(node, SinkNode):
-        return Box(id=node.id, op=f"{node.kind} sink", detail="", place=place, sink=True)
+        return Box(id=node.id, op=f"{node.kind} sink", detail="", process=process, sink=True)
     size = f"{step.rect.width} {TIMES} {step.rect.height} px"
-    return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, place=place, source=not node.sources)
+    return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, process=process, source=not node.sources)
 
 
-def _wires(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Wire]:
-    """Every edge. A framelet goes once to a process, however many nodes need it there: the first wire has its bytes."""
+def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Edge]:
+    """Every edge. A framelet is sent to a process once: the first edge has its bytes, others to that process none."""
     graph, refresh_hz = layout.graph, layout.config.views[0].refresh_hz
     layers = {layer.samples: layer for layer in graph.layers}
     sent: set[tuple[int, int]] = set()
@@ -149,12 +151,12 @@ def _wires(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterato
         for name in step.node.sources:
             if name in layers:
                 amount = samples_traffic(len(layers[name].ranks), samples_per_s, sample_bytes)
-                yield Wire(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
+                yield Edge(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
                 continue
             giver = graph.step(name)
             crosses, key = giver.rank != step.rank, (giver.index, step.rank)
             whole = framelet_traffic(giver.rect.area, giver.channels, encoded=giver.encoded, refresh_hz=refresh_hz)
-            yield Wire(
+            yield Edge(
                 start=name,
                 end=step.node.id,
                 bytes_per_s=whole if crosses and key not in sent else 0.0,
