@@ -20,6 +20,7 @@ from wall.core.data import Float32
 from wall.scene.animation import Vector
 from wall.scene.model import Material, Texture
 
+NAMES_SHOWN = 8  # in a note
 LARGEST_TEXTURE_PX = 4096  # 48 MiB of texels; larger images are halved until they fit
 
 
@@ -32,6 +33,8 @@ class Palette:
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    metals: list[str] = field(default_factory=list)  # names of materials that are drawn diffuse
+    transparent: list[str] = field(default_factory=list)  # names of materials that are drawn opaque
     _materials: dict[int, int] = field(default_factory=dict)
     _textures: dict[int, int | None] = field(default_factory=dict)
     _kept: list[Any] = field(default_factory=list)  # what the ids above stand for, so that none is given twice
@@ -53,6 +56,19 @@ class Palette:
             self._materials[-2] = len(self.materials) - 1
         return self._materials[-2]
 
+    def simplified(self) -> list[str]:
+        """A note that counts and names the materials which are drawn simpler than the file says; none if all are."""
+        parts = (
+            (self.metals, "is metal and is drawn diffuse", "are metal and are drawn diffuse"),
+            (self.transparent, "has alpha and is drawn opaque", "have alpha and are drawn opaque"),
+        )
+        said = [
+            f"{len(names)} material{'s' * (len(names) > 1)} {many if len(names) > 1 else one} ({_listed(names)})"
+            for names, one, many in parts
+            if names
+        ]
+        return ["; ".join(said)] if said else []
+
     def _converted(self, found: Any) -> Material:
         if found is None:
             return Material(name="default")
@@ -64,6 +80,8 @@ class Palette:
                 base_color=_factor(found.baseColorFactor, base.base_color),
                 emission=_factor(found.emissiveFactor, (0.0, 0.0, 0.0)),
             )
+            self.metals += [name] if _is_metal(found) else []
+            self.transparent += [name] if found.alphaMode in ("MASK", "BLEND") else []
             image = found.baseColorTexture
             if found.baseColorFactor is None:
                 base = replace(base, base_color=(1.0, 1.0, 1.0))  # glTF's default
@@ -129,6 +147,24 @@ class Palette:
         scale = float(np.iinfo(rows.dtype).max) if np.issubdtype(rows.dtype, np.integer) else 1.0
         values = np.clip(np.nan_to_num(rows[:, :3].astype(np.float64)) / scale, 0.0, 1.0)
         return (values if self.linear_vertex_colors else srgb_decoded(values)).astype(np.float32)
+
+
+def _is_metal(found: Any) -> bool:
+    """Whether a glTF material is metal anywhere: its factor, 1 if left out, times its texture's blue channel."""
+    factor = 1.0 if found.metallicFactor is None else float(found.metallicFactor)
+    image = found.metallicRoughnessTexture
+    if image is None or factor <= 0.0:
+        return factor > 0.0
+    try:
+        return bool(image.convert("RGB").getextrema()[2][1] > 0)
+    except Exception:  # Pillow's decoders raise anything on broken data; the factor says metal
+        return True
+
+
+def _listed(names: list[str]) -> str:
+    """Names for a note, the first NAMES_SHOWN of them."""
+    more = f", and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
+    return ", ".join(names[:NAMES_SHOWN]) + more
 
 
 def _factor(color: Any, default: Vector) -> Vector:

@@ -51,7 +51,7 @@ def load(path: Path) -> Source:
             numbers[name] = (len(meshes), repaired.unit)
             meshes.append(repaired.mesh)
     instances = list(_instances(loaded, numbers, notes))
-    notes += palette.notes
+    notes += palette.notes + palette.simplified()
     if not instances:
         raise SceneError(
             f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"

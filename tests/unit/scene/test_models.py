@@ -79,6 +79,45 @@ def test_glb_base_colour_factor_is_linear_and_texture_is_kept(tmp_path: Path) ->
     np.testing.assert_allclose(source.meshes[0].uvs, uv, atol=1e-6)
 
 
+def with_materials(path: Path, *materials: trimesh.visual.material.PBRMaterial) -> Path:
+    """A glTF file of one triangle for each material."""
+    world = trimesh.Scene()
+    for k, material in enumerate(materials):
+        mesh = trimesh.Trimesh(np.eye(3) + k, [[0, 1, 2]], process=False)
+        mesh.visual = trimesh.visual.TextureVisuals(uv=np.eye(3)[:, :2], material=material)
+        world.add_geometry(mesh)
+    world.export(path)
+    return path
+
+
+def test_glb_metal_and_alpha_are_noted_once_a_file(tmp_path: Path) -> None:
+    """A metallic factor that is left out is 1, says glTF; a texture's blue channel multiplies it."""
+    pbr = trimesh.visual.material.PBRMaterial
+    rust, paint = (Image.new("RGB", (2, 2), (0, 128, blue)) for blue in (200, 0))
+    source = load(
+        with_materials(
+            tmp_path / "car.glb",
+            pbr(name="chrome", metallicFactor=1.0, roughnessFactor=0.1),
+            pbr(name="rubber", metallicFactor=0.0),
+            pbr(name="rim", baseColorFactor=[200, 200, 200, 255]),
+            pbr(name="door", metallicRoughnessTexture=rust),
+            pbr(name="hood", metallicRoughnessTexture=paint),
+            pbr(name="leaf", metallicFactor=0.0, alphaMode="MASK", alphaCutoff=0.5),
+            pbr(name="glass", metallicFactor=0.0, alphaMode="BLEND"),
+            pbr(name="floor", metallicFactor=0.0, alphaMode="OPAQUE"),
+        )
+    )
+    assert [note for note in source.notes if "metal" in note or "alpha" in note] == [
+        "3 materials are metal and are drawn diffuse (chrome, rim, door); "
+        "2 materials have alpha and are drawn opaque (leaf, glass)"
+    ]
+
+
+def test_glb_without_metal_and_alpha_has_no_note_of_them(tmp_path: Path) -> None:
+    plain = trimesh.visual.material.PBRMaterial(name="plain", metallicFactor=0.0)
+    assert load(with_materials(tmp_path / "plain.glb", plain)).notes == ()
+
+
 def test_obj_with_mtl_and_texture(tmp_path: Path) -> None:
     Image.new("RGB", (4, 2), (10, 20, 30)).save(tmp_path / "wood.png")
     written(tmp_path / "m.mtl", "newmtl oak\nKd 0.25 0.5 1.0\nmap_Kd wood.png\n")

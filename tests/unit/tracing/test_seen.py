@@ -35,7 +35,7 @@ def tracer_scene_of(objects: int) -> TracerScene:
 
 
 def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
-    seen = np.array([k not in without for k in range(len(tracer_scene.mesh_table))]) if without else None
+    seen = np.array([k not in without for k in range(len(tracer_scene.meshes))]) if without else None
     tracer = Tracer(tracer_scene, SEEN_FROM.panel, SEEN_FROM.eye, coherent=coherent, seen=seen)
     tracer.take(SEEN_FROM.event)
     width, height = SEEN_FROM.panel.pixels
@@ -73,3 +73,15 @@ def test_the_nearest_of_parts_is_the_whole(tracer_scene: TracerScene, coherent: 
         first, second = (getattr(part, name) for part in parts)
         chosen = np.where((nearest == 0)[..., None] if first.ndim == 3 else nearest == 0, first, second)
         np.testing.assert_array_equal(chosen, getattr(whole, name), err_msg=name)
+
+
+def test_object_ids_do_not_wrap_at_sixteen_bits(compiled_only: None) -> None:
+    """70,000 panes of which all but the last stand far aside: that one has id 70,000, not 70,000 - 65,536."""
+    count = 70_000
+    aside = instance(0, at=(0.0, -1e3, 0.0))
+    scene = make_tracer_scene(scene_of([quad(4.0, 4.0)], [aside] * (count - 1) + [instance(0)], lights=[SUN]))
+    seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(16, 16))
+    tracer = Tracer(scene, seen.panel, seen.eye, coherent=False)
+    tracer.take(seen.event)
+    samples, _ = tracer.trace(np.array([[8.5, 8.5]], np.float32))
+    assert samples["object_id"].tolist() == [count]
