@@ -7,10 +7,11 @@ import pytest
 
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import afr as kernels_afr
-from wall.study.quality.kernels import afr_image as kernels_afr_picture
+from wall.study.quality.kernels import afr_image as kernels_afr_image
 from wall.study.quality.kernels import render_cache as kernels_cache
 from wall.study.quality.kernels import taa as kernels_taa
 from wall.study.quality.kernels import warp as kernels_warp
+from wall.study.quality.methods_afr import tree_of
 from wall.study.quality.methods_reduced import between
 
 ROUNDING = 1e-5  # a few float32 operations on values near 1
@@ -173,12 +174,11 @@ def test_a_gap_is_filled_by_weights_4_2_1_and_wants_its_neighbours_age() -> None
     assert picture[2, 2, 0] == pytest.approx((0.9 + 0.3) / 2)  # out of reach of 3x3: the plain mean of 7x7
 
 
-def tree(width: int, height: int) -> tuple[np.ndarray, ...]:
-    n = 2 * width * height
-    rect, child, parent = np.zeros((n, 4), np.int32), np.zeros((n, 2), np.int32), np.zeros(n, np.int32)
-    cell_of = np.zeros((height, width), np.int32)
-    count = kernels_afr.build_tree(width, height, 4, rect, child, parent, cell_of)
-    return rect[:count], child[:count], parent[:count], cell_of
+def cut_of(tree: kernels_afr.Tree) -> kernels_afr.Cut:
+    """A cut of the root alone."""
+    cut = kernels_afr.Cut(np.zeros(len(tree.parent), np.int32), np.full(len(tree.parent), -1, np.int32))
+    cut.slot[0] = 0
+    return cut
 
 
 def covered(cut: np.ndarray, rect: np.ndarray, width: int, height: int) -> np.ndarray:
@@ -190,7 +190,7 @@ def covered(cut: np.ndarray, rect: np.ndarray, width: int, height: int) -> np.nd
 
 @pytest.mark.parametrize(("width", "height"), [(16, 16), (21, 13), (3, 40), (1, 1)])
 def test_finest_tiles_cover_every_pixel_once(width: int, height: int) -> None:
-    rect, child, _, cell_of = tree(width, height)
+    rect, child, _, cell_of, _ = tree_of(width, height)
     finest = np.flatnonzero(child[:, 0] < 0)
     assert (covered(finest, rect, width, height) == 1).all()
     for y, x in np.ndindex(height, width):
@@ -201,48 +201,45 @@ def test_finest_tiles_cover_every_pixel_once(width: int, height: int) -> None:
 
 def test_the_cut_covers_every_pixel_once_whatever_is_merged_and_split(random_numbers: np.random.Generator) -> None:
     width, height = 21, 13
-    rect, child, parent, _ = tree(width, height)
-    sums = np.zeros((len(rect), kernels_afr.SUMS))
-    cut, spot, count = np.zeros(len(rect), np.int32), np.full(len(rect), -1, np.int32), 1
-    spot[0] = 0
+    tree = tree_of(width, height)
+    cut, count = cut_of(tree), 1
     for trend in random_numbers.integers(-1, 2, 200):
-        sums[:, :3] = random_numbers.random((len(rect), 3))
-        count = kernels_afr.adjust(cut, count, spot, rect, child, parent, sums, 1.0, trend, 2, 12)
-        assert (covered(cut[:count], rect, width, height) == 1).all()
-        assert (spot[cut[:count]] == np.arange(count)).all()
-        assert (spot >= 0).sum() == count <= 12
+        tree.sums[:, :3] = random_numbers.random((len(tree.rect), 3))
+        count = kernels_afr.adjust(cut, count, tree, 1.0, trend, 2, 12)
+        assert (covered(cut.nodes[:count], tree.rect, width, height) == 1).all()
+        assert (cut.slot[cut.nodes[:count]] == np.arange(count)).all()
+        assert (cut.slot >= 0).sum() == count <= 12
 
 
 def test_the_most_important_tile_is_split_and_the_least_important_pair_merged() -> None:
-    rect, child, parent, cell_of = tree(16, 16)
-    sums = np.zeros((len(rect), kernels_afr.SUMS))
-    cut, spot, count = np.zeros(len(rect), np.int32), np.full(len(rect), -1, np.int32), 1
-    spot[0] = 0
+    tree = tree_of(16, 16)
+    cut, count = cut_of(tree), 1
     slope = np.zeros(4)
     for x in range(16):  # a checkerboard to the left, plain grey to the right
         for y in range(16):
             value = 0.5 if x >= 8 else float((x + y) % 2)
-            kernels_afr.add_along(cell_of[y, x], parent, sums, 1.0, value, slope)
+            kernels_afr.add_along(tree.cell_of[y, x], tree, 1.0, value, slope)
     for _ in range(8):
-        count = kernels_afr.adjust(cut, count, spot, rect, child, parent, sums, 1.0, 1, 1, 6)
-    left = rect[cut[:count], 2] <= 8
+        count = kernels_afr.adjust(cut, count, tree, 1.0, 1, 1, 6)
+    left = tree.rect[cut.nodes[:count], 2] <= 8
     assert count == 6
     assert left.sum() == 5
-    kernels_afr.adjust(cut, count, spot, rect, child, parent, sums, 1.0, -1, 1, 6)
-    assert (rect[cut[: count - 1], 0] >= 8).sum() == 1
+    kernels_afr.adjust(cut, count, tree, 1.0, -1, 1, 6)
+    assert (tree.rect[cut.nodes[: count - 1], 0] >= 8).sum() == 1
 
 
 def test_filter_extents_fulfil_the_papers_equations() -> None:
     """e_x d_x = e_y d_y = e_t d_t and e_x e_y e_t = V, where no bound is reached."""
-    rect = np.array([[0, 0, 10, 10]], np.int32)
-    sums = np.zeros((1, kernels_afr.SUMS))
+    none, one = np.full((1, 2), -1, np.int32), np.zeros(1, np.int32)
+    tree = kernels_afr.Tree(np.array([[0, 0, 10, 10]], np.int32), none, none[0], one, np.zeros((1, kernels_afr.SUMS)))
     dx, dy, dt = 0.02, 0.03, 0.25
-    sums[0, kernels_afr.SLOPES :] = (5.0, 5 * dx, 5 * dy, 5 * dt)
-    extent = np.zeros((1, 3), np.float32)
-    recent = np.array([50.0])  # half a sample a pixel: V = 2 pixel^2 seconds
-    kernels_afr_picture.extents(
-        np.zeros(1, np.int32), 1, rect, np.array([-1], np.int32), sums, 1.0, recent, 1.0, extent
-    )
-    ex, ey, et = extent[0]
+    tree.sums[0, kernels_afr.SLOPES :] = (5.0, 5 * dx, 5 * dy, 5 * dt)
+    image = kernels_afr_image.Image(
+        tile_of=one, screen=np.zeros((1, 3), np.float32), nearest=np.zeros((1, 1), np.float32),
+        recent=np.array([50.0]),  # half a sample a pixel: V = 2 pixel^2 seconds
+        extent=np.zeros((1, 3), np.float32), sums=np.zeros((1, 1, 4), np.float32),
+    )  # fmt: skip
+    kernels_afr_image.extents(one, tree, 1.0, 1.0, image)
+    ex, ey, et = image.extent[0]
     np.testing.assert_allclose([ex * dx, ey * dy], et * dt, rtol=1e-5)
     assert ex * ey * et == pytest.approx(2.0, rel=1e-5)

@@ -17,7 +17,7 @@ from wall.deepbuffer.kernels.reproject import pixel_of, place_of
 from wall.geometry.frusta import project
 from wall.roles.plan import make_layout, make_plan
 from wall.study.quality import methods_afr, methods_reduced, methods_render_cache, methods_taa
-from wall.study.quality.baseline import FramedMethod, world_pose_of
+from wall.study.quality.baseline import FramedMethod, world_maps
 from wall.study.quality.method import INPUT_STEP_S, Inputs, Method, Setup
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -196,7 +196,7 @@ def test_world_points_far_from_the_origin_are_projected_as_exactly_as_near_ones(
     moved = replace(view, still=shifted(view.still, far), target=view.target + far)
     there = replace(given, plan=replace(given.plan, view=moved))
     first, later = (Inputs(there.plan).event_at(time) for time in (0.0, 0.1))
-    before, after = world_pose_of(there, first), world_pose_of(there, later)
+    before, after = world_maps(there, first), world_maps(there, later)
     for x, y, distance in ((3.5, 4.5, 5.0), (40.0, 20.0, 9.0), (24.0, 31.0, 3.0)):
         ray = before.frame[0] + x * before.frame[1] + y * before.frame[2]
         hit = first.camera.origin() + distance * ray / np.linalg.norm(ray)

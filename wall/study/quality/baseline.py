@@ -6,7 +6,6 @@ Neither sees the clock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,36 +15,43 @@ from wall.deepbuffer.kernels.reproject import object_tables
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.pose import Pose
 from wall.sampling.ownership import block_order
+from wall.study.quality.kernels.maps import PointMaps
 from wall.study.quality.method import Inputs, MeteredTracer, Setup, centres
 
 ROUNDING_RAYS = 1e-6  # a ray that is done but for the rounding of times is done
 R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's powers; M. Roberts 2018
 
 
-def pose_of(setup: Setup, event: Event) -> Pose:
-    """The matrices of an event for the whole panel."""
-    return Pose(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
+def object_maps(setup: Setup, event: Event) -> PointMaps:
+    """Matrices for points of objects."""
+    pose = Pose(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
+    return PointMaps(pose.frame, pose.corner, pose.object_from_eye, pose.panel_from_object)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorldPose:
-    """The same as a Pose for points that stand still in the world: row 0 the sky, row 1 all else."""
-
-    frame: Float64
-    corner: Float64
-    object_from_eye: Float32  # (2, 12)
-    panel_from_object: Float32  # (2, 12)
-
-
-def world_pose_of(setup: Setup, event: Event) -> WorldPose:
-    """Matrices between the eye and the world, whose origin is moved to where the eye was at time 0."""
+def world_maps(setup: Setup, event: Event) -> PointMaps:
+    """Matrices for points of the world: row 0 the sky, row 1 all else. Its origin is the eye's position at time 0."""
     frame = ray_frame(setup.panel, setup.plan.view.eye, event.camera)
     corner = np.array(setup.panel.screen, np.float64)
     anchor = np.eye(4)[None]
     anchor[0, :3, 3] = setup.plan.view.camera_at(0.0).origin()
     there, back = np.empty((2, 2, 12), np.float32)
     object_tables(anchor, event.camera.origin(), frame, corner, there, back)
-    return WorldPose(frame=frame, corner=corner, object_from_eye=there, panel_from_object=back)
+    return PointMaps(frame, corner, there, back)
+
+
+class Maps:
+    """Matrices of the newest event that was asked for."""
+
+    def __init__(self, setup: Setup, *, follow_objects: bool) -> None:
+        """`follow_objects`: points belong to objects, else to the world."""
+        self._setup, self._made = setup, object_maps if follow_objects else world_maps
+        self._newest: tuple[Event, PointMaps] | None = None
+
+    def of(self, event: Event) -> PointMaps:
+        """Matrices of an event."""
+        if self._newest is None or self._newest[0] is not event:
+            self._newest = event, self._made(self._setup, event)
+        return self._newest[1]
 
 
 class Display(Protocol):

@@ -26,18 +26,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Samples
-from wall.reconstruction.pose import Pose
-from wall.study.quality.baseline import FramelessMethod, WorldPose, pose_of, world_pose_of
+from wall.study.quality.baseline import FramelessMethod, Maps
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import afr as kernels
-from wall.study.quality.kernels import afr_image as picture_kernels
+from wall.study.quality.kernels import afr_image as image_kernels
 from wall.study.quality.method import Method, Setup
 
 SAMPLES_A_PIXEL = 8  # kept
@@ -49,118 +46,98 @@ EPOCH_S = 4.0  # weights grow by exp(3.47 EPOCH_S) = 1e6 before they are brought
 FILTER_SAMPLES = 2.0  # in a filter's volume; the published 1 gave 1 to 5 % more error, 4 from 2 % less to 3 % more
 
 
-class Tree:
-    """The K-D tree of the panel and the cut through it."""
-
-    def __init__(self, width: int, height: int) -> None:
-        n = 2 * width * height
-        rect, child, parent = np.zeros((n, 4), np.int32), np.zeros((n, 2), np.int32), np.zeros(n, np.int32)
-        self.cell_of = np.zeros((height, width), np.int32)
-        n = kernels.build_tree(width, height, SMALLEST_TILE, rect, child, parent, self.cell_of)
-        self.rect, self.child, self.parent = rect[:n].copy(), child[:n].copy(), parent[:n].copy()
-        self.sums = np.zeros((n, kernels.SUMS))
-        self.cut, self.spot, self.count = np.zeros(n, np.int32), np.full(n, -1, np.int32), 1
-        self.spot[0] = 0
-        self.tile_of = np.zeros(n, np.int32)
-
-    def step(self, trend: int, fading: float) -> None:
-        self.count = kernels.adjust(
-            self.cut, self.count, self.spot, self.rect, self.child, self.parent, self.sums, fading, trend, LEAST_TILES,
-            (len(self.parent) + 1) // 2,
-        )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Aimed:
-    """The crosshairs under way; see kernels_afr.aim."""
-
-    tile: NDArray[np.int32]
-    begin: NDArray[np.int32]
-    then: Float32
+def tree_of(width: int, height: int) -> kernels.Tree:
+    """The K-D tree of a panel; its sums are empty."""
+    n = 2 * width * height
+    room = kernels.Tree(
+        rect=np.zeros((n, 4), np.int32), child=np.zeros((n, 2), np.int32), parent=np.zeros(n, np.int32),
+        cell_of=np.zeros((height, width), np.int32), sums=np.zeros((n, kernels.SUMS)),
+    )  # fmt: skip
+    n = kernels.build_tree(SMALLEST_TILE, room)
+    used = {name: getattr(room, name)[:n].copy() for name in ("rect", "child", "parent", "sums")}
+    return room._replace(**used)
 
 
 class AdaptiveFrameless:
+    """A Renderer: the sampler and the reconstruction of 2005."""
+
     coherent = False  # crosshairs lie anywhere
 
     def __init__(self, setup: Setup, *, follow_objects: bool) -> None:
         width, height = setup.size
-        self._setup, self._follow = setup, follow_objects
-        self._tree = Tree(width, height)
+        self._setup, self._maps = setup, Maps(setup, follow_objects=follow_objects)
+        self._tree = tree_of(width, height)
         n, capacity = len(self._tree.parent), SAMPLES_A_PIXEL * width * height
-        self._place = np.full((capacity, 4), -1.0, np.float32)
-        self._colour = np.zeros((capacity, 3), np.float32)
-        self._state = np.zeros((capacity, 7))
-        self._cell = np.full(capacity, -1, np.int32)
-        self._screen = np.zeros((capacity, 3), np.float32)
-        self._hands = np.zeros(3, np.int64)
-        self._last_place, self._last_value = np.full((n, 4), -1.0, np.float32), np.zeros((n, 2), np.float32)
-        self._recent, self._extent = np.zeros(n), np.zeros((n, 3), np.float32)
-        self._nearest = np.zeros((height, width), np.float32)
-        self._gathered = np.zeros((height, width, 4), np.float32)
+        self._cut = kernels.Cut(nodes=np.zeros(n, np.int32), slot=np.full(n, -1, np.int32))
+        self._cut.slot[0], self._tiles = 0, 1
+        self._ring = kernels.SampleRing(
+            position=np.full((capacity, 4), -1.0, np.float32), radiance=np.zeros((capacity, 3), np.float32),
+            state=np.zeros((capacity, 7)), cell=np.full(capacity, -1, np.int32), cursors=np.zeros(3, np.int64),
+        )  # fmt: skip
+        self._centres = kernels.Centres(np.full((n, 4), -1.0, np.float32), np.zeros((n, 2), np.float32))
+        self._image = image_kernels.Image(
+            tile_of=np.zeros(n, np.int32), screen=np.zeros((capacity, 3), np.float32),
+            nearest=np.zeros((height, width), np.float32), recent=np.zeros(n), extent=np.zeros((n, 3), np.float32),
+            sums=np.zeros((height, width, 4), np.float32),
+        )  # fmt: skip
         self._epoch, self._mean_age, self._crosses, self._unstepped = 0.0, 0.1, 0, 0
-        self._aimed: _Aimed | None = None
-        self._pose: tuple[Event, Pose | WorldPose] | None = None
+        self._aimed: kernels.Crosshairs | None = None  # under way
 
     def choose(self, count: int, event: Event, now: float) -> Float32:
+        """See Renderer."""
         crosses = count // (kernels.CROSS + 1)
         xy = np.empty((crosses * (kernels.CROSS + 1), 2), np.float32)
-        tile, begin = np.empty(crosses, np.int32), np.empty(crosses + 1, np.int32)
-        then = np.empty((crosses, 2), np.float32)
-        tree, table = self._tree, self._pose_of(event).panel_from_object
+        self._aimed = kernels.Crosshairs(
+            np.empty(crosses, np.int32), np.empty(crosses + 1, np.int32), np.empty((crosses, 2), np.float32)
+        )
         rays = kernels.aim(
-            tree.cut, tree.count, tree.rect, self._setup.seed, self._crosses, self._last_place, self._last_value,
-            table, xy, tile, begin, then,
+            self._cut, self._tiles, self._tree.rect, self._setup.seed, self._crosses, self._centres,
+            self._maps.of(event).panel_from_object, xy, self._aimed,
         )  # fmt: skip
         self._crosses += crosses
-        self._aimed = _Aimed(tile=tile, begin=begin, then=then)
         return xy[:rays]
 
     def take(self, samples: Samples, event: Event, now: float) -> None:
+        """See Renderer."""
         slopes = np.zeros((len(samples), 4), np.float32)
         aimed = self._aimed if self._aimed and self._aimed.begin[-1] == len(samples) else None  # no sample was dropped
         if aimed:
-            kernels.gradients(samples, aimed.tile, aimed.begin, aimed.then, now, self._last_value, slopes)
+            kernels.gradients(samples, aimed, now, self._centres.value, slopes)
         if now - self._epoch > EPOCH_S:
             self._rebase(now)
-        pose, tree, first = self._pose_of(event), self._tree, int(self._hands[0])
-        kernels.store(
-            samples, slopes, math.exp(kernels.AGEING * (now - self._epoch)), now, pose.frame, pose.corner,
-            pose.object_from_eye, pose.panel_from_object, tree.cell_of, tree.parent, tree.sums, self._place,
-            self._colour, self._state, self._cell, self._hands,
-        )  # fmt: skip
+        ring, first = self._ring, int(self._ring.cursors[kernels.OVERWRITE])
+        weight = math.exp(kernels.AGEING * (now - self._epoch))
+        kernels.store(samples, slopes, weight, now, self._maps.of(event), self._tree, ring)
         if aimed:
-            kernels.remember(aimed.tile, aimed.begin, first, self._place, self._last_place)
+            kernels.remember(aimed, first, ring.position, self._centres)
         self._retile(len(samples) if self._aimed else SAMPLES_A_STEP * FIRST_TILES, now)
 
     def picture(self, event: Event, now: float) -> Float32:
-        tree, count = self._tree, int(self._hands[2])
-        picture_kernels.tiles_of_cells(tree.rect, tree.child, tree.parent, tree.spot, tree.tile_of)
-        self._mean_age = picture_kernels.look(
-            self._place, self._state, count, self._pose_of(event).panel_from_object, now, tree.cell_of, tree.tile_of,
-            self._screen, self._nearest, self._recent,
-        )  # fmt: skip
-        picture_kernels.extents(
-            tree.cut, tree.count, tree.rect, tree.parent, tree.sums, self._fading(now), self._recent, FILTER_SAMPLES,
-            self._extent,
-        )  # fmt: skip
-        picture_kernels.scatter(
-            self._screen, self._colour, self._state, count, now, self._nearest, tree.cell_of, tree.tile_of,
-            self._extent, self._gathered,
-        )  # fmt: skip
-        picture_kernels.normalise(self._gathered)
-        fill_holes(self._gathered)
-        return self._gathered[:, :, :3]
+        """See Renderer."""
+        tree, ring, image = self._tree, self._ring, self._image
+        image_kernels.tiles_of_cells(tree, self._cut.slot, image.tile_of)
+        table = self._maps.of(event).panel_from_object
+        self._mean_age = image_kernels.project(ring, table, now, tree.cell_of, image)
+        image_kernels.extents(self._cut.nodes[: self._tiles], tree, self._fading(now), FILTER_SAMPLES, image)
+        image_kernels.scatter(ring, now, tree.cell_of, image)
+        image_kernels.normalise(image.sums)
+        fill_holes(image.sums)
+        shown: Float32 = image.sums[:, :, :3]
+        return shown
 
     def _retile(self, samples: int, now: float) -> None:
-        """The steps that so many new samples are worth; the free picture's make the first tiles."""
+        """Take the steps that so many new samples are worth; those of the free picture make the first tiles."""
         self._unstepped += samples
         steps, self._unstepped = divmod(self._unstepped, SAMPLES_A_STEP)
+        most, fading = (len(self._tree.parent) + 1) // 2, self._fading(now)
         for _ in range(steps):
-            self._tree.step(self._trend() if self._aimed else 1, self._fading(now))
+            trend = self._trend() if self._aimed else 1
+            self._tiles = kernels.adjust(self._cut, self._tiles, self._tree, fading, trend, LEAST_TILES, most)
 
     def _trend(self) -> int:
-        root = self._tree.sums[0]
-        spatial = (root[kernels.SLOPE_X] + root[kernels.SLOPE_Y]) / 2 * math.sqrt(self._nearest.size / self._tree.count)
+        """Whether tiles should become more (1), fewer (-1) or stay as many (0)."""
+        root, pixels = self._tree.sums[0], self._tree.cell_of.size
+        spatial = (root[kernels.SLOPE_X] + root[kernels.SLOPE_Y]) / 2 * math.sqrt(pixels / self._tiles)
         temporal = root[kernels.SLOPE_T] * self._mean_age
         return int(spatial > temporal * BALANCED) - int(temporal > spatial * BALANCED)
 
@@ -170,15 +147,9 @@ class AdaptiveFrameless:
     def _rebase(self, now: float) -> None:
         """Bring weights, which only grow, back to 1 for the present."""
         fading = self._fading(now)
-        self._tree.sums *= fading
-        self._state[:, 1] *= fading
+        self._tree.sums[:] *= fading
+        self._ring.state[:, kernels.STORED_WEIGHT] *= fading
         self._epoch = now
-
-    def _pose_of(self, event: Event) -> Pose | WorldPose:
-        if self._pose is None or self._pose[0] is not event:
-            made = pose_of(self._setup, event) if self._follow else world_pose_of(self._setup, event)
-            self._pose = (event, made)
-        return self._pose[1]
 
 
 def afr2005(follow_objects: bool, setup: Setup) -> FramelessMethod:

@@ -19,18 +19,13 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import Event, Float32, Samples
-from wall.reconstruction.pose import Pose
-from wall.study.quality.baseline import FramelessMethod, WorldPose, pose_of, world_pose_of
+from wall.study.quality.baseline import FramelessMethod, Maps
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import render_cache as kernels
 from wall.study.quality.method import Method, Setup
 
 POINTS_A_PIXEL = 1.5
 AGE_AT_TURN = 128.0  # reached by an undisturbed point when its turn comes again
-HIDDEN_AGES = 32.0  # a refresh, beside
-LEAST_CHANGE, FULL_CHANGE = 0.03, 0.25  # of the square root of radiance: noise; a different surface
-CHANGE_AGES = 160.0  # at most, at once
-CHANGE_REACH = 2  # pixels around a sample that disagrees
 
 
 class RenderCache:
@@ -38,21 +33,20 @@ class RenderCache:
 
     def __init__(self, setup: Setup, *, follow_objects: bool) -> None:
         width, height = setup.size
-        self._setup, self._follow = setup, follow_objects
+        self._setup, self._maps = setup, Maps(setup, follow_objects=follow_objects)
         capacity = int(POINTS_A_PIXEL * width * height)
-        self._place = np.full((capacity, 4), -1.0, np.float32)
-        self._colour = np.zeros((capacity, 3), np.float32)
-        self._age = np.zeros(capacity, np.float32)
-        self._seat = np.full(capacity, -1, np.int32)
-        self._owner, self._kept = np.full((2, height, width), -1, np.int32)
-        self._depth = np.full((height, width), np.inf, np.float32)
+        owner, self._kept = np.full((2, height, width), -1, np.int32)
+        self._cache = kernels.Cache(
+            position=np.full((capacity, 4), -1.0, np.float32), radiance=np.zeros((capacity, 3), np.float32),
+            age=np.zeros(capacity, np.float32), pixel=np.full(capacity, -1, np.int32), owner=owner,
+            depth=np.full((height, width), np.inf, np.float32),
+        )  # fmt: skip
         self._priority = np.ones((height, width), np.float32)
         self._picture = np.zeros((height, width, 4), np.float32)
         self._chosen = np.zeros((width * height, 2), np.int32)
-        self._count = self._at = self._hand = self._plans = 0
+        self._count = self._at = self._cursor = self._plans = 0
         self._wanted = setup.rate / setup.refresh_hz
         self._since = 0  # rays since the last refresh
-        self._pose: tuple[Event, Pose | WorldPose] | None = None
 
     def choose(self, count: int, event: Event, now: float) -> Float32:
         if self._at >= self._count:
@@ -63,24 +57,16 @@ class RenderCache:
         return xy
 
     def take(self, samples: Samples, event: Event, now: float) -> None:
-        pose = self._pose_of(event)
         self._since += len(samples) if now > 0.0 else 0  # the free picture says nothing of the rate
-        self._hand = kernels.store(
-            samples, pose.frame, pose.corner, pose.object_from_eye, self._place, self._colour, self._age, self._owner,
-            self._seat, self._hand, np.float32(LEAST_CHANGE), np.float32(FULL_CHANGE), CHANGE_REACH,
-            np.float32(CHANGE_AGES),
-        )  # fmt: skip
+        self._cursor = kernels.store(samples, self._maps.of(event), self._cache, self._cursor)
 
     def picture(self, event: Event, now: float) -> Float32:
-        table = self._pose_of(event).panel_from_object
-        turn = self._since / self._owner.size  # how much of the picture was sampled since
-        self._age += np.float32(AGE_AT_TURN * turn)
-        np.minimum(self._age, kernels.OLDEST, out=self._age)
-        kernels.project_points(
-            self._place, self._age, table, self._owner, self._depth, self._seat, np.float32(HIDDEN_AGES)
-        )
-        kernels.cull(self._owner, self._depth, self._kept)
-        kernels.interpolate(self._kept, self._colour, self._age, self._picture, self._priority)
+        cache = self._cache
+        turn = self._since / cache.owner.size  # how much of the picture was sampled since
+        np.minimum(cache.age + np.float32(AGE_AT_TURN * turn), kernels.OLDEST, out=cache.age)
+        kernels.project_points(cache, self._maps.of(event).panel_from_object)
+        kernels.cull(cache.owner, cache.depth, self._kept)
+        kernels.interpolate(self._kept, cache.radiance, cache.age, self._picture, self._priority)
         if not self._picture[:, :, 3].all():
             fill_holes(self._picture)
         self._wanted, self._since = max(self._since, 1), 0
@@ -95,12 +81,6 @@ class RenderCache:
         self._count = kernels.choose_pixels(self._priority, wanted, first_error, self._chosen)
         self._at = 0
         kernels.shuffle_rows(self._chosen, self._count, self._setup.seed * 1_000_003 + self._plans)
-
-    def _pose_of(self, event: Event) -> Pose | WorldPose:
-        if self._pose is None or self._pose[0] is not event:
-            made = pose_of(self._setup, event) if self._follow else world_pose_of(self._setup, event)
-            self._pose = (event, made)
-        return self._pose[1]
 
 
 def render_cache(follow_objects: bool, setup: Setup) -> FramelessMethod:

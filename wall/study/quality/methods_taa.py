@@ -18,14 +18,14 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import Event, Float32, Samples
-from wall.reconstruction.pose import Pose
-from wall.study.quality.baseline import FramedMethod, pose_of
+from wall.study.quality.baseline import FramedMethod, object_maps
 from wall.study.quality.filling import fill_holes
 from wall.study.quality.kernels import taa as kernels_taa
 from wall.study.quality.kernels import warp as kernels_warp
+from wall.study.quality.kernels.maps import PointMaps
 from wall.study.quality.method import Method, Setup
 
-GAMMA = 1.0  # deviations that a history may differ; Karis's and the survey's usual 1
+GAMMA = np.float32(1.0)  # deviations that a history may differ; Karis's and the survey's usual 1
 ALPHA = 0.1
 
 
@@ -45,30 +45,28 @@ class TemporalDisplay:
         self._origin = np.zeros((height, width, 3), np.float32)
         self._warped = np.zeros((height, width, 4), np.float32)
         self._event: Event | None = None
-        self._pose: Pose | None = None
+        self._pose: PointMaps | None = None
 
     def take(self, raster: Samples, event: Event) -> None:
         still = self._event is not None and event.number == self._event.number and self._keep
-        pose = self._pose if still and self._pose is not None else pose_of(self._setup, event)
-        place, depth = np.empty((*raster.shape, 4), np.float32), np.empty(raster.shape, np.float32)
-        kernels_taa.place_samples(
-            raster, pose.frame, pose.corner, pose.object_from_eye, pose.panel_from_object, place, depth
-        )
-        then = pose if self._pose is None else self._pose
-        history, about = self._shown.copy(), np.ascontiguousarray(self._found[:, :, 3:])
-        if not self._keep:
-            history[:] = 0.0
-        spacing = np.array(self._setup.size, np.float32) / np.array(raster.shape[::-1], np.float32)
-        kernels_taa.accumulate(
-            raster, place, depth, spacing, pose.frame, pose.corner, pose.object_from_eye, then.panel_from_object, still,
-            history, about, self._limit, np.float32(GAMMA), self._shown, self._found,
+        pose = self._pose if still and self._pose is not None else object_maps(self._setup, event)
+        frame = kernels_taa.Frame(
+            raster=raster, position=np.empty((*raster.shape, 4), np.float32), depth=np.empty(raster.shape, np.float32),
+            spacing=np.array(self._setup.size, np.float32) / np.array(raster.shape[::-1], np.float32),
         )  # fmt: skip
+        kernels_taa.locate_samples(frame, pose)
+        then = pose if self._pose is None else self._pose
+        surface = np.ascontiguousarray(self._found[:, :, 3:])
+        history = kernels_taa.History(self._shown * np.float32(self._keep), surface)
+        kernels_taa.accumulate(
+            frame, pose, then.panel_from_object, still, history, self._limit, GAMMA, self._shown, self._found
+        )
         self._event, self._pose = event, pose
 
     def picture(self, event: Event) -> Float32:
         if not self._warp or self._event is None or event.number == self._event.number:
             return self._shown[:, :, :3]
-        table = pose_of(self._setup, event).panel_from_object
+        table = object_maps(self._setup, event).panel_from_object
         kernels_warp.move_surfaces(self._found, table, self._moved, self._nearest, self._fallback)
         kernels_warp.sources(self._moved, self._nearest, self._fallback, self._origin)
         if kernels_warp.gather(self._shown, self._origin, self._warped):

@@ -5,10 +5,10 @@ the samples that lie in it, each weighing exp(3.47 (time - epoch)): the common f
 turns this into the paper's exp(-3.47 age) need not be kept up to date, as means and variances do not see it.
 """
 
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators, allow-incomplete-defs, allow-any-generics
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,19 +22,62 @@ REPROJECTED = 4  # old samples for every new one
 CROSS = 5  # rays of a crosshair: centre, left, right, up, down; the sixth is the temporal one
 LEAST_WAIT_S = 1e-3  # between a centre and the ray that goes there again, for a finite slope
 UNSEEN = 0.02  # variance assumed of a tile without samples, shared among those it has
-# what a node sums up: weight; value; its square; weight, x, y and t of gradients
-WEIGHT, VALUE, SQUARE, SLOPES, SLOPE_X, SLOPE_Y, SLOPE_T = 0, 1, 2, 3, 4, 5, 6
+WEIGHT, VALUE, SQUARE, SLOPES, SLOPE_X, SLOPE_Y, SLOPE_T = range(7)  # columns of sums: SLOPES is the slopes' weight
 SUMS = 7
+STORED_TIME, STORED_WEIGHT, STORED_VALUE, STORED_SLOPES = 0, 1, 2, 3  # columns of state: slopes by x, y, s, and weight
+OVERWRITE, REPROJECT, STORED = 0, 1, 2  # entries of cursors: next to overwrite, next to reproject, samples kept
+
+
+class Tree(NamedTuple):
+    """The K-D tree of the panel: n nodes, the root first."""
+
+    rect: np.ndarray  # (n, 4) int32: left, top, right, bottom
+    child: np.ndarray  # (n, 2) int32, -1: none
+    parent: np.ndarray  # (n,) int32, -1: none
+    cell_of: np.ndarray  # (h, w) int32: finest node of each pixel
+    sums: np.ndarray  # (n, SUMS) float64, of the samples in each node
+
+
+class Cut(NamedTuple):
+    """The nodes of the tree that are tiles."""
+
+    nodes: np.ndarray  # (n,) int32, as many of them as the cut has
+    slot: np.ndarray  # (n,) int32: where each node stands in `nodes`, -1: not in the cut
+
+
+class SampleRing(NamedTuple):
+    """Samples as points, the oldest overwritten first."""
+
+    position: np.ndarray  # (capacity, 4) float32: point, and its row of the tables
+    radiance: np.ndarray  # (capacity, 3) float32 linear RGB
+    state: np.ndarray  # (capacity, 7) float64: columns STORED_...
+    cell: np.ndarray  # (capacity,) int32: finest node that counts the sample, -1: none
+    cursors: np.ndarray  # (3,) int64: OVERWRITE, REPROJECT, STORED
+
+
+class Crosshairs(NamedTuple):
+    """Rays that were chosen together: five or six of each of k crosshairs."""
+
+    tile: np.ndarray  # (k,) int32: node
+    begin: np.ndarray  # (k + 1,) int32: first ray of each
+    then: np.ndarray  # (k, 2) float32: Centres.value of the tile before
+
+
+class Centres(NamedTuple):
+    """The last crosshair's centre in each of n nodes."""
+
+    position: np.ndarray  # (n, 4) float32: point, and its row of the tables, -1: none
+    value: np.ndarray  # (n, 2) float32: value and time
 
 
 @kernel
-def build_tree(width, height, smallest, rect, child, parent, cell_of):
+def build_tree(smallest, tree):
     """Halve the longer side until no side is above `smallest` pixels.
 
-    rect : (n, 4) int32 left, top, right, bottom; child : (n, 2) int32, -1 = none; parent : (n,) int32
-    cell_of : (h, w) int32, finest node of each pixel; all written. Returns how many nodes there are: n = 2 width height
-    is enough.
+    tree : Tree, written; n = 2 width height is enough. Returns how many nodes there are.
     """
+    rect, child, parent, cell_of = tree.rect, tree.child, tree.parent, tree.cell_of
+    height, width = cell_of.shape
     rect[0, 0], rect[0, 1], rect[0, 2], rect[0, 3] = 0, 0, width, height
     parent[0] = -1
     count, k = 1, 0
@@ -58,10 +101,10 @@ def build_tree(width, height, smallest, rect, child, parent, cell_of):
 
 
 @inline_kernel
-def add_along(node, parent, sums, weight, value, slope):
+def add_along(node, tree, weight, value, slope):
     """Add a sample (or take it away: a negative weight) to a finest node and all above it."""
     while node >= 0:
-        row = sums[node]
+        row = tree.sums[node]
         row[WEIGHT] += weight
         row[VALUE] += weight * value
         row[SQUARE] += weight * value * value
@@ -69,7 +112,7 @@ def add_along(node, parent, sums, weight, value, slope):
         row[SLOPE_X] += weight * slope[0]
         row[SLOPE_Y] += weight * slope[1]
         row[SLOPE_T] += weight * slope[2]
-        node = parent[node]
+        node = tree.parent[node]
 
 
 @inline_kernel
@@ -94,13 +137,12 @@ def importance(node, rect, sums, fading):
 
 
 @kernel
-def adjust(cut, count, spot, rect, child, parent, sums, fading, trend, least, most):
-    """One step towards tiles of equal importance: merge the two least important, split the most important one.
+def adjust(cut, count, tree, fading, trend, least, most):
+    """Take one step towards tiles of equal importance: merge the two least important, split the most important one.
 
     Parameters
     ----------
-    cut : (n,) int32 nodes of the cut, `count` of them; spot : (n,) int32 each node's place in it, -1 = not in it
-    rect, child, parent : the tree, see build_tree; sums : (n, SUMS) float64 of its nodes
+    cut : Cut, updated; count : int, nodes of the cut; tree : Tree
     fading : float, exp(-AGEING (now - epoch)), turns weights of `sums` into present ones
     trend : int, +1 only splits, -1 only merges, 0 does both
     least, most : int, bounds of `count`
@@ -109,15 +151,17 @@ def adjust(cut, count, spot, rect, child, parent, sums, fading, trend, least, mo
     -------
     count : int
     """
+    nodes, slot = cut.nodes, cut.slot
+    rect, child, parent, sums = tree.rect, tree.child, tree.parent, tree.sums
     split, merge, high, low = -1, -1, -1.0, np.inf
     for k in range(count):
-        node = cut[k]
+        node = nodes[k]
         if child[node, 0] >= 0:
             found = importance(node, rect, sums, fading)
             if found > high:
                 split, high = node, found
         above = parent[node]
-        if above >= 0 and child[above, 0] == node and spot[child[above, 1]] >= 0:
+        if above >= 0 and child[above, 0] == node and slot[child[above, 1]] >= 0:
             found = importance(above, rect, sums, fading)
             if found < low:
                 merge, low = above, found
@@ -125,44 +169,43 @@ def adjust(cut, count, spot, rect, child, parent, sums, fading, trend, least, mo
         return count
     if trend <= 0 and merge >= 0 and count > least:
         first, second = child[merge, 0], child[merge, 1]
-        cut[spot[first]] = merge
-        spot[merge], spot[first] = spot[first], -1
+        nodes[slot[first]] = merge
+        slot[merge], slot[first] = slot[first], -1
         count -= 1
-        cut[spot[second]] = cut[count]
-        spot[cut[count]] = spot[second]
-        spot[second] = -1
+        nodes[slot[second]] = nodes[count]
+        slot[nodes[count]] = slot[second]
+        slot[second] = -1
     if trend >= 0 and split >= 0 and count < most:
         first, second = child[split, 0], child[split, 1]
-        cut[spot[split]] = first
-        spot[first], spot[split] = spot[split], -1
-        cut[count], spot[second] = second, count
+        nodes[slot[split]] = first
+        slot[first], slot[split] = slot[split], -1
+        nodes[count], slot[second] = second, count
         count += 1
     return count
 
 
 @kernel
-def aim(cut, count, rect, seed, first, last_place, last_value, table, xy, tile, begin, then):
-    """Crosshairs in tiles picked at random, and where the tile's last centre is now, to be traced again.
+def aim(cut, count, rect, seed, first, centres, table, xy, crosshairs):
+    """Place crosshairs in tiles picked at random, and a ray where the tile's last centre is seen now.
 
     Parameters
     ----------
-    cut, count, rect : see adjust
+    cut : Cut; count : int, nodes of the cut; rect : (n, 4) int32, of the tree
     seed, first : int, random numbers are hashes of (seed, number of the crosshair)
-    last_place : (n, 4) float32, each node's last centre and its row of `table`, -1 = none
-    last_value : (n, 2) float32, its value and time
-    xy : (m, 2) float32, written; tile : (k,) int32, node of each crosshair, written
-    begin : (k + 1,) int32, first ray of each crosshair, written; five or six rays each
-    then : (k, 2) float32, last_value of each crosshair's tile, written
+    centres : Centres; table : (rows, 12) float32 panel_from_object
+    xy : (m, 2) float32, written; crosshairs : Crosshairs, written
 
     Returns
     -------
     rays : int
     """
+    nodes, tile, begin, then = cut.nodes, crosshairs.tile, crosshairs.begin, crosshairs.then
+    last_position, last_value = centres.position, centres.value
     right, bottom = np.float32(rect[0, 2]), np.float32(rect[0, 3])
     rays = 0
     for k in range(tile.shape[0]):
         key = hash_uint32(np.uint32(seed), np.uint32(first + k))
-        node = cut[int((np.uint64(key) * np.uint64(count)) >> np.uint64(32))]
+        node = nodes[int((np.uint64(key) * np.uint64(count)) >> np.uint64(32))]
         across, down = unit(hash_uint32(key, np.uint32(1))), unit(hash_uint32(key, np.uint32(2)))
         x = rect[node, 0] + across * (rect[node, 2] - rect[node, 0])
         y = rect[node, 1] + down * (rect[node, 3] - rect[node, 1])
@@ -173,9 +216,9 @@ def aim(cut, count, rect, seed, first, last_place, last_value, table, xy, tile, 
             dy = -ONE if ray == 3 else (ONE if ray == 4 else ZERO)
             xy[rays, 0], xy[rays, 1] = inside(np.float32(x) + dx, right), inside(np.float32(y) + dy, bottom)
             rays += 1
-        row = int(last_place[node, 3])
+        row = int(last_position[node, 3])
         if row >= 0:
-            a, b, c = last_place[node, 0], last_place[node, 1], last_place[node, 2]
+            a, b, c = last_position[node, 0], last_position[node, 1], last_position[node, 2]
             u, v, z = pixel_of(a, b, c, row, table)
             if z > ZERO and u >= ZERO and v >= ZERO and u < right and v < bottom:
                 xy[rays, 0], xy[rays, 1] = u, v
@@ -201,14 +244,15 @@ def inside(at, end):
 
 
 @kernel
-def gradients(samples, tile, begin, then, now, last_value, slopes):
-    """Finite differences of crosshairs, and of their tile's last centre against the ray that went there again.
+def gradients(samples, crosshairs, now, last_value, slopes):
+    """Write finite differences of crosshairs, and of their tile's last centre against the ray that went there again.
 
-    samples : all rays of the crosshairs, in order; tile, begin, then : see aim; now : float seconds
-    last_value : (n, 2) float32, value and time of each node's last centre, updated
+    samples : (m,) SAMPLE, all rays of the crosshairs, in order; crosshairs : Crosshairs; now : float seconds
+    last_value : (n, 2) float32, Centres.value, updated
     slopes : (m, 4) float32, written for each ray: |d value| by pixel x, by pixel y, by second, and 1 at centres that
         have all three; else zeros
     """
+    tile, begin, then = crosshairs.tile, crosshairs.begin, crosshairs.then
     slopes[:] = ZERO
     for k in range(tile.shape[0]):
         centre, node = begin[k], tile[k]
@@ -227,61 +271,69 @@ def gradients(samples, tile, begin, then, now, last_value, slopes):
 
 
 @kernel
-def store(
-    samples, slopes, weight, now, frame, corner, object_from_eye, table, cell_of, parent, sums, place, colour, state,
-    cell, hands
-):  # fmt: skip
+def store(samples, slopes, weight, now, maps, tree, ring):
     """Keep samples, and move a few old ones to where they are seen now.
 
     Parameters
     ----------
     samples : (n,) SAMPLE; slopes : (n, 4) float32, see gradients; weight : float, exp(AGEING (now - epoch))
-    now : float, seconds of the samples' clock
-    frame, corner, object_from_eye, table : of their event
-    cell_of, parent, sums : the tree, see build_tree and adjust; sums updated
-    place : (capacity, 4) float32 point and row of the tables; colour : (capacity, 3) float32
-    state : (capacity, 7) float64 time, weight, value, slopes
-    cell : (capacity,) int32, finest node that counts the sample, -1 = none
-    hands : (3,) int64: next to overwrite, next to reproject, samples kept; updated
+    now : float, seconds of the samples' clock; maps : PointMaps of their event
+    tree : Tree, sums are updated; ring : SampleRing, updated
     """
-    capacity = place.shape[0]
-    last = object_from_eye.shape[0] - 1
+    position, state, cell, cursors = ring.position, ring.state, ring.cell, ring.cursors
+    table, cell_of = maps.panel_from_object, tree.cell_of
+    capacity = position.shape[0]
+    last = maps.object_from_eye.shape[0] - 1
     for s in range(samples.shape[0]):
-        sample, k = samples[s], hands[0]
+        sample, k = samples[s], cursors[OVERWRITE]
         if cell[k] >= 0:
-            add_along(cell[k], parent, sums, -state[k, 1], state[k, 2], state[k, 3:])
+            count_sample(cell[k], tree, -1.0, state[k])
         row = min(int(sample["object_id"]), last)
         x, y = sample["xy"][0], sample["xy"][1]
-        a, b, c = place_of(corner[0] + x, corner[1] + y, sample["depth"], row, frame, object_from_eye)
-        place[k, 0], place[k, 1], place[k, 2], place[k, 3] = a, b, c, np.float32(row)
-        colour[k, 0], colour[k, 1], colour[k, 2] = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
-        state[k, 0], state[k, 1], state[k, 2] = now, weight, value_of(sample["radiance"])
+        u, v = maps.corner[0] + x, maps.corner[1] + y
+        a, b, c = place_of(u, v, sample["depth"], row, maps.frame, maps.object_from_eye)
+        position[k, 0], position[k, 1], position[k, 2], position[k, 3] = a, b, c, np.float32(row)
+        for n in range(3):
+            ring.radiance[k, n] = sample["radiance"][n]
+        state[k, STORED_TIME], state[k, STORED_WEIGHT] = now, weight
+        state[k, STORED_VALUE] = value_of(sample["radiance"])
         for n in range(4):
-            state[k, 3 + n] = slopes[s, n]
+            state[k, STORED_SLOPES + n] = slopes[s, n]
         cell[k] = cell_at(x, y, cell_of)
-        add_along(cell[k], parent, sums, state[k, 1], state[k, 2], state[k, 3:])
-        hands[0] = (k + 1) % capacity
-        hands[2] = min(hands[2] + 1, capacity)
+        count_sample(cell[k], tree, 1.0, state[k])
+        cursors[OVERWRITE] = (k + 1) % capacity
+        cursors[STORED] = min(cursors[STORED] + 1, capacity)
         for _ in range(REPROJECTED):
-            k = hands[1] % hands[2]
-            hands[1] = k + 1
-            x, y, z = pixel_of(place[k, 0], place[k, 1], place[k, 2], int(place[k, 3]), table)
+            k = cursors[REPROJECT] % cursors[STORED]
+            cursors[REPROJECT] = k + 1
+            x, y, z = pixel_of(position[k, 0], position[k, 1], position[k, 2], int(position[k, 3]), table)
             seen = cell_at(x, y, cell_of) if z > ZERO else -1
             if seen != cell[k]:
-                add_along(cell[k], parent, sums, -state[k, 1], state[k, 2], state[k, 3:])
-                add_along(seen, parent, sums, state[k, 1], state[k, 2], state[k, 3:])
+                count_sample(cell[k], tree, -1.0, state[k])
+                count_sample(seen, tree, 1.0, state[k])
                 cell[k] = seen
 
 
 @inline_kernel
+def count_sample(node, tree, sign, state):
+    """Add a stored sample to a finest node and all above it, or take it away. sign : 1 or -1; state : row of a ring"""
+    add_along(node, tree, sign * state[STORED_WEIGHT], state[STORED_VALUE], state[STORED_SLOPES:])
+
+
+@inline_kernel
 def cell_at(x, y, cell_of):
+    """Finest node of a position in pixels, -1 outside the panel."""
     if not (x >= ZERO and y >= ZERO and x < np.float32(cell_of.shape[1]) and y < np.float32(cell_of.shape[0])):
         return -1
     return cell_of[int(y), int(x)]
 
 
 @kernel
-def remember(tile, begin, first, place, last_place):
-    """Note where each crosshair's centre was stored: ring numbers from `first` on. last_place : (n, 4), written."""
+def remember(crosshairs, first, position, centres):
+    """Note where each crosshair's centre was stored.
+
+    crosshairs : Crosshairs; first : int, row of their first sample; centres : Centres, written
+    """
+    tile, begin = crosshairs.tile, crosshairs.begin
     for k in range(tile.shape[0]):
-        last_place[tile[k], :] = place[(first + begin[k]) % place.shape[0], :]
+        centres.position[tile[k], :] = position[(first + begin[k]) % position.shape[0], :]

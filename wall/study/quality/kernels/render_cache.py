@@ -4,10 +4,10 @@ Walter, Drettakis and Parker, "Interactive rendering using the Render Cache" (19
 "Enhancing and optimizing the Render Cache" (2002).
 """
 
-# mypy: allow-untyped-defs, allow-untyped-calls, allow-untyped-decorators, allow-incomplete-defs, allow-any-generics
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,37 +20,50 @@ OLDEST = np.float32(255.0)
 CULLED = np.float32(1.1)  # a point this much deeper than the mean of its neighbours shows through a nearer surface
 SCANNED = 8  # points looked at for the oldest, which a new one overwrites
 PREFILTER = 3  # pixels to either side: 7 x 7
+HIDDEN_AGES = np.float32(32.0)  # that a point grows older by at a refresh at which another hides it
+LEAST_CHANGE, FULL_CHANGE = np.float32(0.03), np.float32(0.25)  # of sqrt radiance: noise; a different surface
+CHANGE_AGES = np.float32(160.0)  # that points grow older by around a sample that differs by FULL_CHANGE
+CHANGE_REACH = 2  # pixels around such a sample
+
+
+class Cache(NamedTuple):
+    """Points with a colour, and the pixels that show them."""
+
+    position: np.ndarray  # (capacity, 4) float32: point, and its row of the tables, -1: free
+    radiance: np.ndarray  # (capacity, 3) float32 linear RGB
+    age: np.ndarray  # (capacity,) float32: 0 to OLDEST
+    pixel: np.ndarray  # (capacity,) int32: number of the pixel that shows the point, -1: none
+    owner: np.ndarray  # (h, w) int32: point that the pixel shows, -1: none
+    depth: np.ndarray  # (h, w) float32: of that point, inf: none
 
 
 @kernel
-def project_points(place, age, table, owner, depth, seat, hidden_ages):
-    """Each pixel's nearest point.
+def project_points(cache, table):
+    """Find each pixel's nearest point; points that another hides grow older.
 
-    place : (capacity, 4) float32 point and row of `table`, row -1 = free; age : (capacity,) float32 0..255, grows by
-    `hidden_ages` for points that another hides; table : (rows, 12) float32 panel_from_object
-    owner : (h, w) int32 number of the point, -1 = none; depth : (h, w) float32, inf = none; seat : (capacity,) int32
-    number of the pixel that shows it, -1 = none; all written
+    cache : Cache, pixel, owner and depth are written, age is updated; table : (rows, 12) float32 panel_from_object
     """
+    position, age, pixel, owner, depth = cache.position, cache.age, cache.pixel, cache.owner, cache.depth
     height, width = owner.shape
     owner[:] = -1
-    seat[:] = -1
+    pixel[:] = -1
     depth[:] = np.inf
-    for k in range(place.shape[0]):
-        row = int(place[k, 3])
+    for k in range(position.shape[0]):
+        row = int(position[k, 3])
         if row < 0:
             continue
-        x, y, z = pixel_of(place[k, 0], place[k, 1], place[k, 2], row, table)
+        x, y, z = pixel_of(position[k, 0], position[k, 1], position[k, 2], row, table)
         if not (z > ZERO and x >= ZERO and y >= ZERO and x < np.float32(width) and y < np.float32(height)):
             continue
         i, j = int(y), int(x)
         other = owner[i, j]
         if other >= 0 and (z > depth[i, j] or (z == depth[i, j] and age[k] > age[other])):
-            age[k] = min(age[k] + hidden_ages, OLDEST)
+            age[k] = min(age[k] + HIDDEN_AGES, OLDEST)
             continue
         if other >= 0:
-            age[other] = min(age[other] + hidden_ages, OLDEST)
-            seat[other] = -1
-        owner[i, j], depth[i, j], seat[k] = k, z, i * width + j
+            age[other] = min(age[other] + HIDDEN_AGES, OLDEST)
+            pixel[other] = -1
+        owner[i, j], depth[i, j], pixel[k] = k, z, i * width + j
 
 
 @kernel
@@ -170,7 +183,7 @@ def choose_pixels(priority, wanted, first_error, chosen):
 
 @kernel
 def shuffle_rows(rows, count, seed):
-    """Permute the first `count` of (n, 2) int32 rows in place."""
+    """Permute the first `count` of (n, 2) int32 rows in position."""
     for i in range(count - 1, 0, -1):
         j = np.int64((np.uint64(hash_uint32(np.uint32(seed), np.uint32(i))) * np.uint64(i + 1)) >> np.uint64(32))
         x, y = rows[i, 0], rows[i, 1]
@@ -179,36 +192,14 @@ def shuffle_rows(rows, count, seed):
 
 
 @kernel
-def store(
-    samples,
-    frame,
-    corner,
-    object_from_eye,
-    place,
-    colour,
-    age,
-    owner,
-    seat,
-    hand,
-    least_change,
-    full_change,
-    reach,
-    ages,
-):
-    """Keep new samples as points; where they disagree with what was shown, its neighbours age.
+def store(samples, maps, cache, cursor):
+    """Keep new samples as points; where they differ from what was shown, the points around grow older.
 
-    Parameters
-    ----------
-    samples : (n,) SAMPLE; frame, corner, object_from_eye : of their event
-    place, colour, age : the cache; owner : (h, w) int32, point shown by each pixel, and seat, its inverse; updated
-    hand : int, where the search for an old point goes on
-    least_change, full_change : float32, differences of square roots of radiance at which ageing begins, and is `ages`
-    reach : int, pixels to either side that age with it
-
-    Returns
-    -------
-    hand : int
+    samples : (n,) SAMPLE; maps : PointMaps of their event; cache : Cache, updated
+    cursor : int, where the search for an old point goes on; returns the next one
     """
+    position, colour, age, pixel, owner = cache.position, cache.radiance, cache.age, cache.pixel, cache.owner
+    object_from_eye, corner = maps.object_from_eye, maps.corner
     height, width = owner.shape
     last = object_from_eye.shape[0] - 1
     for s in range(samples.shape[0]):
@@ -220,31 +211,34 @@ def store(
             change = ZERO
             for c in range(3):
                 change = max(change, abs(root(light[c]) - root(colour[slot, c])))
-            part = (change - least_change) / (full_change - least_change)
+            part = (change - LEAST_CHANGE) / (FULL_CHANGE - LEAST_CHANGE)
             if part > ZERO:
-                age_around(age, owner, i, j, reach, min(part, ONE) * ages)
+                age_around(age, owner, i, j, min(part, ONE) * CHANGE_AGES)
         else:
-            slot, hand = oldest(place, age, hand)
-            if seat[slot] >= 0:
-                owner[seat[slot] // width, seat[slot] % width] = -1
-            seat[slot] = i * width + j
+            slot, cursor = oldest(position, age, cursor)
+            if pixel[slot] >= 0:
+                owner[pixel[slot] // width, pixel[slot] % width] = -1
+            pixel[slot] = i * width + j
         row = min(int(sample["object_id"]), last)
         x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
-        a, b, c = place_of(x, y, sample["depth"], row, frame, object_from_eye)
-        place[slot, 0], place[slot, 1], place[slot, 2], place[slot, 3] = a, b, c, np.float32(row)
+        a, b, c = place_of(x, y, sample["depth"], row, maps.frame, object_from_eye)
+        position[slot, 0], position[slot, 1], position[slot, 2], position[slot, 3] = a, b, c, np.float32(row)
         colour[slot, 0], colour[slot, 1], colour[slot, 2] = light[0], light[1], light[2]
         age[slot] = ZERO
         owner[i, j] = slot
-    return hand
+    return cursor
 
 
 @inline_kernel
 def root(radiance):
+    """Square root of radiance, clipped to [0, 1]."""
     return math.sqrt(min(max(radiance, ZERO), ONE))
 
 
 @inline_kernel
-def age_around(age, owner, i, j, reach, ages):
+def age_around(age, owner, i, j, ages):
+    """Make the points of the pixels around (i, j) older."""
+    reach = CHANGE_REACH
     for k in range(max(i - reach, 0), min(i + reach + 1, owner.shape[0])):
         for m in range(max(j - reach, 0), min(j + reach + 1, owner.shape[1])):
             if owner[k, m] >= 0:
@@ -252,13 +246,13 @@ def age_around(age, owner, i, j, reach, ages):
 
 
 @inline_kernel
-def oldest(place, age, hand):
-    """The oldest of the next SCANNED points, a free one at once; and where to go on."""
-    best, most = hand, np.float32(-1.0)
+def oldest(position, age, cursor):
+    """The oldest of the next SCANNED points, or a free one; and the next cursor."""
+    best, most = cursor, np.float32(-1.0)
     for n in range(SCANNED):
-        k = (hand + n) % place.shape[0]
-        if place[k, 3] < ZERO:
-            return k, (k + 1) % place.shape[0]
+        k = (cursor + n) % position.shape[0]
+        if position[k, 3] < ZERO:
+            return k, (k + 1) % position.shape[0]
         if age[k] > most:
             best, most = k, age[k]
-    return best, (hand + SCANNED) % place.shape[0]
+    return best, (cursor + SCANNED) % position.shape[0]
