@@ -326,7 +326,7 @@ def quality(
     with progress_bar("{task.description:<24}", show=errors.is_terminal) as update:
         rows = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
     for table in tables(rows):
-        console.print(table)
+        console.print(table.rich())
     write_summary(out / "summary.json", rows)
     console.print(f"{len(rows)} rows in {out / 'quality.jsonl'}, report in {write_report(out, rows)}")
 

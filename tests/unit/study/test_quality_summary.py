@@ -14,10 +14,10 @@ from PIL import Image
 
 from wall.core.errors import ConfigError
 from wall.study.quality import rows as files
-from wall.study.quality.bars import verdicts
 from wall.study.quality.pictures import GAP, REFERENCE, moments, picture_path
 from wall.study.quality.plots import lines
 from wall.study.quality.report import write_report
+from wall.study.quality.requirements import verdicts
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import best_other, compare, equal_error, interval, rate_for
 from wall.study.quality.tables import tables, write_summary
@@ -176,7 +176,7 @@ def test_summary_file_is_strict_json_even_where_a_number_does_not_exist(tmp_path
     found = json.loads((tmp_path / "summary.json").read_text())
     assert found["equal_error"][0]["factor"] is None
     assert found["ratios"][0]["mean"] == pytest.approx(5.0)
-    assert len(tables(rows)) == 3
+    assert len(tables(rows)) == 4
     assert tables([]) == []
 
 

@@ -12,13 +12,12 @@ import pytest
 from wall.core.errors import ConfigError
 from wall.study.quality import command, methods_streams
 from wall.study.quality import rows as files
-from wall.study.quality.bars import verdicts
-from wall.study.quality.bars_wire import COMPLETE
 from wall.study.quality.plots import COLOURS, STREAMED, lines
 from wall.study.quality.report import write_report
+from wall.study.quality.requirements import COMPLETE, verdicts
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import is_other
-from wall.study.quality.tables_wire import wire_tables
+from wall.study.quality.tables import wire_tables
 from wall.study.quality.traffic import at_rest, crossovers, moving, traffic
 
 RAW = 3 * 256 * 256 * 60  # bytes a second of 8-bit frames

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from wall.study.quality.rows import Row
-from wall.study.quality.summary import OURS, averaged, methods_at, middle, said, scenes, spending, spendings
+from wall.study.quality.summary import OURS, averaged, methods_at, middle, scenes, spending, spending_text, spendings
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -129,7 +129,7 @@ def all_plots(rows: Sequence[Row], theme: Theme) -> dict[str, tuple[str, bytes]]
     clock, spent = rows[0].clock, middle(rows)
     price = "rays a second, primary" if clock == "virtual" else "primary rays a second that the CPU time bought"
     return {
-        "error_over_time": (f"Error over time, {said(spent, clock)}", over_time(rows, spent, theme)),
+        "error_over_time": (f"Error over time, {spending_text(spent, clock)}", over_time(rows, spent, theme)),
         "error_against_rate": ("Error against rays", against(rows, lambda r: r.rays / r.seconds, price, theme)),
         "error_against_bytes": (
             "Error against bytes sent",

@@ -4,31 +4,24 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
 from PIL import Image
 
-from wall.study.quality.bars import verdicts
 from wall.study.quality.pictures import ERROR_GAIN, Bytes, Moment, moments
 from wall.study.quality.plots import DARK, LIGHT, all_plots
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import (
     OURS,
-    Compared,
-    averaged,
     best_other,
     compare,
-    equal_error,
-    geometric,
-    methods_at,
     middle,
-    said,
     scenes,
-    spendings,
+    spending_text,
 )
-from wall.study.quality.tables_wire import wire_tables
+from wall.study.quality.tables import REQUIRED, tables
 
 JPEG_QUALITY = 92  # of pictures inside the page; the files beside it are lossless
 STYLE = Path(__file__).with_name("report.css")
@@ -45,9 +38,10 @@ def write_report(out: Path, rows: Sequence[Row]) -> Path:
     for moment in kept:
         Image.fromarray(moment.strip()).save(out / "strips" / f"{moment.scene}-{moment.time:.2f}s.png")
     plots = [_plot(title, png, dark[name][1]) for name, (title, png) in light.items()]
+    first = [table.html() for table in tables(rows) if table.title == REQUIRED]
+    others = [table.html() for table in tables(rows) if table.title != REQUIRED]
     body = [
-        _head(rows), _bars(rows), _pictures(kept, rows[0].clock), '<h2 id="plots">Plots</h2>', *plots, _errors(rows),
-        _ratios(rows), _equal(rows), _wire(rows), _ablations(rows), _about(rows),
+        _head(rows), *first, _pictures(kept, rows[0].clock), '<h2 id="plots">Plots</h2>', *plots, *others, _about(rows)
     ]  # fmt: skip
     path = out / "report.html"
     path.write_text(_page("".join(body)), encoding="utf-8")
@@ -78,25 +72,9 @@ def _head(rows: Sequence[Row]) -> str:
         for c in [*compare(rows), *best_other(rows)]
         if c.spending == middle(rows) and c.method in ("framed", "framed_x10", "frameless", "best other")
     )
-    lead = f"At {said(middle(rows), first.clock)}, geometric mean over scenes" if tiles else ""
+    lead = f"At {spending_text(middle(rows), first.clock)}, geometric mean over scenes" if tiles else ""
     note = f'<p class="note">{lead}</p><div class="tiles">{tiles}</div>'
     return f'<h1>Speed against error</h1><p class="lead">{about}</p>{note}'
-
-
-def _bars(rows: Sequence[Row]) -> str:
-    found = verdicts(rows)
-    if not found:
-        return ""
-    lines = [
-        (
-            v.what,
-            v.wanted,
-            v.came,
-            f'<span class="{"met" if v.met else "missed"}">{"met" if v.met else "missed"}</span>',
-        )
-        for v in found
-    ]
-    return "<h2>Bars</h2>" + _table(("what", "wanted", "came", ""), lines, text=(0, 1, 2, 3), raw=(3,))
 
 
 def _pictures(kept: Sequence[Moment], clock: str) -> str:
@@ -118,7 +96,7 @@ def _moment(moment: Moment, clock: str, *, opened: bool) -> str:
             f"<figure{ours}>{_image(s.picture, s.method)}{_image(s.error, f'error of {s.method}')}"
             f"<figcaption><b>{escape(s.method)}</b> RMSE {s.rmse:.3f}</figcaption></figure>"
         )
-    title = f"{moment.time:.2f} s, {said(moment.spending, clock)}"
+    title = f"{moment.time:.2f} s, {spending_text(moment.spending, clock)}"
     return (
         f"<details{' open' if opened else ''}><summary>{title}</summary>"
         f'<div class="strip">{"".join(cards)}</div></details>'
@@ -133,66 +111,6 @@ def _plot(title: str, light: bytes, dark: bytes) -> str:
     )
 
 
-def _errors(rows: Sequence[Row]) -> str:
-    errors, flips, names = averaged(rows), averaged(rows, "flip"), scenes(rows)
-    parts = ["<h2>Errors</h2>"]
-    for spent in spendings(rows):
-        lines = []
-        for method in methods_at(rows, spent):
-            keys = [(scene, method, spent) for scene in names]
-            known = [errors[key] for key in keys if key in errors]
-            flip = [flips[key] for key in keys if key in flips]
-            trials = [f"{errors[key]:.4f}" if key in errors else "" for key in keys]
-            lines.append((geometric(known), (method, *trials, f"{geometric(known):.4f}", _mean(flip))))
-        table = _table(("method", *names, "mean", "FLIP"), [line for _, line in sorted(lines)], text=(0,))
-        parts.append(f"<h3>{said(spent, rows[0].clock)}</h3>{table}")
-    return "".join(parts)
-
-
-def _ratios(rows: Sequence[Row]) -> str:
-    found = [c for c in [*compare(rows), *best_other(rows)] if not c.method.startswith(OURS + ":")]
-    return "<h2>Error of others over error of adaptive</h2>" + _compared(found, rows[0].clock) if found else ""
-
-
-def _ablations(rows: Sequence[Row]) -> str:
-    """What each ingredient is worth: the error without it over the error with all."""
-    found = [c for c in compare(rows) if c.method.startswith(OURS + ":")]
-    return "<h2>What each ingredient is worth</h2>" + _compared(found, rows[0].clock) if found else ""
-
-
-def _compared(found: Iterable[Compared], clock: str) -> str:
-    lines = [
-        (
-            said(c.spending, clock), c.method, f"{c.mean:.2f}",
-            f"{c.low:.2f} to {c.high:.2f}" if c.low is not None and c.high is not None else "", f"{c.worst:.2f}",
-            c.worst_scene, "" if c.flip_higher is None else "yes" if c.flip_higher else "no",
-        )
-        for c in sorted(found, key=lambda c: (c.spending, c.mean))
-    ]  # fmt: skip
-    heads = ("", "method", "mean", "95 % over seeds", "worst", "worst scene", "FLIP higher on every scene")
-    return _table(heads, lines, text=(0, 1, 5, 6))
-
-
-def _equal(rows: Sequence[Row]) -> str:
-    """Only where every method has a rate."""
-    if rows[0].clock != "virtual":
-        return ""
-    lines = [
-        (said(m.spending, "virtual"), m.scene, f"{m.factor:.1f}", "extrapolated" if m.beyond else "")
-        for m in equal_error(rows)
-    ]
-    head = "<h2>How many times faster framed must be for equal error</h2>"
-    return head + _table(("adaptive at", "scene", "times", ""), lines, text=(0, 1, 3)) if lines else ""
-
-
-def _wire(rows: Sequence[Row]) -> str:
-    """Samples against pictures, on the wire."""
-    return "".join(
-        f'<h2>{escape(t.title)}</h2><p class="note">{escape(t.note)}</p>{_table(t.columns, t.lines, text=t.text)}'
-        for t in wire_tables(rows)
-    )
-
-
 def _about(rows: Sequence[Row]) -> str:
     commits = sorted({row.commit for row in rows})
     several = " Rows of several commits stand in one table." if len(commits) > 1 else ""
@@ -202,28 +120,6 @@ def _about(rows: Sequence[Row]) -> str:
         f"{escape(', '.join(commits))}.{several}<br>{escape('; '.join(sorted(machines)))}<br>"
         f"<code>{escape('; '.join(sorted(commands)))}</code></p>"
     )
-
-
-def _table(
-    heads: Sequence[str], lines: Iterable[Sequence[str]], *, text: Sequence[int], raw: Sequence[int] = ()
-) -> str:
-    """`text` columns are left-aligned, `raw` ones are HTML already."""
-    kinds = ["text" if k in text else "number" for k in range(len(heads))]
-    head = "".join(f'<th class="{kind}">{escape(name)}</th>' for name, kind in zip(heads, kinds, strict=True))
-    body = []
-    for line in lines:
-        trials = [trial if k in raw else escape(trial) for k, trial in enumerate(line)]
-        ours = ' class="ours"' if OURS in line else ""
-        body.append(
-            f"<tr{ours}>"
-            + "".join(f'<td class="{kind}">{c}</td>' for c, kind in zip(trials, kinds, strict=True))
-            + "</tr>"
-        )
-    return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{"".join(body)}</tbody></table></div>'
-
-
-def _mean(values: Sequence[float]) -> str:
-    return f"{sum(values) / len(values):.3f}" if values else ""
 
 
 def _image(picture: Bytes, name: str) -> str:

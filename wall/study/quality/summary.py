@@ -28,7 +28,7 @@ Errors = Mapping[Key, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
+class Comparison:
     """A method against the adaptive one at one spending, over the scenes that have both."""
 
     method: str
@@ -43,7 +43,7 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Matched:
+class EqualError:
     """How many times faster a method must be to reach the adaptive one's error, on one scene."""
 
     method: str
@@ -67,7 +67,7 @@ def averaged(rows: Iterable[Row], measure: str = "rmse_display") -> dict[Key, fl
     return {key: max(sum(values) / len(values), SMALLEST) for key, values in whole.items()}
 
 
-def compare(rows: Sequence[Row], *, ours: str = OURS) -> list[Compared]:
+def compare(rows: Sequence[Row], *, ours: str = OURS) -> list[Comparison]:
     """Every method against `ours` at every spending. A scene that lacks either is left out."""
     flips, found = averaged(rows, "flip"), []
     for spent in spendings(rows):
@@ -83,7 +83,7 @@ def compare(rows: Sequence[Row], *, ours: str = OURS) -> list[Compared]:
     return found
 
 
-def best_other(rows: Sequence[Row]) -> list[Compared]:
+def best_other(rows: Sequence[Row]) -> list[Comparison]:
     """At every spending the best of all other methods, chosen for each scene by hindsight."""
     errors, found = averaged(rows), []
     for spent in spendings(rows):
@@ -105,7 +105,7 @@ def is_other(method: str) -> bool:
     return method.partition(":")[0] != OURS and method not in BESIDE and not method.startswith(STREAMS)
 
 
-def equal_error(rows: Sequence[Row], method: str = "framed") -> list[Matched]:
+def equal_error(rows: Sequence[Row], method: str = "framed") -> list[EqualError]:
     """How much faster `method` must be, for each scene and rate of the adaptive one."""
     errors, found = averaged(rows), []
     for scene, name, rate in sorted(errors):
@@ -115,7 +115,7 @@ def equal_error(rows: Sequence[Row], method: str = "framed") -> list[Matched]:
         curve |= {10.0 * r: e for (s, a, r), e in errors.items() if s == scene and a == TENFOLD.get(method)}
         if len(curve) >= 2:
             needed, beyond = rate_for(curve, errors[scene, OURS, rate])
-            found.append(Matched(method=method, scene=scene, spending=rate, factor=needed / rate, beyond=beyond))
+            found.append(EqualError(method=method, scene=scene, spending=rate, factor=needed / rate, beyond=beyond))
     return found
 
 
@@ -172,7 +172,7 @@ def methods_at(rows: Iterable[Row], spent: float) -> list[str]:
     return list(dict.fromkeys(row.method for row in rows if spending(row) == spent))
 
 
-def said(spent: float, clock: str) -> str:
+def spending_text(spent: float, clock: str) -> str:
     """A spending in words: 400 k rays/s, 2 cores."""
     if clock == "cpu":
         return f"{spent:g} core{'' if spent == 1.0 else 's'}"
@@ -202,11 +202,11 @@ def _seeds(rows: Iterable[Row]) -> list[list[Row]]:
 def _compared(
     method: str, spent: float, ratios: Mapping[str, float], by_seed: Iterable[Mapping[str, float]], *,
     flip_higher: bool | None,
-) -> Compared:  # fmt: skip
+) -> Comparison:  # fmt: skip
     worst = min(ratios, key=lambda scene: ratios[scene])
     whole = [geometric(part.values()) for part in by_seed if len(part) == len(ratios)]
     low, high = interval(whole) or (None, None)
-    return Compared(
+    return Comparison(
         method=method, spending=spent, mean=geometric(ratios.values()), low=low, high=high, worst=ratios[worst],
         worst_scene=worst, scenes=len(ratios), flip_higher=flip_higher,
     )  # fmt: skip
