@@ -64,9 +64,7 @@ Tell = Callable[[list[Any]], None]
 class Window:
     """One panel's window. `offer` takes the newest picture; a thread of its own shows it."""
 
-    def __init__(
-        self, index: int, title: str, position: WindowPosition, buffers: list[memoryview], tell: Tell
-    ) -> None:
+    def __init__(self, index: int, title: str, position: WindowPosition, buffers: list[memoryview], tell: Tell) -> None:
         """Open the window, black. To be called by the main thread, as GLFW wants it."""
         self.index, self.position = index, position
         self._buffers, self._tell = buffers, tell

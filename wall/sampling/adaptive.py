@@ -16,7 +16,6 @@ from wall.deepbuffer.feedback import Feedback
 from wall.sampling.base import Targets
 from wall.sampling.cut import Cut
 from wall.sampling.kernels import adaptive as kernels
-from wall.sampling.kernels import tiling as kernels_tiling
 from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = np.float32(3e-5), np.float32(1e-5)  # squared display units; see docs/lab/quality.md
@@ -71,11 +70,14 @@ class AdaptiveSampler:
 
     def measure(self) -> Measured:
         """What is known of each tile since the last replan."""
-        listed, rects = self.division.listed, self.division.tiles.rects
-        contrast, density = np.empty((2, len(listed)), np.float32)
-        kernels_tiling.measure(rects, listed, self._scores.contrast, self._scores.density, contrast, density)
-        placed = rects[listed] + np.array([self._rect.x, self._rect.y, 0, 0])
-        return Measured(rects=placed.astype(np.uint16), contrast=contrast, density=density)
+        (rects, _, tile_of, order), scores = self.division.tiles, self._scores
+        areas = rects[order, 2] * rects[order, 3]
+        contrast, density = (
+            np.bincount(tile_of.ravel(), image.ravel(), len(rects))[order] / areas
+            for image in (np.sqrt(scores.contrast), scores.density)
+        )
+        placed = rects[order] + np.array([self._rect.x, self._rect.y, 0, 0])
+        return Measured(placed.astype(np.uint16), contrast.astype(np.float32), density.astype(np.float32))
 
     @property
     def score(self) -> Float32:

@@ -28,7 +28,6 @@ import numpy as np
 from wall.core.data import Float32
 from wall.sampling.kernels import cut as kernels
 from wall.sampling.kernels.adaptive import Tiles
-from wall.sampling.tiles import Integers
 
 FINE, COARSE = 16, 40  # pixels, mean edge of the most and the fewest tiles
 BALANCE = 200.0  # K: puts the four scenes of `measure quality` between FINE and COARSE
@@ -57,12 +56,6 @@ class Cut:
         self.tiles.sums[0] = area
         while self.adjust(np.ones((height, width), np.float32), capacity):
             pass
-
-    @property
-    def listed(self) -> Integers:
-        """(n,) the leaves from left to right in the tree."""
-        order: Integers = self.tiles.order
-        return order
 
     def adjust(self, score: Float32, steps: int) -> int:
         """Take at most `steps` splits and merges; returns how many."""

@@ -11,8 +11,6 @@ from wall.core.data import Float32
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.adaptive import Tiles
 
-Integers = NDArray[np.int32]
-
 
 class Measured(NamedTuple):
     """What the sampler knows of each tile."""
@@ -26,11 +24,6 @@ class Division(Protocol):
     """A way to divide a region: the grid here, or the K-D cut."""
 
     tiles: Tiles
-
-    @property
-    def listed(self) -> Integers:
-        """(n,) the tiles in the order in which they are shown."""
-        ...
 
     def adjust(self, score: Float32, steps: int) -> int:
         """Take at most so many steps towards the division that suits the scores (h, w); returns how many."""
@@ -53,7 +46,6 @@ class Grid:
         tile_of = np.arange(height)[:, None] // TILE * columns + np.arange(width) // TILE
         sums = rects[:, 2].astype(np.float64) * rects[:, 3]
         self.tiles = Tiles(rects=rects, sums=sums, tile_of=tile_of.astype(np.int32), order=order.ravel())
-        self.listed: Integers = np.arange(rows * columns, dtype=np.int32)
 
     def adjust(self, score: Float32, steps: int) -> int:
         """Change nothing."""

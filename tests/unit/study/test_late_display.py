@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from wall.core.data import STILL, Camera, Event, Float32
-from wall.study.quality.late_display import LateDisplay
 from wall.study.quality.method import Setup
 from wall.study.quality.methods import make_method
+from wall.study.quality.methods_adaptive import LateDisplay
 from wall.study.quality.metrics import display_values
 from wall.study.quality.reference import Reference
 from wall.study.quality.trial import Trial, setup_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wall.study.quality.filling import fill_holes
+from wall.study.quality.baseline import fill_holes
 from wall.study.quality.kernels import afr as kernels_afr
 from wall.study.quality.kernels import afr_image as kernels_afr_image
 from wall.study.quality.kernels import render_cache as kernels_cache

@@ -1,4 +1,4 @@
-"""What all baselines share: rays bought on the virtual clock, their samples sent, frames and single rays in turn.
+"""What rival methods share: frames or single rays on the virtual clock, matrices, filling of holes.
 
 A framed method has a `Display`, which is given whole frames; a frameless one has a `Renderer`, which chooses every ray.
 Neither sees the clock.
@@ -15,6 +15,7 @@ from wall.deepbuffer.kernels.reproject import object_tables
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.pose import Pose
 from wall.sampling.ownership import block_order
+from wall.study.quality.kernels import warp as kernels_warp
 from wall.study.quality.kernels.maps import PointMaps
 from wall.study.quality.method import Inputs, MeteredTracer, Setup, centres
 
@@ -180,3 +181,17 @@ class FramelessMethod:
 
     def show(self, time: float) -> Float32:
         return self._renderer.picture(self._inputs.event_at(time), time)
+
+
+def fill_holes(picture: Float32) -> None:
+    """Fill holes from the pixels around, near ones first: push-pull (Gortler et al. 1996).
+
+    picture : (h, w, 4) float32 colour and weight 0..1, in place: what the weight lacks comes from coarser levels
+    """
+    levels = [picture]
+    while max(levels[-1].shape[:2]) > 1:
+        height, width = levels[-1].shape[:2]
+        levels.append(np.empty((-(-height // 2), -(-width // 2), 4), np.float32))
+        kernels_warp.pull(levels[-2], levels[-1])
+    for fine, coarse in zip(levels[-2::-1], levels[:0:-1], strict=True):
+        kernels_warp.push(coarse, fine)

@@ -102,7 +102,7 @@ def steps(
 
 
 class Method(Protocol):
-    """A sampler and its filter. It starts with a free picture: one sample a pixel, traced at time 0."""
+    """A way to spend rays: a sampler and its reconstruction. Its first image, one sample a pixel of time 0, is free."""
 
     rays: int  # primary rays spent so far, the free first picture not counted
     secondary: int  # shadow and mirror rays beside them
@@ -118,7 +118,7 @@ class Method(Protocol):
 
 
 class MeteredTracer:
-    """Traces, counts and sends. Who needs what the packets bring passes `receive`; else nobody decodes them."""
+    """Traces rays, counts their cost, and sends the samples as packets."""
 
     def __init__(
         self,
@@ -129,7 +129,7 @@ class MeteredTracer:
         sends: bool = True,
         receive: Callable[[Batch], None] | None = None,
     ) -> None:
-        """`adaptive` chooses the packets' layout; without `sends` there are none, as where pictures are sent."""
+        """`adaptive` chooses the packets' layout. Without `sends` there are none. `receive` gets them decoded."""
         self._tracer, self._rect = setup.tracer(coherent=coherent), setup.rect
         self._adaptive, self._sends, self._receive = adaptive, sends, receive
         self._relightable = adaptive and setup.tracer_scene.needs.relighting
@@ -138,24 +138,24 @@ class MeteredTracer:
         self.reset()
 
     def reset(self) -> None:
-        """What was spent so far was free."""
+        """Set all counts to 0."""
         self.rays = self.secondary = self.bytes = 0
 
     @property
     def counts(self) -> tuple[int, int, int]:
-        """Primary rays, the others, bytes."""
+        """Primary rays, other rays, bytes."""
         return self.rays, self.secondary, self.bytes
 
     def trace(
         self, xy: Float32, event: Event, time: float, *, frame: int = 0, frame_samples: int = 0, blend: float = 1.0
     ) -> Samples:
         """Samples at (n, 2) float32 panel pixels under `event`, counted and sent at `time` seconds."""
-        samples, dropped = self.shoot(xy, event)
+        samples, dropped = self.trace_only(xy, event)
         self.send(samples, event, time, frame=frame, frame_samples=frame_samples, dropped=dropped, blend=blend)
         return samples
 
-    def shoot(self, xy: Float32, event: Event) -> tuple[Samples, int]:
-        """The samples alone, for who still writes into them before they are sent; and how many rays gave none."""
+    def trace_only(self, xy: Float32, event: Event) -> tuple[Samples, int]:
+        """Samples that are counted but not sent yet, and how many rays gave none."""
         if self._placed is not event:
             self._tracer.take(event)
             self._placed = event
@@ -168,7 +168,7 @@ class MeteredTracer:
         self, samples: Samples, event: Event, time: float, *, frame: int = 0, frame_samples: int = 0,
         dropped: int = 0, blend: float = 1.0,
     ) -> None:  # fmt: skip
-        """As packets, at least one, of samples traced under `event`."""
+        """Send samples traced under `event`: as packets, at least one."""
         size = ADAPTIVE_PACKET if self._adaptive else MAX_SAMPLES
         for first in range(0, max(len(samples), 1) if self._sends else 0, size):
             self._sequence += 1

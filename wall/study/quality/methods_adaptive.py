@@ -2,7 +2,7 @@
 
 `adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
 display has a picture of its own, made from nothing but the packets, as at a compositor; `..._every_2`, `..._every_6`:
-the sampler's is refreshed only at every so many of the display's refreshes. `adaptive:uniform`: every pixel is worth
+the sampler's is refreshed only at every so many of the display's refreshes. `adaptive:uniform`: every pixel gains
 the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
 the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
 made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under
@@ -11,20 +11,53 @@ the newest inputs; `..._2`: two refreshes later.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from typing import Literal
 
 from wall.core.data import Batch, Event, Float32
+from wall.geometry.prediction import Predictor, foreseen
 from wall.reconstruction.picture import ALL, Ingredients, Picture
+from wall.roles.manager import EVENTS_A_REFRESH
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels_adaptive
-from wall.study.quality.late_display import LateDisplay
 from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
+class LateDisplay:
+    """A display that shows an image some refreshes after it was made. Inputs come as often as a manager sends them."""
+
+    def __init__(self, refresh_hz: float, *, refreshes: int, predicted: bool, ahead: bool) -> None:
+        """`refreshes`: how many lie between making a picture and seeing it, 0 is none; `predicted`: pictures are made
+        for when they are seen; `ahead`: rays are traced for that moment as well."""
+        self._predictor, self._ahead = Predictor(refreshes / refresh_hz, on=predicted), ahead and predicted
+        self._pictures: deque[Float32] = deque(maxlen=refreshes + 1)
+        self._interval, self._due = 1.0 / (refresh_hz * EVENTS_A_REFRESH), 0.0
+        self._foreseen: Event | None = None
+
+    def traced(self, event: Event, time: float) -> Event:
+        """What rays are traced under at `time` (seconds, growing), when `event` is the newest."""
+        if self._foreseen is None or time >= self._due:
+            self._due = time + self._interval
+            self._foreseen = foreseen(event, self.made(event, time))
+        return self._foreseen if self._ahead else event
+
+    def made(self, event: Event, time: float) -> Event:
+        """What a picture made at `time`, when `event` is the newest, is to show."""
+        self._predictor.take(event)
+        return self._predictor.at(time)
+
+    def seen(self, made: Float32) -> Float32:
+        """What is seen from now on, when `made` is handed in: the oldest picture under way."""
+        self._pictures.append(made if self._pictures.maxlen == 1 else made.copy())
+        return self._pictures[0]
+
+
 class AdaptiveMethod:
+    """A Method: the adaptive sampler, its reconstruction, and a display."""
+
     def __init__(
         self,
         setup: Setup,
@@ -63,6 +96,7 @@ class AdaptiveMethod:
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def advance(self, until: float, rays: int | None = None) -> None:
+        """See Method."""
         allowed = int(self._setup.rate * until) if rays is None else rays
         for now, owed in steps(self._now, until, self._spent, allowed, self._setup.input_step_s):
             if owed - self._spent < kernels_adaptive.PACKET:
@@ -78,7 +112,7 @@ class AdaptiveMethod:
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def _trace(self, xy: Float32, event: Event, now: float) -> None:
-        samples, _ = self._tracer.shoot(xy, event)
+        samples, _ = self._tracer.trace_only(xy, event)
         self._picture.insert(samples, now, event)  # which writes into them what they contradict
         self._sampler.observe(samples)
         self._tracer.send(samples, event, now)
@@ -87,6 +121,7 @@ class AdaptiveMethod:
         self._shown.insert(batch.samples, batch.base_time, batch)
 
     def show(self, time: float) -> Float32:
+        """See Method."""
         event = self._display.made(self._inputs.event_at(time), time)
         if self._refreshes % self._every == 0:
             self._picture.refresh(event, time)

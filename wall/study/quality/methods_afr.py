@@ -31,8 +31,7 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import Event, Float32, Samples
-from wall.study.quality.baseline import FramelessMethod, Maps
-from wall.study.quality.filling import fill_holes
+from wall.study.quality.baseline import FramelessMethod, Maps, fill_holes
 from wall.study.quality.kernels import afr as kernels
 from wall.study.quality.kernels import afr_image as image_kernels
 from wall.study.quality.method import Method, Setup

@@ -19,8 +19,7 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import Event, Float32, Samples
-from wall.study.quality.baseline import FramelessMethod, Maps
-from wall.study.quality.filling import fill_holes
+from wall.study.quality.baseline import FramelessMethod, Maps, fill_holes
 from wall.study.quality.kernels import render_cache as kernels
 from wall.study.quality.method import Method, Setup
 

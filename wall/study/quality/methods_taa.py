@@ -18,8 +18,7 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import Event, Float32, Samples
-from wall.study.quality.baseline import FramedMethod, object_maps
-from wall.study.quality.filling import fill_holes
+from wall.study.quality.baseline import FramedMethod, fill_holes, object_maps
 from wall.study.quality.kernels import taa as kernels_taa
 from wall.study.quality.kernels import warp as kernels_warp
 from wall.study.quality.kernels.maps import PointMaps
