@@ -1,4 +1,4 @@
-"""`wall check`: what a configuration does, before it does it."""
+"""`wall check`: validate a configuration and report what would run where, with what, at what rate."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from wall.run.warm_up import warm_up
 from wall.scene.needs import describe, needs
 from wall.tracing.tracer_scene import make_tracer_scene
 
-PROBE_S = 0.3
+PROBE_S = 0.3  # seconds of tracing that the expected rate is measured in
 MOST_NAMES = 8  # of nodes in a line
 
 
 def check(loaded: Loaded) -> Iterator[str | Table]:
-    """Lines and tables for a reader. Raises ConfigError where the configuration is refused."""
+    """Yield the report as lines and tables. Raises ConfigError where the configuration is refused."""
     layout = make_layout(loaded)
     check_files(layout)
     plan = make_plan(layout)
@@ -55,7 +55,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
 
 
 def on_the_cpu(layout: Layout) -> Iterator[str]:
-    """Lines about layers that the CPU makes even where there is a GPU, and why."""
+    """Lines about layers that the CPU reconstructs even where there is a GPU, with the reason."""
     found: dict[tuple[str, ...], list[str]] = {}
     for layer in layout.graph.layers:
         if more := layout.graph.beyond_bytes(layer):
@@ -66,7 +66,7 @@ def on_the_cpu(layout: Layout) -> Iterator[str]:
 
 
 def _ranks(layout: Layout) -> Table:
-    """Who does what, and sends it where."""
+    """A table of the ranks: role, host, region or nodes, and the ranks that each sends to."""
     hosts = layout.graph.hosts
     table = Table(title=f"{layout.size} ranks", title_justify="left")
     for column in ("rank", "role", *(["host"] if hosts else []), "has", "sends to"):
@@ -81,7 +81,7 @@ def _ranks(layout: Layout) -> Table:
 
 
 def _displays(wall: Wall) -> Table | None:
-    """Panels and the displays that show them, where the configuration names any."""
+    """A table of the panels and the displays that show them; None where the configuration names none."""
     rows = [(p, p.host or "", p.display or "", "" if p.monitor is None else str(p.monitor)) for p in wall.panels]
     if not any(any(names) for _, *names in rows):
         return None
@@ -95,7 +95,7 @@ def _displays(wall: Wall) -> Table | None:
 
 
 def probe(plan: Plan) -> tuple[float, float]:
-    """Samples a second that one core of this machine traces and encodes of the first renderer, and bytes a sample."""
+    """Measure one core of this machine on the first renderer's region: samples/s traced and encoded, bytes a sample."""
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, lambda line: None)
     rank = plan.layout.renderers()[0]

@@ -1,4 +1,4 @@
-"""`wall identify`: test patterns in every panel's window, or in files: which panel is which, is all as configured?"""
+"""`wall identify`: show test patterns in every panel's window, or write them to files, to check a wall's setup."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from wall.display.window import WindowSink
 from wall.geometry.panels import Panel, Wall
 from wall.roles.plan import Layout, make_layout
 
-GLANCE_S = 0.1  # how often it is seen that Escape was pressed
-SHOWN_S = 20.0  # for all windows to show their pattern
+POLL_S = 0.1  # seconds between looks whether Escape was pressed
+SHOWN_S = 20.0  # seconds that all windows have to show their pattern
 
 
 def kind_of(name: str) -> Kind:
-    """The pattern of that name. Raises ConfigError with those that there are."""
+    """The pattern of that name. Raises ConfigError that lists the patterns."""
     for kind in KINDS:
         if kind == name:
             return kind
@@ -50,9 +50,8 @@ def write_patterns(loaded: Loaded, kind: Kind, folder: Path) -> list[Path]:
 def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Callable[[str], None]) -> str:
     """Show the pattern in a window on each panel of this machine, until time is up or Escape is pressed.
 
-    Returns why it ended; Ctrl-C is as good as Escape.
-
-    Raises ConfigError if no panel hangs here, RunError if a window cannot be opened.
+    Returns the reason for the end; Ctrl-C ends it as Escape does. Raises ConfigError if no panel belongs to this
+    machine, RunError if a window cannot be opened.
     """
     layout = make_layout(loaded)
     mine = [panel for panel in layout.wall.panels if _is_here(panel.host)]
@@ -71,7 +70,7 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
         while not sink.finished:
             if limit is not None and time.monotonic() >= limit:
                 return "time is up"
-            time.sleep(GLANCE_S)
+            time.sleep(POLL_S)
         return sink.finished
     except KeyboardInterrupt:
         return "interrupted"
@@ -80,7 +79,7 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
 
 
 def whole_wall_strips(wall: Wall, picture_of: Callable[[Panel], NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
-    """The whole wall in strips of STRIP_ROWS; a panel's picture is made at its first strip, forgotten at its last."""
+    """Yield the whole wall in strips of STRIP_ROWS; a panel's image is kept from its first strip to its last."""
     made: dict[int, NDArray[np.uint8]] = {}
     for y in range(0, wall.height, STRIP_ROWS):
         strip = np.empty((min(STRIP_ROWS, wall.height - y), wall.width, 3), np.uint8)
@@ -99,11 +98,12 @@ def whole_wall_strips(wall: Wall, picture_of: Callable[[Panel], NDArray[np.uint8
 
 
 def _picture(layout: Layout, kind: Kind, panel: Panel) -> NDArray[np.uint8]:
+    """A panel's test pattern with what the configuration says of it."""
     return pattern(kind, panel, layout.wall, about(layout, panel))
 
 
 def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:
-    """What the configuration says of a panel beside its geometry, as rows of a name and a text."""
+    """A panel's host, ranks and display in the configuration, as rows of a name and a text."""
     ranks = [rank for rank in layout.renderers() if layout.layer(rank).panel == panel.index]
     compositors = sorted({layer.compositor for layer in layout.graph.layers if layer.panel == panel.index})
     where = [panel.display or "DISPLAY"]
@@ -120,7 +120,7 @@ def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:
 
 
 def _listed(numbers: list[int]) -> str:
-    """4-7, 9"""
+    """Numbers in order with runs shortened: 4-7, 9."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:
@@ -131,5 +131,6 @@ def _listed(numbers: list[int]) -> str:
 
 
 def _is_here(host: str | None) -> bool:
+    """Whether a panel's host is this machine, or none is given."""
     own = socket.gethostname()
     return host is None or host in ("localhost", own, own.partition(".")[0])

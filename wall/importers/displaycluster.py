@@ -6,13 +6,11 @@ Tide renamed screenWidth to displayWidth, mullionWidth to bezelWidth, numTilesWi
 from __future__ import annotations
 
 from wall.importers import xml_source
-from wall.importers.panels import configuration, fit_panels
 from wall.importers.report import Conversion
 from wall.importers.screen_grids import (
     Screen,
     Surface,
-    drafts,
-    every_screen,
+    grid_conversion,
     read_stereo,
     read_surface,
     read_window_position,
@@ -44,12 +42,8 @@ def convert(text: str, name: str) -> Conversion:
     surface = _surface(source, dimensions)
     fullscreen = source.flag(dimensions.get("fullscreen")) or False
     source.carry(dimensions.get("fullscreen"), "windows")
-    screens = _screens(source, fullscreen=fullscreen) or every_screen(source, [surface])
-    panels = drafts(source, [surface], screens)
-    if len(panels) > len(source.root.children("process")) > 0:
-        source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
-    fitted, _ = fit_panels(source, panels, None)
-    return source.close(configuration(fitted), panels=len(panels), ranks=len(panels))
+    screens = _screens(source, fullscreen=fullscreen)
+    return grid_conversion(source, [surface], screens, processes=len(source.root.children("process")))
 
 
 def _surface(source: Source, node: Node) -> Surface:

@@ -27,6 +27,8 @@ SMALLEST_M = 1e-4  # metres of a panel, each way, as a configuration accepts the
 IN_PLANE_M = 1e-4  # metres; an eye nearer to a panel's plane sees only its edge
 LONGEST_NAME = 48  # characters of a panel's id
 FARTHEST_PIXEL = 65536  # of a window's position, as a configuration accepts it
+MOST_EYE_SEPARATION_M = 10.0  # as a configuration accepts it
+WIDEST_BEZEL_M = 100.0  # as a configuration accepts it
 EYE_TRIALS = 16  # distances tried to move an eye out of a panel's plane, each half of the one before
 PACKED = ("side_by_side", "top_bottom")  # kinds of stereo with both eyes in one panel
 
@@ -246,5 +248,5 @@ def _bezel(source: Source, draft: Draft, overlap: dict[str, float]) -> dict[str,
             continue
         if width > limits[side]:
             source.note(draft.node, f"the frame at its {side} is wider than itself: it is as wide as the panel")
-        found[side] = round(min(width, limits[side] * (1 - 1e-9), 100.0), 9)
+        found[side] = round(min(width, limits[side] * (1 - 1e-9), WIDEST_BEZEL_M), 9)
     return found

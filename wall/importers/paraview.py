@@ -14,13 +14,20 @@ import numpy as np
 
 from wall.core.data import Float64
 from wall.importers import xml_source
-from wall.importers.panels import METRES_A_PIXEL, Draft, configuration, corners_of, fit_panels, upright
+from wall.importers.panels import (
+    METRES_A_PIXEL,
+    MOST_EYE_SEPARATION_M,
+    Draft,
+    configuration,
+    corners_of,
+    fit_panels,
+    upright,
+)
 from wall.importers.report import Conversion
 from wall.importers.source import Node, Source, as_number
 
 NO_GEOMETRY = (1920, 1080)  # pixels assumed for a screen with neither corners nor Geometry
 MOST_GEOMETRY = 10**6  # pixels; a larger Geometry is a typing error
-MOST_EYE_SEPARATION_M = 10.0  # as a configuration accepts it
 LONGEST_DISPLAY = 4096  # characters of an X display's name
 ASSUMED_ACROSS = 1920  # pixels along the longest side of a screen whose pixels are not said
 STEREO = {"Left": "left", "Right": "right", "SplitViewportHorizontal": "side_by_side"}

@@ -15,12 +15,11 @@ import numpy as np
 from wall.config.screens import MAX_PANELS
 from wall.core.data import Float64
 from wall.importers import json_source
-from wall.importers.panels import METRES_A_PIXEL, SMALLEST_M, Draft, configuration, fit_panels, upright
+from wall.importers.panels import METRES_A_PIXEL, SMALLEST_M, WIDEST_BEZEL_M, Draft, configuration, fit_panels, upright
 from wall.importers.report import Conversion
 from wall.importers.source import Node, Source
 
 BORDERS = ("left", "right", "bottom", "top")
-WIDEST_BEZEL_M = 100  # as a configuration accepts it
 SERVER = "the server of SAGE2; the head runs, and serves its page, where the run is started"
 DESKTOP = "what is shown is the scene; SAGE2's desktop, services and applications are not"
 REASONS = dict.fromkeys(

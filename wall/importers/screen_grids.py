@@ -11,7 +11,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from wall.config.screens import MAX_PANELS
-from wall.importers.panels import FARTHEST_PIXEL, METRES_A_PIXEL, MOST_PIXELS, SMALLEST_M, Draft, upright
+from wall.importers.panels import (
+    FARTHEST_PIXEL,
+    METRES_A_PIXEL,
+    MOST_PIXELS,
+    SMALLEST_M,
+    Draft,
+    configuration,
+    fit_panels,
+    upright,
+)
+from wall.importers.report import Conversion
 from wall.importers.source import Node, Source
 
 BETWEEN_SURFACES_M = 0.1  # metres assumed between surfaces, whose distance no file gives
@@ -122,7 +132,7 @@ def _gap(source: Source, node: Node | None, screen: int) -> float:
     return found
 
 
-def every_screen(source: Source, surfaces: Sequence[Surface]) -> list[Screen]:
+def _every_screen(source: Source, surfaces: Sequence[Surface]) -> list[Screen]:
     """All screens of surfaces for which the file names no machines. Raises NotThisFormat for too many."""
     if (count := sum(surface.count[0] * surface.count[1] for surface in surfaces)) > MAX_PANELS:
         raise source.refuse(surfaces[0].node, f"has {count} screens", f"1 to {MAX_PANELS}")
@@ -134,7 +144,18 @@ def every_screen(source: Source, surfaces: Sequence[Surface]) -> list[Screen]:
     ]
 
 
-def drafts(source: Source, surfaces: Sequence[Surface], screens: Sequence[Screen]) -> list[Draft]:
+def grid_conversion(
+    source: Source, surfaces: Sequence[Surface], screens: Sequence[Screen], *, processes: int
+) -> Conversion:
+    """The conversion of a file's screens, of all screens where it names none; `processes`: how many it names."""
+    panels = _drafts(source, surfaces, screens or _every_screen(source, surfaces))
+    if len(panels) > processes > 0:
+        source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
+    fitted, _ = fit_panels(source, panels, None)
+    return source.close(configuration(fitted), panels=len(panels), ranks=len(panels))
+
+
+def _drafts(source: Source, surfaces: Sequence[Surface], screens: Sequence[Screen]) -> list[Draft]:
     """The panels of all screens; surfaces stand side by side from the left, their middles at one height."""
     lefts, x = [], 0.0
     for surface in surfaces:

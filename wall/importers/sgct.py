@@ -14,14 +14,13 @@ import numpy as np
 
 from wall.core.data import Float64
 from wall.importers import json_source, sgct_xml
-from wall.importers.panels import FARTHEST_PIXEL, MOST_PIXELS, Draft, configuration, fit_panels
+from wall.importers.panels import FARTHEST_PIXEL, MOST_EYE_SEPARATION_M, MOST_PIXELS, Draft, configuration, fit_panels
 from wall.importers.report import Conversion
 from wall.importers.sgct_projection import corners_of_projection, is_unit, vector
 from wall.importers.source import Node, Source
 
 WINDOW = (640, 480)  # pixels of a window without a size, as SGCT makes it
 LARGEST_SHARE = 16.0  # of a viewport in its window; anything beyond is a mistake
-MOST_EYE_SEPARATION_M = 10.0  # as a configuration accepts it
 REFRESH_HZ = (0.1, 1000.0)  # as a configuration accepts it
 LAST_MONITOR = 255  # as a configuration accepts it
 STEREO = {"side_by_side": "side_by_side", "top_bottom": "top_bottom"}
@@ -66,10 +65,7 @@ def convert(text: str, name: str) -> Conversion:
     source.carry(root.get("version"), "the version of the format")
     panels, eye = fit_panels(source, drafts, users[0].eye)
     values = configuration(
-        panels,
-        eye=eye,
-        eye_separation=_eye_separation(source, users[0]),
-        refresh_hz=_refresh(source),
+        panels, eye=eye, eye_separation=_eye_separation(source, users[0]), refresh_hz=_refresh(source)
     )
     _same_as_here(source)
     return source.close(values, panels=len(drafts), ranks=len(drafts))

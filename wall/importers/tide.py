@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from wall.importers import json_source
 from wall.importers.displaycluster import AT_THE_HEAD, CONTENT
-from wall.importers.panels import configuration, fit_panels
 from wall.importers.report import Conversion
 from wall.importers.screen_grids import (
     Screen,
     Surface,
-    drafts,
-    every_screen,
+    grid_conversion,
     read_stereo,
     read_surface,
     read_window_position,
@@ -35,13 +33,9 @@ def convert(text: str, name: str) -> Conversion:
     if given is None or not given.items:
         raise source.refuse(given or source.root, "has no surfaces", 'surfaces: [{"displayWidth": ..., ...}]')
     surfaces = [_surface(source, node) for node in given.items]
-    screens = _screens(source) or every_screen(source, surfaces)
-    panels = drafts(source, surfaces, screens)
     processes = source.root.get("processes")
-    if processes is not None and len(panels) > len(processes.items) > 0:
-        source.assume("A process draws all screens inside it; here every panel has a rank of its own.")
-    fitted, _ = fit_panels(source, panels, None)
-    return source.close(configuration(fitted), panels=len(panels), ranks=len(panels))
+    count = 0 if processes is None else len(processes.items)
+    return grid_conversion(source, surfaces, _screens(source), processes=count)
 
 
 def _surface(source: Source, node: Node) -> Surface:

@@ -1,4 +1,4 @@
-"""`wall check` says what is odd about a wall, and which display shows which panel."""
+"""`wall check` reports notes on a wall, and which display shows which panel."""
 
 from __future__ import annotations
 

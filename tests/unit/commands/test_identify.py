@@ -71,7 +71,7 @@ def test_files_are_the_panels_and_the_wall_around_them(tmp_path: Path) -> None:
         np.testing.assert_array_equal(picture, entire[:, panel.screen[0] : panel.screen[0] + 160])
 
 
-def test_what_a_panel_says_of_itself_comes_from_the_plan(tmp_path: Path) -> None:
+def test_the_text_on_a_pattern_comes_from_the_configuration(tmp_path: Path) -> None:
     layout = make_layout(load(config(tmp_path, host="node7")))
     assert about(layout, layout.wall.panels[1]) == [
         ("host", "node7"),
@@ -81,20 +81,20 @@ def test_what_a_panel_says_of_itself_comes_from_the_plan(tmp_path: Path) -> None
     ]
 
 
-def test_panels_of_other_machines_are_left_to_them(tmp_path: Path) -> None:
+def test_panels_of_other_machines_are_not_shown(tmp_path: Path) -> None:
     done = wall("identify", config(tmp_path, host="node7"), "--seconds", "1")
     assert done.returncode == 2
     assert "no panel hangs on" in done.stderr
     assert "run this on node7, or give -o" in " ".join(done.stderr.split())
 
 
-def test_an_unknown_pattern_is_refused_with_those_that_there_are(tmp_path: Path) -> None:
+def test_an_unknown_pattern_is_refused_with_the_known_ones(tmp_path: Path) -> None:
     done = wall("identify", config(tmp_path), "--pattern", "rings")
     assert done.returncode == 2
     assert "accepted: identify, grid, seam, gamma" in done.stderr
 
 
-def test_panels_are_made_once_and_forgotten_when_they_are_done(tmp_path: Path) -> None:
+def test_panel_images_are_made_once_and_freed_after_their_last_strip(tmp_path: Path) -> None:
     made: list[str] = []
     whole = make_layout(load(config(tmp_path))).wall
     list(whole_wall_strips(whole, lambda panel: made.append(panel.id) or np.zeros((120, 160, 3), np.uint8)))

@@ -86,7 +86,7 @@ def test_a_screenshot_has_the_pixels_of_wall_render(flat: Path, suffix: str, com
     assert picture.std() > 0.01
 
 
-def test_panels_at_angles_are_at_their_places_of_the_virtual_screen(corner: Path, compiled_only: None) -> None:
+def test_panels_at_angles_have_their_positions_in_the_virtual_screen(corner: Path, compiled_only: None) -> None:
     [one] = shoot(corner, "wall.exr")
     np.testing.assert_array_equal(read(one.path), rendered(corner))
 
@@ -149,14 +149,14 @@ def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: Non
         ("wall.png", {"size": (40, 30), "panels": True}, "wanted --scale"),
     ],
 )
-def test_what_cannot_be_is_refused_before_anything_is_drawn(
+def test_invalid_options_are_refused_before_anything_is_rendered(
     corner: Path, name: str, changes: dict[str, Any], why: str
 ) -> None:
     with pytest.raises(ConfigError, match=why):
         shoot(corner, name, **changes)
 
 
-def test_a_picture_wider_than_any_piece_is_drawn_end_to_end(flat: Path, compiled_only: None) -> None:
+def test_an_image_wider_than_any_tile_is_rendered_whole(flat: Path, compiled_only: None) -> None:
     shoot(flat, "large.png", size=(12000, 100), spp=1)
     picture = read(flat.with_name("large.png")).astype(float)
     assert picture.shape == (100, 12000, 3)

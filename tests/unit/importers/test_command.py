@@ -1,4 +1,4 @@
-"""`wall convert` as a user meets it: the YAML passes the project's checks, the report accounts, refusals say where."""
+"""`wall convert`: the YAML passes the project's checks, the report lists every item, refusals name a position."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ def run(*words: str, monkeypatch: pytest.MonkeyPatch) -> int:
 
 
 @pytest.mark.parametrize("name", WALLS)
-def test_what_comes_out_passes_every_check_and_sees_all_panels(name: str) -> None:
+def test_the_result_passes_every_check_and_sees_all_panels(name: str) -> None:
     text, panels, ranks = WALLS[name]
 
     _, made, yaml = convert_text(text, name)
@@ -124,7 +124,7 @@ def test_an_equalizer_file_is_told_by_its_suffix_and_by_its_words() -> None:
 
 
 @pytest.mark.parametrize("name", WALLS)
-def test_the_account_names_lines_of_the_source_and_nothing_twice(name: str) -> None:
+def test_the_report_names_lines_of_the_source_and_nothing_twice(name: str) -> None:
     text, _, _ = WALLS[name]
 
     _, made, _ = convert_text(text, name)
@@ -199,7 +199,7 @@ def test_a_file_that_is_no_wall_is_refused_with_exit_code_2_and_writes_nothing(
     assert not Path("wall.yaml").exists()
 
 
-def test_the_terminal_shows_equal_things_once_and_not_what_is_inside_them() -> None:
+def test_the_terminal_shows_equal_items_once_and_not_what_is_inside_them() -> None:
     machine = f'<Machine Name="m" Typo="1" {SCREEN}/>\n'
     _, made, _ = convert_text(f'<pvx>\n{machine}{machine}<other a="1"/></pvx>', "w.pvx")
 

@@ -1,4 +1,4 @@
-"""One odd value does not refuse a file: it gives way, and is listed with its line."""
+"""A refused value does not refuse a file: it is dropped, and listed with its line."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def listed(conversion: Conversion) -> list[tuple[str, int]]:
     return [(item.what, item.line) for item in conversion.not_carried]
 
 
-def test_what_fits_stays_as_it_is() -> None:
+def test_valid_values_are_kept() -> None:
     made = two_panels()
 
     checked_layout(made)
@@ -89,7 +89,7 @@ def test_an_optional_value_that_is_refused_is_left_out_and_listed_with_the_line_
     assert made.not_carried[0].why.endswith(f"; its {key} is left out")
 
 
-def test_several_odd_values_give_way_at_once() -> None:
+def test_several_refused_values_are_dropped_together() -> None:
     made = two_panels()
     made.values["wall"]["panels"][0] |= {"host": "", "monitor": -1}
     made.values["views"][0]["eye_separation"] = 11.0
@@ -100,7 +100,7 @@ def test_several_odd_values_give_way_at_once() -> None:
     assert listed(made) == [("the file", 1), ("screen 0", 3), ("screen 0", 3)]
 
 
-def test_a_panel_that_cannot_be_is_left_out_if_others_are_left() -> None:
+def test_a_refused_panel_is_dropped_if_others_are_left() -> None:
     made = two_panels()
     made.values["wall"]["panels"][0]["pixels"] = [64, 20000]
 
@@ -119,7 +119,7 @@ def test_a_panel_that_covers_another_is_left_out() -> None:
     assert len(checked_layout(made).wall.panels) == 1
 
 
-def test_a_graph_that_is_refused_gives_way_to_ranks_of_each_panel() -> None:
+def test_a_refused_graph_is_replaced_by_ranks_of_each_panel() -> None:
     made = two_panels()
     made.values["graph"]["nodes"][1]["input"] = "none"
 

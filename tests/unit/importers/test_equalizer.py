@@ -116,7 +116,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_what_comes_out_is_accepted(name: str) -> None:
+def test_the_result_is_accepted(name: str) -> None:
     chosen, conversion, _ = convert_text(FILES[name], f"{name}.eqc")
     assert chosen.name == "equalizer"
     assert conversion.ranks == convert(FILES[name], name).ranks
@@ -153,7 +153,7 @@ def test_every_statement_is_carried_or_not_with_its_line(name: str) -> None:
         ("swapbarrier { NV_group", "/ swapbarrier", "graph.sync"),
     ],
 )  # fmt: skip
-def test_what_is_left_out_says_why(line: str, what: str, why: str) -> None:
+def test_statements_not_carried_have_a_reason(line: str, what: str, why: str) -> None:
     number = next(k for k, text in enumerate(EVERYTHING.splitlines(), 1) if line in text)
     items = [
         item for item in convert(EVERYTHING, "f.eqc").not_carried if item.line == number and item.what.endswith(what)
@@ -196,7 +196,7 @@ def test_a_file_with_this_suffix_that_is_none_is_refused(text: str) -> None:
         convert_text(text, "wall.eqc")
 
 
-def test_a_mistake_keeps_its_place_on_the_way_out() -> None:
+def test_an_error_keeps_its_position() -> None:
     with pytest.raises(ConfigError, match=r"^wall\.eqc:2:8: 'confg' came"):
         convert_text("server {\n       confg { } }", "wall.eqc")
 

@@ -1,4 +1,4 @@
-"""Compound trees as graphs: each way of sharing a picture, and what each pixel shows."""
+"""Compound trees as graphs: each way of sharing an image, and what each pixel shows."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def whole(count: int) -> list[tuple[float, float]]:
     return [(k / count, (k + 1) / count) for k in range(count)]
 
 
-def test_a_panel_nobody_helps_is_a_preset() -> None:
+def test_panels_with_one_channel_each_are_a_preset() -> None:
     assert made(one_panel("")).values["graph"] == {"preset": "sort-first", "sinks": ["browser", "png"]}
 
 
@@ -139,7 +139,7 @@ def test_ranges_inside_ranges_are_parts_of_parts() -> None:
     assert parts_of(nodes(text), "wall") == [(0.0, 0.5), (0.5, 0.75), (0.75, 1.0)]
 
 
-def test_what_is_drawn_of_different_parts_beside_each_other_is_cut_out() -> None:
+def test_parts_of_the_scene_beside_each_other_are_cropped() -> None:
     text = one_panel(
         "compound { range [ 0 .5 ] viewport [ 0 0 .5 1 ] }"
         + draws("b", "range [ .5 1 ] viewport [ .5 0 .5 1 ]")
@@ -181,7 +181,7 @@ def test_balanced_ranges_are_equal_parts() -> None:
         (("period 2 phase 0", "period 2 phase 1"), "period"),
     ],
 )
-def test_other_ways_to_share_are_ranks_and_are_told(words: tuple[str, str], left: str) -> None:
+def test_other_ways_to_share_are_ranks_and_are_reported(words: tuple[str, str], left: str) -> None:
     compounds = "".join(
         f'compound {{ channel "{name}" {word} outputframe {{ name "x" }} }}'
         for name, word in zip("bc", words, strict=True)
@@ -226,7 +226,7 @@ def test_a_channel_that_helps_two_panels_by_turns_is_a_rank_of_one() -> None:
     assert sum("here its channel is a rank of panel" in item.why for item in conversion.not_carried) >= 4
 
 
-def test_a_frame_from_another_panel_is_rendered_instead_and_told() -> None:
+def test_a_frame_from_another_panel_is_rendered_instead_and_reported() -> None:
     canvas = (
         f'layout {{ view {{ }} }} canvas {{ layout 0 {WALL} segment {{ channel "a" }} }} '
         f'canvas {{ layout 0 {WALL} segment {{ channel "b" }} }}'

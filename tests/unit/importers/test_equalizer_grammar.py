@@ -104,7 +104,7 @@ def test_comments_of_both_kinds_and_a_missing_last_newline_are_no_trouble() -> N
     assert [one.values for one in top.walk() if one.word == "name"] == [["#1 // x"]]
 
 
-def test_older_spellings_mean_the_same() -> None:
+def test_older_spellings_are_equivalent() -> None:
     top = parse("config { compound { buffers [ COLOR ] outputFrame {} } }", "f.eqc")
     assert [one.word for one in top.walk()][2:] == ["compound", "buffer", "outputframe"]
 
@@ -125,7 +125,7 @@ def test_older_spellings_mean_the_same() -> None:
         ("config { node { attributes { hint_affinity CORE x } } }", "1:49", "'x' came"),
     ],
 )
-def test_a_mistake_says_where_it_is_and_what_was_wanted(text: str, place: str, told: str) -> None:
+def test_an_error_names_its_position_and_what_was_wanted(text: str, place: str, told: str) -> None:
     with pytest.raises(ConfigError) as refused:
         parse(text, "wall.eqc")
     assert str(refused.value).startswith(f"wall.eqc:{place}: ")
@@ -212,7 +212,7 @@ def test_whatever_is_done_to_a_file_it_converts_or_is_refused(data: st.DataObjec
     assert told.startswith("f.eqc:")
 
 
-def test_statements_remember_their_place() -> None:
+def test_statements_keep_their_position() -> None:
     top = parse("server {\n  config {\n    latency 3 } }", "f.eqc")
     latency = next(one for one in top.walk() if one.word == "latency")
     assert (latency.line, latency.column) == (3, 5)

@@ -93,7 +93,7 @@ def test_a_compounds_viewport_is_a_part_of_the_wall_above_it() -> None:
     assert found["b"]["pixels"] == [400, 300]
 
 
-def test_panels_without_a_place_stand_in_a_row_and_it_is_said() -> None:
+def test_panels_without_corners_stand_in_a_row_and_it_is_reported() -> None:
     conversion = made(pipes("ab"))
     found = panels(conversion)
     a, b = corners(found["a"]), corners(found["b"])
@@ -103,7 +103,7 @@ def test_panels_without_a_place_stand_in_a_row_and_it_is_said() -> None:
     assert any("no place of a, b" in text for text in conversion.assumed)
 
 
-def test_panels_that_show_one_place_are_seen_under_the_same_angles() -> None:
+def test_panels_that_overlap_are_seen_under_the_same_angles() -> None:
     conversion = made(pipes("abc"), canvas(*(f'segment {{ channel "{name}" }}' for name in "abc")))
     a, b, c = (corners(panels(conversion)[name]) for name in "abc")
     for other, times in ((b, 1.002), (c, 1.004)):
@@ -111,7 +111,7 @@ def test_panels_that_show_one_place_are_seen_under_the_same_angles() -> None:
     assert sum("shows the place of panel a" in text for text in conversion.assumed) >= 1
 
 
-def test_panels_for_one_eye_each_share_their_place() -> None:
+def test_panels_for_one_eye_each_share_their_position() -> None:
     eyes = ('segment { channel "a" eye [ LEFT ] }', 'segment { channel "b" eye [ RIGHT ] }')
     mono = 'segment { channel "c" eye [ CYCLOP ] }'
     conversion = made(pipes("abc"), canvas(*eyes, mono, view="view { mode STEREO }"))
@@ -121,7 +121,7 @@ def test_panels_for_one_eye_each_share_their_place() -> None:
     assert any("the view's mode does not use" in item.why for item in conversion.not_carried)
 
 
-def test_a_wall_that_faces_away_is_turned_to_the_viewer_and_it_is_said() -> None:
+def test_a_wall_that_faces_away_is_turned_to_the_viewer_and_it_is_reported() -> None:
     ceiling = "wall { bottom_left [ -1 1 1 ] bottom_right [ 1 1 1 ] top_left [ -1 1 -1 ] }"
     conversion = made(pipes("a"), canvas('segment { channel "a" }', frustum=ceiling))
     found = corners(panels(conversion)["a"])
@@ -184,7 +184,7 @@ def test_a_full_screen_panel_has_no_window(head: str, attribute: str, window: bo
     assert panel["pixels"] == [640, 480]
 
 
-def test_a_display_of_unknown_size_is_assumed_and_said() -> None:
+def test_the_size_of_an_unknown_display_is_assumed_and_reported() -> None:
     conversion = made('appNode { pipe { window { viewport [ 0 0 .5 .5 ] channel { name "a" } } } }')
     assert panels(conversion)["a"]["pixels"] == [960, 540]
     assert any("1920 x 1080" in text for text in conversion.assumed)
@@ -199,7 +199,7 @@ def test_names_become_ids_that_differ() -> None:
     assert max(map(len, found)) <= 48
 
 
-def test_layouts_that_a_run_does_not_begin_with_are_told_with_all_inside() -> None:
+def test_other_layouts_are_reported_with_all_inside() -> None:
     other = f'layout {{ name "later" view {{ {WALL} }} }}'
     text = server(
         pipes("ab"), 'layout { name "first" view {} }', other,
@@ -214,7 +214,7 @@ def test_layouts_that_a_run_does_not_begin_with_are_told_with_all_inside() -> No
     assert "compound / load_equalizer" in left
 
 
-def test_an_off_screen_panel_is_left_to_those_that_take_its_frames() -> None:
+def test_an_off_screen_panel_is_dropped_for_those_that_take_its_frames() -> None:
     node = (
         'appNode { pipe { window { attributes { hint_drawable FBO } viewport [ 0 0 400 300 ] channel { name "all" } } '
         'window { viewport [ 0 0 200 300 ] channel { name "part" } } } }'
@@ -240,7 +240,7 @@ def test_an_odd_picture_for_two_eyes_is_cut_to_one_that_can_be_halved() -> None:
         assert (panel["stereo"], panel["pixels"]) == (stereo, pixels)
 
 
-def test_segments_and_compounds_that_nothing_shows_say_why() -> None:
+def test_segments_and_compounds_that_nothing_shows_have_a_reason() -> None:
     text = server(
         pipes("abc"), f"layout {{ view {{ viewport [ 0 0 .5 1 ] }} }} canvas {{ layout 0 {WALL}",
         'segment { channel "a" viewport [ 0 0 .5 1 ] } segment { channel "b" viewport [ .5 0 .5 1 ] }',

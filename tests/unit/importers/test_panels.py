@@ -1,4 +1,4 @@
-"""Drafts become panels that a configuration accepts; what gave way is remarked."""
+"""Drafts become panels that a configuration accepts; every change is reported."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_an_eye_that_is_moved_stays_before_all_other_panels() -> None:
     np.testing.assert_allclose(eye, [0.0, 0.0, 1.0])
 
 
-def test_too_many_pixels_are_fewer_at_the_same_aspect() -> None:
+def test_too_many_pixels_are_scaled_down_at_the_same_aspect() -> None:
     panel = fit_panels(source(), [draft(upright(0, 0, 1, 1), pixels=(40_000, 20_000))], None)[0][0]
 
     assert panel["pixels"] == [16384, 8192]
@@ -98,7 +98,7 @@ def test_a_panel_wider_than_a_rank_can_render_gets_more_ranks() -> None:
     assert "graph" not in configuration([panels[0] | {"pixels": [4096, 1024]}])
 
 
-def test_names_are_made_fit_and_different() -> None:
+def test_names_are_made_valid_and_unique() -> None:
     assert unique_names(["Wand 1", "Wand 1", "", "..", "ä", "x" * 100]) == [
         "Wand-1",
         "Wand-1-2",
@@ -119,14 +119,14 @@ def test_corners_that_span_no_rectangle_are_none() -> None:
     assert corners_of([0, 0, 0], [0, 0, 0], [0, 0, 0]) is None
 
 
-def test_neighbours_that_light_the_same_place_say_so_at_the_sides_that_meet() -> None:
+def test_overlaps_are_declared_at_the_sides_that_meet() -> None:
     left, right, above = upright(0, 0, 2, 1), upright(1.75, 0, 2, 1), upright(0, 0.9, 2, 1)
 
     assert declare_overlaps([(left, "mono"), (right, "mono")]) == [{"right": 0.25}, {"left": 0.25}]
     assert declare_overlaps([(left, "mono"), (above, "mono")]) == [{"top": 0.1}, {"bottom": 0.1}]
 
 
-def test_a_screen_inside_a_larger_one_says_how_wide_it_is() -> None:
+def test_the_overlap_of_a_screen_inside_a_larger_one_is_its_width() -> None:
     whole, part = upright(0, 0, 6, 2), upright(0, 0, 2, 2)
 
     assert declare_overlaps([(whole, "mono"), (part, "mono")]) == [
@@ -135,7 +135,7 @@ def test_a_screen_inside_a_larger_one_says_how_wide_it_is() -> None:
     ]
 
 
-def test_two_eyes_may_look_at_one_place() -> None:
+def test_panels_for_different_eyes_do_not_overlap() -> None:
     screen = upright(0, 0, 2, 1)
 
     assert declare_overlaps([(screen, "left"), (screen, "right"), (screen, "mono")]) == [{}, {}, {}]
@@ -149,7 +149,7 @@ def test_screens_in_different_planes_do_not_overlap() -> None:
     assert declare_overlaps([(upright(0, 0, 2, 1), "mono"), (behind, "mono"), (turned, "mono")]) == [{}, {}, {}]
 
 
-def test_a_frame_gives_way_where_neighbours_light_the_same_place() -> None:
+def test_a_bezel_is_dropped_where_panels_overlap() -> None:
     frame = dict.fromkeys(("left", "right", "top", "bottom"), 0.01)
     drafts = [draft(upright(0, 0, 2, 1), bezel=frame), draft(upright(1.9, 0, 2, 1), bezel=frame)]
 

@@ -61,7 +61,7 @@ def test_the_eye_is_at_the_origin_with_the_eye_separation_of_the_file() -> None:
     assert view["eye_separation"] == 0.06
 
 
-def test_what_paraview_passes_over_or_means_otherwise_is_listed_with_its_line() -> None:
+def test_what_paraview_ignores_or_reads_differently_is_listed_with_its_line() -> None:
     items = convert(CAVE, "cave.pvx").not_carried
     left_out = {item.line: item for item in items}
 
@@ -142,7 +142,7 @@ def test_another_file_is_refused_with_its_place(text: str, says: str) -> None:
 
 
 @pytest.mark.parametrize("geometry", ["300", "0x10+0+0", "-5x10+0+0", "1e3x10", "99999999999x1+0+0"])
-def test_a_geometry_that_is_none_is_listed(geometry: str) -> None:
+def test_an_invalid_geometry_is_listed(geometry: str) -> None:
     made = convert(one(f'Geometry="{geometry}"'), "w.pvx")
 
     assert [item.why for item in made.not_carried] == ["is not WIDTHxHEIGHT+X+Y"]

@@ -28,7 +28,7 @@ OBJECT = "{left: 0.01, right: 0.02, bottom: 0.03, top: 0.04}"
 
 
 @pytest.mark.parametrize("borders", [ARRAY, OBJECT])
-def test_frames_in_either_shape_part_the_tiles(borders: str) -> None:
+def test_tile_borders_of_either_shape_separate_the_tiles(borders: str) -> None:
     first, _, third = convert(CONFIG.replace("BORDERS", borders), "lab.json").values["wall"]["panels"]
 
     # a tile takes 1.23 x 0.77 m; three by two of them have their middle at the origin

@@ -157,7 +157,7 @@ def test_a_wider_field_of_view_than_flat_pictures_have_ends_there_and_is_listed(
         ({}, 90),
     ],
 )
-def test_a_projection_that_is_not_rendered_is_a_flat_stand_in_and_is_listed(
+def test_a_projection_that_is_not_rendered_becomes_a_flat_panel_and_is_listed(
     projection: dict[str, Any], degrees: float
 ) -> None:
     made = converted(window(projection))
@@ -201,7 +201,7 @@ def test_nodes_give_hosts_and_windows_monitors() -> None:
         ("anaglyph_wimmer", "mono", 1),
     ],
 )
-def test_stereo_is_carried_where_there_is_its_like(stereo: str, wanted: str, listed: int) -> None:
+def test_stereo_is_carried_where_it_is_supported(stereo: str, wanted: str, listed: int) -> None:
     made = converted(window(PLANE, stereo=stereo))
 
     assert made.values["wall"]["panels"][0].get("stereo", "mono") == wanted

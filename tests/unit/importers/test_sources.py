@@ -1,4 +1,4 @@
-"""Trees of JSON5 and XML know where everything stands, and account for all of it."""
+"""Trees of JSON5 and XML know every position, and report every node."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ def test_more_lists_than_any_wall_has_are_refused_before_they_are_read() -> None
         json_source.parse("[" + "[]," * 60_000 + "]", "w.json")
 
 
-def test_what_nobody_looked_at_is_listed_with_every_value_inside_it() -> None:
+def test_nodes_that_were_never_read_are_listed_with_every_value_inside() -> None:
     source = Source(
         "w.json", json_source.parse("{a: 1,\n b: {c: 2,\n d: {e: 3}},\n f: {g: [4, 5]}}", "w.json"), {"f": "why not"}
     )
@@ -188,7 +188,7 @@ def test_values_that_may_be_secrets_are_not_repeated() -> None:
 
 
 @pytest.mark.parametrize("value", [None, True, "x", "", "nan", "inf", 1e10, "1e400", 10**400, float("nan")])
-def test_what_is_no_usable_number_is_none(value: str | float | None) -> None:
+def test_an_unusable_number_is_none(value: str | float | None) -> None:
     assert as_number(value) is None
 
 

@@ -157,9 +157,6 @@ def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterato
             crosses, key = giver.rank != step.rank, (giver.index, step.rank)
             whole = framelet_traffic(giver.rect.area, giver.channels, encoded=giver.encoded, refresh_hz=refresh_hz)
             yield Edge(
-                start=name,
-                end=step.node.id,
-                bytes_per_s=whole if crosses and key not in sent else 0.0,
-                crosses=crosses,
+                start=name, end=step.node.id, bytes_per_s=whole if crosses and key not in sent else 0.0, crosses=crosses
             )
             sent.add(key)

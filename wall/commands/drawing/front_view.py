@@ -57,7 +57,6 @@ class FrontView:
 
     kind: str  # "flat", "unrolled" or "apart"
     placed: tuple[Placed, ...]
-    facet_of: tuple[int, ...]  # which screens lie in one plane
 
     def bounds(self) -> tuple[float, float, float, float]:
         """Left, bottom, right, top of all screens with their bezels, metres."""
@@ -70,16 +69,13 @@ def front_view(screens: Sequence[Screen]) -> FrontView:
     """Lay screens in one plane."""
     facets = _facets(screens)
     laid = [_in_plane([screens[i] for i in facet]) for facet in facets]
-    facet_of = [0] * len(screens)
-    for k, facet in enumerate(facets):
-        for i in facet:
-            facet_of[i] = k
+
     if len(facets) == 1:
         kind, groups = "flat", [laid[0]]
     else:
         kind, groups = _unfolded(screens, facets, laid)
     flat = {id(placed.screen): placed for group in _in_a_row(groups) for placed in group}
-    return FrontView(kind=kind, placed=tuple(flat[id(screen)] for screen in screens), facet_of=tuple(facet_of))
+    return FrontView(kind=kind, placed=tuple(flat[id(screen)] for screen in screens))
 
 
 def axes_of(screen: Screen) -> tuple[Float64, Float64, Float64]:

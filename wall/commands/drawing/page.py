@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -52,15 +51,15 @@ class Stroke:
     """A line, an area, or both."""
 
     points: Float64  # (n, 2) mm
-    codes: tuple[int, ...] | None  # of matplotlib.path; None = straight
-    line: str | None
-    fill: str | None
-    width: float  # points
-    dashed: bool
-    hatch: str | None
-    alpha: float
-    gid: str | None
-    level: int  # the higher is drawn later
+    codes: ArrayLike | None = None  # of matplotlib.path; None = straight
+    line: str | None = BLACK
+    fill: str | None = None
+    width: float = THIN_PT  # points
+    dashed: bool = False
+    hatch: str | None = None
+    alpha: float = 1.0
+    gid: str | None = None  # id of the element in an SVG
+    level: int = 0  # the higher is drawn later
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,10 +69,10 @@ class TextLine:
     x: float  # mm, at `align`
     y: float  # mm, baseline
     text: str
-    size: float  # points
-    bold: bool
-    colour: str
-    align: str  # left, center or right
+    size: float = BODY_PT  # points
+    bold: bool = False
+    colour: str = BLACK
+    align: str = "left"  # left, center or right
 
     def box(self) -> tuple[float, float, float, float]:
         """Left, top, right, bottom of its glyphs, mm: from the height of capitals to descenders."""
@@ -92,41 +91,13 @@ class Page:
     strokes: list[Stroke] = field(default_factory=list)
     texts: list[TextLine] = field(default_factory=list)
 
-    def stroke(
-        self,
-        points: ArrayLike,
-        *,
-        line: str | None = BLACK,
-        fill: str | None = None,
-        width: float = THIN_PT,
-        closed: bool = False,
-        dashed: bool = False,
-        hatch: str | None = None,
-        alpha: float = 1.0,
-        gid: str | None = None,
-        level: int = 0,
-        codes: Sequence[int | np.uint8] | None = None,
-    ) -> None:
-        """Draw (n, 2) points, mm: a line, or with `closed` an area."""
-        given: Sequence[int | np.uint8] | None = codes
+    def stroke(self, points: ArrayLike, *, closed: bool = False, **style: Any) -> None:
+        """Draw (n, 2) points, mm: a line, or with `closed` an area; `style` holds fields of Stroke."""
         xy = np.asarray(points, dtype=np.float64)
         if closed:
             xy = np.vstack([xy, xy[:1]])
-            given = (Curve.MOVETO, *(Curve.LINETO,) * (len(xy) - 2), Curve.CLOSEPOLY)
-        self.strokes.append(
-            Stroke(
-                points=xy,
-                codes=tuple(int(code) for code in given) if given is not None else None,
-                line=line,
-                fill=fill,
-                width=width,
-                dashed=dashed,
-                hatch=hatch,
-                alpha=alpha,
-                gid=gid,
-                level=level,
-            )
-        )
+            style["codes"] = (Curve.MOVETO, *(Curve.LINETO,) * (len(xy) - 2), Curve.CLOSEPOLY)
+        self.strokes.append(Stroke(points=xy, **style))
 
     def rect(self, x: float, y: float, width: float, height: float, /, **style: Any) -> None:
         """Draw an upright rectangle; mm."""
@@ -138,19 +109,9 @@ class Page:
         turn = np.linspace(0, 2 * np.pi, 25)[:-1]
         self.stroke(np.stack([x + radius * np.cos(turn), y + radius * np.sin(turn)], axis=1), closed=True, **style)
 
-    def write(
-        self,
-        x: float,
-        y: float,
-        text: str,
-        *,
-        size: float = BODY_PT,
-        bold: bool = False,
-        colour: str = BLACK,
-        align: str = "left",
-    ) -> None:
-        """Write one line of text whose baseline is at y; mm."""
-        self.texts.append(TextLine(x=x, y=y, text=text, size=size, bold=bold, colour=colour, align=align))
+    def write(self, x: float, y: float, text: str, **style: Any) -> None:
+        """Write one line of text whose baseline is at y; mm; `style` holds fields of TextLine."""
+        self.texts.append(TextLine(x=x, y=y, text=text, **style))
 
 
 @lru_cache(maxsize=65536)

@@ -33,11 +33,7 @@ BETWEEN_MM = 5.0  # the two views
 MOST_FRUSTA = 12  # of more only the outermost edges are drawn
 SMALL_PANEL_MM = 8.0  # the outlines of smaller panels are proportionally thinner
 BAR_MM = 5.0  # from the lowest point of the plan to the scale bar
-KINDS = {
-    "flat": "",
-    "unrolled": "unrolled",
-    "apart": "laid apart",
-}
+KINDS = {"flat": "", "unrolled": "unrolled", "apart": "laid apart"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,12 +13,11 @@ import numpy as np
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
 from wall.importers.equalizer.grammar import Statement
-from wall.importers.panels import rotation
+from wall.importers.panels import SMALLEST_M, rotation
 
 DEFAULT_WALL = ((-0.8, -0.5, -1.0), (0.8, -0.5, -1.0), (-0.8, 0.5, -1.0))
 DEFAULT_FOV, DEFAULT_DISTANCE = (77.3196, 53.1301), 1.0  # degrees, metres
 ASSUMED_HEIGHT, ASSUMED_DISTANCE = 1.0, 1.0  # metres, of panels whose position the file does not give
-SMALLEST_M = 1e-4  # metres of a panel, each way
 SMALLEST_SHARE = 1e-4  # of a whole; parts that share less only touch
 LARGEST_COSINE = 0.01  # between the sides of a rectangle
 WHOLE = (0.0, 0.0, 1.0, 1.0)

@@ -14,22 +14,14 @@ from dataclasses import dataclass, field
 from typing import NoReturn
 
 from wall.core.errors import ConfigError
-from wall.importers.equalizer.language import (
-    ALIASES,
-    BLOCKS,
-    COUNTED_SETTINGS,
-    OPEN_BLOCKS,
-    SETTINGS,
-    SWITCHES,
-    Rule,
-)
+from wall.importers.equalizer.language import ALIASES, BLOCKS, COUNTED_SETTINGS, OPEN_BLOCKS, SETTINGS, SWITCHES, Rule
 from wall.importers.report import NotThisFormat
+from wall.importers.source import LARGEST, LONGEST_SHOWN
 
 Value = str | float | int
 MAX_DEPTH = 200  # nested blocks; deeper files fill the stack
 MAX_DIGITS = 40  # characters of a number
-LARGEST = 1e9  # metres, pixels, degrees: anything larger is a typing error
-LONGEST_SHOWN = 60  # characters of a value that reports show
+
 
 _TOKEN = re.compile(
     r"""(?P<space>[\s,;]+|//[^\n]*|\#[^\n]*)

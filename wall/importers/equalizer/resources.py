@@ -9,9 +9,10 @@ import re
 from dataclasses import dataclass, field
 
 from wall.importers.equalizer.grammar import Statement
+from wall.importers.panels import MOST_PIXELS
 
 ASSUMED_PIPE = (1920, 1080)  # pixels of a display that does not say its size
-MOST_PIXELS = 16384  # of a channel, each way
+
 LONGEST_NAME = 40  # characters of an id
 OFF_SCREEN = ("FBO", "pbuffer")
 

@@ -121,7 +121,7 @@ def test_text_stays_on_the_page_and_apart_however_wide_it_is(name: str, width: f
     check_text(compose(SKETCHES[name], width=width))
 
 
-def test_expected_traffic_is_written_at_its_wire() -> None:
+def test_expected_traffic_is_written_at_its_edge() -> None:
     """two_compositors: 1 M samples/s a rank of 12 + 146 / 4096 bytes; 320 x 240 pixels of 3 bytes, 30 a second."""
     written = texts(svg_of(page_of(CONFIGS / "two_compositors.yaml")))
     assert written.count("24.1 MB/s") == 1  # two ranks
@@ -130,7 +130,7 @@ def test_expected_traffic_is_written_at_its_wire() -> None:
     assert "rank 0, in 31 MB/s" in written  # 24.07 + 6.91
 
 
-def test_wires_between_processes_are_drawn_otherwise_than_calls() -> None:
+def test_edges_between_processes_differ_from_calls() -> None:
     page = page_of(CONFIGS / "two_compositors.yaml")
     styles = {
         stroke.gid: (stroke.line, stroke.width) for stroke in page.strokes if (stroke.gid or "").startswith("edge-")
@@ -150,7 +150,7 @@ def test_overlaps_of_projectors_are_hatched() -> None:
     assert "lit by two panels" in [words.text for words in page.texts]
 
 
-def test_each_process_has_its_own_tint() -> None:
+def test_each_process_has_its_own_colour() -> None:
     page = compose(sort_first(6, compositors=3))
     fills = {stroke.gid: stroke.fill for stroke in page.strokes if (stroke.gid or "").startswith("process-")}
     assert len(fills) == len(set(fills.values())) == 3

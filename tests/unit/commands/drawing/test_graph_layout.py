@@ -42,7 +42,7 @@ def test_layers_are_longest_paths() -> None:
     assert levels(diagram.boxes, diagram.edges) == {"s": 0, "f": 1, "g": 2, "h": 3, "i": 4, "j": 5, "k": 6}
 
 
-def test_a_picture_stands_just_before_its_user() -> None:
+def test_a_source_image_stands_just_before_its_user() -> None:
     boxes = {
         "s": ("samples", "rank 1", ()),
         "f": ("reconstruct", "head", ("s",)),
@@ -80,7 +80,7 @@ def test_boxes_stand_inside_their_process_and_its_page(name: str) -> None:
         assert 0 <= cluster.top <= cluster.top + cluster.height <= found.height + 1e-9
 
 
-def test_panels_stand_in_their_order_and_their_wires_are_straight() -> None:
+def test_panels_keep_their_order_and_their_edges_are_straight() -> None:
     found = layout(SKETCHES["eight panels"])
     rows = [found.middle[f"s{k}"] for k in range(8)]
     assert rows == sorted(rows)

@@ -1,4 +1,4 @@
-"""Alike nodes as one box: nothing is lost, and small graphs stay as they are."""
+"""Equivalent nodes are merged into one box: no edge is lost, and small graphs stay as they are."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_thousand_panels_are_four_boxes() -> None:
     assert found.processes[found.boxes[0].process].label == "rank 1 … rank 1024"
 
 
-def test_every_compositor_keeps_its_own_bundle_where_there_is_room() -> None:
+def test_nodes_of_different_compositors_stay_apart_where_there_is_room() -> None:
     found = merged(sort_first(100, compositors=4))
     assert [(box.process, box.count) for box in found.boxes if box.op == "reconstruct"] == [
         ("head", 25),

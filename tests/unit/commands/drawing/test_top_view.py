@@ -1,4 +1,4 @@
-"""The plan: screens, eyes and frusta seen from above."""
+"""The top view: screens, eyes and frusta from above."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_every_screen_is_seen_from_its_own_eye() -> None:
     assert {tuple(wedge.eye) for wedge in found.wedges} == {(0.0, 2.0), (1.5, 1.0)}
 
 
-def test_a_floor_under_the_eye_has_no_frustum_in_the_plan() -> None:
+def test_a_floor_under_the_eye_has_no_frustum_in_the_top_view() -> None:
     found = top_view([screen("floor", (-1, -1, 3), (1, -1, 3), (-1, -1, 1))])
     assert found.wedges == ()
     assert len(found.screens) == 1

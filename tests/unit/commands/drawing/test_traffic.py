@@ -14,7 +14,7 @@ def test_plain_samples_take_twelve_bytes_and_their_share_of_the_header() -> None
     assert bytes_a_sample("frameless", 4096) == pytest.approx((146 + 12 * 4096) / 4096, abs=1e-12)
 
 
-def test_adaptive_samples_take_at_most_what_their_bar_allows() -> None:
+def test_adaptive_samples_take_at_most_their_limit() -> None:
     assert bytes_a_sample("adaptive", 2048) == 7.0
 
 
