@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from small_scenes import Triple, View, instance, quad, view
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.animation import Keyframes
 from wall.scene.build import Scene, assemble
 from wall.scene.model import Instance, Material, PointLight, Source, Track
@@ -58,8 +58,8 @@ def event_at(k: int, seen: View = FRONT, *, scene_time: float = 0.0, **camera: T
     )
 
 
-def picture_of(scene: Scene, seen: View = FRONT, *, judging: bool = False, kept: float = 4.0) -> Picture:
-    return Picture(seen.panel, seen.eye, scene, judging=judging, samples_per_pixel=kept)
+def picture_of(scene: Scene, seen: View = FRONT, *, detects_change: bool = False, kept: float = 4.0) -> Reconstruction:
+    return Reconstruction(seen.panel, seen.eye, scene, detects_change=detects_change, samples_per_pixel=kept)
 
 
 def centres(size: tuple[int, int]) -> Float32:

@@ -11,8 +11,8 @@ from numpy.testing import assert_array_equal
 from small_scenes import View
 
 from wall.core.data import Event, Rect, Samples
-from wall.reconstruction.gpu.picture import GpuPicture
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene
 
 # Both place a sample to within some float32 roundings, so to 1e-4 pixels at pixel 97, and weights add up to 1 or more
@@ -28,8 +28,8 @@ class Twins:
 
     def __init__(self, scene: Scene, seen: View, rect: Rect | None = None, *, kept: float = 4.0) -> None:
         self.scene, self.seen = scene, seen
-        self.cpu = Picture(seen.panel, seen.eye, scene, judging=False, rect=rect, samples_per_pixel=kept)
-        self.gpu = GpuPicture(seen.panel, seen.eye, scene, rect=rect, samples_per_pixel=kept)
+        self.cpu = Reconstruction(seen.panel, seen.eye, scene, detects_change=False, rect=rect, samples_per_pixel=kept)
+        self.gpu = GpuReconstruction(seen.panel, seen.eye, scene, rect=rect, samples_per_pixel=kept)
 
     def insert(self, samples: Samples, time: float, event: Event) -> None:
         self.cpu.insert(samples.copy(), time, event)

@@ -1,4 +1,4 @@
-"""A layer's framelet: its picture, and what compositing compares it by. Written only where something changed."""
+"""Fill a layer's framelet: colour and the channels that compositing needs. Only what changed is written."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from wall.core.data import Channels, Event, Float32, Float64, Framelet, Rect, Samples
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
+from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import channels as kernels
-from wall.reconstruction.picture import Ingredients, Picture
-from wall.reconstruction.pose import Posed
+from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.build import Scene
 
 
@@ -33,19 +33,19 @@ def show_newest(buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool
 
 
 class Coverage:
-    """How much of every pixel objects cover: a second picture of the same samples, 1 where they hit something.
+    """The share of every pixel that objects cover: a second image of the same samples, 1 where they hit something.
 
-    So edges are filtered as the picture's own are: colours come times this alpha, and what lies behind may be added.
+    So edges are filtered as the image's own are: colours come times this alpha, and what lies behind may be added.
     """
 
     def __init__(self, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float) -> None:
-        self._picture = Picture(
-            panel, eye, scene, judging=False, samples_per_pixel=samples_per_pixel,
+        self._image = Reconstruction(
+            panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel,
             ingredients=Ingredients(relighting=False),
         )  # fmt: skip
 
     def split(self, samples: Samples) -> tuple[Samples, Samples]:
-        """Samples of colours without the background, and of coverage."""
+        """Split samples into those of colours without the background, and those of coverage."""
         hit = (samples["object_id"] != 0)[:, None]
         colours, covered = samples.copy(), samples.copy()
         colours["radiance"] = np.where(hit, samples["radiance"], np.float32(0.0))
@@ -53,35 +53,35 @@ class Coverage:
         return colours, covered
 
     def insert(self, covered: Samples, base_time: float, event: Posed) -> None:
-        self._picture.insert(covered, base_time, event)
+        """Store samples of coverage, see split."""
+        self._image.insert(covered, base_time, event)
 
     def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
-        """(rows, columns) bool of tiles that changed."""
-        self._picture.refresh(event, now)
-        return self._picture.take_dirty()
+        """Show the samples under `event`. Returns the tiles that changed, (rows, columns) bool."""
+        self._image.refresh(event, now)
+        return self._image.take_dirty()
 
     @property
     def radiance(self) -> Float32:
         """(h, w, 3) float32: the share of each pixel that objects cover, three times."""
-        return self._picture.radiance
+        return self._image.radiance
 
 
-def show_reprojected(picture: Picture, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet) -> None:
-    """Bring the dirty tiles of `out` to a picture of reprojected samples."""
+def show_reprojected(image: Reconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet) -> None:
+    """Bring the dirty tiles of `out` to an image of reprojected samples."""
     if out.encoded:
-        update_display(picture.radiance, dirty, TILE, out.colour)
+        update_display(image.radiance, dirty, TILE, out.colour)
     else:
-        kernels.copy_tiles(picture.radiance, dirty, out.colour)
-    state, screen, count, epoch = picture.stored()
+        kernels.copy_tiles(image.radiance, dirty, out.colour)
     if out.channels & {"depth", "object_id", "alpha"}:
-        picture.find_nearest()
-        pose, covered = picture.pose, None if coverage is None else coverage.radiance
+        pose, covered = image.pose, None if coverage is None else coverage.radiance
         depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
         kernels.channels_of_nearest(
-            picture.nearest, pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
+            image.find_nearest(), pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
         )
     if out.time is not None:
-        kernels.newest_times(state, screen, count, epoch - out.time_origin, out.time)
+        s = image.stored()
+        kernels.newest_times(s.times, s.confidence, s.screen_position, s.in_use, s.epoch - out.time_origin, out.time)
 
 
 def show_sky(scene: Scene, pose_frame: Float64, corner: Float64, out: Framelet) -> None:

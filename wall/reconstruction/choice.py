@@ -1,4 +1,4 @@
-"""Who makes pictures of reprojected samples: the CPU, or a GPU that does the same."""
+"""Choose what reconstructs images: the CPU, or a GPU that does the same."""
 
 from __future__ import annotations
 
@@ -10,22 +10,24 @@ from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError, device, gpu_nodes
-from wall.reconstruction.gpu.picture import GpuPicture
-from wall.reconstruction.picture import Picture
-from wall.reconstruction.pose import Posed
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
+from wall.reconstruction.reconstruction import Reconstruction, StoredSamples
 from wall.scene.build import Scene
 
 Wish = Literal["auto", "cpu", "gpu"]
 
 
 class Reprojected(Protocol):
-    """A picture of reprojected samples, whoever makes it; see Picture."""
+    """An image of reprojected samples, made on the CPU or on a GPU; see Reconstruction."""
 
     rect: Rect
-    nothing_moves: bool
+
+    @property
+    def nothing_moves(self) -> bool: ...
 
     @property
     def radiance(self) -> Float32: ...
@@ -34,13 +36,13 @@ class Reprojected(Protocol):
     def refresh(self, event: Event, now: float) -> None: ...
     def clear(self) -> None: ...
     def take_dirty(self) -> NDArray[np.bool_]: ...
-    def stored(self) -> tuple[Float32, Float32, int, float]: ...
-    def still_counts(self) -> Float32: ...
+    def stored(self) -> StoredSamples: ...
+    def accumulated_counts(self) -> Float32: ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """`on` makes the pictures; `why` is for a reader."""
+    """`on` reconstructs; `why` is for a reader."""
 
     on: Literal["cpu", "gpu"]
     why: str
@@ -50,7 +52,7 @@ class Choice:
 
 
 def choose(wish: Wish) -> Choice:
-    """What a wish comes to on this machine, for the calling thread. Raises GpuError if `gpu` is asked for in vain."""
+    """Choose by a wish and this machine, for the calling thread. Raises GpuError if `gpu` is asked for in vain."""
     if wish == "cpu":
         return Choice(on="cpu", why="asked for")
     if wish == "auto" and not gpu_nodes():  # no driver is loaded for nothing
@@ -66,24 +68,24 @@ def choose(wish: Wish) -> Choice:
     return Choice(on="gpu", why=found.renderer)
 
 
-def make_picture(
+def make_reconstruction(
     wish: Wish, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float
 ) -> tuple[Reprojected, Choice]:
-    """A panel's picture where the wish says. Raises GpuError if `gpu` is asked for and cannot do it."""
+    """Make a panel's reconstruction where the wish says. Raises GpuError if `gpu` is asked for and cannot do it."""
     choice = choose(wish)
     if choice.on == "gpu":
         try:
-            return GpuPicture(panel, eye, scene, samples_per_pixel=samples_per_pixel), choice
+            return GpuReconstruction(panel, eye, scene, samples_per_pixel=samples_per_pixel), choice
         except GpuError as error:
             if wish == "gpu":
                 raise
             choice = Choice(on="cpu", why=error.problem)
-    return Picture(panel, eye, scene, judging=False, samples_per_pixel=samples_per_pixel), choice
+    return Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel), choice
 
 
-def display(picture: Reprojected, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
-    """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from a picture. Raises GpuError if its GPU has given up."""
-    if isinstance(picture, GpuPicture):
-        picture.display(dirty, rgb)
+def display(image: Reprojected, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
+    """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from an image. Raises GpuError if its GPU is lost."""
+    if isinstance(image, GpuReconstruction):
+        image.display(dirty, rgb)
     else:
-        update_display(picture.radiance, dirty, TILE, rgb)
+        update_display(image.radiance, dirty, TILE, rgb)

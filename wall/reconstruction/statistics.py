@@ -1,4 +1,4 @@
-"""How old and how dense the samples of a picture are, tile by tile, for whoever watches: made only when asked for.
+"""Statistics of an image's samples, tile by tile: age, density, expected error reduction. Made only when asked for.
 
 Codes are bytes: 0 is none; code c is least * 2^((c - 1) / steps). Rounded to the nearest, so a value is off by at most
 a factor of 2^(1 / (2 steps)); beyond the ends, the end is given.
@@ -45,19 +45,18 @@ def values_of(codes: Codes, scale: Scale) -> Float64:
     return values
 
 
-def statistics_of_store(picture: Reprojected, now: float) -> tuple[Codes, Float64]:
+def statistics_of_store(image: Reprojected, now: float) -> tuple[Codes, Float64]:
     """Median age of the samples kept, (rows, columns) codes, and samples a pixel, (rows, columns).
 
-    `now`: seconds of the samples' clock. A pixel that stands still counts the samples whose mean it shows, if those are
-    more than are kept of it. Raises GpuError if the picture's GPU has given up.
+    `now`: seconds of the samples' clock. A pixel at rest counts the samples whose mean it shows, if those are more than
+    are stored of it. Raises GpuError if the image's GPU is lost.
     """
-    state, screen, count, epoch = picture.stored()
-    still = picture.still_counts()
-    height, width = still.shape
+    stored, accumulated = image.stored(), image.accumulated_counts()
+    height, width = accumulated.shape
     histogram = _histogram(height, width)
-    kernels.count_stored(state, screen, count, np.float32(now - epoch), histogram)
-    gathered = tile_sums(still)
-    return _medians(histogram), np.maximum(histogram.sum(2), gathered) / tile_areas(height, width)
+    since = np.float32(now - stored.epoch)
+    kernels.count_stored(stored.times, stored.confidence, stored.screen_position, stored.in_use, since, histogram)
+    return _medians(histogram), np.maximum(histogram.sum(2), tile_sums(accumulated)) / tile_areas(height, width)
 
 
 def statistics_of_pixels(records: NDArray[np.void], now: float) -> tuple[Codes, Float64]:
@@ -69,7 +68,8 @@ def statistics_of_pixels(records: NDArray[np.void], now: float) -> tuple[Codes, 
 
 
 def grid_error_reduction(radiance: Float32, density: Float64) -> tuple[NDArray[np.uint16], Float64]:
-    """Tiles of a fixed grid, (n, 4) x, y, width, height, and what one more sample is worth in each, (n,).
+    """Tiles of a fixed grid, (n, 4) x, y, width, height, and the error reduction expected of one more
+    sample in each, (n,).
 
     radiance : (h, w, 3) linear RGB; density : (rows, columns) samples a pixel
     The squared error that a sample is expected to remove is c / (n (n + 1)), c the mean squared difference between
@@ -84,7 +84,10 @@ def grid_error_reduction(radiance: Float32, density: Float64) -> tuple[NDArray[n
 
 
 def expected_error_reduction(contrast: Float64 | Float32, density: Float64 | Float32) -> Float64:
-    """What one more sample a pixel is worth; `contrast` squared display units, `density` samples a pixel, any shape."""
+    """The squared error that one more sample removes, of arrays of one shape.
+
+    contrast : squared display units; density : samples a pixel
+    """
     n = np.maximum(density, 1.0 / TILE**2)
     error_reduction: Float64 = contrast / (n * (n + 1.0))
     return error_reduction

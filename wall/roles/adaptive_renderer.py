@@ -9,7 +9,7 @@ from wall.core.data import Event, Rect, Region, Samples
 from wall.core.errors import RunError
 from wall.geometry.cameras import PanelView
 from wall.geometry.prediction import foreseen
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
 from wall.run.clock import Clock
 from wall.sampling.adaptive import AdaptiveSampler
@@ -27,9 +27,10 @@ class AdaptiveRenderer:
     def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
         panel = plan.layout.wall.panels[region.panel]
         self._seen = PanelView(plan.view, panel)
-        self.picture = Picture(
-            panel, self._seen.eye, plan.scene, judging=True, rect=band, samples_per_pixel=sampling.samples_per_pixel
-        )
+        self.picture = Reconstruction(
+            panel, self._seen.eye, plan.scene, detects_change=True, rect=band,
+            samples_per_pixel=sampling.samples_per_pixel,
+        )  # fmt: skip
         self.sampler = AdaptiveSampler(
             band, self.picture.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
         )

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from wall.config.schema import AdaptiveSampling
 from wall.core.data import Batch, Event, StatisticsImage
 from wall.deepbuffer.arrivals import Arrivals
+from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.display.base import PanelPicture
 from wall.geometry.cameras import PanelView
 from wall.reconstruction.channels import Coverage, blank_framelet, show_newest, show_reprojected
-from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_picture
+from wall.reconstruction.choice import Choice, Reprojected, Wish, choose, display, make_reconstruction
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import GpuError
-from wall.reconstruction.gpu.picture import GpuPicture
-from wall.reconstruction.picture import SAMPLES_PER_PIXEL, Picture
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.compared import Compared
 from wall.roles.plan import Plan
 from wall.roles.statistics import statistics_image_of
@@ -134,7 +135,8 @@ class PanelCompositor:
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self.layer.transparent:
             self._coverage = Coverage(self.panel, eye, self._plan.scene, samples_per_pixel=kept)
-        made, self.reconstruction = make_picture(self._wish, self.panel, eye, self._plan.scene, samples_per_pixel=kept)
+        scene = self._plan.scene
+        made, self.reconstruction = make_reconstruction(self._wish, self.panel, eye, scene, samples_per_pixel=kept)
         if not self._plain:
             self.reconstruction = Choice(on="cpu", why="the graph needs more of it than display bytes")
         return made
@@ -178,9 +180,9 @@ class PanelCompositor:
             if self._coverage is not None:
                 dirty |= self._coverage.refresh(event, now)
             self._anew = False
-            if dirty.any() and (self._plain or not isinstance(shown, Picture)):
+            if dirty.any() and (self._plain or not isinstance(shown, Reconstruction)):
                 display(shown, dirty, self.framelet.colour)
-            elif dirty.any() and isinstance(shown, Picture):
+            elif dirty.any() and isinstance(shown, Reconstruction):
                 self.framelet.stamp(now)
                 show_reprojected(shown, self._coverage, dirty, self.framelet)
             return dirty
@@ -227,7 +229,7 @@ class PanelCompositor:
     @property
     def on_gpu(self) -> bool:
         """Whether its picture is on a GPU: then it belongs to the thread that inserts."""
-        return isinstance(self._reprojected, GpuPicture)
+        return isinstance(self._reprojected, GpuReconstruction)
 
     @property
     def tiles(self) -> tuple[int, int]:

@@ -6,8 +6,8 @@ import numpy as np
 
 from wall.compositing.kernels import timewarp as kernels
 from wall.core.data import BLANK, Event, Framelet, Rect
+from wall.deepbuffer.pose import Pose
 from wall.geometry.cameras import seen_from
-from wall.reconstruction.pose import Pose
 from wall.roles.plan import Plan
 
 
@@ -48,4 +48,5 @@ class Timewarp:
         within = Rect(x=rect.x - panel.screen[0], y=rect.y - panel.screen[1], width=rect.width, height=rect.height)
         view = self._plan.view
         event = seen_from(event, view.offset(panel))
-        return Pose(panel, view.eye_of(panel), self._plan.scene, event.camera, event.scene_time, within)
+        moment = self._plan.scene.at(event.scene_time)
+        return Pose.of(panel, view.eye_of(panel), event.camera, moment.world_from_object, rect=within)

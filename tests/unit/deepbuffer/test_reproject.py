@@ -9,11 +9,11 @@ import pytest
 from small_scenes import Triple, View, flat_wall, instance, quad, scene_of, turned, view
 
 from wall.core.data import Camera, Float64
-from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE, pixel_of, place_of
+from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE, pixel_of, position_of
+from wall.deepbuffer.pose import Pose
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.frusta import project, ray_frame
 from wall.geometry.panels import Panel
-from wall.reconstruction.pose import Pose
 from wall.scene.model import Instance
 
 EPSILON = 2.0**-24  # float32's rounding
@@ -29,7 +29,7 @@ ORIGIN: Triple = (0.0, 0.0, 0.0)
 def pose(matrix: Float64 | None, camera: Camera, seen: View = VIEW, panel: Panel | None = None) -> Pose:
     """Of a scene of one object; None: at the origin."""
     placed = instance(0) if matrix is None else Instance(name="it", mesh=0, world_from_object=matrix)
-    return Pose(panel or seen.panel, seen.eye, scene_of([quad(1.0, 1.0)], [placed]), camera, 0.0)
+    return Pose.at(panel or seen.panel, seen.eye, scene_of([quad(1.0, 1.0)], [placed]), camera, 0.0)
 
 
 def moved(matrix: Float64, by: Triple) -> Float64:
@@ -49,7 +49,7 @@ def there(hits: Float64, traced: Pose, shown: Pose, name: int = 1) -> Float64:
     """(n, 3): x, y, depth along the axis, by the kernels under test."""
     found = []
     for x, y, depth in hits:
-        place = place_of(
+        place = position_of(
             traced.corner[0] + x, traced.corner[1] + y, np.float32(depth), name, traced.frame, traced.object_from_eye
         )
         found.append(pixel_of(*(np.float32(v) for v in place), name, shown.panel_from_object))

@@ -56,7 +56,7 @@ def test_channels_that_nobody_wants_are_left_out() -> None:
 
 
 def near_of(rng: np.random.Generator) -> np.ndarray:  # type: ignore[type-arg]
-    """(h, w, 4) as keep_nearest leaves it: depth along the axis, .., .., object; -1 where no sample is."""
+    """(h, w, 4) as find_nearest leaves it: depth along the axis, .., .., object; -1 where no sample is."""
     nearest = np.zeros((HEIGHT, WIDTH, 4), np.float32)
     nearest[..., 3] = rng.choice([-1, 0, 1, 2], (HEIGHT, WIDTH))
     nearest[..., 0] = np.where(nearest[..., 3] > 0, rng.uniform(1, 9, (HEIGHT, WIDTH)), 1e30)
@@ -115,7 +115,7 @@ def test_newest_times_are_those_of_the_samples_that_count() -> None:
         np.float32
     )
     time = np.full((HEIGHT, WIDTH), 7, np.float32)
-    kernels.newest_times(state, screen, n - 20, 2.0, time)
+    kernels.newest_times(*state, screen, n - 20, 2.0, time)
     wanted = np.full((HEIGHT, WIDTH), -np.inf)
     for k in range(n - 20):  # what stands behind the count is not looked at
         if screen[2, k] > 0 and state[1, k] > 0:

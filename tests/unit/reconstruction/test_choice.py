@@ -12,7 +12,7 @@ import pytest
 from wall.reconstruction import choice
 from wall.reconstruction.gpu import device
 from wall.reconstruction.gpu.device import Device, is_real
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 
 
 @pytest.mark.parametrize(
@@ -125,11 +125,11 @@ def test_a_panel_that_is_too_large_for_the_gpu_is_refused_or_left_to_the_cpu(
     monkeypatch.setattr(opengl, "largest_buffer", 1 << 16)
     scene = plate_before_wall((0.0, 0.0, 2.0))
     with pytest.raises(device.GpuError, match=r"samples take \d+ bytes in one buffer, .* has 65536; wanted: smaller"):
-        choice.make_picture("gpu", FRONT.panel, FRONT.eye, scene, samples_per_pixel=4.0)
+        choice.make_reconstruction("gpu", FRONT.panel, FRONT.eye, scene, samples_per_pixel=4.0)
     (tmp_path / "renderD128").touch()
     monkeypatch.setattr(device, "NODES", (str(tmp_path / "renderD128"),))
     monkeypatch.setattr(device, "SOFTWARE", ())  # whatever there is counts as a GPU
-    made, chosen = choice.make_picture("auto", FRONT.panel, FRONT.eye, scene, samples_per_pixel=4.0)
-    assert isinstance(made, Picture)
+    made, chosen = choice.make_reconstruction("auto", FRONT.panel, FRONT.eye, scene, samples_per_pixel=4.0)
+    assert isinstance(made, Reconstruction)
     assert chosen.on == "cpu"
     assert "in one buffer" in chosen.why

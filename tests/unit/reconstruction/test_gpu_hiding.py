@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from small_scenes import view
 
 from wall.reconstruction.gpu.device import Device
-from wall.reconstruction.kernels.visibility import RIM, WAITS
+from wall.reconstruction.kernels.visibility import DECAY, SILHOUETTE, WAITS
 from wall.reconstruction.statistics import statistics_of_store
 
 SIZE = (97, 65)
@@ -20,7 +20,7 @@ AWAY, BEFORE = (9.0, 0.0, 2.0), (0.0, 0.0, 2.0)  # where the plate is at 0 s and
 
 def around_the_plate(twins: Twins) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """(h, w) bool: pixels within one of its outline, as the CPU's picture found them."""
-    return np.asarray(twins.cpu.front[..., 1] >= RIM)
+    return np.asarray(twins.cpu._bounds[..., DECAY] >= SILHOUETTE)
 
 
 def test_at_silhouettes_samples_age_faster_by_as_much(
@@ -37,7 +37,7 @@ def test_at_silhouettes_samples_age_faster_by_as_much(
     outline = around_the_plate(twins)
     assert 0.01 < outline.mean() < 0.2
     shown = twins.gpu.radiance.max(axis=2)
-    assert np.median(shown[outline]) < 0.7 * np.median(shown[~outline]), "RIM would not be noticed"
+    assert np.median(shown[outline]) < 0.7 * np.median(shown[~outline]), "SILHOUETTE would not be noticed"
 
 
 def test_hidden_samples_wait_come_out_again_and_die_when_they_are_old(opengl: Device, compiled_only: None) -> None:
@@ -60,7 +60,7 @@ def test_hidden_samples_wait_come_out_again_and_die_when_they_are_old(opengl: De
         twins.refresh(event, START + moment)
         twins.agree(decided=DECIDED_BY_ROUNDING)
         came_out.append(float(np.abs(twins.gpu.radiance - at_first)[..., 1].max()))
-        counts.append(int(np.count_nonzero(twins.gpu.stored()[1][2] > 0.0)))
+        counts.append(int(np.count_nonzero(twins.gpu.stored().screen_position[2] > 0.0)))
     assert came_out[2] < ROUNDING, "all of them had waited"
     assert came_out[5] > 100 * ROUNDING, "some were too old"
     assert counts[2] == len(wall) > counts[5]

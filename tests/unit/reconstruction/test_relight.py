@@ -14,10 +14,12 @@ from small_scenes import instance, material, quad, sphere_mesh, view
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.core.jit import kernel
+from wall.deepbuffer.kernels import lights as kernels_lights
+from wall.deepbuffer.lights import Diffuse, Lights
+from wall.deepbuffer.store import SampleStore
 from wall.packets.kernels.normals import normal_code, normal_of
-from wall.reconstruction.kernels import relight as kernels_relight
-from wall.reconstruction.lamps import Lamps, matt_objects
-from wall.reconstruction.picture import Ingredients, Picture
+from wall.reconstruction.kernels.relight import relight
+from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.animation import Keyframes, Orbit, Spin
 from wall.scene.build import Scene, assemble
 from wall.scene.model import DirectionalLight, Instance, Light, Material, Mesh, PointLight, Sky, Source, Track
@@ -68,35 +70,38 @@ def yard(
     )  # fmt: skip
 
 
+EVERY_LIGHT = 2**32 - 1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stored:
     xy: Float32  # (n, 2) in the picture
     depth: Float32
-    name: NDArray[np.int32]
+    object_id: NDArray[np.uint32]
     radiance: Float32  # (n, 3)
-    hidden: NDArray[np.int32]  # lights
+    hidden: NDArray[np.uint32]  # lights
     albedo: Float32  # (n, 3); (0, 3) if nothing is ever relit
 
 
-def stored(shown: Picture) -> Stored:
+def stored(shown: Reconstruction) -> Stored:
     """What a picture holds and shows."""
-    s, n = shown._store, shown.count
-    kept = s.screen[2, :n] > 0
+    s, n = shown.buffer.store, shown.count
+    kept = s.screen_position[2, :n] > 0
     return Stored(
-        xy=s.screen[:2, :n].T[kept], depth=s.screen[2, :n][kept], name=s.name[:n][kept],
-        radiance=s.colour[:n, :3][kept],
-        hidden=~s.surface[:n][kept[: len(s.surface)]] >> 16 & 0xFFFF,
+        xy=s.screen_position[:2, :n].T[kept], depth=s.screen_position[2, :n][kept], object_id=s.object_id[:n][kept],
+        radiance=s.radiance[:n, :3][kept],
+        hidden=~s.light_visibility[:n][kept[: len(s.light_visibility)]],
         albedo=s.albedo[:, :n].T[kept[: s.albedo.shape[1]]],
     )  # fmt: skip
 
 
-def later(scene: Scene, samples: Samples, event: Event) -> tuple[Picture, Stored]:
+def later(scene: Scene, samples: Samples, event: Event) -> tuple[Reconstruction, Stored]:
     """The picture at another time, made of samples that were traced at time 0."""
     shown = picture_of(scene, SEEN)
     return shown, through_time(shown, samples, event)
 
 
-def through_time(shown: Picture, samples: Samples, event: Event) -> Stored:
+def through_time(shown: Reconstruction, samples: Samples, event: Event) -> Stored:
     begin = event_at(0, SEEN)
     shown.insert(samples, START, begin)
     shown.refresh(begin, START)
@@ -108,7 +113,7 @@ def twins(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[n
     """Samples traced where stored ones are now, and which of them hit the same surface points."""
     fresh = traced(scene, event, relit.xy.astype(np.float32), SEEN)
     z = fresh["depth"] * cosines(fresh["xy"])
-    return fresh, (fresh["object_id"] == relit.name) & (np.abs(z / relit.depth - 1.0) < 1e-4)
+    return fresh, (fresh["object_id"] == relit.object_id) & (np.abs(z / relit.depth - 1.0) < 1e-4)
 
 
 def cosines(xy: Float32) -> Float64:
@@ -148,7 +153,7 @@ def as_sent(samples: Samples) -> Samples:
 def comparable(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[np.bool_]]:
     """Samples traced where stored ones are now, and which of them hit the same points of things, in full light."""
     fresh, same = twins(scene, relit, event)
-    return fresh, same & (relit.hidden == 0) & (fresh["light_visibility"] == 2**32 - 1) & (relit.name > 0)
+    return fresh, same & (relit.hidden == 0) & (fresh["light_visibility"] == EVERY_LIGHT) & (relit.object_id > 0)
 
 
 @pytest.mark.parametrize(("wire", "turn"), [(False, TRACED), (True, SENT)])
@@ -159,8 +164,8 @@ def test_surface_colours_are_known_as_well_as_normals_are(wire: bool, turn: floa
     _, held = later(scene, as_sent(samples) if wire else samples, event)
 
     fresh, same = twins(scene, held, event)
-    known = same & (held.name > 0) & (held.albedo[:, 0] >= 0)
-    albedo, found = ALBEDOS[held.name[known]], np.float64(held.albedo[known])
+    known = same & (held.object_id > 0) & (held.albedo[:, 0] >= 0)
+    albedo, found = ALBEDOS[held.object_id[known]], np.float64(held.albedo[known])
     light = np.float64(fresh["radiance"][known]) / found
     bound = albedo * turn * steepness(scene, places_of(scene, fresh[known], event), 0.0) / light
     assert known.sum() > 1000
@@ -177,11 +182,11 @@ def test_samples_lit_for_another_time_are_those_traced_then(wire: bool, turn: fl
     _, relit = later(scene, as_sent(samples) if wire else samples, event)
 
     fresh, good = comparable(scene, relit, event)
-    albedo, found = ALBEDOS[relit.name[good]], np.float64(relit.albedo[good])
+    albedo, found = ALBEDOS[relit.object_id[good]], np.float64(relit.albedo[good])
     radiance, truth = np.float64(relit.radiance[good]), np.float64(fresh["radiance"][good])
     bound = np.abs(found - albedo) * radiance / found
     bound += albedo * turn * steepness(scene, places_of(scene, fresh[good], event), LATER)
-    assert (np.bincount(relit.name[good], minlength=3)[1:] > (500, 100)).all()
+    assert (np.bincount(relit.object_id[good], minlength=3)[1:] > (500, 100)).all()
     assert (np.abs(radiance - truth) <= bound + ROUNDING * truth).all()
 
 
@@ -190,7 +195,9 @@ def test_relighting_is_much_nearer_the_truth_than_what_was_traced(compiled_only:
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     errors = []
     for relighting in (True, False):
-        shown = Picture(SEEN.panel, SEEN.eye, scene, judging=False, ingredients=Ingredients(relighting=relighting))
+        shown = Reconstruction(
+            SEEN.panel, SEEN.eye, scene, detects_change=False, ingredients=Ingredients(relighting=relighting)
+        )
         held = through_time(shown, samples, event)
         if relighting:
             fresh, good = comparable(scene, held, event)
@@ -206,7 +213,7 @@ def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
     scene, event = yard(), event_at(1, SEEN, scene_time=LATER)
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
-    dark = (relit.hidden == 3) & (relit.name == FLOOR)
+    dark = (relit.hidden == 3) & (relit.object_id == FLOOR)
     ambient = ALBEDOS[FLOOR] * np.float64(sky_irradiance(SKY))[-1]
     assert dark.sum() > 1
     assert_allclose(relit.radiance[dark], np.broadcast_to(ambient, (int(dark.sum()), 3)), rtol=2 * TRACED)
@@ -226,7 +233,7 @@ def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(thing: dict[s
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
     for name, changes in ((0, False), (FLOOR, True), (BALL, False)):
-        held, were = relit.radiance[relit.name == name], samples["radiance"][samples["object_id"] == name]
+        held, were = relit.radiance[relit.object_id == name], samples["radiance"][samples["object_id"] == name]
         nearest = np.abs(held[:, None] - were[None]).max(axis=2).min(axis=1)
         assert len(held) > 100
         left = (nearest < 1e-6).mean()  # to float32: radiance is about 1
@@ -234,18 +241,18 @@ def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(thing: dict[s
 
 
 @pytest.mark.parametrize("count", [16, 17])
-def test_more_than_sixteen_lamps_turn_it_off(count: int, compiled_only: None) -> None:
+def test_more_than_sixteen_lights_turn_it_off(count: int, compiled_only: None) -> None:
     lights = (SUN, LAMP, *(replace(LAMP, position=(k - 8.0, 6.0, 0.0)) for k in range(count - 2)))
     scene, event = yard(lights=lights), event_at(1, SEEN, scene_time=LATER)
     shown, relit = later(scene, traced(scene, event_at(0, SEEN), seen=SEEN), event)
-    assert len(relit.albedo) == (len(relit.name) if count == 16 else 0)
-    assert shown._relights == (count == 16)
+    assert len(relit.albedo) == (len(relit.object_id) if count == 16 else 0)
+    assert shown.view.lit == (count == 16)
 
 
 def test_a_scene_in_which_nothing_moves_stores_no_surfaces() -> None:
     shown = picture_of(yard(moving=False), SEEN)
-    assert shown._store.albedo.shape == (3, 0)
-    assert shown._store.surface.shape == (0,)
+    assert shown.buffer.store.albedo.shape == (3, 0)
+    assert shown.buffer.store.normal.shape == shown.buffer.store.light_visibility.shape == (0,)
 
 
 @pytest.mark.parametrize(("radiance_of", "known"), [(0.9, False), (1.1, True)])
@@ -258,42 +265,38 @@ def test_light_below_the_darkest_says_nothing_about_a_colour(radiance_of: float,
             sky=Sky(zenith=(0, 0, 0), horizon=(0, 0, 0), ground=(0, 0, 0)),
         )
     )  # fmt: skip
-    lamps = Lamps.at(scene, scene.at(0.0))
-    surface, albedo = np.full(1, -1 << 16, np.int32), np.full((3, 1), kernels_relight.NOT_RELIT, np.float32)
+    lights, store = Lights.at(scene, scene.at(0.0)), SampleStore.of(1, lit=True)
+    store.light_visibility[0] = EVERY_LIGHT
     sample = np.zeros(1, SAMPLE)
-    sample["radiance"] = 1e-5
-    zero = np.float32(0.0)
-    remember(sample, zero, lamps, surface, albedo, sky_irradiance(scene.sky))
-    assert (albedo[0, 0] >= 0) == known
+    sample["radiance"], sample["object_id"] = 1e-5, 1
+    demodulated(sample, lights, Diffuse.of(scene), store)
+    assert (store.albedo[0, 0] >= 0) == known
     if known:
-        assert_allclose(albedo[:, 0], 1e-5 / (1e-4 * radiance_of), rtol=1e-5)
+        assert_allclose(store.albedo[:, 0], 1e-5 / (1e-4 * radiance_of), rtol=1e-5)
 
 
 @kernel
-def remember(sample, zero, lamps, surface, albedo, irradiance):  # type: ignore[no-untyped-def]
-    """remember_colour of a point at the origin of object 1, facing +z."""
-    kernels_relight.remember_colour(
-        sample[0], zero, zero, zero, lamps.lamps[1], lamps.suns, lamps.up[1], irradiance, surface, albedo, 0
-    )
+def demodulated(sample, lights, diffuse, store):  # type: ignore[no-untyped-def]
+    """Write the albedo of a point at the origin of object 1, facing +z."""
+    kernels_lights.demodulate(sample[0], lights, diffuse, store, 0)
 
 
 def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: None) -> None:
     """All int8 normals under a sun in the plane: light is at least the sky's and at most sky and sun."""
     scene = yard()
-    lamps, sky = Lamps.at(scene, scene.at(0.0)), sky_irradiance(SKY)
+    lights, sky = Lights.at(scene, scene.at(0.0)), sky_irradiance(SKY)
     u, v = (k.ravel() for k in np.meshgrid(np.arange(-127, 128), np.arange(-127, 128)))
     n = len(u)
-    surface = ((u & 255) | ((v & 255) << 8) | (-1 << 16)).astype(np.int32)
-    colour, albedo = np.zeros((n, 4), np.float32), np.ones((3, n), np.float32)
-    place, name = np.zeros((3, n), np.float32), np.full(n, FLOOR, np.int32)
-    changed = np.ones(3, np.uint8)
-    kernels_relight.relight(place, name, colour, surface, albedo, n, changed, *lamps, sky)
+    store = SampleStore.of(n, lit=True)
+    store.normal[:], store.light_visibility[:] = (u & 255) | ((v & 255) << 8), EVERY_LIGHT
+    store.albedo[:], store.object_id[:] = 1.0, FLOOR
+    relight(store, n, np.ones(3, np.uint8), lights, sky)
     lamp = np.array(LAMP.intensity) / np.pi / float((np.array(LAMP.position) ** 2).sum())
     top = sky.max(axis=0) + np.array(SUN.irradiance) / np.pi + lamp
-    assert (colour[:, :3] >= sky.min(axis=0) * (1 - 1e-5)).all()
-    assert (colour[:, :3] <= top * (1 + 1e-5)).all()
+    assert (store.radiance[:, :3] >= sky.min(axis=0) * (1 - 1e-5)).all()
+    assert (store.radiance[:, :3] <= top * (1 + 1e-5)).all()
 
 
-def test_the_sky_and_mirrors_are_not_matt() -> None:
+def test_the_sky_and_mirrors_are_not_diffuse() -> None:
     scene = yard(ball=material(0.3, 0.5, 0.9, mirror=0.5))
-    assert_array_equal(matt_objects(scene), [0, 1, 0])
+    assert_array_equal(Diffuse.of(scene).objects, [0, 1, 0])

@@ -21,7 +21,10 @@ from small_scenes import instance, material, quad, sphere_mesh, view
 
 from wall.core.data import SAMPLE, Float64
 from wall.core.jit import kernel
-from wall.reconstruction.kernels import relight as kernels_relight
+from wall.deepbuffer.kernels.lights import demodulate, pack_normal
+from wall.deepbuffer.lights import Diffuse, Lights
+from wall.deepbuffer.store import SampleStore
+from wall.reconstruction.kernels.relight import relight
 from wall.scene.animation import Orbit
 from wall.scene.build import Scene, assemble
 from wall.scene.model import DirectionalLight, PointLight, Sky, Source, Track
@@ -35,14 +38,11 @@ COUNT = 200_000
 
 
 @kernel
-def remember_all(samples, place, name, surface, albedo, lamps, suns, up, irradiance):  # type: ignore[no-untyped-def]
-    """remember_colour of every sample."""
+def demodulate_all(samples, lights, diffuse, store):  # type: ignore[no-untyped-def]
+    """Write the albedo of every sample."""
     for k in range(samples.shape[0]):
-        surface[k] = kernels_relight.surface_of(samples[k])
-        kernels_relight.remember_colour(
-            samples[k], place[0, k], place[1, k], place[2, k], lamps[name[k]], suns, up[name[k]], irradiance, surface,
-            albedo, k
-        )  # fmt: skip
+        store.normal[k] = pack_normal(samples[k]["normal"][0], samples[k]["normal"][1])
+        demodulate(samples[k], lights, diffuse, store, k)
 
 
 def unit(rng: np.random.Generator, *shape: int) -> Float64:
@@ -64,15 +64,17 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     samples["normal"], samples["light_visibility"] = rng.integers(-127, 128, (COUNT, 2)), rng.integers(0, 32, COUNT)
     samples["radiance"] = 10 ** rng.uniform(-4, 1, (COUNT, 1)) * rng.uniform(0.1, 1, (COUNT, 3))
     place = rng.uniform(-1.5, 1.5, (3, COUNT)).astype(np.float32)
-    name = np.sort(rng.integers(0, THINGS, COUNT)).astype(np.int32)
-    surface, albedo = np.zeros(COUNT, np.int32), np.full((3, COUNT), kernels_relight.NOT_RELIT, np.float32)
-    colour = np.zeros((COUNT, 4), np.float32)
-
-    remember_all(samples, place, name, surface, albedo, lamps, SUNS, up, sky)
-    kernels_relight.relight(
-        place, name, colour, surface, albedo, COUNT, np.ones(THINGS, np.uint8), lamps, SUNS, up, sky
+    name = np.sort(rng.integers(0, THINGS, COUNT)).astype(np.uint32)
+    samples["object_id"] = name
+    store = SampleStore.of(COUNT, lit=True)._replace(
+        position=place, object_id=name, light_visibility=samples["light_visibility"].copy()
     )
+    lights, every = Lights(lamps, SUNS, up), np.ones(THINGS, np.uint8)
 
+    demodulate_all(samples, lights, Diffuse(every, sky), store)
+    relight(store, COUNT, every, lights, sky)
+
+    albedo, colour = store.albedo, store.radiance
     known = albedo[0] >= 0
     traced_radiance = np.float64(samples["radiance"][known])
     off = np.abs(colour[known, :3] / traced_radiance - 1.0)
@@ -125,16 +127,17 @@ def test_lamps_that_go_and_come_back_leave_the_radiance_that_was_traced(compiled
     shown = picture_of(scene, seen)
     shown.insert(traced(scene, begin, seen=seen), START, begin)
     shown.refresh(begin, START)
-    n, store = shown.count, shown._store
-    order, were = store.place[:, :n].copy(), store.colour[:n, :3].astype(np.float64)
+    n, store = shown.count, shown.buffer.store
+    order, were = store.position[:, :n].copy(), store.radiance[:n, :3].astype(np.float64)
     for k, event in enumerate((later, replace(begin, scene_event=2))):
         shown.refresh(event, START + 1e-3 * (k + 1))
         assert shown.count == n
-        assert_array_equal(shown._store.place[:, :n], order)
+        assert_array_equal(shown.buffer.store.position[:, :n], order)
         if k == 0:
-            moved = np.abs(shown._store.colour[:n, :3] / were - 1.0).max(axis=1) > 0.1
-    relit = shown._store.colour[:n, :3][moved]
+            moved = np.abs(shown.buffer.store.radiance[:n, :3] / were - 1.0).max(axis=1) > 0.1
+    store = shown.buffer.store
+    relit = store.radiance[:n, :3][moved]
 
-    assert set(np.unique(shown._store.name[:n][moved])) == {1, 2, 3, 4}, "every material, the floor among them"
+    assert set(np.unique(store.object_id[:n][moved])) == {1, 2, 3, 4}, "every material, the floor among them"
     assert moved.sum() > 1000
     assert np.abs(relit / were[moved] - 1.0).max() <= TOLERANCE

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
-from wall.reconstruction.kernels.visibility import RIM, front_bounds, keep_nearest, weigh
+from wall.deepbuffer.store import SampleStore
+from wall.reconstruction.kernels.visibility import SILHOUETTE, bound_depths, find_nearest, weigh
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0
@@ -21,15 +22,18 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     screen = np.concatenate([places.T, np.where(np.arange(len(places)) < len(nearer), NEAR, FAR)[None]])
     screen = screen.astype(np.float32)
     n = len(places)
-    name, state = np.where(screen[2] == NEAR, 1, 2).astype(np.int32), np.ones((2, n), np.float32)
+    object_id, ones = np.where(screen[2] == NEAR, 1, 2).astype(np.uint32), np.ones(n, np.float32)
+    store = SampleStore.of(n, lit=False)._replace(
+        object_id=object_id, time=ones, confidence=ones.copy(), screen_position=screen
+    )
     nearest: Float32 = np.zeros((SIZE, SIZE, 4), np.float32)
-    front, decay = np.zeros((SIZE, SIZE, 2), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
+    bounds, decay = np.zeros((SIZE, SIZE, 3), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
-    keep_nearest(name, state, screen, n, nearest)
+    find_nearest(store, n, nearest)
     no_picture: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    front_bounds(nearest, np.ones(3, np.uint8), decay, RIM, no_picture, front, np.ones((SIZE, SIZE), np.float32))
+    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE, no_picture, bounds)
     weigh(
-        state, screen, n, np.float32(-np.inf), nearest, front, now, np.float32(0.0), np.zeros(n, np.float32),
+        store, n, np.float32(-np.inf), nearest, bounds, now, np.float32(0.0), np.zeros(n, np.float32),
         np.zeros(n, np.uint32),
     )  # fmt: skip
     return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)

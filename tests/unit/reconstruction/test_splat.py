@@ -1,4 +1,4 @@
-"""How far samples spread: a tent where they are few, steeper where they crowd, shares that always sum to 1."""
+"""How far samples spread: a tent where they are few, steeper where they are dense, shares that always sum to 1."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from wall.core.data import Float32
-from wall.reconstruction.kernels.picture import splat
-from wall.reconstruction.kernels.visibility import CROWD, RIM, SHARPEST, front_bounds
+from wall.deepbuffer.store import SampleStore
+from wall.reconstruction.kernels.splat import splat
+from wall.reconstruction.kernels.visibility import DECAY, DENSE, SHARPEST, SHARPNESS, SILHOUETTE, bound_depths
 
 SIZE = 8  # pixels
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
@@ -16,12 +17,13 @@ FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
 
 def shares(x: float, y: float, sharpness: float) -> Float32:
     """(SIZE + 2, SIZE + 2) float32: what pixels get of one sample of weight 1, a border around."""
-    screen = np.array([[x], [y], [1.0]], np.float32)
-    gathered: Float32 = np.full((SIZE + 2, SIZE + 2, 4), 7.0, np.float32)
-    sharp = np.full((SIZE, SIZE), sharpness, np.float32)
-    splat(np.ones((1, 4), np.float32), screen, np.ones(1, np.float32), 1, sharp, gathered, None)
-    assert_allclose(gathered[..., 0], gathered[..., 3])
-    return np.asarray(gathered[..., 3])
+    store = SampleStore.of(1, lit=False)
+    store.radiance[:], store.screen_position[:, 0] = 1.0, (x, y, 1.0)
+    sums: Float32 = np.full((SIZE + 2, SIZE + 2, 4), 7.0, np.float32)
+    bounds = np.full((SIZE, SIZE, 3), sharpness, np.float32)
+    splat(store, np.ones(1, np.float32), 1, bounds, sums, np.zeros((0, 0, 2), np.float32))
+    assert_allclose(sums[..., 0], sums[..., 3])
+    return np.asarray(sums[..., 3])
 
 
 @pytest.mark.parametrize("sharpness", [1.0, 1.7, 3.0])
@@ -36,13 +38,14 @@ def test_shares_follow_the_trapezoid_and_sum_to_1(sharpness: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("weight", "expected"), [(0.0, 1.0), (float(CROWD), 1.0), (2 * float(CROWD), 2.0), (99.0, float(SHARPEST))]
+    ("weight", "expected"), [(0.0, 1.0), (float(DENSE), 1.0), (2 * float(DENSE), 2.0), (99.0, float(SHARPEST))]
 )
-def test_the_tent_is_steeper_only_where_samples_crowd(weight: float, expected: float) -> None:
-    nearest, front = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((SIZE, SIZE, 2), np.float32)
-    gathered, sharpness = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32), np.zeros((SIZE, SIZE), np.float32)
-    gathered[3, 5, 3] = weight
-    front_bounds(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), RIM, gathered, front, sharpness)
+def test_the_tent_is_steeper_only_where_samples_are_dense(weight: float, expected: float) -> None:
+    nearest, bounds = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((SIZE, SIZE, 3), np.float32)
+    sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
+    sums[3, 5, 3] = weight
+    bound_depths(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE, sums, bounds)
+    sharpness = bounds[..., SHARPNESS]
     assert sharpness[2, 4] == expected
     assert np.count_nonzero(sharpness != 1.0) == (expected != 1.0)
 
@@ -52,12 +55,12 @@ def test_the_tent_is_steeper_only_where_samples_crowd(weight: float, expected: f
 )
 def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int, weight: float, pace: float) -> None:
     """A near column before a far ground; `decay` of 2 / s goes by density everywhere."""
-    nearest, front = np.full((SIZE, SIZE, 4), 2.0, np.float32), np.zeros((SIZE, SIZE, 2), np.float32)
+    nearest, bounds = np.full((SIZE, SIZE, 4), 2.0, np.float32), np.zeros((SIZE, SIZE, 3), np.float32)
     nearest[:, 4, 0], nearest[:, 4, 3] = 1.0, 1.0
-    gathered, sharpness = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32), np.zeros((SIZE, SIZE), np.float32)
-    gathered[..., 3] = weight
+    sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
+    sums[..., 3] = weight
     decay, moved = np.full((1, 1), 2.0, np.float32), np.array([0, moves, 0], np.uint8)
-    front_bounds(nearest, moved, decay, RIM, gathered, front, sharpness)
+    bound_depths(nearest, moved, decay, SILHOUETTE, sums, bounds)
     by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
-    assert_allclose(front[:, 3:6, 1], 2.0 * by_density + float(RIM) * pace, rtol=FLOAT32)
-    assert_allclose(np.delete(front[..., 1], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)
+    assert_allclose(bounds[:, 3:6, DECAY], 2.0 * by_density + float(SILHOUETTE) * pace, rtol=FLOAT32)
+    assert_allclose(np.delete(bounds[..., DECAY], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)

@@ -50,7 +50,7 @@ def test_nothing_is_code_0_and_ends_are_kept() -> None:
 def test_the_kernel_codes_ages_like_the_table(age: float) -> None:
     histogram = np.zeros((1, 1, 256), np.uint32)
     state = np.array([[10.0 - age], [1.0]], np.float64).astype(np.float32)
-    kernels.count_stored(state, np.ones((3, 1), np.float32), 1, np.float32(10.0), histogram)
+    kernels.count_stored(*state, np.ones((3, 1), np.float32), 1, np.float32(10.0), histogram)
     passed = max(float(np.float32(10.0) - state[0, 0]), 1e-9)
     assert np.flatnonzero(histogram[0, 0]).tolist() == codes_of(np.array([passed]), AGE).tolist()
 
@@ -74,9 +74,9 @@ def test_median_age_and_density_of_stored_samples() -> None:
 def test_dead_samples_are_not_counted() -> None:
     picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)))
     picture.insert(hits([(4.5, 4.5), (5.5, 5.5)], GREEN), START, event_at(0))
-    state, _, count, _ = picture.stored()
-    assert count == 2
-    state[1, 0], picture.still[:] = 0.0, 0.0
+    stored = picture.stored()
+    assert stored.in_use == 2
+    stored.confidence[0], picture.buffer.history.accumulation[:] = 0.0, 0.0
     assert statistics_of_store(picture, START + 1.0)[1][0, 0] == pytest.approx(1 / 256)
 
 

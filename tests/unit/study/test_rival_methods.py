@@ -13,7 +13,7 @@ import pytest
 from wall.commands.render import render_plan
 from wall.config.loading import load
 from wall.core.data import Camera, Float32, Float64
-from wall.deepbuffer.kernels.reproject import pixel_of, place_of
+from wall.deepbuffer.kernels.reproject import pixel_of, position_of
 from wall.geometry.frusta import project
 from wall.roles.plan import make_layout, make_plan
 from wall.study.quality import methods_afr, methods_reduced, methods_render_cache, methods_taa
@@ -200,7 +200,8 @@ def test_world_points_far_from_the_origin_are_projected_as_exactly_as_near_ones(
     for x, y, distance in ((3.5, 4.5, 5.0), (40.0, 20.0, 9.0), (24.0, 31.0, 3.0)):
         ray = before.frame[0] + x * before.frame[1] + y * before.frame[2]
         hit = first.camera.origin() + distance * ray / np.linalg.norm(ray)
-        a, b, c = place_of(np.float32(x), np.float32(y), np.float32(distance), 1, before.frame, before.object_from_eye)
+        at = np.float32(x), np.float32(y), np.float32(distance)
+        a, b, c = position_of(*at, 1, before.frame, before.object_from_eye)
         found = pixel_of(a, b, c, 1, after.panel_from_object)[:2]
         expected = project(panel, view.eye, later.camera, hit)[0][0]
         np.testing.assert_allclose(found, expected, atol=0.01)  # pixels; float32 of world places would be off by 10

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.reproject import FAR, pixel_of, place_of
+from wall.deepbuffer.kernels.reproject import FAR, pixel_of, position_of
 
 INFINITE = np.float32(np.inf)
 ZERO = np.float32(0.0)
@@ -34,7 +34,7 @@ def move_pixels(depth, thing, frame, corner, object_from_eye, panel_from_object,
             name = int(thing[i, j])
             if name >= panel_from_object.shape[0] or (name > 0 and not depth[i, j] < FAR):
                 continue
-            a, b, c = place_of(corner[0] + j + 0.5, corner[1] + i + 0.5, depth[i, j], name, frame, object_from_eye)
+            a, b, c = position_of(corner[0] + j + 0.5, corner[1] + i + 0.5, depth[i, j], name, frame, object_from_eye)
             u, v, z = pixel_of(a, b, c, name, panel_from_object)
             if not (z > ZERO and u >= ZERO and v >= ZERO and u < width and v < height):
                 continue

@@ -1,10 +1,11 @@
-"""Which samples are too old to stay, whatever order they are stored in: counted by classes of age."""
+"""Find the age beyond which samples are evicted: samples in any order are counted by classes of age."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from wall.core.jit import kernel
+from wall.deepbuffer.kernels.reproject import DEPTH
 
 AGE_SHIFT = 16  # a class of age: the bits of its float32 above so many; each is 1/128 of an age wide at most
 AGES = 1 << (31 - AGE_SHIFT)
@@ -12,10 +13,10 @@ ZERO = np.float32(0.0)
 
 
 @kernel
-def oldest_kept(state, screen, count, now, wanted, ages):
+def oldest_kept(store, count, now, wanted, ages):
     """The time before which samples must go, so that at least `wanted` stay, and no more than a class of age beyond.
 
-    state : (2, capacity) float32, seconds and confidence; screen : (3, capacity) float32, depth > 0 in the picture
+    store : SampleStore; samples in the image count; count : int, samples stored
     now : float32 seconds of the store's clock; later times count as now
     ages : (AGES,) int32, scratch
 
@@ -25,8 +26,8 @@ def oldest_kept(state, screen, count, now, wanted, ages):
     """
     ages[:] = 0
     for k in range(count):
-        age = now - state[0, k]
-        if screen[2, k] > ZERO:
+        age = now - store.time[k]
+        if store.screen_position[DEPTH, k] > ZERO:
             ages[np.float32(max(age, ZERO)).view(np.int32) >> AGE_SHIFT] += 1
     younger = 0
     for age in range(ages.shape[0]):

@@ -1,4 +1,4 @@
-"""Hits as points of their objects: out of the event they were traced under, into the one that is shown.
+"""Reproject hits: from the event they were traced under to points of their objects, and to the image of another event.
 
 Everything is relative to the eye: matrices are made in float64 and only then rounded to float32, so a scene far from
 the origin reprojects as well as one at it. Row 0 of a matrix table is the sky, whose points are directions.
@@ -12,24 +12,28 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 
+X, Y, Z = 0, 1, 2  # rows of positions
+DEPTH = 2  # row of screen positions, after X and Y
 FAR = np.float32(1e30)  # depth of the sky
 NEAREST = np.float32(1e-20)  # depths below it are not before the eye
-OUTSIDE = np.float32(-1.0)  # depth of a point that is not before the eye
+OUTSIDE = np.float32(-1.0)  # depth of a point that is not in the image
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+uint32 = np.uint32  # as indices: no test whether they count from the end
 
 
 @kernel
 def object_tables(world_from_object, eye, frame, corner, object_from_eye, panel_from_object):
-    """Both directions for every object under one event.
+    """Matrices in both directions for every object under one event.
 
     Parameters
     ----------
     world_from_object : (n, 4, 4) float64
     eye : (3,) float64, world
     frame : (3, 3) float64, rows A, B, C; see geometry.frusta.ray_frame
-    corner : (2,) float64, virtual-screen pixels of the picture's top left corner
+    corner : (2,) float64, virtual-screen pixels of the image's top left corner
     object_from_eye : (n + 1, 12) float32, written: rows of 3x4, from points relative to the eye (world axes)
     panel_from_object : (n + 1, 12) float32, written: rows w, x w, y w of 3x4; w is the depth along the panel's axis
-        in units of the ray frame, x and y are pixels of the picture
+        in units of the ray frame, x and y are pixels of the image
     """
     inverse = np.empty((3, 3))
     invert3(frame.T, inverse)
@@ -78,16 +82,16 @@ def invert3(m, out):
 
 
 @inline_kernel
-def place_of(x, y, depth, name, frame, table):
+def position_of(x, y, depth, object_id, frame, table):
     """The object-local point (a direction for the sky) of a hit at virtual-screen position (x, y)."""
     dx = frame[0, 0] + x * frame[1, 0] + y * frame[2, 0]
     dy = frame[0, 1] + x * frame[1, 1] + y * frame[2, 1]
     dz = frame[0, 2] + x * frame[1, 2] + y * frame[2, 2]
     scale = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
-    if name > 0:
+    if object_id > 0:
         scale *= depth
     px, py, pz = np.float32(dx * scale), np.float32(dy * scale), np.float32(dz * scale)
-    m = table[name]
+    m = table[object_id]
     return (
         m[0] * px + m[1] * py + m[2] * pz + m[3],
         m[4] * px + m[5] * py + m[6] * pz + m[7],
@@ -96,13 +100,51 @@ def place_of(x, y, depth, name, frame, table):
 
 
 @inline_kernel
-def pixel_of(a, b, c, name, table):
-    """Where a point of an object appears: x, y in picture pixels, and its depth; OUTSIDE = not before the eye."""
-    m = table[name]
+def pixel_of(a, b, c, object_id, table):
+    """The screen position of a point of an object: x, y in image pixels, and its depth; OUTSIDE = behind the eye."""
+    m = table[object_id]
     w = m[0] * a + m[1] * b + m[2] * c + m[3]
     if not w > NEAREST:
         return np.float32(0.0), np.float32(0.0), OUTSIDE
     inverse = np.float32(1.0) / w
     x = (m[4] * a + m[5] * b + m[6] * c + m[7]) * inverse
     y = (m[8] * a + m[9] * b + m[10] * c + m[11]) * inverse
-    return x, y, FAR if name == 0 else w
+    return x, y, FAR if object_id == 0 else w
+
+
+@kernel
+def reproject(store, count, table, moved, width, height):
+    """Bring the screen positions of samples of moved objects up to date.
+
+    store : SampleStore, `screen_position` updated; count : int, samples stored
+    table : (n + 1, 12) float32, panel_from_object; moved : (n + 1,) uint8, rows that differ from the time before
+    width, height : float32, image pixels
+    """
+    rows = table.reshape(-1)
+    first = 0
+    while first < count:
+        last = first
+        while last < count and moved[store.object_id[last]] != 0:
+            last += 1
+        reproject_run(store, first, last, rows, width, height)
+        first = last + 1
+
+
+@inline_kernel
+def reproject_run(store, first, last, rows, width, height):
+    """Reproject samples first..last-1: nothing but arithmetic, so that it becomes vector code."""
+    position, object_id, screen = store.position, store.object_id, store.screen_position
+    for k in range(first, last):
+        a, b, c = position[X, k], position[Y, k], position[Z, k]
+        m = object_id[k] * uint32(12)
+        w = rows[m] * a + rows[m + uint32(1)] * b + rows[m + uint32(2)] * c + rows[m + uint32(3)]
+        x = rows[m + uint32(4)] * a + rows[m + uint32(5)] * b + rows[m + uint32(6)] * c + rows[m + uint32(7)]
+        y = rows[m + uint32(8)] * a + rows[m + uint32(9)] * b + rows[m + uint32(10)] * c + rows[m + uint32(11)]
+        inverse = ONE / w
+        x *= inverse
+        y *= inverse
+        inside = (w > NEAREST) & (x >= ZERO) & (y >= ZERO) & (x < width) & (y < height)
+        depth = FAR if object_id[k] == 0 else w
+        screen[X, k] = x
+        screen[Y, k] = y
+        screen[DEPTH, k] = depth if inside else OUTSIDE

@@ -1,7 +1,4 @@
-"""Samples of a store in other places: sorted into a second one, or moved up where others have left.
-
-What a store's arrays are: picture.Store.
-"""
+"""Copy samples into order, or compact them: samples that are rejected, too old or outside the image are removed."""
 
 from __future__ import annotations
 
@@ -9,53 +6,53 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import DEPTH, X, Y
 
 ZERO = np.float32(0.0)
 
 
 @kernel
-def sort_store(
-    place, name, colour, state, screen, surface, albedo, count, by_tile, columns, starts, place_out, name_out,
-    colour_out, state_out, screen_out, surface_out, albedo_out,
-):  # fmt: skip
-    """Copy what lives to a second store, in the order of tiles or of objects, and return how many that are.
+def sort_store(store, count, by_tile, columns, starts, out):
+    """Copy the samples of the image to a second store, in the order of tiles or of objects.
 
+    store, out : SampleStore, of one capacity; the order within a key stays
     by_tile : bool; columns : int, tiles in a row; starts : (1 + objects or tiles,) int64, scratch
-    Samples that are outside the picture or forgotten are left behind. The order within a key stays.
+
+    Returns
+    -------
+    count : int, samples copied
     """
     starts[:] = 0
     for k in range(count):
-        if screen[2, k] > ZERO:
-            starts[sort_key(name, screen, k, by_tile, columns) + 1] += 1
+        if store.screen_position[DEPTH, k] > ZERO:
+            starts[sort_key(store, k, by_tile, columns) + 1] += 1
     for n in range(1, starts.shape[0]):
         starts[n] += starts[n - 1]
     kept = starts[-1]
     for k in range(count):
-        if not screen[2, k] > ZERO:
+        if not store.screen_position[DEPTH, k] > ZERO:
             continue
-        n = sort_key(name, screen, k, by_tile, columns)
+        n = sort_key(store, k, by_tile, columns)
         j = starts[n]
         starts[n] += 1
-        copy_sample(
-            place, name, colour, state, screen, surface, albedo, k, place_out, name_out, colour_out, state_out,
-            screen_out, surface_out, albedo_out, j,
-        )  # fmt: skip
+        copy_sample(store, k, out, j)
     return kept
 
 
 @inline_kernel
-def sort_key(name, screen, k, by_tile, columns):
+def sort_key(store, k, by_tile, columns):
+    """The tile or the object of sample k."""
     if by_tile:
-        return int(screen[1, k]) // TILE * columns + int(screen[0, k]) // TILE
-    return np.int64(name[k])
+        return int(store.screen_position[Y, k]) // TILE * columns + int(store.screen_position[X, k]) // TILE
+    return np.int64(store.object_id[k])
 
 
 @kernel
-def close_ranks(place, name, colour, state, screen, surface, albedo, count, latest):
-    """Leave behind what is outside the picture, forgotten, or too old.
+def compact(store, count, latest):
+    """Remove samples that are outside the image, rejected, or too old; the others move up.
 
-    place, name, colour, state, screen, surface, albedo : the store, see picture.Store; changed in place
-    latest : float32 seconds of the store's clock; samples of this time and earlier ones go
+    store : SampleStore, changed in place
+    latest : float32 seconds of the store's clock; samples of this time and earlier ones are removed
 
     Returns
     -------
@@ -63,31 +60,25 @@ def close_ranks(place, name, colour, state, screen, surface, albedo, count, late
     """
     kept = 0
     for k in range(count):
-        if not screen[2, k] > ZERO or state[0, k] <= latest:
+        if not store.screen_position[DEPTH, k] > ZERO or store.time[k] <= latest:
             continue
         if kept < k:
-            copy_sample(
-                place, name, colour, state, screen, surface, albedo, k, place, name, colour, state, screen, surface,
-                albedo, kept,
-            )  # fmt: skip
+            copy_sample(store, k, store, kept)
         kept += 1
     return kept
 
 
 @inline_kernel
-def copy_sample(
-    place, name, colour, state, screen, surface, albedo, k, place_out, name_out, colour_out, state_out, screen_out,
-    surface_out, albedo_out, j,
-):  # fmt: skip
-    """Sample k of one store, or of the same, to place j of another."""
-    name_out[j] = name[k]
+def copy_sample(store, k, out, j):
+    """Copy sample k of one store to slot j of another, or of the same."""
+    out.object_id[j] = store.object_id[k]
     for c in range(3):
-        place_out[c, j] = place[c, k]
-        screen_out[c, j] = screen[c, k]
+        out.position[c, j] = store.position[c, k]
+        out.screen_position[c, j] = store.screen_position[c, k]
     for c in range(4):
-        colour_out[j, c] = colour[k, c]
-    state_out[0, j], state_out[1, j] = state[0, k], state[1, k]
-    if albedo.shape[1] > 0:
-        surface_out[j] = surface[k]
+        out.radiance[j, c] = store.radiance[k, c]
+    out.time[j], out.confidence[j] = store.time[k], store.confidence[k]
+    if store.albedo.shape[1] > 0:
+        out.normal[j], out.light_visibility[j] = store.normal[k], store.light_visibility[k]
         for c in range(3):
-            albedo_out[c, j] = albedo[c, k]
+            out.albedo[c, j] = store.albedo[c, k]

@@ -1,4 +1,4 @@
-"""The OpenGL context that a thread's pictures share, headless by EGL, and whether a real GPU is behind it.
+"""The OpenGL context that a thread's images share, headless by EGL, and whether a real GPU is behind it.
 
 The only file that imports moderngl, and it does so late: a wall without `reconstruction: gpu` never loads it.
 """
@@ -16,38 +16,45 @@ import numpy as np
 
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
+from wall.deepbuffer.kernels.change import FORGOTTEN, TRUSTED
 from wall.deepbuffer.kernels.expire import AGE_SHIFT, AGES
-from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import FAR, NEAREST, OUTSIDE
-from wall.reconstruction.kernels import visibility as seen
-from wall.reconstruction.kernels.fill import TRUSTED
-from wall.reconstruction.kernels.picture import FORGOTTEN
-from wall.reconstruction.kernels.relight import NORMAL_STEPS
+from wall.deepbuffer.kernels.lights import LEAST_SQUARE, NORMAL_STEPS
+from wall.deepbuffer.kernels.reproject import DEPTH, FAR, NEAREST, OUTSIDE, X, Y, Z
+from wall.reconstruction.kernels import visibility
+from wall.reconstruction.reconstruction import SLOW_DECAY
 
 GROUP = 256  # invocations of a group
 ROW = 32768  # groups in a row; OpenGL promises 65,535
-OBJECT_WORDS = 14  # twelve of panel_from_object; whether that changed; whether that or its light did
-LAMP_WORDS = 6  # see kernels_relight.lamp_tables
+MOVED, CHANGED = 12, 13  # words of an object after panel_from_object: it moved; it moved or its light changed
+OBJECT_WORDS = 14
+LIGHT_WORDS = 6  # see deepbuffer.kernels.lights.light_tables
+TIME, CONFIDENCE = 0, 1  # words of a sample in `state`
+NORMAL, VISIBILITY = 0, 1  # words of a sample in `surface`
 VERSION = 430  # of OpenGL: compute shaders and storage buffers
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software rasterizer", "swiftshader", "microsoft basic render")
 NODES = ("/dev/dri/renderD*", "/dev/nvidia[0-9]*", "/dev/dxg", "/dev/kfd")  # where Linux shows a GPU
 MOST_DEVICES = 16  # of EGL that are looked at
 
 _COMPUTE = (
-    "doubt", "relight", "place", "first", "nearest", "front", "ages", "oldest", "see", "halve", "expand", "resolve",
-    "count", "scan", "pack", "shift", "leave", "display",
+    "reject", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh", "halve",
+    "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
 )  # fmt: skip
-_FILLED = ("expand", "resolve")  # that look into the coarser level
-_DRAWN = ("splat", "still")
+_INTERPOLATING = ("expand", "resolve")  # read the coarser level
+_DRAWN = ("splat", "accumulate")
 _CONSTANTS: dict[str, int | np.float32] = {
-    "GROUP": GROUP, "TILE": TILE, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "FAR": FAR,
-    "NEAREST": NEAREST, "OUTSIDE": OUTSIDE, "BEHIND": seen.BEHIND, "COVERS": seen.COVERS,
-    "FORGOTTEN": FORGOTTEN,
-    "SLOT": seen.SLOT, "AMIDST": seen.AMIDST, "ALONE": seen.ALONE, "WAITS": seen.WAITS, "RIM": seen.RIM,
-    "CROWD": seen.CROWD, "SHARPEST": seen.SHARPEST, "SLOWEST": seen.SLOWEST,
-    "NORMAL_STEPS": NORMAL_STEPS, "OBJECT_WORDS": OBJECT_WORDS, "LAMP_WORDS": LAMP_WORDS,
-    "TRUSTED": TRUSTED, "CURVE_STEPS": np.float32(CURVE_STEPS),
+    "GROUP": GROUP, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "X": X, "Y": Y, "Z": Z, "DEPTH": DEPTH, "TIME": TIME,
+    "CONFIDENCE": CONFIDENCE, "NORMAL": NORMAL, "VISIBILITY": VISIBILITY, "MOVED": MOVED, "CHANGED": CHANGED,
+    "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
+    "FORGOTTEN": FORGOTTEN, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE, "TRUSTED": TRUSTED,
+    "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
+    **{
+        name: getattr(visibility, name)
+        for name in (
+            "BEHIND", "COVERS", "SLOT", "AMIDST", "ALONE", "WAITS", "SILHOUETTE", "DENSE", "SHARPEST", "SLOWEST",
+        )
+    },
 }  # fmt: skip
+_BITS = {"NOWHERE": "0xffffffffu", "INFINITY_BITS": "0x7f800000u"}  # no slot; float32 infinity
 
 
 class GpuError(RunError):
@@ -63,7 +70,7 @@ class Device:
 
     def __init__(self, context: Any) -> None:
         self.context = context
-        context.gc_mode = "context_gc"  # a picture may be forgotten by another thread
+        context.gc_mode = "context_gc"  # an image may be forgotten by another thread
         self.renderer = str(context.info["GL_RENDERER"])
         self.largest_buffer = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         self.largest_texture = int(context.info["GL_MAX_TEXTURE_SIZE"])
@@ -174,13 +181,14 @@ def _context(moderngl: Any, index: int) -> Any:
 def _source(name: str) -> str:
     """A shader's text: version, constants of the CPU's kernels, what is shared, its own."""
     suffix = "" if "." in name else ".glsl"
-    defines = "".join(f"#define {key} {_literal(value)}\n" for key, value in _CONSTANTS.items())
+    values = {key: _literal(value) for key, value in _CONSTANTS.items()} | _BITS
+    defines = "".join(f"#define {key} {value}\n" for key, value in values.items())
     parts = [] if suffix == "" else ["common.glsl"]
-    if name in _FILLED:
-        parts.append("between.glsl")
+    if name in _INTERPOLATING:
+        parts.append("interpolate.glsl")
     folder = files(__package__) / "shaders"
     body = "".join((folder / part).read_text(encoding="utf-8") for part in [*parts, name + suffix])
-    return f"#version {VERSION}\n{defines}#define NOWHERE 0xffffffffu\n{body}"
+    return f"#version {VERSION}\n{defines}{body}"
 
 
 def _literal(value: int | np.float32) -> str:

@@ -1,4 +1,4 @@
-"""Samples in the GPU's memory: only new ones travel, the dead leave there, and all keep their order."""
+"""The sample store in the GPU's memory: only new samples travel, and all keep their order."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float32
 from wall.deepbuffer.kernels.expire import AGES
-from wall.reconstruction.gpu.device import GROUP, Device, GpuError
-from wall.reconstruction.picture import Store
+from wall.deepbuffer.store import SampleStore
+from wall.reconstruction.gpu.device import GROUP, TIME, Device, GpuError
 
 WORD_BYTES = 4
-WORDS = {"place": 3, "colour": 3, "screen": 3, "state": 2, "name": 1}  # of a sample in each array
-LIT_WORDS = {"surface": 1, "albedo": 3}  # beside, where samples are lit anew
+WORDS = {"position": 3, "radiance": 3, "screen_position": 3, "state": 2, "object_id": 1}  # of a sample in each array
+LIT_WORDS = {"surface": 2, "albedo": 3}  # beside, where samples are lit anew
 
 
 class GpuStore:
-    """Arrays of samples, as `Store` has them on the CPU but item after item; `count` of them are in use."""
+    """Arrays of samples, as SampleStore has them on the CPU but item after item; `count` of them are in use.
+
+    `state` is time and confidence, `surface` the normal and the light visibility mask.
+    """
 
     def __init__(self, device: Device, capacity: int, *, lit: bool) -> None:
         """Raises GpuError if so many samples do not fit."""
@@ -30,30 +33,32 @@ class GpuStore:
                 f"{capacity} samples take {largest} bytes in one buffer, {device.renderer} has {device.largest_buffer}",
                 wanted="smaller panels, fewer samples_per_pixel",
             )
-        self.arrays = {name: self._reserve(words * capacity) for name, words in self._words.items()}
-        self._spare = {words: self._reserve(words * capacity) for words in set(WORDS.values())}
-        self.weight = self._reserve(capacity)  # of each sample in the picture; while packing, its rank in its group
-        self._groups = self._reserve(-(-capacity // GROUP) + 1)
+        self.arrays = {name: reserve(device, words * capacity) for name, words in self._words.items()}
+        self._spare = {words: reserve(device, words * capacity) for words in set(WORDS.values())}
+        self.weight = reserve(device, capacity)  # of each sample in the image; while packing, its rank in its group
+        self._groups = reserve(device, -(-capacity // GROUP) + 1)
         self.ages = device.context.buffer(np.zeros(AGES + 1, np.uint32))
 
-    def append(self, staged: Store, n: int) -> None:
+    def append(self, staged: SampleStore, n: int) -> None:
         """Copy the first `n` samples of a store on the CPU behind the others."""
         parts: dict[str, NDArray[np.generic]] = {
-            "place": staged.place[:, :n].T, "colour": staged.colour[:n, :3], "screen": staged.screen[:, :n].T,
-            "state": staged.state[:, :n].T, "name": staged.name[:n],
-            "surface": staged.surface[:n], "albedo": staged.albedo[:, :n].T,
+            "position": staged.position[:, :n].T, "radiance": staged.radiance[:n, :3],
+            "screen_position": staged.screen_position[:, :n].T, "object_id": staged.object_id[:n],
+            "state": np.column_stack([staged.time[:n], staged.confidence[:n]]),
+            "surface": np.column_stack([staged.normal[:n], staged.light_visibility[:n]]),
+            "albedo": staged.albedo[:, :n].T,
         }  # fmt: skip
         for name, words in self._words.items():
             self.arrays[name].write(np.ascontiguousarray(parts[name]), offset=words * WORD_BYTES * self.count)
         self.count += n
 
     def pack(self) -> None:
-        """Close ranks: who is not in the picture leaves."""
+        """Compact the store: samples that are not in the image are removed."""
         if self.count == 0:
             return
         groups = -(-self.count // GROUP)
         run = self.device.compute
-        run("count", self.count, (self.arrays["screen"], self.weight, self._groups))
+        run("count", self.count, (self.arrays["screen_position"], self.weight, self._groups))
         run("scan", groups, (self._groups,), groups=1)
         for name, words in self._words.items():
             to = self._spare[words]
@@ -61,35 +66,30 @@ class GpuStore:
             self.arrays[name], self._spare[words] = to, self.arrays[name]
         self.count = int(np.frombuffer(self._groups.read(WORD_BYTES, offset=WORD_BYTES * groups), np.uint32)[0])
 
-    def read(self) -> tuple[Float32, Float32]:
-        """(2, count) and (3, count) float32: times and confidences, places in the picture."""
-        state, screen = (
-            np.frombuffer(self.arrays[name].read(WORDS[name] * WORD_BYTES * self.count), np.float32)
-            if self.count
-            else np.zeros(0, np.float32)
-            for name in ("state", "screen")
-        )
-        return np.array(state.reshape(-1, 2).T, order="C"), np.array(screen.reshape(-1, 3).T, order="C")
+    def read(self, name: str) -> Float32:
+        """(words, count) float32: an array of floats."""
+        words = WORDS[name]
+        if self.count == 0:
+            return np.zeros((words, 0), np.float32)
+        values = np.frombuffer(self.arrays[name].read(words * WORD_BYTES * self.count), np.float32)
+        return np.array(values.reshape(-1, words).T, order="C")
 
     def drop_oldest(self, share: float) -> None:
-        """That share of the samples, and what is as old, leaves."""
-        state = np.frombuffer(self.arrays["state"].read(2 * WORD_BYTES * self.count), np.float32)
-        latest = np.quantile(state[::2], share)
-        self.device.compute("leave", self.count, (self.arrays["state"], self.arrays["screen"]), latest=latest)
+        """Remove that share of the samples, and what is as old."""
+        latest = np.quantile(self.read("state")[TIME], share)
+        self.device.compute("evict", self.count, (self.arrays["state"], self.arrays["screen_position"]), latest=latest)
         self.pack()
 
     def limit_age(self, now: np.float32, wanted: int) -> None:
-        """Leave in `ages` the last class of age of which samples may stay for `wanted` living ones to be left."""
-        self.device.compute("ages", self.count, (self.arrays["screen"], self.arrays["state"], self.ages), now=now)
-        self.device.compute("oldest", AGES, (self.ages,), groups=1, wanted=wanted)
+        """Leave in `ages` the last class of age that may stay, so that `wanted` samples of the image do."""
+        buffers = (self.arrays["screen_position"], self.arrays["state"], self.ages)
+        self.device.compute("ages", self.count, buffers, now=now)
+        self.device.compute("cutoff", AGES, (self.ages,), groups=1, wanted=wanted)
 
     def shift(self, later: np.float32) -> None:
-        """Set all times back."""
+        """Subtract `later` from all times."""
         if self.count:
-            self.device.compute("shift", self.count, (self.arrays["state"],), stride=2, offset=0, later=later)
-
-    def _reserve(self, words: int) -> Any:
-        return reserve(self.device, words)
+            self.device.compute("shift", self.count, (self.arrays["state"],), stride=2, offset=TIME, later=later)
 
 
 def reserve(device: Device, words: int) -> Any:

@@ -1,4 +1,4 @@
-"""What compositing needs beside a picture's colours: depth, object, time, alpha of every pixel."""
+"""Channels that compositing needs beside colour: depth, object id, time and alpha of every pixel."""
 
 from __future__ import annotations
 
@@ -7,16 +7,18 @@ import math
 import numpy as np
 
 from wall.core.jit import kernel
+from wall.deepbuffer.kernels.accumulation import OBJECT_ID
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import FAR
+from wall.deepbuffer.kernels.reproject import DEPTH, FAR, X, Y
+from wall.reconstruction.kernels.visibility import NEAREST_DEPTH
 
 INFINITE = np.float32(np.inf)
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
 @kernel
-def channels_of_records(records, dirty, moment, transparent, colour, depth, alpha, time, thing):
-    """Channels of newest samples, in the dirty tiles. Channels that are not wanted come as None.
+def channels_of_records(records, dirty, moment, transparent, colour, depth, alpha, time, object_id):
+    """Write the channels of newest samples, in the dirty tiles. Channels that are not wanted come as None.
 
     Parameters
     ----------
@@ -24,7 +26,7 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
     dirty : (rows, columns) bool
     moment : float64, seconds, the zero of `time`
     transparent : bool, pixels that show no object get alpha 0 and no colour
-    colour : (h, w, 3) float32; depth, alpha, time : (h, w) float32; thing : (h, w) uint32; written
+    colour : (h, w, 3) float32; depth, alpha, time : (h, w) float32; object_id : (h, w) uint32; written
     """
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
@@ -43,13 +45,13 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
                         alpha[y, x] = ZERO if nothing else ONE
                     if time is not None:
                         time[y, x] = pixel["time"] - moment
-                    if thing is not None:
-                        thing[y, x] = pixel["object_id"]
+                    if object_id is not None:
+                        object_id[y, x] = pixel["object_id"]
 
 
 @kernel
-def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, depth, thing):
-    """Depth and object of a picture of reprojected samples, in the dirty tiles.
+def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, depth, object_id):
+    """Write depth and object id of an image of reprojected samples, in the dirty tiles.
 
     A pixel has those of its nearest sample; without a sample of an object, where it is covered all the same, those of
     the nearest among its eight neighbours. A pixel that shows the background, and so do its neighbours, is not covered,
@@ -57,12 +59,12 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
 
     Parameters
     ----------
-    nearest : (h, w, 4) float32, see kernels_visible.keep_nearest
-    frame : (3, 3) float64, see geometry.frusta.ray_frame; corner : (2,) float64, of the picture in the virtual screen
+    nearest : (h, w, 4) float32, see PixelHistory
+    frame : (3, 3) float64, see geometry.frusta.ray_frame; corner : (2,) float64, of the panel in the virtual screen
     covered : (h, w, 3) float32, share of each pixel that objects cover, first of three | None: all is covered
     dirty : (rows, columns) bool
     colour : (h, w, 3), times coverage, cleared where nothing is; alpha : (h, w) float32 | None, written
-    depth : (h, w) float32, written: distance from the eye, inf = background; thing : (h, w) uint32 | None, written
+    depth : (h, w) float32, written: distance from the eye, inf = background; object_id : (h, w) uint32 | None, written
     """
     height, width = nearest.shape[0], nearest.shape[1]
     for row in range(dirty.shape[0]):
@@ -71,18 +73,18 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
                 continue
             for i in range(row * TILE, min((row + 1) * TILE, height)):
                 for j in range(column * TILE, min((column + 1) * TILE, width)):
-                    near, name, share = INFINITE, np.float32(0.0), ONE
+                    near, near_id, share = INFINITE, np.float32(0.0), ONE
                     if covered is not None:
                         share = min(max(covered[i, j, 0], ZERO), ONE)
                     if share > ZERO:
-                        if nearest[i, j, 3] > ZERO or (nearest[i, j, 3] == ZERO and covered is None):
-                            near, name = nearest[i, j, 0], nearest[i, j, 3]
+                        if nearest[i, j, OBJECT_ID] > ZERO or (nearest[i, j, OBJECT_ID] == ZERO and covered is None):
+                            near, near_id = nearest[i, j, NEAREST_DEPTH], nearest[i, j, OBJECT_ID]
                         else:
                             for di in range(max(i - 1, 0), min(i + 2, height)):
                                 for dj in range(max(j - 1, 0), min(j + 2, width)):
-                                    if nearest[di, dj, 3] > ZERO and nearest[di, dj, 0] < near:
-                                        near, name = nearest[di, dj, 0], nearest[di, dj, 3]
-                    if covered is not None and near == INFINITE and nearest[i, j, 3] == ZERO:
+                                    if nearest[di, dj, OBJECT_ID] > ZERO and nearest[di, dj, NEAREST_DEPTH] < near:
+                                        near, near_id = nearest[di, dj, NEAREST_DEPTH], nearest[di, dj, OBJECT_ID]
+                    if covered is not None and near == INFINITE and nearest[i, j, OBJECT_ID] == ZERO:
                         share = ZERO
                         for c in range(3):
                             colour[i, j, c] = 0
@@ -96,22 +98,22 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
                         dy = frame[0, 1] + x * frame[1, 1] + y * frame[2, 1]
                         dz = frame[0, 2] + x * frame[1, 2] + y * frame[2, 2]
                         depth[i, j] = near * math.sqrt(dx * dx + dy * dy + dz * dz)
-                    if thing is not None:
-                        thing[i, j] = np.uint32(name)
+                    if object_id is not None:
+                        object_id[i, j] = np.uint32(near_id)
 
 
 @kernel
-def newest_times(state, screen, count, later, time):
-    """The time of the newest sample in every pixel; -inf where there is none.
+def newest_times(times, confidence, screen, count, later, time):
+    """Find the time of the newest sample in every pixel; -inf where there is none.
 
-    state : (2, capacity) float32, time on the store's clock and confidence; screen : (3, capacity) float32
+    times, confidence : (capacity,) float32, screen : (3, capacity) float32, see SampleStore
     later : float64, seconds to add; time : (h, w) float32, written
     """
     time[:] = -INFINITE
     for k in range(count):
-        if screen[2, k] > ZERO and state[1, k] > ZERO:
-            i, j = int(screen[1, k]), int(screen[0, k])
-            when = np.float32(state[0, k] + later)
+        if screen[DEPTH, k] > ZERO and confidence[k] > ZERO:
+            i, j = int(screen[Y, k]), int(screen[X, k])
+            when = np.float32(times[k] + later)
             if when > time[i, j]:
                 time[i, j] = when
 
@@ -132,7 +134,7 @@ def copy_tiles(source, dirty, out):
 
 @kernel
 def sky_of_panel(frame, corner, zenith, horizon, ground, colour):
-    """The gradient sky that a panel's pixel centres see; see scene.sky.
+    """Write the gradient sky that a panel's pixel centres see; see scene.sky.
 
     frame : (3, 3) float64; corner : (2,) float64; zenith, horizon, ground : (3,) float64; colour : (h, w, 3) float32,
     written

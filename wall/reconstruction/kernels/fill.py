@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.change import TRUSTED
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-TRUSTED = np.float32(0.25)  # weight from which a pixel needs nothing from its neighbours
 
 
 @kernel
 def halve(fine, border, trusted, coarse):
-    """One level of a pyramid: sums over 2x2, a pixel of weight `trusted` or more counting once.
+    """Make one level of a pyramid: sums over 2x2, a pixel of weight `trusted` or more counting once.
 
     fine : (h, w, 4) float32 weighted radiance and weight, with `border` pixels around
     coarse : (ceil(h/2), ceil(w/2), 4) float32, written
@@ -52,7 +52,7 @@ def expand(coarse, filled):
 
 @inline_kernel
 def between(filled, i, j):
-    """The coarser level at the centre of pixel (i, j): bilinear, weights 9 3 3 1 of 16."""
+    """Interpolate the coarser level at the centre of pixel (i, j): bilinear, weights 9 3 3 1 of 16."""
     m, n = i >> 1, j >> 1
     mm = min(max(m - 1 + 2 * (i & 1), 0), filled.shape[0] - 1)
     nn = min(max(n - 1 + 2 * (j & 1), 0), filled.shape[1] - 1)
@@ -64,20 +64,20 @@ def between(filled, i, j):
 
 
 @kernel
-def resolve(gathered, filled, shown):
-    """The picture: weighted means, and where the weight is below TRUSTED the filled coarser level.
+def resolve(sums, filled, shown):
+    """Resolve splat sums to an image: weighted means, and where the weight is below TRUSTED the filled coarser level.
 
-    gathered : (h + 2, w + 2, 4) float32; filled : (ceil(h/2), ceil(w/2), 4) float32; shown : (h, w, 3) float32, written
+    sums : (h + 2, w + 2, 4) float32; filled : (ceil(h/2), ceil(w/2), 4) float32; shown : (h, w, 3) float32, written
     """
     height, width = shown.shape[0], shown.shape[1]
     for i in range(height):
         for j in range(width):
-            weight = gathered[i + 1, j + 1, 3]
+            weight = sums[i + 1, j + 1, 3]
             scale = ONE / max(weight, TRUSTED)
             red, green, blue = (
-                gathered[i + 1, j + 1, 0] * scale,
-                gathered[i + 1, j + 1, 1] * scale,
-                gathered[i + 1, j + 1, 2] * scale,
+                sums[i + 1, j + 1, 0] * scale,
+                sums[i + 1, j + 1, 1] * scale,
+                sums[i + 1, j + 1, 2] * scale,
             )
             if weight < TRUSTED:
                 r, g, b = between(filled, i, j)

@@ -6,6 +6,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import DEPTH, X, Y
 
 
 @inline_kernel
@@ -17,17 +18,17 @@ def code_of_age(age):
 
 
 @kernel
-def count_stored(state, screen, count, now, histogram):
-    """Count the ages of samples that are in the picture.
+def count_stored(times, confidence, screen, count, now, histogram):
+    """Count the ages of samples that are in the image.
 
-    state : (2, capacity) float32, time in seconds and confidence; screen : (3, capacity) float32 x, y, depth
+    times, confidence : (capacity,) float32; screen : (3, capacity) float32; see SampleStore
     count : int, samples stored; now : float32 seconds of the same clock
     histogram : (rows, columns, 256) uint32, added to
     """
     for k in range(count):
-        if screen[2, k] > 0.0 and state[1, k] > 0.0:
-            row, column = int(screen[1, k]) // TILE, int(screen[0, k]) // TILE
-            histogram[row, column, code_of_age(now - state[0, k])] += 1
+        if screen[DEPTH, k] > 0.0 and confidence[k] > 0.0:
+            row, column = int(screen[Y, k]) // TILE, int(screen[X, k]) // TILE
+            histogram[row, column, code_of_age(now - times[k])] += 1
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""Which stored samples are seen, and what each counts: depths compared over 3x3 pixels, weights by age.
+"""Decide which stored samples are visible, and weigh them: depths compared over 3x3 pixels, weights by age.
 
 Indices are unsigned: no test whether they count from the end.
 """
@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.accumulation import OBJECT_ID
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import OUTSIDE
+from wall.deepbuffer.kernels.reproject import DEPTH, OUTSIDE, X, Y
 
 uint32 = np.uint32
 INFINITE = np.float32(np.inf)
@@ -19,69 +20,72 @@ COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this 
 AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # and so do n whose mean lies closer than AMIDST + ALONE / n pixels
 SLOT = np.float32(6.0)  # of nine pixels: with fewer nearer ones, a pixel that shows the deeper surface itself is a gap
 WAITS = np.float32(0.5)  # seconds: so young a hidden sample is kept, for it may come out again
-RIM = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
-CROWD = np.float32(4.0)  # weight of a pixel beyond which its samples spread less and age faster, in proportion,
+SILHOUETTE = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
+DENSE = np.float32(4.0)  # weight of a pixel beyond which its samples spread less and age faster, in proportion,
 SHARPEST = np.float32(3.0)  # up to so many times
+CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # columns of bounds
+NEAREST_DEPTH, NEAREST_X, NEAREST_Y = 0, 1, 2  # columns of nearest, before OBJECT_ID
 SLOWEST = np.float32(0.3)  # where samples are few, weights fall at so much of the usual pace: there are no better ones
 
 
 @kernel
-def keep_nearest(name, state, screen, count, nearest):
-    """Each pixel's nearest sample. Forgotten samples leave the picture.
+def find_nearest(store, count, nearest):
+    """Find each pixel's nearest sample. Rejected samples leave the image.
 
-    nearest : (h, w, 4) float32, written: depth (inf where nothing is), x, y in the picture, object id (-1)
+    store : SampleStore; count : int, samples stored
+    nearest : (h, w, 4) float32, written, see PixelHistory
 
     Returns
     -------
-    alive : int, samples in the picture
+    alive : int, samples in the image
     """
-    flat, width = nearest.reshape(-1), uint32(nearest.shape[1])
+    screen, flat, width = store.screen_position, nearest.reshape(-1), uint32(nearest.shape[1])
     for i in range(0, flat.shape[0], 4):
         flat[i], flat[i + 3] = INFINITE, -ONE
     alive = 0
     for k in range(count):
-        z = screen[2, k]
+        z = screen[DEPTH, k]
         if not z > ZERO:
             continue
-        if state[1, k] == ZERO:
-            screen[2, k] = OUTSIDE
+        if store.confidence[k] == ZERO:
+            screen[DEPTH, k] = OUTSIDE
             continue
         alive += 1
-        x, y, thing = screen[0, k], screen[1, k], np.float32(name[k])
+        x, y, object_id = screen[X, k], screen[Y, k], np.float32(store.object_id[k])
         i = (uint32(y) * width + uint32(x)) * uint32(4)
         a, b, c, d = flat[i], flat[i + uint32(1)], flat[i + uint32(2)], flat[i + uint32(3)]
         closer = z < a  # as likely as not: selecting costs less than guessing
         flat[i] = min(z, a)
         flat[i + uint32(1)] = x if closer else b
         flat[i + uint32(2)] = y if closer else c
-        flat[i + uint32(3)] = thing if closer else d
+        flat[i + uint32(3)] = object_id if closer else d
     return alive
 
 
 @kernel
-def front_bounds(nearest, moved, decay, rim, gathered, front, sharpness):
-    """Up to which depth a sample is seen without further tests, how fast old samples lose weight, how far all spread.
+def bound_depths(nearest, moved, decay, silhouette, density, bounds):
+    """Bound the depth up to which samples are visible without further tests, their decay, and how far they spread.
 
-    Where samples crowd, there are enough near and new ones: the tent would only blur, the old only lag behind.
+    Where samples are dense, enough are near and new: the tent would only blur, the old would only lag behind.
 
-    nearest : (h, w, 4) float32, see keep_nearest
-    moved : (n + 1,) uint8, what moves in the picture; decay : (rows, columns) float32, 1 / seconds, of each tile
-    rim : float32, 1 / seconds, RIM unless nothing is to age
-    gathered : (h + 2, w + 2, 4) float32, of the picture before, weight last
-    front : (h, w, 2) float32, written: the least depth over 3x3 pixels, enlarged by BEHIND; 1 / seconds: the tile's
-        decay times weight / CROWD from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show
-        within these pixels `rim` more, times that if none of them moves
-    sharpness : (h, w) float32, written: weight / CROWD from 1 to SHARPEST, see splat
+    nearest : (h, w, 4) float32, see PixelHistory
+    moved : (n + 1,) uint8, objects that moved in the image; decay : (rows, columns) float32, 1 / seconds, of each tile
+    silhouette : float32, 1 / seconds, SILHOUETTE unless nothing is to age
+    density : (h + 2, w + 2, 4) float32, splat sums of the image before, weight last
+    bounds : (h, w, 3) float32, written.
+        CONSERVATIVE_DEPTH: the least depth over 3x3 pixels, enlarged by BEHIND. DECAY, 1 / seconds: the tile's decay
+        times weight / DENSE from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show within
+        these pixels `silhouette` more, times that if none of them moves. SHARPNESS: weight / DENSE from 1 to SHARPEST
     """
-    height, width = front.shape[0], front.shape[1]
+    height, width = bounds.shape[0], bounds.shape[1]
     depth = np.empty((height + 2, width + 2), np.float32)  # edges stand twice, which changes no extreme
     moving = np.empty_like(depth)
     for i in range(height + 2):
         row = min(max(i - 1, 0), height - 1)
         for j in range(width):
-            thing = nearest[row, j, 3]
-            depth[i, j + 1] = nearest[row, j, 0]
-            moving[i, j + 1] = np.float32(moved[uint32(max(thing, ZERO))]) if thing >= ZERO else ZERO
+            object_id = nearest[row, j, OBJECT_ID]
+            depth[i, j + 1] = nearest[row, j, NEAREST_DEPTH]
+            moving[i, j + 1] = np.float32(moved[uint32(max(object_id, ZERO))]) if object_id >= ZERO else ZERO
         depth[i, 0], depth[i, width + 1] = depth[i, 1], depth[i, width]
         moving[i, 0], moving[i, width + 1] = moving[i, 1], moving[i, width]
     low, high, any_moves = np.empty_like(depth[0]), np.empty_like(depth[0]), np.empty_like(depth[0])
@@ -96,23 +100,23 @@ def front_bounds(nearest, moved, decay, rim, gathered, front, sharpness):
             bound = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
             edge = max(high[j], max(high[j + 1], high[j + 2])) > bound
             moves = max(any_moves[j], max(any_moves[j + 1], any_moves[j + 2]))
-            crowd = gathered[i + 1, j + 1, 3] * (ONE / CROWD)
-            pace = min(max(crowd, SLOWEST), SHARPEST) if crowd > ZERO else ONE
-            front[i, j, 0] = bound
-            at_edge = rim * (ONE if moves > ZERO else pace) if edge else ZERO
-            front[i, j, 1] = pace * decay[i // TILE, j // TILE] + at_edge
-            sharpness[i, j] = min(max(crowd, ONE), SHARPEST)
+            dense = density[i + 1, j + 1, 3] * (ONE / DENSE)
+            pace = min(max(dense, SLOWEST), SHARPEST) if dense > ZERO else ONE
+            at_edge = silhouette * (ONE if moves > ZERO else pace) if edge else ZERO
+            bounds[i, j, CONSERVATIVE_DEPTH] = bound
+            bounds[i, j, DECAY] = pace * decay[i // TILE, j // TILE] + at_edge
+            bounds[i, j, SHARPNESS] = min(max(dense, ONE), SHARPEST)
 
 
 @inline_kernel
 def hidden(x, y, z, nearest):
-    """Whether nearer samples cover the place of one.
+    """Whether nearer samples cover the position of one.
 
     Some lies within COVERS, or all of 3x3 pixels show nearer ones, or it lies amidst those that do. Beside a silhouette
     all nearer samples lie on one side, so that their mean is far: counting them alone would let silhouettes grow by
     half a pixel. Sums of zeros and ones, since branches here are guesses: it is 3 times as fast.
 
-    nearest : (h, w, 4) float32, see keep_nearest
+    nearest : (h, w, 4) float32, see PixelHistory
     """
     top, bottom = max(np.int32(y) - 1, 0), min(np.int32(y) + 2, nearest.shape[0])
     left, right = max(np.int32(x) - 1, 0), min(np.int32(x) + 2, nearest.shape[1])
@@ -120,57 +124,59 @@ def hidden(x, y, z, nearest):
     for m in range(top, bottom):
         for n in range(left, right):
             i, j = uint32(m), uint32(n)  # unsigned: no test whether it counts from the end
-            dx, dy = nearest[i, j, 1] - x, nearest[i, j, 2] - y
-            nearer = ONE if nearest[i, j, 0] * BEHIND < z else ZERO
+            dx, dy = nearest[i, j, NEAREST_X] - x, nearest[i, j, NEAREST_Y] - y
+            nearer = ONE if nearest[i, j, NEAREST_DEPTH] * BEHIND < z else ZERO
             count += nearer
             across += nearer * dx
             down += nearer * dy
             covers += nearer if dx * dx + dy * dy < COVERS else ZERO
-    own = nearest[uint32(y), uint32(x), 0] * BEHIND < z
+    own = nearest[uint32(y), uint32(x), NEAREST_DEPTH] * BEHIND < z
     reach = AMIDST * count + ALONE
     amidst = (count > ZERO) & (across * across + down * down < reach * reach) & ((count >= SLOT) | own)
     return (covers > ZERO) | amidst | (count >= np.float32((bottom - top) * (right - left)))
 
 
 @kernel
-def weigh(state, screen, count, cutoff, nearest, front, now, young, weight, doubtful):
-    """What each sample counts: its confidence by its age; nothing where it is hidden, too old or outside.
+def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
+    """Weigh each sample: its confidence reduced by its age; nothing where it is hidden, too old or outside.
 
-    What is hidden waits for a while, then dies. Samples younger than `young` seconds are never hidden: what they hide
-    may not have been seen yet.
+    What is hidden waits for a while, then is rejected. Samples younger than `young` seconds are never hidden: what
+    they hide may not have been traced yet.
 
     Parameters
     ----------
-    state : (2, capacity) float32; screen : (3, capacity) float32; what dies gets depth OUTSIDE and no confidence
-    cutoff : float32 seconds of the store's clock; samples from before it die
-    nearest, front : see keep_nearest and front_bounds
+    store : SampleStore; rejected samples get depth OUTSIDE and no confidence; count : int, samples stored
+    cutoff : float32 seconds of the store's clock; samples from before it are rejected
+    nearest, bounds : see PixelHistory and bound_depths
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
-    doubtful : (capacity,) uint32, scratch: whose visibility needs a test
+    untested : (capacity,) uint32, scratch: samples whose visibility needs a test
     """
-    bounds, width = front.reshape(-1), uint32(front.shape[1])
+    screen, times, confidence = store.screen_position, store.time, store.confidence
+    flat, width = bounds.reshape(-1), uint32(bounds.shape[1])
     tests = uint32(0)
     for k in range(count):  # no branches
-        z = screen[2, k]
+        z = screen[DEPTH, k]
         inside = z > ZERO
-        i = uint32(screen[1, k] if inside else ZERO) * width + uint32(screen[0, k] if inside else ZERO)
-        time = state[0, k]
+        i = uint32(screen[Y, k] if inside else ZERO) * width + uint32(screen[X, k] if inside else ZERO)
+        i *= uint32(3)
+        time = times[k]
         age = now - time
-        a = max(age, ZERO) * bounds[uint32(2) * i + uint32(1)]
-        w = state[1, k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
+        a = max(age, ZERO) * flat[i + uint32(DECAY)]
+        w = confidence[k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
         weight[k] = w if inside & (time >= cutoff) else ZERO
-        doubtful[tests] = uint32(k)
-        tests += uint32(1) if inside & (age > young) & (z > bounds[uint32(2) * i]) else uint32(0)
+        untested[tests] = uint32(k)
+        tests += uint32(1) if inside & (age > young) & (z > flat[i]) else uint32(0)
     for n in range(tests):  # in a loop of their own the tests overlap
-        k = doubtful[n]
-        weight[k] *= ZERO if hidden(screen[0, k], screen[1, k], screen[2, k], nearest) else ONE
+        k = untested[n]
+        weight[k] *= ZERO if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], nearest) else ONE
     for n in range(tests):
-        k = doubtful[n]
-        if weight[k] == ZERO and now - state[0, k] >= WAITS:
-            screen[2, k] = OUTSIDE
-            state[1, k] = ZERO
+        k = untested[n]
+        if weight[k] == ZERO and now - times[k] >= WAITS:
+            screen[DEPTH, k] = OUTSIDE
+            confidence[k] = ZERO
     if cutoff > -INFINITE:
         for k in range(count):
-            if state[0, k] < cutoff:
-                screen[2, k] = OUTSIDE
-                state[1, k] = ZERO
+            if times[k] < cutoff:
+                screen[DEPTH, k] = OUTSIDE
+                confidence[k] = ZERO

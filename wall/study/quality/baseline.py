@@ -12,8 +12,8 @@ import numpy as np
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.kernels.reproject import object_tables
+from wall.deepbuffer.pose import Pose
 from wall.geometry.frusta import ray_frame
-from wall.reconstruction.pose import Pose
 from wall.sampling.ownership import block_order
 from wall.study.quality.kernels import warp as kernels_warp
 from wall.study.quality.kernels.maps import PointMaps
@@ -25,7 +25,7 @@ R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's 
 
 def object_maps(setup: Setup, event: Event) -> PointMaps:
     """Matrices for points of objects."""
-    pose = Pose(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
+    pose = Pose.at(setup.panel, setup.plan.view.eye, setup.plan.scene, event.camera, event.scene_time)
     return PointMaps(pose.frame, pose.corner, pose.object_from_eye, pose.panel_from_object)
 
 

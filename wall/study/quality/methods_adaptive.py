@@ -19,7 +19,7 @@ from typing import Literal
 
 from wall.core.data import Batch, Event, Float32
 from wall.geometry.prediction import Predictor, foreseen
-from wall.reconstruction.picture import ALL, Ingredients, Picture
+from wall.reconstruction.reconstruction import ALL, Ingredients, Reconstruction
 from wall.roles.manager import EVENTS_A_REFRESH
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels_adaptive
@@ -78,10 +78,10 @@ class AdaptiveMethod:
         """
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._picture = Picture(setup.panel, eye, scene, judging=True, ingredients=ingredients)
+        self._picture = Reconstruction(setup.panel, eye, scene, detects_change=True, ingredients=ingredients)
         self._shown = self._picture
         if remote:
-            self._shown = Picture(setup.panel, eye, scene, judging=False)
+            self._shown = Reconstruction(setup.panel, eye, scene, detects_change=False)
         self._tracer = MeteredTracer(
             setup, coherent=AdaptiveSampler.coherent, adaptive=True, sends=sends,
             receive=self._receive if remote else None,

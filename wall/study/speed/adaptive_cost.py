@@ -16,7 +16,7 @@ from wall.core.data import Batch, Event, Float32, Rect, Samples
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.packets.samples import MAX_SAMPLES, encode
 from wall.reconstruction.display_values import update_display
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.adaptive_renderer import SHARE_OF_TIME
 from wall.roles.plan import first_event
 from wall.sampling.adaptive import AdaptiveSampler
@@ -49,7 +49,7 @@ class Session:
         panel, eye = plan.layout.wall.panels[0], plan.view.eye
         self.rect = Rect(x=0, y=0, width=pixels[0], height=pixels[1])
         self._kept = AdaptiveSampling().samples_per_pixel
-        self.picture = self.new_picture(judging=True)
+        self.picture = self.new_picture(detects_change=True)
         batch = AdaptiveSampling().samples_per_batch
         self._sampler = AdaptiveSampler(self.rect, self.picture.feedback(), batch=batch, seed=SEED)
         self._tracer_scene = make_tracer_scene(plan.scene)
@@ -59,9 +59,9 @@ class Session:
         self.samples = 0
         self._now = 0.0
 
-    def new_picture(self, *, judging: bool) -> Picture:
+    def new_picture(self, *, detects_change: bool) -> Reconstruction:
         panel, eye = self.plan.layout.wall.panels[0], self.plan.view.eye
-        return Picture(panel, eye, self.plan.scene, judging=judging, samples_per_pixel=self._kept)
+        return Reconstruction(panel, eye, self.plan.scene, detects_change=detects_change, samples_per_pixel=self._kept)
 
     def event_at(self, now: float) -> Event:
         """Where the eye has slid to."""
@@ -176,7 +176,7 @@ def display_side(metric: str) -> list[Row]:
     """Reconstruction of one panel that is sent RATE samples a second, from insertion to 8 bits."""
     (width, height), limit = PANELS[metric]
     session = Session((width, height))
-    shown, rgb = session.new_picture(judging=False), np.zeros((height, width, 3), np.uint8)
+    shown, rgb = session.new_picture(detects_change=False), np.zeros((height, width, 3), np.uint8)
     for batch in session.first_picture():
         shown.insert(batch.samples, 0.0, batch)
     took = placing = stored = 0.0

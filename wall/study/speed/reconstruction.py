@@ -11,8 +11,8 @@ from wall.core.data import Event, Samples
 from wall.geometry.panels import Panel
 from wall.reconstruction.choice import display
 from wall.reconstruction.gpu.device import GpuError, device
-from wall.reconstruction.gpu.picture import GpuPicture
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, first_event
 from wall.study.speed.record import SEED, Row, bounded, median, skipped
 from wall.study.speed.tracing import plan_of
@@ -41,9 +41,9 @@ def measure(rounds: int) -> list[Row]:
     panel = replace(plan.layout.wall.panels[0], pixels=(width, height))
     event = first_event(plan, 0.0)
     samples = _samples(plan, panel, event)
-    on_gpu = GpuPicture(panel, plan.view.eye, plan.scene, samples_per_pixel=SAMPLES_PER_PIXEL)
+    on_gpu = GpuReconstruction(panel, plan.view.eye, plan.scene, samples_per_pixel=SAMPLES_PER_PIXEL)
     took = _refreshes(on_gpu, samples, event, rounds)
-    on_cpu = Picture(panel, plan.view.eye, plan.scene, judging=False, samples_per_pixel=SAMPLES_PER_PIXEL)
+    on_cpu = Reconstruction(panel, plan.view.eye, plan.scene, detects_change=False, samples_per_pixel=SAMPLES_PER_PIXEL)
     cpu = _refreshes(on_cpu, samples, event, min(rounds, 3))
     note = f"{gpu.renderer}, courtyard at {width}x{height}, {on_gpu.count / (width * height):.1f} samples a pixel"
     more = {"renderer": gpu.renderer, "width": width, "height": height, "cpu_ms": round(median(cpu), 2)}
@@ -68,7 +68,7 @@ def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
     return samples
 
 
-def _refreshes(picture: GpuPicture | Picture, samples: Samples, event: Event, rounds: int) -> list[float]:
+def _refreshes(picture: GpuReconstruction | Reconstruction, samples: Samples, event: Event, rounds: int) -> list[float]:
     """Milliseconds from each of `rounds` events to the last display value."""
     for first in range(0, len(samples), BATCH):
         picture.insert(samples[first : first + BATCH].copy(), 0.0, event)

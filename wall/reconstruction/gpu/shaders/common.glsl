@@ -1,4 +1,4 @@
-// What every compute pass shares. Samples are structures of arrays, as in the store on the CPU, one item an invocation.
+// Shared by every compute pass. Samples are structures of arrays, as in the store on the CPU, one item an invocation.
 layout(local_size_x = GROUP) in;
 
 uniform uint count;  // items of this pass

@@ -1,4 +1,4 @@
-// Four pixels as 8-bit sRGB in three words, by the curve of the CPU; not a number shows as 0.
+// Encode four pixels as 8-bit sRGB in three words, by the curve of the CPU; not a number shows as 0.
 layout(std430, binding = 0) readonly buffer Shown { float shown[]; };
 layout(std430, binding = 1) readonly buffer Curve { uint curve[]; };
 layout(std430, binding = 2) writeonly buffer Codes { uint codes[]; };

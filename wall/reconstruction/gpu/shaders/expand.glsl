@@ -1,4 +1,4 @@
-// Divide a level by its weight, and where that is below 1 mix in the coarser level.
+// Expand a level: divide it by its weight, and where that is below 1 mix in the coarser level.
 layout(rgba32f, binding = 0) uniform image2D coarse;
 uniform int top;
 
@@ -10,7 +10,7 @@ void main() {
     vec4 pixel = imageLoad(coarse, at);
     vec3 shown = pixel.rgb / max(pixel.w, 1.0);
     if (pixel.w < 1.0) {
-        if (top == 0) shown += (1.0 - pixel.w) * between(at);
+        if (top == 0) shown += (1.0 - pixel.w) * interpolate(at);
         else if (pixel.w > 0.0) shown /= pixel.w;
     }
     imageStore(coarse, at, vec4(shown, pixel.w));

@@ -1,4 +1,4 @@
-// One level of the pyramid: sums over 2x2, a pixel of weight `trusted` or more counting once.
+// Make one level of the pyramid: sums over 2x2, a pixel of weight `trusted` or more counting once.
 layout(binding = 0) uniform sampler2D fine;
 layout(rgba32f, binding = 0) writeonly uniform image2D coarse;
 uniform int border;

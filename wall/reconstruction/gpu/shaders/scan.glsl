@@ -1,4 +1,4 @@
-// Running totals of the groups' counts: where each group begins. One group; the total comes last.
+// Turn the counts of groups into running totals: where each group begins. One group; the total comes last.
 layout(std430, binding = 0) buffer Groups { uint groups[]; };
 shared uint sums[GROUP];
 

@@ -1,4 +1,4 @@
-// A clock starts anew: every time is so much less.
+// Subtract from every time: the clock starts anew.
 layout(std430, binding = 0) buffer Times { float times[]; };
 uniform uint offset;
 uniform uint stride;

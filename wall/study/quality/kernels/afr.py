@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.reproject import pixel_of, place_of
+from wall.deepbuffer.kernels.reproject import pixel_of, position_of
 from wall.sampling.kernels.permutation import hash_uint32
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -291,7 +291,7 @@ def store(samples, slopes, weight, now, maps, tree, ring):
         row = min(int(sample["object_id"]), last)
         x, y = sample["xy"][0], sample["xy"][1]
         u, v = maps.corner[0] + x, maps.corner[1] + y
-        a, b, c = place_of(u, v, sample["depth"], row, maps.frame, maps.object_from_eye)
+        a, b, c = position_of(u, v, sample["depth"], row, maps.frame, maps.object_from_eye)
         position[k, 0], position[k, 1], position[k, 2], position[k, 3] = a, b, c, np.float32(row)
         for n in range(3):
             ring.radiance[k, n] = sample["radiance"][n]

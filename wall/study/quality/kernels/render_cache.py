@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.reproject import pixel_of, place_of
+from wall.deepbuffer.kernels.reproject import pixel_of, position_of
 from wall.sampling.kernels.permutation import hash_uint32
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -221,7 +221,7 @@ def store(samples, maps, cache, cursor):
             pixel[slot] = i * width + j
         row = min(int(sample["object_id"]), last)
         x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
-        a, b, c = place_of(x, y, sample["depth"], row, maps.frame, object_from_eye)
+        a, b, c = position_of(x, y, sample["depth"], row, maps.frame, object_from_eye)
         position[slot, 0], position[slot, 1], position[slot, 2], position[slot, 3] = a, b, c, np.float32(row)
         colour[slot, 0], colour[slot, 1], colour[slot, 2] = light[0], light[1], light[2]
         age[slot] = ZERO

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE, pixel_of, place_of
+from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE, pixel_of, position_of
 from wall.study.quality.kernels.warp import catmull_rom
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -53,7 +53,7 @@ def locate_samples(frame, maps):
             sample = raster[i, j]
             object_id = int(sample["object_id"])
             x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
-            a, b, c = place_of(x, y, sample["depth"], object_id, maps.frame, maps.object_from_eye)
+            a, b, c = position_of(x, y, sample["depth"], object_id, maps.frame, maps.object_from_eye)
             position[i, j, 0], position[i, j, 1], position[i, j, 2] = a, b, c
             position[i, j, 3] = np.float32(object_id)
             frame.depth[i, j] = pixel_of(a, b, c, object_id, maps.panel_from_object)[2]

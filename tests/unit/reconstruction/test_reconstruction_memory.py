@@ -10,7 +10,7 @@ from small_scenes import view
 
 from wall.config.sampling import AdaptiveSampling
 from wall.core.data import Event
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.model import PointLight
 
 SIZE = (256, 256)
@@ -22,8 +22,8 @@ def test_a_picture_stays_below_its_bytes_a_pixel_however_many_samples_come(compi
     lamp = PointLight(position=(0.0, 1.0, 3.0), intensity=(1.0, 1.0, 1.0))
     scene = plate_before_wall((0.0, 0.0, 2.0), (1.0, 0.0, 2.0), lights=(lamp,))
     kept = AdaptiveSampling().samples_per_pixel
-    picture = Picture(SEEN.panel, SEEN.eye, scene, judging=True, samples_per_pixel=kept)
-    assert picture._store.albedo.size, "the dearest kind: lit anew"
+    picture = Reconstruction(SEEN.panel, SEEN.eye, scene, detects_change=True, samples_per_pixel=kept)
+    assert picture.buffer.store.albedo.size, "the dearest kind: lit anew"
     before = picture.bytes
     assert before <= LARGEST * SIZE[0] * SIZE[1]
     random, samples = np.random.default_rng(1), hits(centres(SIZE), RED)
@@ -33,4 +33,4 @@ def test_a_picture_stays_below_its_bytes_a_pixel_however_many_samples_come(compi
         if k % 3 == 2:
             picture.refresh(event, START + 0.01 * k)
         assert picture.bytes == before
-        assert picture.count <= len(picture._store.name)
+        assert picture.count <= picture.buffer.store.capacity

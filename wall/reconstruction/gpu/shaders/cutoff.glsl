@@ -1,4 +1,4 @@
-// The last age of which samples stay, so that at least `wanted` do. One group; counts are wiped for the next time.
+// Find the last class of age that stays, so that at least `wanted` samples do. One group; counts are cleared.
 layout(std430, binding = 0) buffer Ages { uint ages[]; };
 uniform uint wanted;
 shared uint sums[GROUP];

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from small_scenes import view
 
 from wall.core.data import SAMPLE, Float32, Samples
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene
 
 AREA = SIZE[0] * SIZE[1]
@@ -20,10 +20,10 @@ def scene() -> Scene:
     return plate_before_wall((9.0, 0.0, 2.0))  # outside the picture
 
 
-def arrays_of(picture: Picture) -> set[tuple[str, int]]:
+def arrays_of(picture: Reconstruction) -> set[tuple[str, int]]:
     """Every array a picture owns, in whatever it keeps them, with its size."""
     found: set[tuple[str, int]] = set()
-    for name, value in vars(picture).items():
+    for name, value in [*vars(picture).items(), *vars(picture.buffer).items()]:
         parts = value if isinstance(value, list | tuple) else [value]
         found |= {(name, part.nbytes) for part in parts if isinstance(part, np.ndarray)}
     return found
@@ -96,8 +96,8 @@ def test_between_two_refreshes_no_array_grows_and_the_newest_samples_stay(scene:
 
     room = int(4.5 * AREA) + 4096
     assert picture.count <= room
-    assert picture.base[..., 1].min() >= 40 - room // AREA - 1
-    assert picture.base[..., 1].max() <= 39.0001
+    assert picture.resolved[..., 1].min() >= 40 - room // AREA - 1
+    assert picture.resolved[..., 1].max() <= 39.0001
 
 
 @pytest.mark.parametrize("kept", [1.0, 2.0, 4.0])
@@ -109,14 +109,14 @@ def test_from_refresh_to_refresh_so_many_samples_a_pixel_stay_the_newest(
     for k in range(20):
         picture.insert(hits(centres(SIZE), (0.0, float(k), 0.0)), START + 0.25 * k, event_at(k))
         picture.refresh(event_at(k), START + 0.25 * k)
-    assert picture.base[..., 1].min() > 19 - kept - 1
-    assert (picture.gathered[1:-1, 1:-1, 3] > 0.99).all(), "the newest round weighs 1"
+    assert picture.resolved[..., 1].min() > 19 - kept - 1
+    assert (picture.splat_sums[1:-1, 1:-1, 3] > 0.99).all(), "the newest round weighs 1"
 
 
 def test_a_batch_larger_than_the_whole_store_is_taken_in_and_judged(scene: Scene, compiled_only: None) -> None:
     """Batches have 65,536 samples at most; a store of 3 x 2 pixels has room for 4,000."""
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(3, 2))
-    picture = picture_of(scene, seen, judging=True)
+    picture = picture_of(scene, seen, detects_change=True)
     many = np.tile(hits(centres((3, 2)), GREEN), 10923)[:65536]
     many["lighting"] = 0.5
     picture.refresh(event_at(0, seen), START)
@@ -149,4 +149,4 @@ def test_the_eye_amid_samples_gives_finite_pixels(scene: Scene) -> None:
         event = event_at(k, position=(0.0, 0.0, z))
         picture.refresh(event, START + k * EVENT_S)
         assert np.isfinite(picture.radiance).all()
-    assert (picture.gathered[..., 3] == 0.0).all(), "the wall is behind the eye"
+    assert (picture.splat_sums[..., 3] == 0.0).all(), "the wall is behind the eye"

@@ -7,6 +7,7 @@ import pytest
 
 from wall.core.data import Float32
 from wall.deepbuffer.kernels.expire import AGES, oldest_kept
+from wall.deepbuffer.store import SampleStore
 
 NOW = 100.5
 CLASS = 1 / 128  # of an age: as exact as ages are told apart
@@ -14,12 +15,12 @@ CLASS = 1 / 128  # of an age: as exact as ages are told apart
 
 def cutoff(times: Float32, wanted: int, *, outside: Float32 | None = None) -> np.float32:
     """By the kernel, with a scratch that was used before."""
-    state = np.stack([times, np.ones_like(times)])
-    screen = np.ones((3, len(times)), np.float32)
+    store = SampleStore.of(len(times), lit=False)
+    store.time[:], store.screen_position[2] = times, 1.0
     if outside is not None:
-        screen[2] = np.where(outside, -1.0, 1.0)
+        store.screen_position[2] = np.where(outside, -1.0, 1.0)
     scratch = np.full(AGES, 7, np.int32)
-    return np.float32(oldest_kept(state, screen, len(times), np.float32(NOW), wanted, scratch))
+    return np.float32(oldest_kept(store, len(times), np.float32(NOW), wanted, scratch))
 
 
 @pytest.mark.parametrize("wanted", [1, 10, 1000, 1999, 2000])

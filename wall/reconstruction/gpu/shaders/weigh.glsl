@@ -1,13 +1,12 @@
-// Every sample: what is hidden waits or dies, what is too old dies; what is seen gets its weight by confidence and age.
-layout(std430, binding = 0) buffer State { float state[]; };
-layout(std430, binding = 1) buffer Screen { float screen[]; };
+// Every sample: what is hidden waits or is rejected, what is too old is rejected; the visible are weighed by confidence
+// and age.
+layout(std430, binding = 0) buffer State { float state[]; };  // time, confidence
+layout(std430, binding = 1) buffer ScreenPosition { float screen[]; };  // x, y, depth
 layout(std430, binding = 2) writeonly buffer Weight { float weight[]; };
-layout(std430, binding = 3) readonly buffer Tiles { vec2 tiles[]; };
-layout(std430, binding = 4) readonly buffer Nearest { vec4 nearest[]; };
-layout(std430, binding = 5) readonly buffer Front { float front[]; };
-layout(std430, binding = 6) readonly buffer Ages { uint ages[]; };
+layout(std430, binding = 3) readonly buffer Nearest { vec4 nearest[]; };  // depth (inf: none), x, y, object id
+layout(std430, binding = 4) readonly buffer Bounds { float bounds[]; };  // conservative depth, decay, density
+layout(std430, binding = 5) readonly buffer Ages { uint ages[]; };
 uniform ivec2 size;
-uniform int tile_columns;
 uniform int crowded;  // 1: ages[AGES] is the last age that stays
 uniform float now;
 uniform float young;
@@ -39,21 +38,19 @@ bool hidden(vec3 at) {
 void main() {
     uint k = item();
     if (k >= count) return;
-    vec3 at = vec3(screen[3 * k], screen[3 * k + 1], screen[3 * k + 2]);
+    vec3 at = vec3(screen[3 * k + X], screen[3 * k + Y], screen[3 * k + DEPTH]);
     weight[k] = 0.0;
     if (!(at.z > 0.0)) return;
-    float age = now - state[2 * k];
+    float age = now - state[2 * k + TIME];
     bool old = crowded != 0 && floatBitsToUint(max(age, 0.0)) >> AGE_SHIFT > ages[AGES];
-    int before = 3 * (int(at.y) * size.x + int(at.x));
-    bool covered = at.z > front[before] && age > young && hidden(at);
+    int pixel = 3 * (int(at.y) * size.x + int(at.x));
+    bool covered = at.z > bounds[pixel] && age > young && hidden(at);
     if (covered && age < WAITS && !old) return;
     if (covered || old) {
-        screen[3 * k + 2] = OUTSIDE;
-        state[2 * k + 1] = 0.0;
+        screen[3 * k + DEPTH] = OUTSIDE;
+        state[2 * k + CONFIDENCE] = 0.0;
         return;
     }
-    float crowd = front[before + 2], pace = crowd > 0.0 ? clamp(crowd, SLOWEST, SHARPEST) : 1.0;
-    float decay = pace * tiles[int(at.y) / TILE * tile_columns + int(at.x) / TILE].y + front[before + 1];
-    float a = max(age, 0.0) * decay;
-    weight[k] = state[2 * k + 1] / (1.0 + a * (1.0 + a * (0.5 + a / 6.0)));
+    float a = max(age, 0.0) * bounds[pixel + 1];
+    weight[k] = state[2 * k + CONFIDENCE] / (1.0 + a * (1.0 + a * (0.5 + a / 6.0)));
 }

@@ -14,7 +14,7 @@ from small_scenes import view
 from wall.core.data import Event, Float32, Rect
 from wall.reconstruction.display_values import update_display
 from wall.reconstruction.gpu.device import Device
-from wall.reconstruction.gpu.picture import GpuPicture
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.gpu.store import WORDS
 
 # At pixel 2,048 positions are rounded to 1.2e-4 pixels, a few times, between neighbours of 0 and 1, and what weighs as
@@ -65,12 +65,13 @@ def test_pixels_that_stood_still_keep_their_mean_when_something_else_moves(
         twins.insert(samples, START + k / 60, event_at(0, WIDE))
     twins.refresh(event_at(1, WIDE, scene_time=0.5), START + 0.1)
     twins.agree(decided=DECIDED_BY_ROUNDING)
-    kept = twins.cpu.still[..., 3] > 1
+    kept = twins.cpu.buffer.history.accumulation[..., 3] > 1
     assert 0.5 < kept.mean() < 1.0
-    from_samples_alone = np.abs(twins.cpu.base - twins.gpu.radiance).max(axis=2)
+    from_samples_alone = np.abs(twins.cpu.resolved - twins.gpu.radiance).max(axis=2)
     assert np.median(from_samples_alone[kept]) > 100 * ROUNDING, "mixing would not be noticed"
     twins.refresh(event_at(1, WIDE, scene_time=0.5), START + 0.2)
-    assert_allclose(twins.gpu.still[..., :4], twins.cpu.still[..., :4], rtol=1e-4, atol=1e-4)
+    on_gpu, on_cpu = twins.gpu._history.accumulation, twins.cpu.buffer.history.accumulation
+    assert_allclose(on_gpu[..., :4], on_cpu[..., :4], rtol=1e-4, atol=1e-4)
 
 
 def test_far_from_the_corner_of_a_wide_panel_rounding_stays_small(
@@ -170,7 +171,7 @@ def test_the_same_moments_later_on_the_clock_give_the_same_picture(opengl: Devic
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))
     scene = plate_before_wall((9.0, 0.0, 2.0))
     for start in (0.0, 511.96875, 2.0**24):
-        picture = GpuPicture(seen.panel, seen.eye, scene)
+        picture = GpuReconstruction(seen.panel, seen.eye, scene)
         for k in range(4):
             samples = hits(centres((16, 8)), (0.0, 0.1 * k, 0.0))
             samples["change"][::3] = 0.7
@@ -196,7 +197,7 @@ def test_display_values_are_those_of_the_cpu_up_to_one_code(
 ) -> None:
     """The square roots of two machines may differ in their last bit, and so lie on two sides of a code."""
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=size)
-    picture = GpuPicture(seen.panel, seen.eye, plate_before_wall((9.0, 0.0, 2.0)))
+    picture = GpuReconstruction(seen.panel, seen.eye, plate_before_wall((9.0, 0.0, 2.0)))
     radiance = random_numbers.random((size[0] * size[1], 3)) * 1.5 - 0.1
     picture.insert(hits(centres(size), radiance.astype(np.float32)), START, event_at(0, seen))
     picture.refresh(event_at(0, seen), START)

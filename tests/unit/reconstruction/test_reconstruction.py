@@ -27,7 +27,7 @@ from small_scenes import View, picture, view
 
 from wall.core.data import Float32, Rect
 from wall.geometry.cameras import look_at
-from wall.reconstruction.picture import Picture
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene
 
 CENTRE = (0.0, 0.0, 2.0)
@@ -132,7 +132,7 @@ def test_what_was_hidden_comes_out_again_if_it_is_young() -> None:
 
         shown.refresh(third, START + age + EVENT_S)
 
-        weight = shown.gathered[1:-1, 1:-1, 3]
+        weight = shown.splat_sums[1:-1, 1:-1, 3]
         assert (weight[inside] > 0.1).all() == wanted
         assert (weight[inside] > 0.0).any() == wanted
         assert (weight[~plate] > 0.1).all(), "hidden without anything before it"
@@ -159,7 +159,7 @@ def test_a_part_of_a_panel_shows_what_the_whole_shows_there(rect: Rect) -> None:
     scene = plate_before_wall(CENTRE)
     event = event_at(0)
     whole = picture_of(scene)
-    part = Picture(FRONT.panel, FRONT.eye, scene, judging=False, rect=rect)
+    part = Reconstruction(FRONT.panel, FRONT.eye, scene, detects_change=False, rect=rect)
     samples = traced(scene, event)
     for shown in (whole, part):
         shown.insert(samples, START, event)
@@ -180,5 +180,5 @@ def test_the_same_moments_later_on_the_clock_give_the_same_picture() -> None:
             shown.refresh(event, start + k / 64)
             shown.insert(traced(scene, event), start + k / 64, event)
         shown.refresh(event_at(3, scene_time=2.0), start + 4 / 64)
-        pictures.append(shown.gathered.copy())
+        pictures.append(shown.splat_sums.copy())
     assert_array_equal(pictures[0], pictures[1])

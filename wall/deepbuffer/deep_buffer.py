@@ -1,0 +1,265 @@
+"""The deep buffer: samples kept as points of their objects, so that they can be reprojected to later cameras.
+
+After Dayal et al., "Adaptive Frameless Rendering", 2005. One owner, allocated once; it never grows.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Event, Float64, Rect, Samples
+from wall.deepbuffer.kernels import accumulation as kernels_accumulation
+from wall.deepbuffer.kernels import change as kernels_change
+from wall.deepbuffer.kernels import insert as kernels_insert
+from wall.deepbuffer.kernels import reproject as kernels_reproject
+from wall.deepbuffer.kernels import sort as kernels_sort
+from wall.deepbuffer.kernels.expire import AGES, oldest_kept
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.lights import Diffuse, LightChanges
+from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown
+from wall.deepbuffer.store import PixelHistory, SampleStore
+from wall.geometry.panels import Panel
+from wall.scene.build import Scene
+
+SAMPLES_PER_PIXEL = 4  # kept on average
+SLACK = 1.0  # samples a pixel that may arrive, or wait for removal, between two refreshes, beside
+LARGEST_BATCH = 4096  # samples, for which there is always room
+SORT_EVERY = 8  # refreshes, by object
+BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for long
+EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
+CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
+EVERYTHING = np.float32(-np.inf)  # no time is earlier
+
+
+class InsertRules(NamedTuple):
+    """How a batch is inserted."""
+
+    shows_event: bool  # the samples belong to the image as it is shown: their pixels accumulate them
+    ignores_change: bool  # nothing moves: changes are noise
+    most_stored: np.float32  # accumulated samples from which a pixel's further ones are not stored
+    detects_change: bool  # else the samples bring `change` along
+
+
+class View:
+    """The events of one image: their poses, which one is shown, and which objects stand in another light."""
+
+    def __init__(
+        self, panel: Panel, eye: Float64, scene: Scene, rect: Rect | None, *, lit: bool, objects: bool = True
+    ) -> None:
+        """`rect` is the part of the panel that is shown, all if None; `lit` and `objects`: see Poses."""
+        self.rect = rect or Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
+        self.lit = lit
+        self.diffuse = Diffuse.of(scene)
+        self.nothing_moves = False
+        self.pose: Pose | None = None  # of the image
+        self.last: Pose | None = None  # before
+        self._light_changes = LightChanges(self.diffuse.objects)
+        self._poses = Poses(panel, eye, scene, self.rect, objects=objects, lit=lit)
+        self._shown: Event | None = None
+
+    def show(self, event: Event) -> None:
+        """Show `event` from now on; nothing moves if the event before has the same number."""
+        self.nothing_moves = self._shown is not None and event.number == self._shown.number
+        self._shown = event
+        if not self.nothing_moves:
+            self.pose, self.last = self._poses.of(event), self.pose
+
+    def inserted(self, event: Posed) -> tuple[Pose, Pose]:
+        """The pose of samples that are about to be inserted, and that of the image."""
+        pose = self._poses.of(event)
+        under = self.pose if self.pose is not None else pose
+        self._light_changes.note(pose.lights, under.lights)
+        return pose, under
+
+    def rules(self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool) -> InsertRules:
+        """How samples of `event` are inserted into the image shown."""
+        return InsertRules(
+            shows_event=not self.nothing_moves or is_shown(event, self._shown),
+            ignores_change=self.nothing_moves or not change_test,
+            most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
+            detects_change=detects_change,
+        )
+
+    def moved(self) -> NDArray[np.uint8]:
+        """(n + 1,) uint8: objects whose matrix differs from that of the image before; all in the first image."""
+        assert self.pose is not None
+        table = self.pose.panel_from_object
+        if self.last is None:
+            return np.ones(len(table), np.uint8)
+        moved: NDArray[np.uint8] = (table != self.last.panel_from_object).any(axis=1).astype(np.uint8)
+        return moved
+
+    def relit(self) -> NDArray[np.uint8]:
+        """(n + 1,) uint8: objects whose stored samples are to be lit anew."""
+        assert self.pose is not None
+        if not self.lit:
+            return np.zeros(len(self.pose.panel_from_object), np.uint8)
+        return self._light_changes.take(self.pose.lights, self.last.lights if self.last is not None else None)
+
+    def forget(self) -> None:
+        """The next event counts as another one, whatever its number."""
+        self._shown = None
+
+
+class DeepBuffer:
+    """The stored samples of one image, and what its pixels remember of them. Times are float64 seconds of one clock."""
+
+    def __init__(
+        self,
+        view: View,
+        objects: int,
+        *,
+        detects_change: bool,
+        change_test: bool = True,
+        samples_per_pixel: float = SAMPLES_PER_PIXEL,
+    ) -> None:
+        """`objects` of the scene. `detects_change`: samples bring their lighting, and what they contradict is found.
+
+        Without `change_test` no sample contradicts anything.
+        """
+        width, height = view.rect.width, view.rect.height
+        self.view, self.detects_change = view, detects_change
+        self._change_test, self._samples_per_pixel = change_test, samples_per_pixel
+        self._kept = int(samples_per_pixel * width * height)
+        capacity = capacity_for(self._kept, width, height)
+        self._largest = capacity // 2  # samples inserted at once: a store that is full could not even compare them
+        self.store = SampleStore.of(capacity, lit=view.lit)
+        self._spare = SampleStore.of(capacity, lit=view.lit)  # what sorting writes to
+        self.history = PixelHistory.of(width, height, detects_change=detects_change)
+        self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
+        self._object_starts = np.zeros(objects + 2, np.int64)
+        self._ages = np.zeros(AGES, np.int32)
+        self.count = 0
+        self.epoch = 0.0  # the store's clock zero
+        self._until_sorted = self._sorts = 0
+        self.cutoff(self._kept + 1, np.float32(0.0))  # compiled now, not when it is first needed
+        self.count = kernels_sort.compact(self.store, 0, EVERYTHING)
+        kernels_change.reject_history(self.store, 0, self.history, self.history.contradicted)
+
+    def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
+        """Store samples that were traced under `event`; their `change` is written if changes are detected."""
+        rules = self.view.rules(
+            event, self._samples_per_pixel, detects_change=self.detects_change, change_test=self._change_test
+        )
+        pose, under = self.view.inserted(event)
+        for first in range(0, len(samples), self._largest):
+            part = samples[first : first + self._largest]
+            if self.count + len(part) > self.store.capacity:
+                self._evict(len(part))
+            self.count = kernels_insert.insert(
+                part, self.seconds(base_time), pose, under.panel_from_object, self.store, self.count, self.history,
+                self.view.diffuse, rules,
+            )  # fmt: skip
+
+    def discard(self, samples: Samples, base_time: float) -> None:
+        """Remove the samples of one insert again, and what their pixels have accumulated.
+
+        They are told by the span of their times, since they may have moved and been rounded since they were inserted.
+        """
+        if len(samples) == 0:
+            return
+        first, history, rect = self.seconds(base_time), self.history, self.view.rect
+        times, last = self.store.time[: self.count], first + samples["time"].max()
+        self.store.confidence[: self.count][(times >= first - CLOCK_STEP_S) & (times <= last + CLOCK_STEP_S)] = 0.0
+        j, i = (samples["xy"].astype(np.intp) - (rect.x, rect.y)).T
+        inside = (i >= 0) & (j >= 0) & (i < rect.height) & (j < rect.width)
+        history.accumulation[i[inside], j[inside]] = 0.0
+        history.dirty[i[inside] // TILE, j[inside] // TILE] = True
+
+    def reproject(self, moved: NDArray[np.uint8]) -> None:
+        """Bring the samples of `moved` objects (n + 1,) to the view's pose, after rejecting contradicted ones."""
+        history, pose = self.history, self.view.pose
+        assert pose is not None
+        if history.contradicted.any():
+            kernels_change.reject_history(self.store, self.count, history, _with_neighbours(history.contradicted))
+            history.contradicted[:] = False
+        height, width = history.nearest.shape[:2]
+        kernels_reproject.reproject(
+            self.store, self.count, pose.panel_from_object, moved, np.float32(width), np.float32(height)
+        )
+
+    def reject_accumulation(self, changed: NDArray[np.uint8]) -> None:
+        """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
+        kernels_accumulation.reject_accumulation(self.history, changed)
+
+    def cutoff(self, alive: int, now: np.float32) -> np.float32:
+        """The time before which samples expire, so that of `alive` ones no more than the wanted number stay."""
+        if alive <= self._kept:
+            return EVERYTHING
+        return np.float32(oldest_kept(self.store, self.count, now, self._kept, self._ages))
+
+    def sort(self) -> None:
+        """Now and then: remove rejected samples and bring the others into the order of objects."""
+        self._until_sorted -= 1
+        if self._until_sorted > 0:
+            return
+        self._until_sorted = SORT_EVERY
+        self._sorts += 1
+        if self._sorts % BY_TILE_EVERY == 1:
+            self._sort_by(self._tile_starts, by_tile=True)
+        self._sort_by(self._object_starts, by_tile=False)
+
+    def clear(self) -> None:
+        """Forget every sample."""
+        self.count = 0
+        self.view.forget()
+        self.history.accumulation[:] = 0.0
+        self.history.rejection[:] = 0.0
+        self.history.temporal_gradient[:] = 0.0
+        self.history.contradicted[:] = False
+
+    def seconds(self, time: float) -> np.float32:
+        """A time on the store's clock, which starts anew now and then."""
+        if abs(time - self.epoch) > EPOCH_S:
+            later = np.float32(time - self.epoch)
+            self.store.time[: self.count] -= later
+            self.history.rejection[..., kernels_change.BEFORE] -= later
+            self.epoch = time
+        return np.float32(time - self.epoch)
+
+    @property
+    def bytes(self) -> int:
+        """Memory of all its arrays."""
+        own: list[NDArray[Any]] = [self._tile_starts, self._object_starts, self._ages]
+        for arrays in (self.store, self._spare, self.history):
+            own += arrays
+        return sum(array.nbytes for array in own)
+
+    def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
+        columns = self.history.dirty.shape[1]
+        self.count = kernels_sort.sort_store(self.store, self.count, by_tile, columns, starts, self._spare)
+        self.store, self._spare = self._spare, self.store
+
+    def _evict(self, n: int) -> None:
+        """Make room for `n` samples, more than expected between two refreshes: the oldest go if need be."""
+        room = self.store.capacity - n
+        self.count = kernels_sort.compact(self.store, self.count, EVERYTHING)
+        if self.count > room:
+            share = 1.0 - min(self._kept, room) / self.count
+            latest = np.float32(np.quantile(self.store.time[: self.count], share))
+            self.count = kernels_sort.compact(self.store, self.count, latest)
+
+
+def capacity_for(kept: int, width: int, height: int) -> int:
+    """Samples that a store has room for: those kept, what may come between two refreshes, and a batch."""
+    return kept + int(SLACK * width * height) + LARGEST_BATCH
+
+
+def take_dirty(history: PixelHistory) -> NDArray[np.bool_]:
+    """(rows, columns) bool of 16-pixel tiles changed since the last call."""
+    dirty = history.dirty.copy()
+    history.dirty[:] = False
+    return dirty
+
+
+def _with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(rows, columns) bool: the tiles, and those beside them."""
+    found = np.pad(tiles, 1)
+    found[1:] |= found[:-1].copy()
+    found[:-1] |= found[1:].copy()
+    found[:, 1:] |= found[:, :-1].copy()
+    found[:, :-1] |= found[:, 1:].copy()
+    return found[1:-1, 1:-1].copy()

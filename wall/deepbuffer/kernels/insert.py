@@ -1,0 +1,129 @@
+"""Insert samples: store them as points of their objects, compare them with the image, accumulate them at rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.accumulation import COUNT, OBJECT_ID, accumulate
+from wall.deepbuffer.kernels.change import LIGHT, TRUSTED, WEIGHT, change_of, reject_around
+from wall.deepbuffer.kernels.lights import demodulate, pack_normal
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import DEPTH, OUTSIDE, X, Y, Z, pixel_of, position_of
+
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+LIGHTING = 3  # column of SampleStore.radiance
+CHUNK = 64  # samples: first everything that they are compared with is fetched, which memory does for many at a time
+UNKNOWN_OBJECT = np.float32(-2.0)  # depth of a sample whose object does not exist
+# rows of a chunk: object-space position (X, Y, Z), then
+SCREEN_X, SCREEN_Y, SCREEN_DEPTH, SHOWN_LIGHTING, ACCUMULATED, ROWS = 3, 4, 5, 6, 7, 8
+
+
+@kernel
+def insert(samples, offset, pose, panel_from_object, store, count, history, diffuse, rules):
+    """Store a batch of samples and bring the pixels' history up to date.
+
+    Parameters
+    ----------
+    samples : (n,) SAMPLE; `change` is written if changes are detected
+    offset : float32, seconds from the store's clock zero to the batch's base time
+    pose : Pose that the samples were traced under
+    panel_from_object : (n + 1, 12) float32, of the image
+    store : SampleStore, written from `count` on
+    history : PixelHistory, updated
+    diffuse : Diffuse
+    rules : InsertRules
+
+    Returns
+    -------
+    count : int, samples stored now
+    """
+    nearest, accumulation = history.nearest, history.accumulation
+    compares = rules.detects_change and not rules.ignores_change
+    rows = np.empty((ROWS, CHUNK), np.float32)
+    for first in range(0, samples.shape[0], CHUNK):
+        last = min(first + CHUNK, samples.shape[0])
+        find_positions(samples, first, last, pose, panel_from_object, nearest.shape, rows)
+        if compares:
+            fetch_shown(samples, first, last, history, rows)
+        for k in range(first, last):
+            if count >= store.object_id.shape[0]:
+                return count
+            sample, r = samples[k], k - first
+            object_id, depth = int(sample["object_id"]), rows[SCREEN_DEPTH, r]
+            if depth == UNKNOWN_OBJECT:
+                continue
+            shown = depth > ZERO
+            i, j = (int(rows[SCREEN_Y, r]), int(rows[SCREEN_X, r])) if shown else (0, 0)
+            time = offset + sample["time"]
+            # a pixel with a long accumulation gains from its mean; its samples would drive out plain surfaces' few
+            if not (shown and rules.shows_event and accumulation[i, j, COUNT] >= rules.most_stored):
+                store_sample(sample, time, rows, r, pose.lights, diffuse, store, count)
+                count += 1
+            if not shown:
+                continue
+            history.dirty[i // TILE, j // TILE] = True
+            if not rules.ignores_change:
+                change = sample["change"]
+                if compares:
+                    change = change_of(
+                        sample["lighting"], rows[SHOWN_LIGHTING, r], rows[ACCUMULATED, r], i, j, object_id, history
+                    )
+                    sample["change"] = change
+                if change > ZERO:
+                    reject_around(history, i, j, change, time, object_id)
+            if rules.shows_event:
+                accumulate(accumulation, i, j, sample)
+    return count
+
+
+@inline_kernel
+def find_positions(samples, first, last, pose, panel_from_object, shape, rows):
+    """Fill rows X to SCREEN_DEPTH of a chunk; the depth is OUTSIDE beyond the image, or UNKNOWN_OBJECT."""
+    bottom, right = np.float32(shape[0]), np.float32(shape[1])
+    corner, object_from_eye = pose.corner, pose.object_from_eye
+    for k in range(first, last):
+        sample, r = samples[k], k - first
+        object_id = int(sample["object_id"])
+        if object_id >= object_from_eye.shape[0]:
+            rows[SCREEN_DEPTH, r] = UNKNOWN_OBJECT
+            continue
+        x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
+        a, b, c = position_of(x, y, sample["depth"], object_id, pose.frame, object_from_eye)
+        rows[X, r], rows[Y, r], rows[Z, r] = a, b, c
+        u, v, depth = pixel_of(a, b, c, object_id, panel_from_object)
+        rows[SCREEN_X, r], rows[SCREEN_Y, r] = u, v
+        rows[SCREEN_DEPTH, r] = depth if u >= ZERO and v >= ZERO and u < right and v < bottom else OUTSIDE
+
+
+@inline_kernel
+def fetch_shown(samples, first, last, history, rows):
+    """Fill rows SHOWN_LIGHTING (-1: the image shows another object) and ACCUMULATED of a chunk."""
+    lighting, nearest, accumulation = history.lighting, history.nearest, history.accumulation
+    for k in range(first, last):
+        r = k - first
+        rows[SHOWN_LIGHTING, r] = -ONE
+        if rows[SCREEN_DEPTH, r] > ZERO:
+            i, j = int(rows[SCREEN_Y, r]), int(rows[SCREEN_X, r])
+            light, weight = lighting[i, j, LIGHT], lighting[i, j, WEIGHT]
+            known = (nearest[i, j, OBJECT_ID] == samples[k]["object_id"]) & (weight > TRUSTED)
+            rows[SHOWN_LIGHTING, r] = light / weight if known else -ONE
+            rows[ACCUMULATED, r] = accumulation[i, j, COUNT]
+
+
+@inline_kernel
+def store_sample(sample, time, rows, r, lights, diffuse, store, k):
+    """Write a sample to slot k of the store; its positions are column r of a chunk's rows."""
+    store.position[X, k], store.position[Y, k], store.position[Z, k] = rows[X, r], rows[Y, r], rows[Z, r]
+    store.object_id[k] = sample["object_id"]
+    for c in range(3):
+        store.radiance[k, c] = sample["radiance"][c]
+    store.radiance[k, LIGHTING] = sample["lighting"]
+    if store.albedo.shape[1] > 0:
+        store.normal[k] = pack_normal(sample["normal"][0], sample["normal"][1])
+        store.light_visibility[k] = sample["light_visibility"]
+        demodulate(sample, lights, diffuse, store, k)
+    store.time[k], store.confidence[k] = time, ONE
+    store.screen_position[X, k] = rows[SCREEN_X, r]
+    store.screen_position[Y, k] = rows[SCREEN_Y, r]
+    store.screen_position[DEPTH, k] = rows[SCREEN_DEPTH, r]

@@ -1,0 +1,104 @@
+"""Where everything is under one event: matrices from hits to object space and to image pixels, and the lights."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from wall.core.data import Camera, Event, Float32, Float64, Rect
+from wall.deepbuffer.kernels.reproject import object_tables
+from wall.deepbuffer.lights import NO_LIGHTS, Lights
+from wall.geometry.frusta import ray_frame
+from wall.geometry.panels import Panel
+from wall.scene.build import Scene
+from wall.scene.model import Moment
+
+SAME_TURN = 1e-9  # of a matrix element; packets bring a rotation back to 1e-15
+
+
+class Pose(NamedTuple):
+    """The matrices of one event, for an image of a panel or of a part of it; see object_tables."""
+
+    frame: Float64  # (3, 3), see geometry.frusta.ray_frame
+    corner: Float64  # (2,) of the panel, virtual-screen pixels
+    object_from_eye: Float32  # (n + 1, 12)
+    panel_from_object: Float32  # (n + 1, 12)
+    lights: Lights
+
+    @classmethod
+    def of(
+        cls,
+        panel: Panel,
+        eye: Float64,
+        camera: Camera,
+        world_from_object: Float64,
+        *,
+        rect: Rect | None = None,
+        lights: Lights = NO_LIGHTS,
+    ) -> Pose:
+        """`world_from_object` (n, 4, 4); `rect` is the part of the panel that the image shows, all if None."""
+        n = len(world_from_object)
+        frame, corner = ray_frame(panel, eye, camera), np.array(panel.screen, np.float64)
+        object_from_eye = np.empty((n + 1, 12), np.float32)
+        panel_from_object = np.empty((n + 1, 12), np.float32)
+        origin = corner if rect is None else corner + np.array([rect.x, rect.y])
+        object_tables(world_from_object, camera.origin(), frame, origin, object_from_eye, panel_from_object)
+        return cls(frame, corner, object_from_eye, panel_from_object, lights)
+
+    @classmethod
+    def at(cls, panel: Panel, eye: Float64, scene: Scene, camera: Camera, scene_time: float) -> Pose:
+        """Of a whole panel, with every object where it is at `scene_time`."""
+        return cls.of(panel, eye, camera, scene.at(scene_time).world_from_object)
+
+
+class Posed(Protocol):
+    """What fixes where everything is: an Event, or a Batch that was traced under one."""
+
+    @property
+    def camera(self) -> Camera: ...
+
+    @property
+    def scene_time(self) -> float: ...
+
+    @property
+    def camera_event(self) -> int: ...
+
+    @property
+    def scene_event(self) -> int: ...
+
+
+class Poses:
+    """Makes the poses of one image and keeps the newest of them: many batches share one."""
+
+    def __init__(
+        self, panel: Panel, eye: Float64, scene: Scene, rect: Rect, *, objects: bool = True, lit: bool
+    ) -> None:
+        """Without `objects` none ever moves; `lit`: poses bring the lights."""
+        self._panel, self._eye, self._scene, self._rect = panel, eye, scene, rect
+        self._objects, self._lit = objects, lit
+        self._key: tuple[Camera, float] | None = None
+        self._newest: Pose
+        self._moment: Moment | None = None
+
+    def of(self, event: Posed) -> Pose:
+        """The pose of an event; the lights are the same object while no time passes in the scene."""
+        key = (event.camera, event.scene_time)
+        if self._key != key:
+            moment = self._scene.at(event.scene_time)
+            lights = NO_LIGHTS
+            if self._lit:
+                lights = self._newest.lights if moment is self._moment else Lights.at(self._scene, moment)
+            placed = moment.world_from_object if self._objects else self._scene.rest[: len(self._scene.instances)]
+            self._newest = Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect, lights=lights)
+            self._key, self._moment = key, moment
+        return self._newest
+
+
+def is_shown(event: Posed, shown: Event | None) -> bool:
+    """Whether samples belong to the very image that is shown; a predicted pose has its event's number too."""
+    if shown is None or (event.camera_event, event.scene_event) != shown.number:
+        return False
+    turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
+    same = (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
+    return same and max(abs(a - b) for a, b in turned) < SAME_TURN

@@ -1,0 +1,82 @@
+"""The sample store: one array for each property, so that kernels take one value in place of many arrays."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Float32
+from wall.deepbuffer.kernels.accumulation import COLUMNS
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import OUTSIDE
+
+
+class SampleStore(NamedTuple):
+    """Samples as points of their objects, in no order that means anything.
+
+    Arrays that a scene does not need have a capacity of 0: kernels see that from the shape and leave them alone. So
+    further properties cost nothing where they are not used. Path tracing brings direct and indirect radiance, each
+    with a time and a variance of its own: `indirect_radiance` (capacity, 3), `indirect_time`, `radiance_variance` and
+    `indirect_variance` (capacity,), empty in scenes of direct light only. `radiance` and `time` are then the direct
+    part's. Such an array is one more field here, one more line in `copy_sample`, and is written by `insert`.
+    """
+
+    position: Float32  # (3, capacity) in the object's space; a direction for the sky
+    object_id: NDArray[np.uint32]  # (capacity,)
+    radiance: Float32  # (capacity, 4) linear RGB, and in column LIGHTING the square root of lighting
+    time: Float32  # (capacity,) seconds of the store's clock
+    confidence: Float32  # (capacity,) 0..1; 0: rejected
+    screen_position: Float32  # (3, capacity) x, y in pixels of the image, depth; OUTSIDE where it is not in the image
+    normal: NDArray[np.uint16]  # (capacity,) octahedral, two int8; empty if no light of the scene ever changes
+    light_visibility: NDArray[np.uint32]  # (capacity,) bit k: light k reaches the point; empty likewise
+    albedo: Float32  # (3, capacity) reflected share, NOT_RELIT where it is not known; empty likewise
+
+    @classmethod
+    def of(cls, capacity: int, *, lit: bool) -> SampleStore:
+        """An empty store; `lit`: with what relighting needs."""
+        return cls(
+            position=np.zeros((3, capacity), np.float32),
+            object_id=np.zeros(capacity, np.uint32),
+            radiance=np.zeros((capacity, 4), np.float32),
+            time=np.zeros(capacity, np.float32),
+            confidence=np.zeros(capacity, np.float32),
+            screen_position=np.full((3, capacity), OUTSIDE, np.float32),
+            normal=np.zeros(lit * capacity, np.uint16),
+            light_visibility=np.zeros(lit * capacity, np.uint32),
+            albedo=np.zeros((3, lit * capacity), np.float32),
+        )
+
+    @property
+    def capacity(self) -> int:
+        """Samples that it has room for."""
+        return len(self.object_id)
+
+
+class PixelHistory(NamedTuple):
+    """What the pixels of the image remember: new samples are compared with it, and update it."""
+
+    nearest: Float32  # (h, w, 4) the nearest sample: depth (inf: none), x, y, object id (-1: none; exact to 2^24)
+    lighting: Float32  # (h, w, 2) weighted square root of lighting, and weight; (0, 0, 2) unless changes are detected
+    accumulation: Float32  # (h, w, 8), columns of kernels.accumulation
+    rejection: Float32  # (h, w, 2) share of confidence that older samples lose, and the time before which they do
+    rejected_object: NDArray[np.uint32]  # (h, w) object whose samples lose it
+    temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt lighting| that samples find in a tile
+    contradicted: NDArray[np.bool_]  # (rows, columns) tiles where a sample contradicted the image
+    dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
+
+    @classmethod
+    def of(cls, width: int, height: int, *, detects_change: bool) -> PixelHistory:
+        """Of pixels that never had a sample."""
+        tiles = -(-height // TILE), -(-width // TILE)
+        return cls(
+            nearest=np.full((height, width, 4), -1.0, np.float32),
+            lighting=np.zeros((detects_change * height, detects_change * width, 2), np.float32),
+            accumulation=np.zeros((height, width, COLUMNS), np.float32),
+            rejection=np.zeros((height, width, 2), np.float32),
+            rejected_object=np.zeros((height, width), np.uint32),
+            temporal_gradient=np.zeros(tiles, np.float32),
+            contradicted=np.zeros(tiles, np.bool_),
+            dirty=np.zeros(tiles, np.bool_),
+        )

@@ -1,0 +1,220 @@
+"""The image of `reconstruction.reconstruction` made on a GPU: same samples in, same image out, within float rounding.
+
+New samples are inserted on the CPU, by the same kernel, and travel once; what touches every stored sample or every
+pixel of a moving image happens on the GPU. While nothing moves, the GPU rests: accumulated means grow on the CPU.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.deepbuffer.deep_buffer import EPOCH_S, SAMPLES_PER_PIXEL, SORT_EVERY, View, capacity_for, take_dirty
+from wall.deepbuffer.kernels.accumulation import COUNT
+from wall.deepbuffer.kernels.insert import insert
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.pose import Posed
+from wall.deepbuffer.store import PixelHistory, SampleStore
+from wall.geometry.panels import Panel
+from wall.reconstruction.display_values import update_display
+from wall.reconstruction.gpu.device import CONFIDENCE, TIME, device
+from wall.reconstruction.gpu.passes import Passes
+from wall.reconstruction.gpu.relighting import Relighting
+from wall.reconstruction.gpu.store import GpuStore
+from wall.reconstruction.kernels.splat import mix_accumulation
+from wall.reconstruction.reconstruction import YOUNG_S, StoredSamples
+from wall.scene.build import Scene
+from wall.scene.needs import needs
+
+STAGED = 1 << 17  # samples that wait on the CPU at most, to travel together
+
+
+class GpuReconstruction:
+    """The image of one panel, or a part of it; to be used by the thread that made it."""
+
+    def __init__(
+        self,
+        panel: Panel,
+        eye: Float64,
+        scene: Scene,
+        *,
+        rect: Rect | None = None,
+        samples_per_pixel: float = SAMPLES_PER_PIXEL,
+    ) -> None:
+        """`rect` is the part of the panel that is shown, all if None. Raises GpuError where there is no GPU for it."""
+        self.view = View(panel, eye, scene, rect, lit=needs(scene).relighting)
+        self.rect = self.view.rect
+        width, height, objects = self.rect.width, self.rect.height, len(scene.instances) + 1
+        self._kept, self._samples_per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
+        self._device = device()
+        self._store = GpuStore(self._device, capacity_for(self._kept, width, height), lit=self.view.lit)
+        self._passes = Passes(self._device, width, height, objects=objects)
+        lights = len(scene.directional_lights) + len(scene.point_lights)
+        self._relighting = Relighting(self._device, self.view.diffuse.sky_irradiance, objects=objects, lights=lights)
+        self._largest = min(STAGED, self._store.capacity // 2)  # samples inserted at once
+        self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.view.lit), 0
+        self._change = np.zeros(self._largest, np.float32)  # of the staged samples
+        self._ordinal = 0  # new samples that have travelled since the last refresh
+        self._until_packed = 0
+        self._history = PixelHistory.of(width, height, detects_change=False)  # its rejections are the GPU's
+        self._resolved = np.zeros((height, width, 3), np.float32)
+        self._radiance = np.zeros((height, width, 3), np.float32)
+        self._read = True  # whether that is what the GPU shows
+        self._epoch = 0.0  # the store's clock zero
+
+    @property
+    def renderer(self) -> str:
+        """What OpenGL calls the GPU."""
+        return self._device.renderer
+
+    @property
+    def nothing_moves(self) -> bool:
+        """Whether the last refresh showed the same event as the one before."""
+        return self.view.nothing_moves
+
+    @property
+    def radiance(self) -> Float32:
+        """(h, w, 3) float32 linear RGB after the last refresh; travels from the GPU when it is asked for."""
+        if not self._read:
+            self._passes.read_shown(self._radiance)
+            self._read = True
+        return self._radiance
+
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB; a moving image travels as these bytes and no more."""
+        if self._read:
+            update_display(self._radiance, dirty, TILE, rgb)
+        else:
+            self._passes.read_display(rgb)
+
+    @property
+    def count(self) -> int:
+        """Samples stored, those that wait for removal among them."""
+        return self._store.count + self._staged
+
+    def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
+        """Store samples that were traced under `event`. Raises GpuError if the GPU is lost."""
+        known = samples["object_id"] < len(self.view.diffuse.objects)
+        samples = samples if known.all() else samples[known]
+        rules = self.view.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
+        pose, under = self.view.inserted(event)
+        for start in range(0, len(samples), self._largest):
+            part = samples[start : start + self._largest]
+            if self.count + len(part) > self._store.capacity:
+                self._evict(len(part))
+            if self._staged + len(part) > self._largest:
+                self._send(moving=not self.nothing_moves)
+            first = self._staged
+            self._staged = insert(
+                part, self._seconds(base_time), pose, under.panel_from_object, self._staged_store, first,
+                self._history, self.view.diffuse, rules,
+            )  # fmt: skip
+            if rules.ignores_change:
+                self._change[first : self._staged] = 0.0
+            else:
+                self._change[first : self._staged] = part["change"]  # all were stored
+
+    def refresh(self, event: Event, now: float) -> None:
+        """Show the samples under `event`; nothing moved since the last refresh if it has the same number.
+
+        Raises GpuError if the GPU is lost.
+        """
+        stood, history = self.nothing_moves, self._history
+        self.view.show(event)
+        if not self.nothing_moves:
+            self._reconstruct(now, stood=stood)
+            history.dirty[:] = True
+            return
+        if not stood:
+            self._rest()
+        if history.dirty.any():
+            mix_accumulation(self._resolved, history.accumulation, history.dirty, self.radiance)
+
+    def clear(self) -> None:
+        """Forget every sample."""
+        self._store.count = self._staged = 0
+        self.view.forget()
+        self._history.accumulation[:] = 0.0
+        self._passes.clear_accumulation()
+
+    def take_dirty(self) -> NDArray[np.bool_]:
+        """(rows, columns) bool of 16-pixel tiles changed since the last call."""
+        return take_dirty(self._history)
+
+    def stored(self) -> StoredSamples:
+        """See Reconstruction; travels from the GPU. Raises GpuError if that is lost."""
+        self._send(moving=not self.nothing_moves)
+        state, screen = self._store.read("state"), self._store.read("screen_position")
+        self._device.check()
+        return StoredSamples(state[TIME], state[CONFIDENCE], screen, self._store.count, self._epoch)
+
+    def accumulated_counts(self) -> Float32:
+        """See Reconstruction; travels from the GPU while something moves. Raises GpuError if that is lost."""
+        self._send(moving=not self.nothing_moves)
+        counts: Float32 = self._history.accumulation[..., COUNT] if self.nothing_moves else self._passes.read_counts()
+        self._device.check()
+        return counts
+
+    def _rest(self) -> None:
+        """Nothing moves any more: the accumulation and the resolved splats travel to the CPU."""
+        self._send(moving=True)
+        self._passes.read_accumulation(self._history.accumulation, self._resolved)
+        self._device.check()
+
+    def _reconstruct(self, now: float, *, stood: bool) -> None:
+        """Make the image of the view's event from all samples. `stood`: nothing moved before."""
+        pose, history, moved = self.view.pose, self._history, self.view.moved().astype(np.bool_)
+        assert pose is not None
+        self._send(moving=not stood)
+        relit = self.view.relit().astype(np.bool_)
+        if self.view.lit:
+            self._relighting.run(self._store, pose.lights, relit)
+        changed = moved | relit
+        if changed.all():
+            self._passes.clear_accumulation()
+        elif stood:
+            self._passes.write_accumulation(history.accumulation)
+        self._passes.run(
+            self._store, pose.panel_from_object, moved, changed, contradicted=bool(history.contradicted.any()),
+            now=self._seconds(now), young=np.float32(YOUNG_S), kept=self._kept,
+        )  # fmt: skip
+        self._read = False
+        history.contradicted[:] = False
+        self._ordinal = 0
+        self._until_packed -= 1
+        if self._until_packed <= 0:
+            self._until_packed = SORT_EVERY
+            self._store.pack()
+        self._device.check()
+
+    def _send(self, *, moving: bool) -> None:
+        """Let the staged samples travel; in a moving image pixels accumulate them, and contradictions count."""
+        n, self._staged = self._staged, 0
+        if n == 0:
+            return
+        first = self._store.count
+        self._store.append(self._staged_store, n)
+        if moving:
+            self._passes.accumulate(self._store, first, n)
+            if self._change[:n].any():
+                self._passes.reject(self._store, first, self._change[:n], self._ordinal)
+            self._ordinal += n
+
+    def _evict(self, n: int) -> None:
+        """Make room for `n` samples, more than expected between two refreshes: the oldest go if need be."""
+        self._send(moving=not self.nothing_moves)
+        self._store.pack()
+        room = self._store.capacity - n
+        if self._store.count > room:
+            self._store.drop_oldest(1.0 - min(self._kept, room) / self._store.count)
+
+    def _seconds(self, time: float) -> np.float32:
+        """A time on the store's clock, which starts anew now and then."""
+        if abs(time - self._epoch) > EPOCH_S:
+            later = np.float32(time - self._epoch)
+            self._staged_store.time[: self._staged] -= later
+            self._store.shift(later)
+            self._passes.shift_rejections(later)
+            self._epoch = time
+        return np.float32(time - self._epoch)

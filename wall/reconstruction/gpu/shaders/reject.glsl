@@ -1,0 +1,38 @@
+// Mark the 3x3 pixels around samples that contradict the image for history rejection, less with distance. The greatest
+// share of a pixel stays, the first of equals. Three stages, since no atomic carries a time and an object along.
+layout(std430, binding = 0) readonly buffer Changes { float change[]; };
+layout(std430, binding = 1) readonly buffer ScreenPosition { float screen[]; };  // x, y, depth
+layout(std430, binding = 2) readonly buffer State { float state[]; };  // time, confidence
+layout(std430, binding = 3) readonly buffer ObjectId { uint object_id[]; };
+layout(std430, binding = 4) buffer Rejection { uint rejection[]; };  // planes: share, ordinal, time, object
+uniform uint first;  // slot of the first new sample
+uniform uint ordinal;  // new samples before it since the last refresh
+uniform int stage;
+uniform ivec2 size;
+
+void mark(uint p, float share, uint n) {
+    uint area = uint(size.x * size.y), bits = floatBitsToUint(share);
+    if (stage == 0) {
+        if (atomicMax(rejection[p], bits) < bits) rejection[area + p] = NOWHERE;  // the first at a smaller share
+    } else if (rejection[p] == bits) {
+        if (stage == 1) atomicMin(rejection[area + p], ordinal + n);
+        else if (rejection[area + p] == ordinal + n) {
+            rejection[2 * area + p] = floatBitsToUint(state[2 * (first + n) + TIME]);
+            rejection[3 * area + p] = object_id[first + n];
+        }
+    }
+}
+
+void main() {
+    uint n = item();
+    if (n >= count) return;
+    uint k = first + n;
+    if (!(change[n] > 0.0) || !(screen[3 * k + DEPTH] > 0.0)) return;
+    ivec2 at = ivec2(screen[3 * k + X], screen[3 * k + Y]);
+    for (int y = max(at.y - 1, 0); y < min(at.y + 2, size.y); y++) {
+        for (int x = max(at.x - 1, 0); x < min(at.x + 2, size.x); x++) {
+            ivec2 d = ivec2(x, y) - at;
+            mark(uint(y * size.x + x), change[n] / (1.0 + 0.5 * float(d.x * d.x + d.y * d.y)), n);
+        }
+    }
+}

@@ -1,0 +1,219 @@
+"""Reconstruct an image from the samples of a deep buffer, at every refresh, under the event of that moment.
+
+`insert` stores samples; `refresh` reprojects them, drops what is hidden, rejected or expired, splats the rest and fills
+holes. While nothing moves, new samples are averaged per pixel and nothing else is redone. The same code makes the image
+at a compositor and the one that a sampler reads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Event, Float32, Float64, Rect, Samples
+from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, View, take_dirty
+from wall.deepbuffer.feedback import Feedback
+from wall.deepbuffer.kernels.accumulation import COUNT
+from wall.deepbuffer.kernels.change import TRUSTED
+from wall.deepbuffer.pose import Pose, Posed
+from wall.geometry.panels import Panel
+from wall.reconstruction.kernels import fill as kernels_fill
+from wall.reconstruction.kernels import splat as kernels_splat
+from wall.reconstruction.kernels import visibility as kernels_visibility
+from wall.reconstruction.kernels.relight import relight
+from wall.scene.build import Scene
+from wall.scene.needs import needs
+
+YOUNG_S = 0.017  # a refresh at 60 Hz: what samples hide may not have been traced yet
+SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s where 4 samples a pixel are seen
+DECAY_PER_GRADIENT = 100.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ingredients:
+    """What the image is made with; each can be left out, to measure its effect."""
+
+    reprojection: bool = True  # else samples stay where they were traced
+    objects: bool = True  # else they are points of the world, and moving objects leave them behind
+    visibility: bool = True  # else nothing hides anything
+    change_test: bool = True  # else new samples contradict nothing
+    ageing: bool = True  # else old samples weigh as much as new ones
+    relighting: bool = True  # else stored samples keep the light that they were traced in
+    accumulation: bool = True  # else pixels at rest accumulate no mean of their own
+
+
+ALL = Ingredients()
+
+
+class StoredSamples(NamedTuple):
+    """Where and how old the samples of an image are; see SampleStore."""
+
+    times: Float32  # (in_use,) or more, seconds after `epoch`
+    confidence: Float32
+    screen_position: Float32  # (3, in_use) or more
+    in_use: int  # samples
+    epoch: float  # seconds
+
+
+class Reconstruction:
+    """The image of one panel, or a part of it. Times are float64 seconds of one clock."""
+
+    def __init__(
+        self,
+        panel: Panel,
+        eye: Float64,
+        scene: Scene,
+        *,
+        detects_change: bool,
+        rect: Rect | None = None,
+        samples_per_pixel: float = SAMPLES_PER_PIXEL,
+        ingredients: Ingredients = ALL,
+    ) -> None:
+        """`rect` is the part of the panel that is shown, all if None. `detects_change`: see DeepBuffer."""
+        lit = ingredients.relighting and needs(scene).relighting
+        self.view = View(panel, eye, scene, rect, lit=lit, objects=ingredients.objects)
+        self.rect, self._with = self.view.rect, ingredients
+        self.buffer = DeepBuffer(
+            self.view, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
+            samples_per_pixel=samples_per_pixel,
+        )  # fmt: skip
+        width, height = self.rect.width, self.rect.height
+        self._bounds = np.ones((height, width, 3), np.float32)
+        self._weight = np.zeros(self.buffer.store.capacity, np.float32)
+        self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
+        self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
+        self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in halves(height, width)]
+        self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
+        self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
+
+    def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
+        """Store samples that were traced under `event`; their `change` is written if changes are detected."""
+        self.buffer.insert(samples, base_time, event)
+
+    def refresh(self, event: Event, now: float) -> None:
+        """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
+        self.view.show(event)
+        history = self.buffer.history
+        if not self.view.nothing_moves:
+            self._reconstruct(self.buffer.seconds(now))
+            history.dirty[:] = True
+        if not self._with.accumulation:
+            history.accumulation[:] = 0.0
+        if history.dirty.any():
+            kernels_splat.mix_accumulation(self.resolved, history.accumulation, history.dirty, self.radiance)
+
+    def feedback(self) -> Feedback:
+        """What a sampler may read after a refresh."""
+        return Feedback(
+            resolved=self.radiance,
+            sample_density=self.splat_sums[1:-1, 1:-1, 3],
+            accumulation=self.buffer.history.accumulation,
+            temporal_gradient=self.buffer.history.temporal_gradient,
+            nothing_moves=self.nothing_moves,
+        )
+
+    def discard(self, samples: Samples, base_time: float) -> None:
+        """Remove the samples of one insert again; see DeepBuffer."""
+        self.buffer.discard(samples, base_time)
+
+    def clear(self) -> None:
+        """Forget every sample."""
+        self.buffer.clear()
+        self.splat_sums[:] = 0.0
+
+    @property
+    def nothing_moves(self) -> bool:
+        """Whether the last refresh showed the same event as the one before."""
+        return self.view.nothing_moves
+
+    @property
+    def count(self) -> int:
+        """Samples stored, those that wait for removal among them."""
+        return self.buffer.count
+
+    @property
+    def bytes(self) -> int:
+        """Memory of all its arrays; it never grows."""
+        own = [*vars(self).values(), *self._levels]
+        return self.buffer.bytes + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
+
+    def take_dirty(self) -> NDArray[np.bool_]:
+        """(rows, columns) bool of 16-pixel tiles changed since the last call."""
+        return take_dirty(self.buffer.history)
+
+    def stored(self) -> StoredSamples:
+        """The samples of the image, for statistics and for channels of time."""
+        buffer = self.buffer
+        store = buffer.store
+        return StoredSamples(store.time, store.confidence, store.screen_position, buffer.count, buffer.epoch)
+
+    @property
+    def pose(self) -> Pose:
+        """The pose that the image shows; only after a refresh."""
+        assert self.view.pose is not None
+        return self.view.pose
+
+    def find_nearest(self) -> Float32:
+        """(h, w, 4) each pixel's nearest sample, also among those that came since the last refresh."""
+        buffer = self.buffer
+        kernels_visibility.find_nearest(buffer.store, buffer.count, buffer.history.nearest)
+        return buffer.history.nearest
+
+    def accumulated_counts(self) -> Float32:
+        """(h, w) float32: of how many samples each pixel shows the mean while nothing moves."""
+        counts: Float32 = self.buffer.history.accumulation[..., COUNT]
+        return counts
+
+    def _reconstruct(self, now: np.float32) -> None:
+        """Make the image of the view's event from all samples. `now`: seconds of the store's clock."""
+        buffer, history = self.buffer, self.buffer.history
+        moved = self.view.moved() * np.uint8(self._with.reprojection)
+        buffer.reproject(moved)
+        relit = self._relight()
+        store, count = buffer.store, buffer.count
+        alive = kernels_visibility.find_nearest(store, count, history.nearest)
+        ageing = np.float32(self._with.ageing)
+        decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
+        kernels_visibility.bound_depths(
+            history.nearest, moved, decay, kernels_visibility.SILHOUETTE * ageing, self.splat_sums, self._bounds
+        )
+        young = np.float32(YOUNG_S if self._with.visibility else np.inf)
+        kernels_visibility.weigh(
+            store, count, buffer.cutoff(alive, now), history.nearest, self._bounds, now, young, self._weight,
+            self._untested,
+        )  # fmt: skip
+        kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.lighting)
+        buffer.reject_accumulation(moved | relit)
+        buffer.sort()
+        self._fill()
+
+    def _relight(self) -> NDArray[np.uint8]:
+        """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""
+        relit, buffer = self.view.relit(), self.buffer
+        if self.view.lit:
+            relight(buffer.store, buffer.count, relit, self.pose.lights, self.view.diffuse.sky_irradiance)
+        return relit
+
+    def _fill(self) -> None:
+        """Fill holes and resolve the splat sums (push-pull)."""
+        fine, border, trusted = self.splat_sums, 1, TRUSTED
+        for level in self._levels:
+            kernels_fill.halve(fine, border, trusted, level)
+            fine, border, trusted = level, 0, kernels_fill.ONE
+        filled = None
+        for level in reversed(self._levels):
+            kernels_fill.expand(level, filled)
+            filled = level
+        kernels_fill.resolve(self.splat_sums, self._levels[0], self.resolved)
+
+
+def halves(height: int, width: int) -> list[tuple[int, int]]:
+    """Rows and columns of a pyramid's levels: at least one, down to one pixel."""
+    sizes: list[tuple[int, int]] = []
+    while not sizes or width > 1 or height > 1:
+        height, width = -(-height // 2), -(-width // 2)
+        sizes.append((height, width))
+    return sizes
