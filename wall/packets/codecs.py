@@ -13,17 +13,20 @@ ZSTD_LEVEL = 1  # higher levels gain 3 % and cost three times as much
 
 
 class Codec(IntEnum):
+    """How a body is compressed."""
+
     NONE = 0
     LZ4 = 1
     ZSTD = 2
 
     @classmethod
     def named(cls, name: str) -> Codec:
+        """The codec of a configuration's `transport.codec`."""
         return cls[name.upper()]
 
 
 def compress(body: memoryview, codec: Codec) -> bytes:
-    """body : contiguous bytes."""
+    """The compressed bytes of a body; zstd frames state their size."""
     if codec == Codec.LZ4:
         return bytes(lz4.block.compress(body, store_size=False))
     if codec == Codec.ZSTD:
@@ -49,3 +52,18 @@ def expand(body: memoryview, codec: int, size: int, where: str) -> bytes | memor
     if len(data) != size:
         raise RemoteProtocolError(f"{where}: body has {len(data)} bytes, its samples need {size}")
     return data
+
+
+def expand_at_most(body: memoryview, size: int, where: str) -> bytes:
+    """The bytes of a zstd frame that states its size, refused above `size` before any is allocated.
+
+    Raises RemoteProtocolError.
+    """
+    try:
+        stated = zstandard.frame_content_size(body)
+    except zstandard.ZstdError as error:
+        raise RemoteProtocolError(f"{where}: body does not decompress ({error})") from error
+    if not 0 <= stated <= size:
+        raise RemoteProtocolError(f"{where}: body expands to {stated} bytes, its samples need at most {size}")
+    data = expand(body, Codec.ZSTD, stated, where)
+    return bytes(data)

@@ -1,4 +1,4 @@
-"""Selective-refresh packets: one batch of samples of one rectangle, traced under one event.
+"""Sample packets: one batch of samples of one rectangle, traced under one event.
 
 A packet is self-contained and idempotent: it can be lost, repeated or late without harm to the next. decode() gives a
 Batch or raises RemoteProtocolError, for any bytes: sizes and checksum are checked before numpy sees a buffer.
@@ -9,28 +9,49 @@ from __future__ import annotations
 import math
 import struct
 import zlib
+from enum import IntFlag
 
 import numpy as np
 
-from wall.core.data import SAMPLE, Batch, Camera, Rect, Samples
+from wall.core.data import Batch, Camera, Rect
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
-from wall.packets import compact
+from wall.packets import compact_body, plain_body
 from wall.packets.codecs import Codec, compress, expand
-from wall.packets.kernels import fixed as kernels
-from wall.packets.kernels.compact_write import DEPTH_BITS
+from wall.packets.kernels.compact_body import DEPTH_BITS
+from wall.packets.kernels.plain_body import MAX_SPAN_S
 from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
-__all__ = ["BYTES_A_SAMPLE", "HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
+__all__ = ["HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 2, 1
-PLAIN, COMPACT, LIT = 0, 1, 2  # layouts of the body; LIT: compact with normals and lamps
-BYTES_A_SAMPLE = 12  # of a plain body, before compression
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 3, 1
+PLAIN, COMPACT = 0, 1  # layouts of the body
 MAX_SAMPLES = 65536  # of one packet
-MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits
+MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits of 14
+LARGEST_DEPTH_BASE, DEPTH_BITS_RANGE = 254, (8, 15)  # float32 exponent, mantissa bits
 
-_HEADER = struct.Struct("<4sBBBBBxHHHBBHHHHQIIdffIIIIId3d4d")
+_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQIIdffIIIIIId3d4d")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
+
+
+class Channel(IntFlag):
+    """What a packet says of each of its samples; bits of the header. New channels take the next bits."""
+
+    POSITION = 1
+    RADIANCE = 2
+    DEPTH = 4
+    TIME = 8
+    OBJECT_ID = 16
+    CHANGE = 32
+    NORMAL = 64
+    LIGHT_VISIBILITY = 128
+
+
+ALWAYS = Channel.POSITION | Channel.RADIANCE | Channel.DEPTH | Channel.TIME | Channel.OBJECT_ID
+ADAPTIVE = ALWAYS | Channel.CHANGE
+RELIGHTABLE = ADAPTIVE | Channel.NORMAL | Channel.LIGHT_VISIBILITY
+KNOWN = RELIGHTABLE
+CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS,), COMPACT: (ADAPTIVE, RELIGHTABLE)}
 
 
 def is_samples(data: bytes) -> bool:
@@ -41,7 +62,7 @@ def is_samples(data: bytes) -> bool:
 def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
     """One packet of a batch; the compact layout for adaptive ones, whose samples may come back in another order.
 
-    `codec` is that of the plain layout: the compact one leaves nothing to compress.
+    `codec` is that of the plain layout: the compact one is always compressed by zstd.
 
     Raises LocalProtocolError for what the format cannot carry: too many samples, a rectangle with an edge above 4096,
     samples outside it, radiance that is not finite, negative depth, times below 0 or from 1e6 s, a camera that is not
@@ -55,11 +76,13 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
             f"at most {MAX_SAMPLES} samples, edges of 1 to {MAX_EDGE} pixels"
         )
     if batch.adaptive:
-        layout, codec, bits = LIT if batch.relightable else COMPACT, Codec.NONE, DEPTH_BITS
-        data, base, span, bad, outside = compact.pack(batch.samples, rect, lit=batch.relightable)
+        layout, codec, bits = COMPACT, Codec.ZSTD, DEPTH_BITS
+        channels = RELIGHTABLE if batch.relightable else ADAPTIVE
+        data, objects, base, span, bad, outside = compact_body.pack(batch.samples, rect, relightable=batch.relightable)
     else:
-        layout = PLAIN
-        data, base, bits, span, bad, outside = _pack_plain(batch.samples, rect, codec)
+        layout, channels = PLAIN, ALWAYS
+        raw, objects, base, bits, span, bad, outside = plain_body.pack(batch.samples, rect)
+        data = b"" if bad or outside else compress(raw.data, codec)
     if bad:
         raise LocalProtocolError(f"{where}: {bad} of {n} samples without a finite colour, a depth or a time")
     if outside:
@@ -72,36 +95,11 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
         raise LocalProtocolError(f"{where}: scene time {batch.scene_time}, {batch.camera}; wanted finite numbers")
     try:
         header = _HEADER.pack(
-            MAGIC,
-            VERSION,
-            KIND_SAMPLES,
-            codec,
-            batch.adaptive,
-            layout,
-            batch.view,
-            batch.panel,
-            batch.rank,
-            base,
-            bits,
-            rect.x,
-            rect.y,
-            rect.width,
-            rect.height,
-            batch.sequence,
-            batch.camera_event,
-            batch.scene_event,
-            batch.base_time,
-            span,
-            batch.blend,
-            batch.frame,
-            batch.frame_samples,
-            batch.skipped,
-            n,
-            len(data),
-            batch.scene_time,
-            *batch.camera.position,
-            *quaternion_of(batch.camera.world_from_wall),
-        )
+            MAGIC, VERSION, KIND_SAMPLES, codec, layout, channels, batch.view, batch.panel, batch.rank, base, bits,
+            rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
+            batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, objects,
+            len(data), batch.scene_time, *batch.camera.position, *quaternion_of(batch.camera.world_from_wall),
+        )  # fmt: skip
     except struct.error as error:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
     except ValueError as error:
@@ -114,9 +112,9 @@ def decode(data: bytes | memoryview) -> Batch:
     if len(data) < HEADER_BYTES:
         raise RemoteProtocolError(f"a packet of {len(data)} bytes; its header alone has {HEADER_BYTES}")
     fields = _HEADER.unpack_from(data)
-    magic, version, kind, codec, adaptive, layout, view, panel, rank, base, bits, x, y, width, height = fields[:15]
+    magic, version, kind, codec, layout, channels, view, panel, rank, base, bits, x, y, width, height = fields[:15]
     sequence, camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n = fields[15:25]
-    length, scene_time, position, quaternion = fields[25], fields[26], fields[27:30], fields[30:]
+    objects, length, scene_time, position, quaternion = *fields[25:28], fields[28:31], fields[31:]
     where = f"rank {rank} packet {sequence}"
     if magic != MAGIC or version != VERSION or kind != KIND_SAMPLES:
         raise RemoteProtocolError(f"not a sample packet of version {VERSION}: starts with {bytes(data[:6])!r}")
@@ -127,21 +125,31 @@ def decode(data: bytes | memoryview) -> Batch:
     if zlib.crc32(body, zlib.crc32(memoryview(data)[: _HEADER.size])) != checksum:
         raise RemoteProtocolError(f"{where}: checksum does not match")
     edges_fit = 0 < width <= MAX_EDGE and 0 < height <= MAX_EDGE
-    if n > MAX_SAMPLES or not edges_fit or not 8 <= bits <= 15 or base > 254:
-        raise RemoteProtocolError(f"{where}: {n} samples of {width}x{height}, depth code {base}/{bits}: out of range")
+    depth_fits = base <= LARGEST_DEPTH_BASE and DEPTH_BITS_RANGE[0] <= bits <= DEPTH_BITS_RANGE[1]
+    if n > MAX_SAMPLES or objects > n or not edges_fit or not depth_fits:
+        raise RemoteProtocolError(
+            f"{where}: {n} samples of {objects} objects in {width}x{height}, depth code {base}/{bits}: out of range"
+        )
     if not _sane(base_time, span, blend):
         raise RemoteProtocolError(f"{where}: time {base_time}, span {span}, blend {blend}: out of range")
-    if adaptive > 1 or not all(map(math.isfinite, (scene_time, *position))) or not is_unit(quaternion):
+    if not all(map(math.isfinite, (scene_time, *position))) or not is_unit(quaternion):
+        raise RemoteProtocolError(f"{where}: scene time {scene_time}, pose {position} {quaternion}: out of range")
+    if channels not in CHANNELS_OF_LAYOUT.get(layout, ()):
         raise RemoteProtocolError(
-            f"{where}: filter {adaptive}, scene time {scene_time}, pose {position} {quaternion}: out of range"
+            f"{where}: channels {channels:#x} in layout {layout}, bits {channels & ~KNOWN:#x} of them not known; "
+            f"wanted {int(ALWAYS):#x} in layout 0, {int(ADAPTIVE):#x} or {int(RELIGHTABLE):#x} in layout 1"
         )
+    if layout == COMPACT and codec != Codec.ZSTD:
+        raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; wanted 2, zstd")
     rect = Rect(x=x, y=y, width=width, height=height)
     if layout == PLAIN:
-        samples = _unpack_plain(expand(body, codec, BYTES_A_SAMPLE * n, where), rect, base, bits, span)
-    elif layout in (COMPACT, LIT) and codec == Codec.NONE:
-        samples = compact.unpack(body, n, rect=rect, depth_base=base, depth_bits=bits, span=span, lit=layout == LIT)
+        raw = expand(body, codec, plain_body.size_of(n, objects), where)
+        samples = plain_body.unpack(raw, n, rect=rect, depth_base=base, depth_bits=bits, span=span)
     else:
-        raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; known: 0 with any, 1 and 2 with 0")
+        samples = compact_body.unpack(
+            body, n, objects, rect=rect, depth_code=(base, bits), span=span, relightable=channels == RELIGHTABLE,
+            where=where,
+        )  # fmt: skip
     if samples is None:
         raise RemoteProtocolError(f"{where}: body is not {n} samples inside its rectangle")
     return Batch(
@@ -160,66 +168,10 @@ def decode(data: bytes | memoryview) -> Batch:
         blend=blend,
         camera=Camera(position=position, world_from_wall=rotation_of(quaternion)),
         scene_time=scene_time,
-        adaptive=bool(adaptive),
-        relightable=layout == LIT,
+        adaptive=layout == COMPACT,
+        relightable=channels == RELIGHTABLE,
     )
-
-
-def _pack_plain(samples: Samples, rect: Rect, codec: Codec) -> tuple[bytes, int, int, float, int, int]:
-    """Body, depth code's base and bits, span of times, samples that are bad or outside (then the body is empty)."""
-    n = len(samples)
-    low, high, latest, bad = kernels.depth_range(samples)
-    if bad:
-        return b"", 0, 0, 0.0, int(bad), 0
-    base, bits = _depth_code(int(low), int(high))
-    body = np.empty(BYTES_A_SAMPLE * n, np.uint8)
-    outside = kernels.pack(
-        samples,
-        (rect.x, rect.y, rect.width, rect.height),
-        subpixel_bits(rect.width),
-        subpixel_bits(rect.height),
-        base,
-        bits,
-        np.float32(latest),
-        *_planes(body, n),
-    )
-    return compress(body.data, codec), base, bits, float(latest), 0, int(outside)
-
-
-def _unpack_plain(data: bytes | memoryview, rect: Rect, base: int, bits: int, span: float) -> Samples | None:
-    """The samples of a plain body, None if one lies outside the rectangle."""
-    n = len(data) // BYTES_A_SAMPLE
-    samples = np.zeros(n, SAMPLE)
-    outside = kernels.unpack(
-        *_planes(np.frombuffer(data, np.uint8), n),
-        (rect.x, rect.y, rect.width, rect.height),
-        subpixel_bits(rect.width),
-        subpixel_bits(rect.height),
-        base,
-        bits,
-        np.float32(span),
-        samples,
-    )
-    return None if outside else samples
-
-
-def subpixel_bits(edge: int) -> int:
-    """Sub-pixel bits of positions along an edge of so many pixels: what the pixel number leaves of 14 bits."""
-    return kernels.POSITION_BITS - max(edge - 1, 0).bit_length()
 
 
 def _sane(base_time: float, span: float, blend: float) -> bool:
-    return math.isfinite(base_time) and 0.0 <= span < kernels.MAX_SPAN_S and 0.0 < blend <= 1.0
-
-
-def _depth_code(low: int, high: int) -> tuple[int, int]:
-    """Exponent of depth code 0, and as many mantissa bits as cover the exponents low to high."""
-    if low > high:
-        return 0, 15
-    return low, min(15, (65534 // (high - low + 1)).bit_length() - 1)
-
-
-def _planes(body: np.ndarray[tuple[int], np.dtype[np.uint8]], n: int) -> tuple[np.ndarray, ...]:
-    """Colour (n,) uint32, then x, y, depth, object (n,) uint16: views of one body."""
-    words = body[4 * n :].view(np.uint16)
-    return body[: 4 * n].view(np.uint32), words[:n], words[n : 2 * n], words[2 * n : 3 * n], words[3 * n :]
+    return math.isfinite(base_time) and 0.0 <= span < MAX_SPAN_S and 0.0 < blend <= 1.0

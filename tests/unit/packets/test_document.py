@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zstandard
 from packet_examples import batch_of
 
 from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, StatisticsImage
 from wall.packets import control
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletPart
-from wall.packets.kernels.compact_write import CHANGED, FLAG_BITS, LIT_FLAG_BITS, MIXED_OBJECTS, MIXED_TIMES
-from wall.packets.kernels.normals import RELIT, TURNED
-from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, decode, encode
+from wall.packets.kernels import compact_body as kernels
+from wall.packets.plain_body import BYTES_A_SAMPLE
+from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, RELIGHTABLE, Channel, decode, encode
+from wall.roles.layer import EARLY_BATCHES
 
 PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
 
@@ -84,34 +86,41 @@ def test_the_example_is_what_its_values_encode_to() -> None:
 def test_the_compact_example_decodes_to_the_values_beside_it_and_is_what_they_encode_to() -> None:
     batch = batch_of(samples_of(EXAMPLE["sent"]), rect=Rect(**EXAMPLE["rect"]), adaptive=True)
     packet = encode(batch)
-    assert packet[HEADER_BYTES:] == dumped("compact")
+    assert zstandard.decompress(packet[HEADER_BYTES:]) == dumped("compact")
     came, wanted = decode(packet).samples, samples_of(json.loads(block("json compact")))
     np.testing.assert_allclose(came["radiance"], wanted["radiance"], rtol=1e-6)  # machines round products differently
     assert all((came[name] == wanted[name]).all() for name in ("xy", "depth", "time", "object_id", "change"))
 
 
 def test_the_example_with_normals_decodes_to_the_values_beside_it_and_is_what_they_encode_to() -> None:
-    facing = json.loads(block("json lit"))
-    sent = [row | more for row, more in zip(EXAMPLE["sent"], facing["sent"], strict=True)]
+    relightable = json.loads(block("json relightable"))
+    sent = [row | more for row, more in zip(EXAMPLE["sent"], relightable["sent"], strict=True)]
     batch = batch_of(samples_of(sent), rect=Rect(**EXAMPLE["rect"]), adaptive=True, relightable=True)
     packet = encode(batch)
-    assert packet[HEADER_BYTES:] == dumped("lit")
-    came, wanted = decode(packet).samples, samples_of(facing["decoded"])
+    assert zstandard.decompress(packet[HEADER_BYTES:]) == dumped("relightable")
+    came, wanted = decode(packet).samples, samples_of(relightable["decoded"])
     assert all((came[name] == wanted[name]).all() for name in ("object_id", "normal", "light_visibility"))
 
 
-def test_the_flags_of_tiles_are_the_document_s() -> None:
-    row = next(line for line in PAGE.splitlines() if line.startswith("| flags |"))
-    bits = [int(k) for k in re.findall(r"(\d+): (?:its|not all|some)", row)]
-    assert bits == [MIXED_OBJECTS, MIXED_TIMES, CHANGED, TURNED, RELIT]
-    assert [int(k) for k in re.findall(r"(\d) bits", row)] == [FLAG_BITS, LIT_FLAG_BITS]
+def test_the_channels_and_columns_are_the_document_s() -> None:
+    rows = re.findall(r"^\| (\d+) \| (\w+) \| \w+ samples", PAGE, re.MULTILINE)
+    assert {name.upper(): int(bit) for bit, name in rows} == {channel.name: channel.value for channel in Channel}
+    assert f"{int(ALWAYS)} in a plain body, {int(ADAPTIVE)} or {int(RELIGHTABLE)} in a compact one" in PAGE
+    columns = PAGE[PAGE.index("| column |") :].split("\n\n", 1)[0]
+    names = re.findall(r"^\| (\w+) \| n \|", columns, re.MULTILINE)
+    assert [getattr(kernels, name.upper()) for name in names] == list(range(kernels.RELIGHTABLE_COLUMNS))
+
+
+def test_the_number_of_early_packets_is_the_document_s() -> None:
+    assert f"{EARLY_BATCHES:,} packets at most" in PAGE
 
 
 def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
-    assert fields["size"] == HEADER_BYTES == 146
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 2, 1, 0)
+    assert fields["size"] == HEADER_BYTES == 150
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 3, 1, 0)
+    assert (fields["layout"], fields["channels"], fields["objects"]) == (0, ALWAYS, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
     assert (fields["count"], fields["length"]) == (3, 3 * BYTES_A_SAMPLE)
@@ -167,7 +176,7 @@ def test_the_framelet_table_reads_a_framelet() -> None:
 
 
 def test_the_framelet_s_bits_are_the_document_s() -> None:
-    row = next(line for line in PAGE.splitlines() if "| channels |" in line)
+    row = next(line for line in PAGE.splitlines() if "| B | channels |" in line)
     assert re.findall(r"bit \d (\w+)", row) == list(CHANNELS)
     row = next(line for line in PAGE.splitlines() if "| flags | 1:" in line)
     assert [int(k) for k in re.findall(r"(\d): ", row)] == [ENCODED, COMPARED, POSED]

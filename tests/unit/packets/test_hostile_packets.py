@@ -14,7 +14,7 @@ from wall.core.data import Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.samples import HEADER_BYTES, Codec, decode, encode
 
-COUNT_AT, CODEC_AT = 70, 6
+COUNT_AT, OBJECTS_AT, CODEC_AT = 70, 74, 6
 PACKETS = {codec: encode(batch_of(plain_samples(2)), codec) for codec in Codec}
 
 
@@ -75,9 +75,10 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
         (16, "B", 255), (17, "B", 7), (17, "B", 16), (22, "H", 0), (22, "H", 4097), (24, "H", 0), (24, "H", 65535),
         (42, "d", float("nan")), (42, "d", float("inf")), (50, "f", -1.0), (50, "f", float("nan")), (50, "f", 1e6),
         (54, "f", 0.0), (54, "f", 1.5), (54, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
-        (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 1),
-        (4, "B", 3), (7, "B", 2), (8, "B", 1), (8, "B", 2), (78, "d", float("nan")), (86, "d", float("inf")),
-        (110, "d", float("nan")), (110, "d", 1.0 + 2e-6), (110, "d", 0.0), (134, "d", 1.0), (134, "d", 1e300),
+        (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (OBJECTS_AT, "I", 1), (OBJECTS_AT, "I", 2**32 - 1),
+        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 2), (4, "B", 4), (7, "B", 1), (7, "B", 2), (8, "H", 63),
+        (8, "H", 1 << 8 | 31), (82, "d", float("nan")), (90, "d", float("inf")), (114, "d", float("nan")),
+        (114, "d", 1.0 + 2e-6), (114, "d", 0.0), (138, "d", 1.0), (138, "d", 1e300),
     ],
 )  # fmt: skip
 def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: int, layout: str, value: float) -> None:
@@ -90,6 +91,15 @@ def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: in
 def test_a_position_outside_the_rectangle_is_refused() -> None:
     changed = bytearray(PACKETS[Codec.NONE])
     struct.pack_into("<H", changed, HEADER + 8, 480 << 5)  # x of sample 0: pixel 480 of 480
+    with pytest.raises(RemoteProtocolError, match="not 2 samples inside"):
+        decode(resealed(changed))
+
+
+def test_an_index_beyond_the_table_of_objects_is_refused() -> None:
+    samples = plain_samples(2)
+    samples["object_id"] = 70_000, 80_000
+    changed = bytearray(encode(batch_of(samples)))
+    struct.pack_into("<H", changed, HEADER + 20, 2)  # of sample 0: two objects
     with pytest.raises(RemoteProtocolError, match="not 2 samples inside"):
         decode(resealed(changed))
 

@@ -7,15 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from packet_examples import plain_samples, wrapped
+from packet_examples import plain_samples
 
 from wall.core.data import SAMPLE, Float32, Samples
-from wall.packets.kernels import fixed as kernels
+from wall.packets.kernels import plain_body as kernels
 
 RECT = (100, 40, 480, 270)
 X_BITS = Y_BITS = 5
 BASE, BITS = 120, 12
 SPAN = np.float32(0.0011)
+SCALES = kernels.Scales(X_BITS, Y_BITS, BASE, BITS, SPAN)
 
 
 def twin_shared_exponent(rgb: Float32) -> NDArray[np.uint32]:
@@ -31,7 +32,7 @@ def twin_shared_exponent(rgb: Float32) -> NDArray[np.uint32]:
 
 
 def twin_pack(samples: Samples) -> tuple[NDArray[Any], ...]:
-    """Colour, x, y, depth, object, time codes; times apart from the words that hold them."""
+    """Colour, x, y, depth, time codes; times apart from the words that hold them."""
     x, y = (np.floor((np.float64(samples["xy"]) - RECT[:2]) * 2.0**X_BITS).astype(np.uint16)).T
     depth = np.float64(samples["depth"])
     with np.errstate(invalid="ignore", over="ignore"):
@@ -40,35 +41,31 @@ def twin_pack(samples: Samples) -> tuple[NDArray[Any], ...]:
         code = np.floor((octave + 127 - BASE + mantissa) * 2.0**BITS + 0.5)
     depths = np.where(np.isinf(depth), 0xFFFF, code).astype(np.uint16)
     times = np.floor(np.float64(samples["time"]) / np.float64(SPAN) * 3 + 0.5).astype(int)
-    return twin_shared_exponent(samples["radiance"]), x, y, depths, wrapped(samples["object_id"]), times
+    return twin_shared_exponent(samples["radiance"]), x, y, depths, times
 
 
-def twin_unpack(planes: list[NDArray[Any]]) -> Samples:
-    colour, xs, ys, depths, objects = planes
+def twin_unpack(planes: kernels.Planes) -> Samples:
+    colour, xs, ys, depths, _ = planes
     samples = np.empty(len(colour), SAMPLE)
     scale = 2.0 ** (np.float64(colour >> 27) - 24)
     samples["radiance"] = np.stack([(colour >> shift & 511) * scale for shift in (0, 9, 18)], axis=1)
     samples["xy"][:, 0] = RECT[0] + (xs & 0x3FFF) / 2.0**X_BITS
-    samples["xy"][:, 1] = RECT[1] + (ys & 0x3FFF) / 2.0**Y_BITS
+    samples["xy"][:, 1] = RECT[1] + ys / 2.0**Y_BITS
     value = np.float64(depths) / 2.0**BITS
     depth = 2.0 ** (np.floor(value) + BASE - 127) * (1.0 + value % 1.0)
     samples["depth"] = np.where(depths == 0xFFFF, np.inf, depth)
-    samples["time"] = (objects >> 14) * (np.float64(SPAN) / 3)
-    samples["change"] = ((xs >> 14) * 4.0 + (ys >> 14)) / 15
-    samples["lighting"] = 0.0
-    samples["object_id"] = objects & 0x3FFF
+    samples["time"] = (xs >> 14) * (np.float64(SPAN) / 3)
     return samples
 
 
-def planes_of(n: int) -> list[NDArray[Any]]:
-    return [np.zeros(n, np.uint32), *(np.zeros(n, np.uint16) for _ in range(4))]
+def planes_of(n: int) -> kernels.Planes:
+    return kernels.Planes(np.zeros(n, np.uint32), *(np.zeros(n, np.uint16) for _ in range(4)))
 
 
 def moved_samples(n: int) -> Samples:
     samples = plain_samples(n, seed=3)
     samples["xy"] += np.float32(RECT[:2])
     samples["xy"] = np.minimum(samples["xy"], np.float32([579.9, 309.9]))
-    samples["object_id"][::7] += 20000
     return samples
 
 
@@ -84,12 +81,11 @@ def test_shared_exponents_are_those_of_the_published_encoding() -> None:
 @pytest.mark.parametrize("n", [0, 1, 300])
 def test_pack_gives_the_twin_s_words(n: int) -> None:
     samples, planes = moved_samples(n), planes_of(n)
-    assert kernels.pack(samples, RECT, X_BITS, Y_BITS, BASE, BITS, SPAN, *planes) == 0
-    colour, x, y, depth, objects, times = twin_pack(samples)
-    mask = np.uint16(0x3FFF)
-    got = [planes[0], planes[1] & mask, planes[2] & mask, planes[3], planes[4] & mask]
-    assert all((a == b).all() for a, b in zip(got, (colour, x, y, depth, objects), strict=True))
-    codes = (planes[1] >> 14) * 16 + (planes[2] >> 14) * 4 + (planes[4] >> 14)
+    assert kernels.pack(samples, RECT, SCALES, planes) == 0
+    colour, x, y, depth, times = twin_pack(samples)
+    got = [planes.colours, planes.xs & np.uint16(0x3FFF), planes.ys, planes.depths]
+    assert all((a == b).all() for a, b in zip(got, (colour, x, y, depth), strict=True))
+    codes = planes.xs >> 14
     assert (np.abs(codes.astype(int) - times) <= 1).all()  # float32 may tip a time that lies between two codes
     assert (codes == times).mean() > 0.98 if n else True
 
@@ -97,11 +93,11 @@ def test_pack_gives_the_twin_s_words(n: int) -> None:
 @pytest.mark.parametrize("n", [0, 1, 300])
 def test_unpack_gives_the_twin_s_samples(n: int) -> None:
     planes = planes_of(n)
-    kernels.pack(moved_samples(n), RECT, X_BITS, Y_BITS, BASE, BITS, SPAN, *planes)
+    kernels.pack(moved_samples(n), RECT, SCALES, planes)
     samples = np.empty(n, SAMPLE)
-    assert kernels.unpack(*planes, RECT, X_BITS, Y_BITS, BASE, BITS, SPAN, samples) == 0
+    assert kernels.unpack(planes, RECT, SCALES, samples) == 0
     wanted = twin_unpack(planes)
-    for name in ("xy", "radiance", "depth", "object_id"):
+    for name in ("xy", "radiance", "depth"):
         assert (samples[name] == wanted[name]).all()
     np.testing.assert_allclose(samples["time"], wanted["time"], rtol=1e-6)
 
@@ -109,9 +105,9 @@ def test_unpack_gives_the_twin_s_samples(n: int) -> None:
 def test_both_count_what_lies_outside() -> None:
     samples, planes = moved_samples(6), planes_of(6)
     samples["xy"][:4] = (99.99, 50), (580.0, 50), (200, np.nan), (200, 39.5)
-    assert kernels.pack(samples, RECT, X_BITS, Y_BITS, BASE, BITS, SPAN, *planes) == 4
-    planes[1][0], planes[2][1] = 480 << X_BITS, 270 << Y_BITS
-    assert kernels.unpack(*planes, RECT, X_BITS, Y_BITS, BASE, BITS, SPAN, samples) == 2
+    assert kernels.pack(samples, RECT, SCALES, planes) == 4
+    planes.xs[0], planes.ys[1] = 480 << X_BITS, 270 << Y_BITS
+    assert kernels.unpack(planes, RECT, SCALES, samples) == 2
 
 
 def test_depth_range_is_that_of_the_usable_samples() -> None:

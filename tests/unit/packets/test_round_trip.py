@@ -12,7 +12,8 @@ from packet_examples import batch_of, batches, check_bounds, check_sane, plain_s
 
 from wall.core.data import SAMPLE, Batch, Rect
 from wall.core.errors import LocalProtocolError
-from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES, Codec, decode, encode, is_samples
+from wall.packets.plain_body import BYTES_A_SAMPLE
+from wall.packets.samples import HEADER_BYTES, Codec, decode, encode, is_samples
 
 HEADER_FIELDS = [name for name in Batch.__dataclass_fields__ if name != "samples"]
 
@@ -41,6 +42,19 @@ def test_a_packet_of_the_most_samples_comes_back(compiled_only: None) -> None:
 def test_a_sample_takes_twelve_bytes_before_compression() -> None:
     assert BYTES_A_SAMPLE == 12
     assert len(encode(batch_of(plain_samples(100)))) == HEADER_BYTES + 1200
+
+
+@pytest.mark.parametrize("codec", Codec)
+def test_object_ids_of_32_bits_cost_4_bytes_for_each_object_of_the_packet(codec: Codec) -> None:
+    samples = plain_samples(100)
+    samples["object_id"] = np.arange(100) % 7 + 65529  # 65,535 is the last that needs no table
+    direct = encode(batch_of(samples), codec)
+    samples["object_id"] += 1
+    tabled = encode(batch_of(samples), codec)
+    if codec == Codec.NONE:
+        assert (len(direct), len(tabled)) == (HEADER_BYTES + 1200, HEADER_BYTES + 1200 + 4 * 7)
+    assert (decode(direct).samples["object_id"] == samples["object_id"] - 1).all()
+    assert (decode(tabled).samples["object_id"] == samples["object_id"]).all()
 
 
 def test_a_packet_can_be_read_from_a_view_of_a_larger_buffer() -> None:

@@ -6,7 +6,8 @@ A still view sends less, down to nothing: samplers stop when the image is comple
 from __future__ import annotations
 
 from wall.core.data import Channels
-from wall.packets.samples import BYTES_A_SAMPLE, HEADER_BYTES
+from wall.packets.plain_body import BYTES_A_SAMPLE
+from wall.packets.samples import HEADER_BYTES
 
 COMPACT_BYTES_A_SAMPLE = 7.0  # adaptive, header included: the limit of `adaptive_bytes`, docs/guide/measuring.md
 ENCODED_BYTES = 3  # a pixel of 8-bit sRGB

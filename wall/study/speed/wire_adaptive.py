@@ -19,7 +19,7 @@ from wall.tracing.tracer_scene import make_tracer_scene
 RATE = 400e3  # samples a second of the hand-turned clock
 STEP = 0.02  # world units that the eye slides at every batch
 SETTLED, BATCHES = 40, 24  # batches before, and measured
-LARGEST_BYTES = 7.0
+LARGEST_BYTES = 6.5
 SHARE = 4.0  # encoding may take a quarter of what tracing does
 
 

@@ -2,19 +2,41 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.jit import inline_kernel, kernel
 
 POSITION_BITS = 14
 POSITION_MASK = 0x3FFF
-INFINITE_DEPTH = 0xFFFF
-LARGEST_OBJECT = 16383  # 14 bits; larger ids wrap to 1..16383, never to the background's 0
+INFINITE_DEPTH = 0xFFFF  # code of a depth
+INFINITY_BITS, LARGEST_FINITE_BITS = 0x7F800000, 0x7F7FFFFF  # of float32
 TIME_STEPS = 3  # 2 bits
-CHANGE_STEPS = 15  # 4 bits
 MAX_SPAN_S = 1e6  # a packet's times span less
 SHORTEST_SPAN_S = 1e-30  # shorter ones count as 0: 63 / span would overflow
 LARGEST_COLOUR = 65408.0  # 511/512 * 2^16, the largest value of the shared-exponent format
+
+
+class Scales(NamedTuple):
+    """What the codes of one packet mean."""
+
+    x_bits: int  # sub-pixel bits of positions
+    y_bits: int
+    depth_base: int  # float32 exponent of depth code 0
+    depth_bits: int  # mantissa bits of a depth code
+    time_span: np.float32  # seconds of time code TIME_STEPS
+
+
+class Planes(NamedTuple):
+    """Views of one body of n samples."""
+
+    colours: NDArray[np.uint32]  # (n,)
+    xs: NDArray[np.uint16]  # (n,) position, time code above it
+    ys: NDArray[np.uint16]  # (n,) position
+    depths: NDArray[np.uint16]  # (n,)
+    objects: NDArray[np.uint16]  # (n,) object ids, or their indices in the packet's table
 
 
 @inline_kernel
@@ -57,16 +79,15 @@ def depth_range(samples):
 
 
 @kernel
-def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colour, xs, ys, depths, objects):
-    """Quantise samples; see docs/guide/packet_format.md for the layout and the error bounds.
+def pack(samples, rect, scales, planes):
+    """Quantise samples but their object ids; see docs/guide/packet_format.md for the layout and the error bounds.
 
     Parameters
     ----------
     samples : (n,) SAMPLE, inside the rectangle, usable (see depth_range)
-    rect : (x, y, width, height), panel pixels; x_bits, y_bits : sub-pixel bits
-    depth_base, depth_bits : exponent of depth code 0, mantissa bits
-    time_span : float32 seconds, of time code 3
-    colour : (n,) uint32; xs, ys, depths, objects : (n,) uint16; written
+    rect : (x, y, width, height), panel pixels
+    scales : Scales
+    planes : Planes of n numbers; all but `objects` are written
 
     Returns
     -------
@@ -74,65 +95,57 @@ def pack(samples, rect, x_bits, y_bits, depth_base, depth_bits, time_span, colou
     """
     outside = 0
     x0, y0, width, height = rect
-    x_scale, y_scale = np.float32(1 << x_bits), np.float32(1 << y_bits)
-    shift = 23 - depth_bits
+    x_scale, y_scale = np.float32(1 << scales.x_bits), np.float32(1 << scales.y_bits)
+    shift = 23 - scales.depth_bits
     half = (1 << shift) >> 1
-    origin = depth_base << 23
-    per_second = np.float32(0.0) if time_span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / time_span
+    origin = scales.depth_base << 23
+    span = np.float32(scales.time_span)
+    per_second = np.float32(0.0) if span < SHORTEST_SPAN_S else np.float32(TIME_STEPS) / span
     for k in range(samples.shape[0]):
-        colour[k] = shared_exponent(samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2])
+        r, g, b = samples[k]["radiance"][0], samples[k]["radiance"][1], samples[k]["radiance"][2]
+        planes.colours[k] = shared_exponent(r, g, b)
         dx, dy = samples[k]["xy"][0] - np.float32(x0), samples[k]["xy"][1] - np.float32(y0)
         if not (dx >= 0.0 and dy >= 0.0 and dx < width and dy < height):  # NaN too
             outside += 1
             dx, dy = np.float32(0.0), np.float32(0.0)
-        x, y = np.int32(dx * x_scale), np.int32(dy * y_scale)
         time = np.int32(samples[k]["time"] * per_second + np.float32(0.5))
         time = np.int32(min(max(time, 0), TIME_STEPS))
-        change = min(max(samples[k]["change"], np.float32(0.0)), np.float32(1.0))
-        change = np.int32(change * np.float32(CHANGE_STEPS) + np.float32(0.5))
-        xs[k] = np.uint16(x | ((change >> 2) << POSITION_BITS))
-        ys[k] = np.uint16(y | ((change & 3) << POSITION_BITS))
+        planes.xs[k] = np.uint16(np.int32(dx * x_scale) | (time << POSITION_BITS))
+        planes.ys[k] = np.uint16(np.int32(dy * y_scale))
         bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))
-        if bits >= 0x7F800000:
-            depths[k] = np.uint16(INFINITE_DEPTH)
+        if bits >= INFINITY_BITS:
+            planes.depths[k] = np.uint16(INFINITE_DEPTH)
         else:
-            depths[k] = np.uint16((max(bits, origin) - origin + half) >> shift)
-        name = np.int64(samples[k]["object_id"])
-        if name > LARGEST_OBJECT:
-            name = (name - 1) % LARGEST_OBJECT + 1
-        objects[k] = np.uint16(name | (time << POSITION_BITS))
+            planes.depths[k] = np.uint16((max(bits, origin) - origin + half) >> shift)
     return outside
 
 
 @kernel
-def unpack(colour, xs, ys, depths, objects, rect, x_bits, y_bits, depth_base, depth_bits, time_span, samples):
+def unpack(planes, rect, scales, samples):
     """The inverse of pack(). rect : (x, y, width, height). Returns how many positions lie outside the rectangle."""
     outside = 0
     x0, y0, width, height = rect
-    x_step, y_step = np.float32(1.0 / (1 << x_bits)), np.float32(1.0 / (1 << y_bits))
-    shift, origin = 23 - depth_bits, depth_base << 23
-    step = np.float32(time_span) / np.float32(TIME_STEPS)
+    x_step, y_step = np.float32(1.0 / (1 << scales.x_bits)), np.float32(1.0 / (1 << scales.y_bits))
+    shift, origin = 23 - scales.depth_bits, scales.depth_base << 23
+    step = np.float32(scales.time_span) / np.float32(TIME_STEPS)
     for k in range(samples.shape[0]):
-        word = colour[k]
+        word = planes.colours[k]
         exponent = np.int32(word >> np.uint32(27))
         scale = np.int32((103 + exponent) << 23).view(np.float32)  # 2^(exponent - 24)
         samples[k]["radiance"][0] = np.float32(word & np.uint32(511)) * scale
         samples[k]["radiance"][1] = np.float32((word >> np.uint32(9)) & np.uint32(511)) * scale
         samples[k]["radiance"][2] = np.float32((word >> np.uint32(18)) & np.uint32(511)) * scale
-        x, y, name = np.int32(xs[k]), np.int32(ys[k]), np.int32(objects[k])
-        dx, dy = np.float32(x & POSITION_MASK) * x_step, np.float32(y & POSITION_MASK) * y_step
-        px, py = np.float32(x0) + dx, np.float32(y0) + dy
+        x, y = np.int32(planes.xs[k]), np.int32(planes.ys[k])
+        px = np.float32(x0) + np.float32(x & POSITION_MASK) * x_step
+        py = np.float32(y0) + np.float32(y) * y_step
         if px >= x0 + width or py >= y0 + height:  # after rounding to float32: that may reach the far edge
             outside += 1
-        samples[k]["xy"][0] = px
-        samples[k]["xy"][1] = py
-        samples[k]["time"] = np.float32(name >> POSITION_BITS) * step
-        change = ((x >> POSITION_BITS) << 2) | (y >> POSITION_BITS)
-        samples[k]["change"] = np.float32(change) / np.float32(CHANGE_STEPS)
-        samples[k]["lighting"] = np.float32(0.0)
-        samples[k]["object_id"] = np.uint32(name & POSITION_MASK)
-        if depths[k] == INFINITE_DEPTH:
+        samples[k]["xy"][0], samples[k]["xy"][1] = px, py
+        samples[k]["time"] = np.float32(x >> POSITION_BITS) * step
+        depth = np.int64(planes.depths[k])
+        if depth == INFINITE_DEPTH:
             samples[k]["depth"] = np.float32(np.inf)
         else:
-            samples[k]["depth"] = np.int32(min((np.int64(depths[k]) << shift) + origin, 0x7F7FFFFF)).view(np.float32)
+            bits = min((depth << shift) + origin, LARGEST_FINITE_BITS)
+            samples[k]["depth"] = np.int32(bits).view(np.float32)
     return outside

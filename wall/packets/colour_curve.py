@@ -1,4 +1,4 @@
-"""What encoder and decoder must agree on: the order of a tile's pixels, the curve of colour codes."""
+"""The curve of colour codes in compact packets: sRGB for display values up to 1, logarithmic above."""
 
 from __future__ import annotations
 
@@ -18,45 +18,27 @@ BUCKET_BITS = 7  # mantissa bits of a bucket: no bucket holds more than one code
 BUCKETS = (127 + 16 - FINEST_EXPONENT) << BUCKET_BITS
 
 
-class Tables(NamedTuple):
-    place_on_curve: NDArray[np.uint8]  # (256,): of pixel 16 y + x of a tile
-    pixel_on_curve: NDArray[np.uint8]  # (256,): its inverse
+class ColourCurve(NamedTuple):
+    """Tables to find the code of a colour and the colour of a code."""
+
     colour_of_code: Float32  # (TOP_CODE + 2, 2): linear radiance of whole codes, codes for each unit above it
     code_of_bucket: NDArray[np.int16]  # (BUCKETS,): of the smallest colour with that exponent and those leading bits
 
 
-def colour_curve() -> Float64:
+def linear_colours() -> Float64:
     """(TOP_CODE + 2,), linear radiance of every whole code: sRGB up to 1 (IEC 61966-2-1), then octaves."""
     encoded = np.arange(CODES_OF_DISPLAY + 1) / CODES_OF_DISPLAY
     above = 2.0 ** (np.arange(1, TOP_CODE + 2 - CODES_OF_DISPLAY) / CODES_AN_OCTAVE)
     return np.concatenate([srgb_decoded(encoded), above])
 
 
-def hilbert_curve() -> NDArray[np.uint8]:
-    """(256,) uint8: the pixels 16 y + x of a tile in the order of Hilbert's curve.
-
-    Each quadrant is the curve of half the size; the first and the last are mirrored at a diagonal (Hilbert 1891).
-    """
-    x = y = np.zeros(1, np.int64)
-    for side in (1, 2, 4, 8):
-        x, y = (
-            np.concatenate([y, x, x + side, 2 * side - 1 - y]),
-            np.concatenate([x, y + side, y + side, side - 1 - x]),
-        )
-    return (16 * y + x).astype(np.uint8)
-
-
-def make_tables() -> Tables:
-    pixels, places = hilbert_curve(), np.empty(256, np.uint8)
-    places[pixels] = np.arange(256, dtype=np.uint8)
-    curve = colour_curve().astype(np.float32)
+def make_colour_curve() -> ColourCurve:
+    """The tables of linear_colours(), which encoder and decoder share."""
+    curve = linear_colours().astype(np.float32)
     steps = 1.0 / np.diff(np.float64(curve), append=np.inf)
     firsts = (np.arange(BUCKETS, dtype=np.int32) << (23 - BUCKET_BITS)) + (FINEST_EXPONENT << 23)
     firsts[0] = 0
     codes = np.searchsorted(curve, firsts.view(np.float32), side="right") - 1
-    return Tables(
-        place_on_curve=places,
-        pixel_on_curve=pixels,
-        colour_of_code=np.stack([curve, steps], axis=1).astype(np.float32),
-        code_of_bucket=codes.astype(np.int16),
+    return ColourCurve(
+        colour_of_code=np.stack([curve, steps], axis=1).astype(np.float32), code_of_bucket=codes.astype(np.int16)
     )

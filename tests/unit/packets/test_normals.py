@@ -1,4 +1,4 @@
-"""Compact packets with normals and lamps (layout 2): normals come back within 2 of 127, lamps as they were."""
+"""Compact packets with normals and light visibility masks: normals come back within 2 of 127, masks as they were."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from packet_examples import (
     batch_of,
     batches,
-    check_cut,
     check_flipped_bits,
     check_sane,
     facing_samples,
@@ -20,19 +19,16 @@ from packet_examples import (
     resealed,
 )
 
-from wall.core.data import SAMPLE, Batch, Float64, Rect, Samples
+from wall.core.data import Batch, Float64, Rect, Samples
 from wall.core.errors import RemoteProtocolError
-from wall.packets import compact as body
-from wall.packets.kernels import compact_write as kernels
-from wall.packets.kernels.bit_planes import LONGEST_CODE
+from wall.packets import compact_body as body
+from wall.packets.kernels import compact_body as kernels
 from wall.packets.kernels.normals import normal_code, normal_of
 from wall.packets.samples import decode, encode
 
 RECT = Rect(x=0, y=0, width=480, height=270)
-NUMBERS = (RECT.x, RECT.y, RECT.width, RECT.height)
 WIRE_STEPS = 2 / 127  # of a component: 127/31 and two roundings are at most 2.55 apart, and both ends are whole
 WIRE_ANGLE = np.sqrt(18) * WIRE_STEPS  # see octahedral()
-SENT_LIGHTS = np.uint32(0xFFFF)  # bits of the light visibility mask that packets bring
 
 
 def octahedral(codes: NDArray[np.int64]) -> Float64:
@@ -49,14 +45,14 @@ def octahedral(codes: NDArray[np.int64]) -> Float64:
 
 
 def placed(samples: Samples) -> Samples:
-    """By pixel; those of one pixel as they were."""
-    return samples[np.lexsort(np.floor(samples["xy"]).T)]
+    """By object and sub-pixel; those of one sub-pixel as they were."""
+    return samples[np.lexsort((*np.floor(np.float64(samples["xy"]) * 8).T, samples["object_id"]))]
 
 
-def check_facing(sent: Samples, came: Samples) -> None:
+def check_normals(sent: Samples, came: Samples) -> None:
     a, b = placed(sent), placed(came)
     assert np.abs(np.maximum(a["normal"].astype(int), -127) - b["normal"]).max(initial=0) <= 2
-    assert (a["light_visibility"] & SENT_LIGHTS == b["light_visibility"] & SENT_LIGHTS).all()
+    assert (a["light_visibility"] == b["light_visibility"]).all()
 
 
 def lit(samples: Samples, rect: Rect = RECT) -> Batch:
@@ -64,21 +60,21 @@ def lit(samples: Samples, rect: Rect = RECT) -> Batch:
 
 
 @pytest.mark.parametrize("n", [0, 1, 2, 16, 300, 3000])
-def test_normals_come_back_within_two_steps_and_lamps_exactly(n: int) -> None:
+def test_normals_come_back_within_two_steps_and_masks_exactly(n: int) -> None:
     samples = facing_samples(n)
     came = decode(encode(lit(samples)))
     assert came.relightable
-    check_facing(samples, came.samples)
+    check_normals(samples, came.samples)
 
 
 @given(batch=batches(), data=st.data())
 @settings(max_examples=60, deadline=None)
-def test_any_batch_brings_its_normals_and_lamps(batch: Batch, data: st.DataObject) -> None:
+def test_any_batch_brings_its_normals_and_masks(batch: Batch, data: st.DataObject) -> None:
     for name, values in (("normal", st.integers(-128, 127)), ("light_visibility", st.integers(0, 2**32 - 1))):
         column = batch.samples[name].ravel()
         batch.samples[name] = np.reshape([data.draw(values) for _ in column], batch.samples[name].shape)
     came = decode(encode(replace(batch, adaptive=True, relightable=True)))
-    check_facing(batch.samples, came.samples)
+    check_normals(batch.samples, came.samples)
     check_sane(came)
 
 
@@ -110,59 +106,38 @@ def test_a_normal_that_was_sent_once_does_not_change_when_it_is_sent_again() -> 
     assert (once.min(), once.max()) == (-127, 127)
 
 
-def test_tiles_of_one_normal_and_one_light_cost_two_bits() -> None:
+def test_one_normal_and_one_light_for_all_cost_a_few_bytes() -> None:
     samples = plain_samples(600)
     samples["light_visibility"] = 2**32 - 1
-    tiles = len({tuple(k) for k in (samples["xy"] // 16).astype(int).tolist()})
     more = len(encode(lit(samples))) - len(encode(batch_of(samples, adaptive=True)))
-    assert 8 * more <= 2 * tiles + 31
+    assert more <= 8
 
 
-def test_samples_that_differ_as_much_as_they_can_fit_the_space_that_is_set_aside() -> None:
-    rng = np.random.default_rng(6)
-    n = 600
-    samples = np.zeros(n, SAMPLE)
-    samples["xy"] = rng.random((n, 2)) * 4095.9
-    samples["radiance"] = rng.choice([0.0, 65408.0], (n, 3))
-    samples["depth"] = rng.choice(np.float32([1e-38, 3e38, np.inf]), n)
-    samples["object_id"] = rng.integers(0, 16384, n)
-    samples["time"], samples["change"] = rng.choice([0.0, 1.0], n), rng.choice([0.0, 1.0], n)
-    samples["normal"] = rng.choice([-127, 127], (n, 2))
-    samples["light_visibility"] = rng.choice(np.uint32([0, 2**32 - 1]), n)
-    most = kernels.WORDS_A_SAMPLE * n + kernels.WORDS_BESIDE
-    words = np.full(2 * most, 0xDEADBEEF, np.uint32)
-
-    written = kernels.encode(samples, (0, 0, 4096, 4096), True, body.TABLES, words)[0]
-
-    assert 4 * n < written < most
-    assert (words[most:] == 0xDEADBEEF).all()
+def body_with(samples: Samples, column: int, number: int) -> bytes:
+    """A body whose third sample has another number in one column."""
+    columns = np.empty((kernels.RELIGHTABLE_COLUMNS, len(samples)), np.int32)
+    objects = np.empty((2, len(samples)), np.uint32)
+    known = kernels.encode(samples, (0, 0, RECT.width, RECT.height), body.CURVE, columns, objects)[0]
+    columns[column] = 0
+    columns.view(np.uint32)[column, 2] = number
+    return body._compressed([*objects[:, :known], *columns.view(np.uint32)])
 
 
-def test_no_sample_can_need_more_words_than_are_set_aside() -> None:
-    """Eleven escaped numbers of layout 1, two of a normal, one of lamps; flags, sub-pixel, any object, if it turned."""
-    others = kernels.LIT_FLAG_BITS + 6 + kernels.OBJECT_BITS + 1
-    assert 14 * LONGEST_CODE + others <= 32 * kernels.WORDS_A_SAMPLE
-
-
-def written(samples: Samples, row: int, code: int) -> tuple[bytes, int, float]:
-    """A body whose third sample has another code in one row of columns; its depth base and time span."""
-    keys, subpixels = np.empty(len(samples), np.uint32), np.empty((len(samples), 2), np.int32)
-    kernels.places(samples, NUMBERS, body.TABLES[0], keys, subpixels)
-    order, columns = kernels.sorted_order(keys), np.empty((10, len(samples)), np.int32)
-    packed = body.pack(samples, RECT, lit=True)
-    kernels.codes(samples, order, subpixels, packed.depth_base, np.float32(packed.span), body.TABLES, columns)
-    columns[row, 2] = code
-    words = np.empty(40 * len(samples), np.uint32)
-    return words[: kernels.write(keys, order, subpixels, columns, words)].tobytes(), packed.depth_base, packed.span
-
-
-@pytest.mark.parametrize(("row", "largest"), [(7, 31), (8, 31), (9, 65535)])
-def test_normals_and_lamps_out_of_their_range_are_refused(row: int, largest: int) -> None:
+@pytest.mark.parametrize(
+    ("column", "largest"), [(kernels.NORMAL_X, 62), (kernels.NORMAL_Y, 62), (kernels.VISIBILITY, 2**32 - 1)]
+)
+def test_normals_out_of_their_range_are_refused_and_any_mask_is_taken(column: int, largest: int) -> None:
+    """Differences are folded: 62 is 31, 63 is -32, 64 is 32."""
     samples = facing_samples(5)
-    for code, good in [(largest, True), (largest + 1, False), (1 << 20, False)] + [(-32, False)] * (row < 9):
-        data, base, span = written(samples, row, code)
-        came = body.unpack(memoryview(data), 5, rect=RECT, depth_base=base, depth_bits=11, span=span, lit=True)
-        assert (came is not None) == good
+    packed = body.pack(samples, RECT, relightable=True)
+    for number in (largest, largest + 1, largest + 2, 1 << 20):
+        if number < 2**32:
+            data = memoryview(body_with(samples, column, number))
+            code = (packed.depth_base, kernels.DEPTH_BITS)
+            came = body.unpack(
+                data, 5, packed.objects, rect=RECT, depth_code=code, span=packed.span, relightable=True, where="here"
+            )
+            assert (came is not None) == (number <= largest)
 
 
 def packet_of(n: int) -> bytes:
@@ -173,15 +148,10 @@ def test_every_flipped_bit_under_a_valid_checksum_is_refused_or_harmless() -> No
     check_flipped_bits(packet_of(6))
 
 
-@pytest.mark.parametrize("cut", [1, 4, 8, 40])
-def test_a_body_that_is_too_short_or_too_long_is_refused(cut: int) -> None:
-    check_cut(packet_of(60), cut, samples=60)
-
-
-@pytest.mark.parametrize("layout", [1, 2])
-def test_a_body_read_in_the_other_layout_is_refused_or_harmless(layout: int) -> None:
+@pytest.mark.parametrize("relightable", [False, True])
+def test_a_body_read_with_other_channels_is_refused(relightable: bool) -> None:
     samples = facing_samples(40)
-    changed = bytearray(encode(lit(samples) if layout == 1 else batch_of(samples, adaptive=True)))
-    changed[8] = layout
+    changed = bytearray(encode(batch_of(samples, adaptive=True, relightable=relightable)))
+    changed[8] ^= 64 | 128
     with pytest.raises(RemoteProtocolError, match="is not 40 samples"):
         decode(resealed(changed))
