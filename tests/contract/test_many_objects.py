@@ -1,0 +1,64 @@
+"""20,000 moving objects: a sample that came by packet moves with its own object, not with one of a shorter id."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from adaptive_pictures import GREEN, RED, START, event_at, glowing, hits, picture_of
+from small_scenes import instance, quad, view
+
+from wall.core.data import Batch, Rect
+from wall.packets.samples import decode, encode
+from wall.scene.animation import Keyframes
+from wall.scene.build import Scene, assemble
+from wall.scene.model import Source, Track
+
+COUNT, LAST = 20_000, 20_000  # objects that move right; index of the one that moves left, object id 20,001
+SIZE = (48, 32)
+SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)
+
+
+def motion(x: float) -> Keyframes:
+    """By x units to the right in the first second."""
+    still = (1.0, 0.0, 0.0, 0.0)
+    return Keyframes(times=(0.0, 1.0), positions=((0.0, 0.0, 0.0), (x, 0.0, 0.0)), rotations=(still, still), loop=False)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    many = tuple(replace(instance(0), name="many") for _ in range(COUNT))
+    return assemble(
+        Source(
+            meshes=(quad(1.0, 1.0, material=0),),
+            materials=(glowing(GREEN),),
+            instances=(*many, replace(instance(0), name="last")),
+            animation=(Track(motion=motion(1.0), objects="many"), Track(motion=motion(-1.0), objects="last")),
+        )
+    )
+
+
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_a_sample_of_object_20001_moves_with_it(scene: Scene, adaptive: bool) -> None:
+    xy = np.stack(np.meshgrid(np.arange(22.5, 26), np.arange(14.5, 18)), axis=2).reshape(-1, 2)
+    samples = hits(xy, RED, thing=LAST + 1)
+    event = event_at(0, SEEN)
+    packet = encode(
+        Batch(
+            view=0, panel=0, rect=Rect(x=0, y=0, width=SIZE[0], height=SIZE[1]), rank=1, sequence=1, camera_event=0,
+            scene_event=0, base_time=START, samples=samples, camera=event.camera, adaptive=adaptive,
+        )
+    )  # fmt: skip
+    came = decode(packet)
+    assert (came.samples["object_id"] == LAST + 1).all()
+
+    picture = picture_of(scene, SEEN)
+    picture.refresh(event, START)
+    picture.insert(came.samples, came.base_time, event)
+    picture.refresh(event_at(1, SEEN, scene_time=1.0), START + 0.1)
+
+    _, screen, count, _ = picture.stored()
+    shown = screen[0, :count]
+    assert count == len(samples)
+    assert (shown < 20).all(), "they moved right, with the others"
