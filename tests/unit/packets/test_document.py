@@ -112,7 +112,7 @@ def test_the_channels_and_columns_are_the_document_s() -> None:
 
 
 def test_the_number_of_early_packets_is_the_document_s() -> None:
-    assert f"{EARLY_BATCHES:,} packets at most" in PAGE
+    assert f"at most {EARLY_BATCHES:,} packets wait" in PAGE
 
 
 def test_the_header_s_byte_table_reads_the_example() -> None:
