@@ -1,4 +1,4 @@
-"""What README says of the code is there: the nine lines, the files it names, the commands and configurations."""
+"""README and the other pages name what exists: the nine steps, files, links, configurations."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LINES = re.findall(r"^\d\. `(wall/[\w/]+\.py)` `([\w.]+)`", README, re.MULTILINE)
 NAMED = re.findall(r"`(wall/[\w/]+\.py)` `([\w.]+)`", README)
 
 
-def test_one_sample_is_followed_in_nine_lines() -> None:
+def test_one_sample_is_followed_in_nine_steps_and_at_most_nine_files() -> None:
     assert len(LINES) == 9
+    assert len({path for path, _ in NAMED}) <= 9
 
 
 @pytest.mark.parametrize(("path", "name"), NAMED)
@@ -26,10 +28,13 @@ def test_each_line_names_a_file_and_a_function_of_it(path: str, name: str) -> No
     assert callable(found)
 
 
-def test_every_file_that_readme_links_to_exists() -> None:
-    links = re.findall(r"\]\(([^)#]+)\)", README)
-    assert links
-    assert [link for link in links if not (ROOT / link).exists()] == []
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_and_files_of_every_page_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)#\s]+)", text) if not link.startswith("http")]
+    named = re.findall(r"`((?:wall|tests|configs|launch)/[\w/.-]+)`", text)
+    assert [link for link in links if not (page.parent / link).exists()] == []
+    assert [name for name in named if not (ROOT / name).exists()] == []
 
 
 def test_every_shipped_configuration_is_explained() -> None:
