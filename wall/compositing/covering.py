@@ -25,7 +25,7 @@ def panel_rect(panel: Panel) -> Rect:
 
 def less(cover: Sequence[Rect], taken: Rect) -> Cover:
     """What of a cover is left without a rectangle."""
-    return tuple(part for rect in cover for part in rect.without(taken))
+    return tuple(part for rect in cover for part in rect.minus(taken))
 
 
 class Rects:
@@ -76,7 +76,8 @@ class Covering:
         self._lies: dict[str, dict[int, Rect]] = {}  # by panel: around its pixels, or what was made of them
         rects = list(self._panels.values())
         known = Rects(rects)
-        self._twice = [both for i, a in enumerate(rects) for j in known.meeting(a, i) if (both := a.meet(rects[j]))]
+        pairs = ((a, rects[j]) for i, a in enumerate(rects) for j in known.meeting(a, i))
+        self._twice = [both for a, b in pairs if (both := a.intersection(b))]
         self._shared = Rects(self._twice)
 
     def find(self, order: Sequence[NodeConfig]) -> None:
@@ -100,7 +101,7 @@ class Covering:
         inputs, found = [self.rect[name] for name in node.sources], dict[int, Rect]()
         for k, name in enumerate(node.sources):
             for panel, held in self._lies[name].items():
-                there = node.touched(held, inputs, k).meet(rect)
+                there = node.touched(held, inputs, k).intersection(rect)
                 if there is not None:
                     found[panel] = there.join(found.get(panel, there))
         return found
@@ -118,10 +119,10 @@ class Covering:
         op = getattr(node, "op", "")
         if op == "tile":
             self._once(node, covers)
-        if op == "crop" and not inputs[0].holds(rect):
+        if op == "crop" and not inputs[0].contains(rect):
             came = f"{said(rect)} reaches outside what it is cut from, {said(inputs[0])}"
             self._refusals.add(node, _area_path(node), came, f"a rectangle inside {said(inputs[0])}")
-        elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).holds(rect):
+        elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).contains(rect):
             came = f"{said(rect)} reaches outside the wall of {self._wall.width}x{self._wall.height} pixels"
             self._refusals.add(node, _area_path(node), came, "a rectangle inside the wall")
         self._set(node, rect, union(covers), self._panels_in(node, rect))
@@ -136,7 +137,7 @@ class Covering:
         """What of the output comes of input k."""
         inputs = [self.rect[name] for name in node.sources]
         covered = [part for held in self.cover[node.sources[k]] for part in node.covers(held, inputs, k)]
-        return tuple(met for part in covered if (met := part.meet(rect)) is not None)
+        return tuple(met for part in covered if (met := part.intersection(rect)) is not None)
 
     def _once(self, node: Operator, covers: Sequence[Cover]) -> None:
         """Framelets side by side must not meet, but where panels of the wall share light themselves."""
@@ -144,7 +145,7 @@ class Covering:
         known, told = Rects([rect for _, rect in rects]), set[tuple[int, int]]()
         for i, (k, rect) in enumerate(rects):
             for j, other in (rects[m] for m in known.meeting(rect, i)):
-                both = other.meet(rect)
+                both = other.intersection(rect)
                 if both is None or (j, k) in told or self._is_shared(both):
                     continue
                 told.add((j, k))
@@ -154,7 +155,7 @@ class Covering:
 
     def _is_shared(self, rect: Rect) -> bool:
         """Whether several panels of the wall light those pixels."""
-        return any(self._twice[k].holds(rect) for k in self._shared.meeting(rect))
+        return any(self._twice[k].contains(rect) for k in self._shared.meeting(rect))
 
     def check_sinks(self, order: Sequence[NodeConfig]) -> None:
         """Every panel is shown somewhere, and nowhere a part of one."""
@@ -173,7 +174,7 @@ class Covering:
             left = cover.left_of(panel)
             if not left:
                 shown.add(name)
-            elif sum(rect.area for rect in left) < panel.area and self.rect[node.id].holds(panel):
+            elif sum(rect.area for rect in left) < panel.area and self.rect[node.id].contains(panel):
                 came = f"nobody covers pixels {said(left[0])} of panel {name}"
                 self._refusals.add(node, ["input"], came, "whole panels")
         return shown

@@ -19,7 +19,7 @@ from wall.core.colour import srgb_curve
 from wall.core.data import Event, Framelet, Rect
 from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.overlay import Board, Overlay
+from wall.operators.overlay import Overlay, Statistics
 
 Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
 Changes: TypeAlias = dict[int, Regions]  # by step
@@ -83,7 +83,7 @@ class Executor:
         assert isinstance(s.node, Operator)
         rects = [self._graph.steps[k].rect for k in s.inputs]
         touched = (
-            s.node.touched(region, rects, k).meet(s.rect)
+            s.node.touched(region, rects, k).intersection(s.rect)
             for k, source in enumerate(s.inputs)
             for region in found.get(source, ())
         )
@@ -135,12 +135,12 @@ class Executor:
             for f, panel in zip(inputs, panels, strict=True)
         ]
 
-    def say(self, statistics: Mapping[str, float]) -> None:
+    def set_statistics(self, numbers: Mapping[str, float]) -> None:
         """Let overlays show these numbers at the next step."""
         for s in self._steps:
-            board = self._prepared[s.index]
-            if isinstance(s.node, Overlay) and isinstance(board, Board) and board.statistics != statistics:
-                board.statistics = statistics
+            shown = self._prepared[s.index]
+            if isinstance(s.node, Overlay) and isinstance(shown, Statistics) and shown.numbers != numbers:
+                shown.numbers = numbers
                 self._redrawn[s.index] = s.node.box(s.rect)
 
 
@@ -184,7 +184,7 @@ def tiles_to_regions(dirty: NDArray[np.bool_], tile: int, rect: Rect) -> Regions
         whole = Rect(
             x=rect.x + left * tile, y=rect.y + top * tile, width=(right - left) * tile, height=(bottom - top) * tile
         )
-        inside = whole.meet(rect)
+        inside = whole.intersection(rect)
         assert inside is not None
         found.append(inside)
     return found

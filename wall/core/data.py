@@ -73,17 +73,17 @@ class Rect:
     def bottom(self) -> int:
         return self.y + self.height
 
-    def holds(self, other: Rect) -> bool:
+    def contains(self, other: Rect) -> bool:
         """Whether all of the other lies in this one."""
         inside = self.x <= other.x and other.x + other.width <= self.x + self.width
         return inside and self.y <= other.y and other.y + other.height <= self.y + self.height
 
-    def meets(self, other: Rect) -> bool:
+    def overlaps(self, other: Rect) -> bool:
         """Whether they have a pixel in common."""
         across = self.x < other.x + other.width and other.x < self.x + self.width
         return across and self.y < other.y + other.height and other.y < self.y + self.height
 
-    def meet(self, other: Rect) -> Rect | None:
+    def intersection(self, other: Rect) -> Rect | None:
         """What they have in common, None where that is nothing."""
         x, y = max(self.x, other.x), max(self.y, other.y)
         right, bottom = min(self.right, other.right), min(self.bottom, other.bottom)
@@ -95,9 +95,9 @@ class Rect:
         right, bottom = max(self.right, other.right), max(self.bottom, other.bottom)
         return Rect(x=x, y=y, width=right - x, height=bottom - y)
 
-    def without(self, taken: Rect) -> tuple[Rect, ...]:
+    def minus(self, taken: Rect) -> tuple[Rect, ...]:
         """What is left of it, in at most four rectangles that do not meet."""
-        common = self.meet(taken)
+        common = self.intersection(taken)
         if common is None:
             return (self,)
         parts = (

@@ -1,4 +1,4 @@
-"""`age_blend`: several pictures of one view, the older the paler."""
+"""`age_blend`: the mean of several images of one view, newer values weighing more."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pydantic import Field
 from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.fields import Period
 from wall.operators.base import Inputs, Operator
-from wall.operators.means import Weighed, mean
-from wall.operators.parts import bands, later, part
+from wall.operators.regions import bands, overlapping, values_for
+from wall.operators.weighted_mean import WeightedInput, write_mean
 
 
 class AgeBlend(Operator):
@@ -29,18 +29,15 @@ class AgeBlend(Operator):
     NEEDS: ClassVar[Channels] = frozenset({"colour", "time"})
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the weighted mean of a region."""
         for band in bands(region):
             newest = np.full((band.height, band.width), -np.inf, np.float32)
-            parts = [(framelet, met) for framelet in inputs if (met := framelet.rect.meet(band))]
-            times = [part(framelet, "time", met) + later(framelet, out) for framelet, met in parts]
-            for (_, met), time in zip(parts, times, strict=True):
-                here = newest[met.inside(band)]
+            timed = [(f, rect, values_for(out, f, "time", rect)) for f, rect in overlapping(inputs, band)]
+            for _, rect, time in timed:
+                here = newest[rect.inside(band)]
                 np.fmax(here, time, out=here)
-            weighed = [
-                Weighed(framelet, met, self._weight(time, newest[met.inside(band)]))
-                for (framelet, met), time in zip(parts, times, strict=True)
-            ]
-            mean(weighed, out, band)
+            weights = (self._weight(time, newest[rect.inside(band)]) for _, rect, time in timed)
+            write_mean([WeightedInput(f, rect, w) for (f, rect, _), w in zip(timed, weights, strict=True)], out, band)
 
     def _weight(self, time: Float32, newest: Float32) -> Float32:
         known = np.isfinite(time)

@@ -1,20 +1,21 @@
-"""What an operator is: a node of the YAML that says what it takes and gives, and writes a part of its output.
+"""The interface of operators: a node of the YAML that declares its channels and writes regions of its output.
 
-Pure: framelets in, pixels of one framelet out; no clock, no I/O but what `prepare` reads once. Nothing here knows in
-which process it runs, or which part of its input changed.
+Pure: framelets in, pixels of one framelet out; no clock, no I/O but what `prepare` reads once. An operator does not
+know in which process it runs, or which part of its input changed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from wall.core.data import Channels, Framelet, Rect
-from wall.core.fields import Model, Name, Text, Whole
+from wall.core.fields import Model, Name, Text, Whole, refusal
 
 Input = Annotated[Name, Field(description="id of the node whose framelet it takes")]
 Inputs = Annotated[tuple[Name, ...], Field(min_length=1, max_length=4096, description="ids of nodes")]
@@ -28,14 +29,14 @@ def _compositor(value: Any) -> Any:
     return f"compositor {value}" if isinstance(value, int) and not isinstance(value, bool) else value
 
 
-Place = Annotated[Text, BeforeValidator(_compositor, json_schema_input_type=Text | Whole)]
+OnRank = Annotated[Text, BeforeValidator(_compositor, json_schema_input_type=Text | Whole)]
 
 
 class Node(Model):
-    """What every node of a graph has."""
+    """A node of the compositing graph: its id, and where it runs."""
 
     id: Name = Field(description="name of the node")
-    on: Place | None = Field(
+    on: OnRank | None = Field(
         default=None,
         description="where it runs: head, panel, rank N, host NAME or compositor N; absent = where its first input is",
     )
@@ -51,24 +52,21 @@ class Node(Model):
 
 
 class Operator(Node):
-    """A node that makes one framelet of others. Derive from it, and name it in the entry points `wall.operators`."""
+    """A node that makes one framelet from others. A package names its own in entry points `wall.operators`."""
 
     NEEDS: ClassVar[Channels] = frozenset({"colour"})  # of every input
     USES: ClassVar[Channels] = frozenset()  # of any input that has them
-    MAKES: ClassVar[Channels] = frozenset()  # that its output holds whoever needs them: it works by them
-    MOVES: ClassVar[bool] = False  # values come out as they went in: it takes linear and encoded colour alike
-    KEEPS_RAYS: ClassVar[bool] = True  # its pixels are seen where their panel's are: it does not turn, scale or bend
-    COMMON_TIME: ClassVar[bool] = False  # it compares values, which must show one moment
+    MAKES: ClassVar[Channels] = frozenset()  # that its output always holds: it needs them for its own work
+    MOVES: ClassVar[bool] = False  # it copies values unchanged, so it takes linear and encoded colour alike
+    KEEPS_RAYS: ClassVar[bool] = True  # a pixel keeps the ray of its panel's pixel: no turning, scaling or warping
+    COMMON_TIME: ClassVar[bool] = False  # it compares values, so all inputs must show the same time
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:
-        """Where its output lies in the frame."""
-        joined = inputs[0]
-        for rect in inputs[1:]:
-            joined = joined.join(rect)
-        return joined
+        """The rectangle of its output in the frame."""
+        return reduce(Rect.join, inputs)
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """The channels that it can give of inputs with these."""
+        """The channels of its output, for inputs with these channels."""
         return frozenset.intersection(*inputs)
 
     def moves(self, inputs: Sequence[Channels]) -> bool:
@@ -76,11 +74,11 @@ class Operator(Node):
         return self.MOVES
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
-        """What of the output changes with `rect` of input k."""
+        """The rectangle of the output that changes with `rect` of input k."""
         return rect
 
     def covers(self, rect: Rect, inputs: Sequence[Rect], k: int) -> tuple[Rect, ...]:
-        """Where the output shows something if input k does so in `rect`: less than `touched` if it takes some away."""
+        """Where the output has pixels if input k has them in `rect`: less than `touched` if it removes some."""
         return (self.touched(rect, inputs, k),)
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Any:
@@ -96,3 +94,28 @@ class Operator(Node):
         `prepared` is what `prepare` gave. The same pixels come out however the output is cut into regions.
         """
         raise NotImplementedError
+
+
+class AreaOperator(Operator):
+    """An operator whose output is an area of the frame, given in pixels or by a panel's id."""
+
+    area: Area | None = Field(default=None, description="x, y, width, height in the frame, pixels")
+    panel: Name | None = Field(default=None, description="id of the panel whose pixels it covers, instead of an area")
+
+    @model_validator(mode="after")
+    def _area_or_panel(self) -> AreaOperator:
+        check_one_of(self, "area", "panel", accepted="area: [x, y, width, height] or panel: ID")
+        return self
+
+
+def area_rect(area: Area) -> Rect:
+    """The rectangle of an area."""
+    x, y, width, height = area
+    return Rect(x=x, y=y, width=width, height=height)
+
+
+def check_one_of(node: Operator, one: str, other: str, *, accepted: str) -> None:
+    """Refuse a node that has both or neither of two keys."""
+    if (getattr(node, one) is None) == (getattr(node, other) is None):
+        article = "an" if one[0] in "aeiou" else "a"
+        raise refusal(f"needs either {article} {one} or a {other}", accepted=accepted)

@@ -24,7 +24,7 @@ from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Channels, Float64, Framelet, Rect
 from wall.core.fields import Number, Whole, refusal
 from wall.operators.base import Input, Operator
-from wall.operators.parts import bands, copy, part
+from wall.operators.regions import bands, copy, pixels_of
 
 Ramp = Annotated[Whole, Ge(0), Le(16384)]
 
@@ -51,6 +51,7 @@ class BlendEdges(Operator):
         return inputs[0] - {"variance"}
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Copy a region, darkened by the ramps."""
         source, whole = inputs[0], inputs[0].rect
         copy(source, out, region)
         across, down = shares(whole.width, self.left, self.right), shares(whole.height, self.top, self.bottom)
@@ -59,7 +60,7 @@ class BlendEdges(Operator):
             share = down[rows][:, None] * across[columns]
             faded = share < 1.0
             if faded.any():
-                here = part(out, "colour", band)
+                here = pixels_of(out, "colour", band)
                 value = srgb_encoded(here[faded]) * (share[faded] ** (1.0 / self.gamma))[:, None].astype(np.float32)
                 here[faded] = srgb_decoded(value.astype(np.float32))
 

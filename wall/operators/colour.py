@@ -1,4 +1,4 @@
-"""`colour`: what makes displays look alike: gain, gamma, a 3D table; and opacity."""
+"""`colour`: grade colours so that displays look alike, by gain, gamma and a 3D table; and set opacity."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.fields import Number, Text
 from wall.operators.base import Input, Operator
-from wall.operators.lut import Lut, read
-from wall.operators.parts import bands, copy, part
+from wall.operators.lut import Lut, read_lut
+from wall.operators.regions import bands, copy, pixels_of
 
 Gain = Annotated[Number, Ge(0.0), Le(1e6)]
 Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
@@ -45,32 +45,34 @@ class Colour(Operator):
         return given if self._linear and not isinstance(self.gain, tuple) else given - {"variance"}
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Lut | None:
-        return read(folder / self.lut) if self.lut is not None else None
+        """Read the table. Raises ConfigError."""
+        return read_lut(folder / self.lut) if self.lut is not None else None
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Lut | None) -> None:
+        """Write the graded colours of a region."""
         source, gain = inputs[0], np.asarray(self.gain, np.float32)
         copy(source, out, region, but=frozenset({"colour", "alpha", "variance"}))
         for band in bands(region):
-            here, there = part(out, "colour", band), part(source, "colour", band)
-            alpha = part(source, "alpha", band) if source.alpha is not None else None
+            here, there = pixels_of(out, "colour", band), pixels_of(source, "colour", band)
+            alpha = pixels_of(source, "alpha", band) if source.alpha is not None else None
             if self._linear:
                 here[...] = there * (gain * np.float32(self.opacity))
             else:
-                self._bend(there, alpha, gain, prepared, here)
+                self._grade(there, alpha, gain, prepared, here)
             if out.alpha is not None:
                 opacity = np.float32(self.opacity)
-                part(out, "alpha", band)[...] = opacity if alpha is None else opacity * alpha
+                pixels_of(out, "alpha", band)[...] = opacity if alpha is None else opacity * alpha
             if out.variance is not None:
-                part(out, "variance", band)[...] = (
-                    part(source, "variance", band) * (gain * np.float32(self.opacity)) ** 2
+                pixels_of(out, "variance", band)[...] = (
+                    pixels_of(source, "variance", band) * (gain * np.float32(self.opacity)) ** 2
                 )
 
     @property
     def _linear(self) -> bool:
         return self.gamma == 1.0 and self.lut is None
 
-    def _bend(self, there: Float32, alpha: Float32 | None, gain: Any, table: Lut | None, here: Float32) -> None:
-        """What is not linear, on the colour without alpha."""
+    def _grade(self, there: Float32, alpha: Float32 | None, gain: Any, table: Lut | None, here: Float32) -> None:
+        """Apply gamma, gain and table to the colour without alpha."""
         colour, scale = there, np.asarray(self.opacity, np.float32)
         if alpha is not None:
             seen = alpha > 0.0

@@ -12,16 +12,16 @@ from pydantic import Field
 from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.errors import ConfigError, RunError
 from wall.operators.base import Input, Operator
-from wall.operators.parts import copy, part
+from wall.operators.regions import copy, pixels_of
 
 INSTALL = "pip install 'pyoidn>=2.5'"
 Denoiser = Callable[..., Float32]
 
 
 class Denoise(Operator):
-    """A network guesses the picture behind the noise, from its colour alone. Every pixel may depend on every other.
+    """A network estimates the image behind the noise, from its colour alone. Every pixel may depend on every other.
 
-    Any change redoes the whole picture: for sinks that show few pictures a second. A region costs what the whole costs.
+    Any change redoes the whole image, so it is for sinks that show few images a second.
     """
 
     op: Literal["denoise"] = Field(description="Open Image Denoise")
@@ -29,7 +29,7 @@ class Denoise(Operator):
     quality: Literal["fast", "balanced", "high"] = Field(default="balanced", description="the faster, the coarser")
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """Without variance: nobody knows that of the guess."""
+        """Without variance: that of the estimate is unknown."""
         return inputs[0] - {"variance"}
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
@@ -53,4 +53,4 @@ class Denoise(Operator):
             colour = prepared(np.maximum(source.colour, np.float32(0.0)), hdr=True, quality=self.quality)
         except RuntimeError as error:
             raise RunError(f"denoise '{self.id}': {error}") from error
-        part(out, "colour", region)[...] = colour[region.inside(source.rect)]
+        pixels_of(out, "colour", region)[...] = colour[region.inside(source.rect)]

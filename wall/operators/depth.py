@@ -1,4 +1,4 @@
-"""`depth`: of several pictures of one view, the nearest surface at every pixel. Sort-last compositing.
+"""`depth`: the nearest surface of several images of one view at every pixel. Sort-last compositing.
 
 After Porter and Duff's and Duff's z-compositing (Duff, Compositing 3-D rendered images, SIGGRAPH 1985).
 """
@@ -15,11 +15,11 @@ from pydantic import Field
 from wall.core.data import BLANK, Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import depth as kernels_depth
-from wall.operators.parts import bands, blank, corner, part
-from wall.operators.winners import bits, choose
+from wall.operators.regions import bands, blank, corner_of, overlapping, pixels_of
+from wall.operators.selection import bits, select
 
 DENSE = 0.1  # share of a band: above it, taking all of it costs less than picking pixels
-EVERY: Channels = frozenset({"colour", "depth", "alpha", "object_id"})
+PICKED = ("colour", "depth", "alpha", "object_id")  # channels of pixels that are covered in part
 
 
 class Depth(Operator):
@@ -47,73 +47,66 @@ class Depth(Operator):
         return given if self.moves(inputs) else given - {"time", "variance"} | {"alpha"}
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the nearest pixels of a region."""
         if any(framelet.alpha is not None for framelet in inputs):
-            _fill(inputs, out, region)
+            for band in bands(region):
+                _composite(overlapping(inputs, band), out, band)
         else:
-            choose(inputs, out, region, key="depth", sign=1)
+            select(inputs, out, region, key="depth", sign=1)
 
 
-def _fill(inputs: Sequence[Framelet], out: Framelet, region: Rect) -> None:
-    for band in bands(region):
-        _fill_band([framelet for framelet in inputs if framelet.rect.meets(band)], out, band)
-
-
-def _fill_band(inputs: Sequence[Framelet], out: Framelet, band: Rect) -> None:
-    """Nearest wins; then again, exactly, the few pixels that something covers in part."""
+def _composite(inputs: Sequence[tuple[Framelet, Rect]], out: Framelet, band: Rect) -> None:
+    """Let the nearest win; then composite exactly the few pixels that something covers in part."""
     size = (band.height, band.width)
-    near, covered = np.full(size, np.inf, np.float32), np.zeros(size, np.float32)
+    near, alpha = np.full(size, np.inf, np.float32), np.zeros(size, np.float32)
     partial, taken = np.zeros(size, np.uint8), np.empty(size, np.uint8)
     blank(out, band)
-    for framelet in inputs:
-        met = framelet.rect.meet(band)
-        assert met is not None
-        source = (bits(framelet.colour), framelet.channel("depth"), framelet.alpha, *corner(framelet, met))
-        target, within = (bits(out.colour), *corner(out, met)), (met.x - band.x, met.y - band.y)
-        kernels_depth.put_before(*source, *target, near, covered, partial, taken, *within, met.width, met.height)
+    for framelet, rect in inputs:
+        source = (bits(framelet.colour), framelet.channel("depth"), *corner_of(framelet, rect))
+        target = (bits(out.colour), *corner_of(out, rect))
+        before = (near, alpha, partial, taken, rect.x - band.x, rect.y - band.y)
+        kernels_depth.replace_farther(source, framelet.alpha, target, before, rect.width, rect.height)
         if out.object_id is not None:
-            won = taken[met.inside(band)].view(np.bool_)
-            np.copyto(part(out, "object_id", met), part(framelet, "object_id", met), where=won)
-    for name, values in (("depth", near), ("alpha", covered)):
+            won = taken[rect.inside(band)].view(np.bool_)
+            np.copyto(pixels_of(out, "object_id", rect), pixels_of(framelet, "object_id", rect), where=won)
+    for name, values in (("depth", near), ("alpha", alpha)):
         if name in out.channels:
-            part(out, name, band)[...] = values
+            pixels_of(out, name, band)[...] = values
     count = int(np.count_nonzero(partial))
-    if count > band.area * DENSE:
-        _fill_pixels(inputs, out, band, np.s_[:, :])
-    elif count:
-        _fill_pixels(inputs, out, band, np.nonzero(partial))
+    if count:
+        _fill(inputs, out, band, np.s_[:, :] if count > band.area * DENSE else np.nonzero(partial))
 
 
-def _fill_pixels(inputs: Sequence[Framelet], out: Framelet, band: Rect, some: Any) -> None:
-    """Those pixels of a band that `some` picks of its array."""
+def _fill(inputs: Sequence[tuple[Framelet, Rect]], out: Framelet, band: Rect, some: Any) -> None:
+    """Composite the pixels of a band that `some` picks from its array."""
     pixels = np.empty((band.height, band.width), np.bool_)[some].size
-    size = (len(inputs), pixels)
-    colour, depth, alpha = np.empty((*size, 3), np.float32), np.empty(size, np.float32), np.empty(size, np.float32)
-    thing = np.zeros(size, np.uint32)
-    for k, framelet in enumerate(inputs):
-        colour[k] = _picked(framelet, "colour", band, some).reshape(pixels, 3)
-        depth[k] = _picked(framelet, "depth", band, some).ravel()
-        alpha[k] = _picked(framelet, "alpha", band, some).ravel()
-        if out.object_id is not None:
-            thing[k] = _picked(framelet, "object_id", band, some).ravel()
-    alpha[np.isnan(depth)] = 0.0
-    filled = Framelet.blank(Rect(x=0, y=0, width=pixels, height=1), EVERY)
-    result = (filled.colour[0], filled.channel("depth")[0], filled.channel("alpha")[0], filled.channel("object_id")[0])
-    kernels_depth.fill_by_depth(colour, depth, alpha, thing, *result)
+    stacks = {name: np.zeros((len(inputs), pixels, *_shape(name)), _blank(name)[1]) for name in PICKED}
+    for k, (framelet, rect) in enumerate(inputs):
+        for name in PICKED if out.object_id is not None else PICKED[:3]:
+            stacks[name][k] = _picked(framelet, name, rect, band, some).reshape(pixels, *_shape(name))
+    stacks["alpha"][np.isnan(stacks["depth"])] = 0.0
+    filled = Framelet.blank(Rect(x=0, y=0, width=pixels, height=1), frozenset(PICKED))
+    kernels_depth.fill_by_depth(*stacks.values(), *(filled.channel(name)[0] for name in PICKED))
     for name in out.channels:
-        here = part(out, name, band)
+        here = pixels_of(out, name, band)
         here[some] = filled.channel(name)[0].reshape(here[some].shape)
 
 
-def _picked(framelet: Framelet, name: str, band: Rect, some: Any) -> NDArray[Any]:
-    """A channel's pixels of a band; blank where the framelet is not, alpha 1 where it is and has none."""
-    met = framelet.rect.meet(band)
+def _picked(framelet: Framelet, name: str, rect: Rect, band: Rect, some: Any) -> NDArray[Any]:
+    """A channel's pixels of a band; blank outside of `rect`, alpha 1 inside it where there is no alpha."""
     opaque = name == "alpha" and framelet.alpha is None
-    if met == band and not opaque:
-        values: NDArray[Any] = part(framelet, name, band)[some]
+    if rect == band and not opaque:
+        values: NDArray[Any] = pixels_of(framelet, name, band)[some]
         return values
-    assert met is not None
-    value, kind = BLANK.get(name, (0.0, np.float32))
-    whole = np.full((band.height, band.width, *([3] if name == "colour" else [])), value, kind)
-    whole[met.inside(band)] = 1.0 if opaque else part(framelet, name, met)
+    whole = np.full((band.height, band.width, *_shape(name)), *_blank(name))
+    whole[rect.inside(band)] = 1.0 if opaque else pixels_of(framelet, name, rect)
     picked: NDArray[Any] = whole[some]
     return picked
+
+
+def _shape(name: str) -> tuple[int, ...]:
+    return (3,) if name == "colour" else ()
+
+
+def _blank(name: str) -> tuple[float, Any]:
+    return BLANK.get(name, (0.0, np.float32))

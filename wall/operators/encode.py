@@ -1,4 +1,4 @@
-"""`encode`: linear light to the 8-bit sRGB that displays and pages are sent."""
+"""`encode`: linear light to 8-bit sRGB for displays and pages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
 from wall.operators.base import Input, Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.parts import bands, copy, corner
+from wall.operators.regions import bands, copy, corner_of
 
 _CURVE = srgb_curve()
 
@@ -23,8 +23,9 @@ class Encode(Operator):
     input: Input
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the display values of a region."""
         source = inputs[0]
         copy(source, out, region, but=frozenset({"colour"}))
         for band in bands(region):
-            place = (*corner(out, band), band.width, band.height)
-            kernels.encode(source.colour, *corner(source, band), _CURVE, out.colour, *place)
+            target = (out.colour, *corner_of(out, band), band.width, band.height)
+            kernels.encode(source.colour, *corner_of(source, band), _CURVE, *target)

@@ -1,14 +1,12 @@
-"""Picture files as linear light: PNG and EXR."""
+"""Read PNG and EXR files as linear light."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import OpenEXR
-from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.colour import srgb_decoded
@@ -19,8 +17,8 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear Rec. 709
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Picture:
-    """What a file holds."""
+class ImageFile:
+    """The image of a file: colour, alpha and, of an EXR, depth."""
 
     colour: Float32  # (h, w, 3) linear, times alpha
     alpha: Float32  # (h, w) 0..1; 1 if the file has none
@@ -37,7 +35,7 @@ class Picture:
         return light
 
 
-def read(path: Path) -> Picture:
+def read_image(path: Path) -> ImageFile:
     """Read a PNG (8 bits a channel, sRGB) or an EXR (linear, premultiplied). Raises ConfigError naming the file."""
     readers = {".png": _read_png, ".exr": _read_exr}
     if path.suffix.lower() not in readers:
@@ -50,26 +48,23 @@ def read(path: Path) -> Picture:
         raise ConfigError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {error}") from error
 
 
-def _read_png(path: Path) -> Picture:
+def _read_png(path: Path) -> ImageFile:
     with Image.open(path, formats=["PNG"]) as image:
         values = np.asarray(image.convert("RGBA"), np.float32) / np.float32(255.0)
     alpha = np.ascontiguousarray(values[..., 3])
-    return Picture(srgb_decoded(values[..., :3]) * alpha[..., None], alpha, None)
+    return ImageFile(srgb_decoded(values[..., :3]) * alpha[..., None], alpha, None)
 
 
-def _read_exr(path: Path) -> Picture:
+def _read_exr(path: Path) -> ImageFile:
     with OpenEXR.File(str(path), separate_channels=True) as file:
         channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
     names = ["R", "G", "B"] if "R" in channels else ["Y"] * 3
     if missing := sorted(set(names) - set(channels)):
         raise ValueError(f"it has the channels {', '.join(sorted(channels))}, not {', '.join(missing)}")
     size = channels[names[0]].shape
-    return Picture(
+    return ImageFile(
         np.ascontiguousarray(np.stack([channels[name] for name in names], axis=-1)),
-        np.clip(_or(channels, "A", np.ones(size, np.float32)), 0.0, 1.0),
+        np.clip(channels.get("A", np.ones(size, np.float32)), 0.0, 1.0),
         channels.get("Z"),
     )
 
-
-def _or(channels: dict[str, NDArray[Any]], name: str, otherwise: Float32) -> Float32:
-    return channels.get(name, otherwise)

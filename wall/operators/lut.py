@@ -1,4 +1,4 @@
-"""3D look-up tables of colours: .cube files (Adobe, Cube LUT Specification 1.0, 2013), red varying fastest."""
+"""Read and apply 3D look-up tables of colours: .cube files (Adobe, Cube LUT Specification 1.0, 2013)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Lut:
         return out.reshape(colours.shape)
 
 
-def read(path: Path) -> Lut:
+def read_lut(path: Path) -> Lut:
     """Read a .cube file. Raises ConfigError naming file and line."""
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
@@ -50,12 +50,15 @@ def read(path: Path) -> Lut:
 
 
 class _Parser:
+    """Parses one file; errors name it and the line."""
+
     def __init__(self, path: Path) -> None:
         self._path, self._line = path, 0
         self._size = 0
         self._domain = {"DOMAIN_MIN": [0.0] * 3, "DOMAIN_MAX": [1.0] * 3}
 
     def parse(self, text: str) -> Lut:
+        """The table of a file's text."""
         values, count = array("f"), 0  # 16.8 million colours are 200 MB
         for words in self._lines(text):
             if words[0][0].isalpha() or words[0][0] == '"':

@@ -1,4 +1,4 @@
-"""`mask`: parts of a picture taken away, by a rectangle or by the luminance of a picture file."""
+"""`mask`: remove parts of a framelet, by a rectangle or by the luminance of an image file."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pydantic import Field, model_validator
 
 from wall.core.data import BLANK, Channels, Float32, Framelet, Rect
 from wall.core.errors import ConfigError
-from wall.core.fields import Flag, Text, refusal
-from wall.operators import image_file as files
-from wall.operators.base import Area, Input, Operator
-from wall.operators.parts import bands, copy, part
+from wall.core.fields import Flag, Text
+from wall.operators.base import Area, Input, Operator, area_rect, check_one_of
+from wall.operators.image_file import read_image
+from wall.operators.regions import bands, copy, pixels_of
 
 
 class Mask(Operator):
-    """Colour and alpha times the mask; where that is 0 nothing is left, so what is behind shows.
+    """Colour and alpha times the mask; where that is 0, what is behind shows.
 
     The mask is 1 inside an area and 0 outside, or a file's linear luminance, clipped to 0..1; the file must be as large
     as the input.
@@ -32,27 +32,26 @@ class Mask(Operator):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Mask:
-        if (self.area is None) == (self.file is None):
-            raise refusal("needs either an area or a file", accepted="area: [x, y, width, height] or file: NAME")
+        check_one_of(self, "area", "file", accepted="area: [x, y, width, height] or file: NAME")
         return self
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """With alpha, for what it takes away becomes transparent."""
+        """With alpha: what is removed becomes transparent."""
         return inputs[0] | {"alpha"}
 
     def covers(self, rect: Rect, inputs: Sequence[Rect], k: int) -> tuple[Rect, ...]:
-        """What the area leaves; of a file nobody knows it before it is read."""
+        """What the area leaves; all of `rect` for a file, which is not read yet."""
         if self.area is None:
             return (rect,)
-        area = _rect(self.area)
-        kept = rect.meet(area)
-        return rect.without(area) if self.invert else () if kept is None else (kept,)
+        area = area_rect(self.area)
+        kept = rect.intersection(area)
+        return rect.minus(area) if self.invert else () if kept is None else (kept,)
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Float32 | None:
         """(h, w) float32, the file's mask. Raises ConfigError when its size is not the input's."""
         if self.file is None:
             return None
-        kept: Float32 = np.clip(files.read(folder / self.file).luminance(), np.float32(0.0), np.float32(1.0))
+        kept: Float32 = np.clip(read_image(folder / self.file).luminance(), np.float32(0.0), np.float32(1.0))
         came, wanted = kept.shape[::-1], (inputs[0].width, inputs[0].height)
         if came != wanted:
             raise ConfigError(
@@ -61,9 +60,10 @@ class Mask(Operator):
         return kept
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Float32 | None) -> None:
+        """Copy a region times the mask."""
         source = inputs[0]
         if source.alpha is None and out.alpha is not None:
-            part(out, "alpha", region)[...] = 1.0
+            pixels_of(out, "alpha", region)[...] = 1.0
         copy(source, out, region, but=frozenset({"alpha"} if source.alpha is None else ()))
         for band in bands(region):
             kept = self._rectangle(band) if prepared is None else prepared[band.inside(source.rect)]
@@ -71,24 +71,19 @@ class Mask(Operator):
 
     def _rectangle(self, band: Rect) -> Float32:
         kept = np.zeros((band.height, band.width), np.float32)
-        if self.area is not None and (met := _rect(self.area).meet(band)):
-            kept[met.inside(band)] = 1.0
+        if self.area is not None and (overlap := area_rect(self.area).intersection(band)):
+            kept[overlap.inside(band)] = 1.0
         return kept
 
 
-def _rect(area: Area) -> Rect:
-    x, y, width, height = area
-    return Rect(x=x, y=y, width=width, height=height)
-
-
 def _keep(out: Framelet, band: Rect, share: Float32) -> None:
-    gone = share == 0.0
-    part(out, "colour", band)[...] *= share[..., None]
-    part(out, "colour", band)[gone] = 0.0  # NaN times 0 is not
+    removed = share == 0.0
+    pixels_of(out, "colour", band)[...] *= share[..., None]
+    pixels_of(out, "colour", band)[removed] = 0.0  # NaN times 0 is not
     for name in out.channels - {"colour"}:
-        here = part(out, name, band)
+        here = pixels_of(out, name, band)
         if name == "alpha":
             here *= share
         if name == "variance":
-            np.multiply(here, share * share, out=here, where=~gone)
-        here[gone] = BLANK[name][0]
+            np.multiply(here, share * share, out=here, where=~removed)
+        here[removed] = BLANK[name][0]

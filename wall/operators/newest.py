@@ -1,4 +1,4 @@
-"""`newest`: of several pictures of one view, what was traced last at every pixel."""
+"""`newest`: what was traced last of several images of one view at every pixel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from wall.core.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
-from wall.operators.winners import choose
+from wall.operators.selection import select
 
 
 class Newest(Operator):
@@ -23,4 +23,5 @@ class Newest(Operator):
     MOVES: ClassVar[bool] = True
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
-        choose(inputs, out, region, key="time", sign=-1)
+        """Write the newest pixels of a region."""
+        select(inputs, out, region, key="time", sign=-1)

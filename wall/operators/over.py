@@ -1,4 +1,4 @@
-"""`over`: transparent pictures on top of each other, in order. Ordered sort-last compositing.
+"""`over`: transparent images on top of each other, in order. Ordered sort-last compositing.
 
 Source: Porter and Duff, Compositing digital images, SIGGRAPH 1984; colours are premultiplied by alpha.
 """
@@ -14,7 +14,7 @@ from pydantic import Field
 from wall.core.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.parts import bands, blank, corner, later, part
+from wall.operators.regions import bands, blank, corner_of, overlapping, pixels_of, values_for
 
 
 class Over(Operator):
@@ -31,35 +31,36 @@ class Over(Operator):
     MAKES: ClassVar[Channels] = frozenset({"alpha"})
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
+        """What all inputs have, and alpha."""
         return super().gives(inputs) | {"alpha"}
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the composited pixels of a region."""
         ordered = sorted(inputs, key=lambda framelet: framelet.order)
         for band in bands(region):
             blank(out, band)
-            for framelet in ordered:
-                if met := framelet.rect.meet(band):
-                    _lay_under(framelet, out, met)
+            for framelet, rect in overlapping(ordered, band):
+                _add_behind(framelet, out, rect)
             if out.variance is not None:
-                variance, alpha = part(out, "variance", band), part(out, "alpha", band)
+                variance, alpha = pixels_of(out, "variance", band), pixels_of(out, "alpha", band)
                 variance[alpha == 0.0] = np.inf
 
 
-def _lay_under(framelet: Framelet, out: Framelet, rect: Rect) -> None:
+def _add_behind(framelet: Framelet, out: Framelet, rect: Rect) -> None:
     if out.channels - {"colour", "alpha"}:
         _other_channels(framelet, out, rect)
-    source = (framelet.colour, framelet.channel("alpha"), *corner(framelet, rect))
-    kernels.lay_under(*source, out.colour, out.channel("alpha"), *corner(out, rect), rect.width, rect.height)
+    source = (framelet.colour, framelet.channel("alpha"), *corner_of(framelet, rect))
+    kernels.add_behind(*source, out.colour, out.channel("alpha"), *corner_of(out, rect), rect.width, rect.height)
 
 
 def _other_channels(framelet: Framelet, out: Framelet, rect: Rect) -> None:
-    before, alpha = part(out, "alpha", rect), part(framelet, "alpha", rect)
+    before, alpha = pixels_of(out, "alpha", rect), pixels_of(framelet, "alpha", rect)
     seen = (before == 0.0) & (alpha > 0.0)
     for name in out.channels - {"colour", "alpha", "variance"}:
-        there = part(framelet, name, rect)
-        np.copyto(part(out, name, rect), there + later(framelet, out) if name == "time" else there, where=seen)
+        np.copyto(pixels_of(out, name, rect), values_for(out, framelet, name, rect), where=seen)
     if out.variance is not None:
-        _add_variance(part(out, "variance", rect), part(framelet, "variance", rect), 1.0 - before, alpha > 0.0, seen)
+        total, added = (pixels_of(f, "variance", rect) for f in (out, framelet))
+        _add_variance(total, added, 1.0 - before, alpha > 0.0, seen)
 
 
 def _add_variance(total: Any, variance: Any, through: Any, visible: Any, first: Any) -> None:

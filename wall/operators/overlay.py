@@ -1,4 +1,4 @@
-"""`overlay`: lines of text over a picture, with the statistics of the moment."""
+"""`overlay`: lines of text over an image, with current statistics."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pydantic import AfterValidator, Field
 from wall.core.data import Float32, Framelet, Rect
 from wall.core.fields import Text, Whole, refusal
 from wall.operators.base import Input, Operator
-from wall.operators.parts import copy, part
+from wall.operators.regions import copy, pixels_of
 
 PLACEHOLDERS = ("fps", "samples_per_s", "latency_ms", "ranks")
 WIDEST = "0000000"  # a number as wide as any that is shown
@@ -35,13 +35,13 @@ def _known(text: str) -> str:
 
 
 @dataclass(slots=True)
-class Board:
-    """What stands on an overlay: `prepare` makes it, and whoever runs the graph fills in the numbers.
+class Statistics:
+    """The numbers that an overlay shows: `prepare` makes it, the executor fills it in.
 
     When they change, the box (`Overlay.box`) must be applied again.
     """
 
-    statistics: Mapping[str, float] = field(default_factory=dict)  # by placeholder
+    numbers: Mapping[str, float] = field(default_factory=dict)  # by placeholder
 
 
 class Overlay(Operator):
@@ -59,31 +59,33 @@ class Overlay(Operator):
 
     MOVES: ClassVar[bool] = True  # it draws into linear and encoded colour alike
 
-    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Board:
-        return Board()
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Statistics:
+        """Numbers, none of them known yet."""
+        return Statistics()
 
     def box(self, whole: Rect) -> Rect:
-        """Where its text may stand in a picture; the same whatever the numbers are."""
+        """The rectangle of the text in an image, large enough for any numbers."""
         cover = _drawn(_NAMED.sub(WIDEST, self.text), self.size)
         width, height = min(cover.shape[1], whole.width), min(cover.shape[0], whole.height)
         x = whole.x if self.at.endswith("left") else whole.right - width
         y = whole.y if self.at.startswith("top") else whole.bottom - height
         return Rect(x=x, y=y, width=width, height=height)
 
-    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Board) -> None:
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Statistics) -> None:
+        """Copy a region, with the text over it."""
         copy(inputs[0], out, region)
         box = self.box(out.rect)
-        met = box.meet(region)
-        if met is None:
+        overlap = box.intersection(region)
+        if overlap is None:
             return
         text = np.zeros((box.height, box.width), np.float32)
-        drawn = _drawn(self.shown(prepared.statistics), self.size)[: box.height, : box.width]
+        drawn = _drawn(self.filled(prepared.numbers), self.size)[: box.height, : box.width]
         text[: drawn.shape[0], : drawn.shape[1]] = drawn
-        _draw(out, met, text[met.inside(box)])
+        _draw(out, overlap, text[overlap.inside(box)])
 
-    def shown(self, statistics: Mapping[str, float]) -> str:
+    def filled(self, numbers: Mapping[str, float]) -> str:
         """The text with its numbers; - for those that are not known."""
-        return _NAMED.sub(lambda found: _number(statistics.get(found[1])), self.text)
+        return _NAMED.sub(lambda found: _number(numbers.get(found[1])), self.text)
 
 
 def _number(value: float | None) -> str:
@@ -109,10 +111,10 @@ def _drawn(text: str, size: int) -> Float32:
 
 
 def _draw(out: Framelet, rect: Rect, cover: NDArray[np.float32]) -> None:
-    colour = part(out, "colour", rect)
+    colour = pixels_of(out, "colour", rect)
     white: Any = 255.0 if out.encoded else 1.0
     mixed = colour * (np.float32(SHADE) * (1.0 - cover))[..., None] + (np.float32(white) * cover)[..., None]
     colour[...] = np.round(mixed) if out.encoded else mixed
     if out.alpha is not None:
-        alpha = part(out, "alpha", rect)
+        alpha = pixels_of(out, "alpha", rect)
         alpha[...] = 1.0 - (1.0 - alpha) * np.float32(SHADE) * (1.0 - cover)

@@ -1,4 +1,4 @@
-"""Which operators there are: the built-in ones, and what installed packages add as entry points `wall.operators`."""
+"""List the operators: built-in ones, and those that installed packages add as entry points `wall.operators`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from wall.operators.crop import Crop
 from wall.operators.denoise import Denoise
 from wall.operators.depth import Depth
 from wall.operators.encode import Encode
+from wall.operators.flip_rotate import Flip, Rotate
 from wall.operators.mask import Mask
 from wall.operators.newest import Newest
 from wall.operators.over import Over
 from wall.operators.overlay import Overlay
 from wall.operators.scale import Scale
-from wall.operators.sources import Constant, Picture
+from wall.operators.sources import Constant, ImageSource
 from wall.operators.tile import Tile
-from wall.operators.turns import Flip, Rotate
 from wall.operators.warp import Warp
 
 GROUP = "wall.operators"
@@ -39,7 +39,7 @@ def name_of(operator: type[Operator]) -> str | None:
 
 BUILT_IN: tuple[type[Operator], ...] = (
     AgeBlend, Average, BlendEdges, Colour, Constant, Crop, Denoise, Depth, Encode,
-    Flip, Mask, Newest, Over, Overlay, Picture, Rotate, Scale, Tile, Warp,
+    Flip, ImageSource, Mask, Newest, Over, Overlay, Rotate, Scale, Tile, Warp,
 )  # fmt: skip
 OPERATORS: dict[str, type[Operator]] = {str(name_of(operator)): operator for operator in BUILT_IN}
 RESERVED = frozenset({"samples", "reconstruct", "sky", "sink"})  # nodes of a graph that are not operators

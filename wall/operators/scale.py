@@ -1,8 +1,11 @@
-"""`scale`: a picture with more or fewer pixels, by the filter that is named.
+"""`scale`: resample a framelet to more or fewer pixels.
 
 Filters are separable and normalised, so constants stay; for fewer pixels their support grows with the step, so nothing
-aliases. Sources: Mitchell and Netravali, SIGGRAPH 1988 (Catmull-Rom is their B = 0, C = 1/2); Duchon, J. Applied
-Meteorology 18, 1979 (Lanczos).
+aliases. Unlike with Pillow's resize, any region of the output equals that region of the whole, pixels without weight
+may be NaN, and variances are filtered by squared weights.
+
+Sources: Mitchell and Netravali, SIGGRAPH 1988 (Catmull-Rom is their B = 0, C = 1/2); Duchon, J. Applied Meteorology 18,
+1979 (Lanczos).
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -18,17 +21,17 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from wall.core.data import Float32, Float64, Framelet, Rect
-from wall.core.fields import Number, refusal
-from wall.operators.base import Extent, Input, Operator
+from wall.core.fields import Number
+from wall.operators.base import Extent, Input, Operator, check_one_of
 from wall.operators.kernels import resample as kernels
-from wall.operators.parts import corner, later, part
+from wall.operators.regions import corner_of, pixels_of, timed
 
 Filter = Literal["box", "triangle", "catmull_rom", "lanczos3"]
 Factor = Annotated[Number, Ge(1 / 256), Le(256.0)]
 
 
 class Scale(Operator):
-    """The frame scaled about its origin, so that scaled pictures lie beside each other as they did before.
+    """The frame scaled about its origin, so that neighbours stay neighbours.
 
     box: the mean of the area that a pixel covers; triangle: linear interpolation; catmull_rom: sharper, overshoots at
     edges; lanczos3: sharpest, overshoots more. Alpha is clipped to 0..1. Depth, time and object are those of the pixel
@@ -45,34 +48,36 @@ class Scale(Operator):
 
     @model_validator(mode="after")
     def _one_of_two(self) -> Scale:
-        if (self.factor is None) == (self.size is None):
-            raise refusal("needs either a factor or a size", accepted="factor: 0.5 or size: [width, height]")
+        check_one_of(self, "factor", "size", accepted="factor: 0.5 or size: [width, height]")
         return self
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:
+        """The scaled rectangle, rounded to whole pixels."""
         rect = inputs[0]
         across, down = self._factors(rect)
         width, height = self.size or (_rounded(rect.width * across), _rounded(rect.height * down))
         return Rect(x=_rounded(rect.x * across), y=_rounded(rect.y * down), width=max(1, width), height=max(1, height))
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
+        """The pixels whose filter reaches into `rect`."""
         whole, out = inputs[0], self.rect(inputs)
         x, right = _reached(rect.x - whole.x, rect.right - whole.x, whole.width, out.width, self.filter)
         y, bottom = _reached(rect.y - whole.y, rect.bottom - whole.y, whole.height, out.height, self.filter)
         return Rect(x=out.x + x, y=out.y + y, width=right - x, height=bottom - y)
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the resampled pixels of a region."""
         source = inputs[0]
-        (x, y), size = corner(out, region), (source.rect, out.rect)
+        (x, y), size = corner_of(out, region), (source.rect, out.rect)
         across = _taps(size[0].width, size[1].width, self.filter).cut(x, x + region.width)
         down = _taps(size[0].height, size[1].height, self.filter).cut(y, y + region.height)
         for name in out.channels & {"colour", "alpha", "variance"}:
-            here = part(out, name, region)
+            here = pixels_of(out, name, region)
             filtered = _filtered(source.channel(name), across, down, squared=name == "variance")
             here[...] = np.clip(filtered, 0.0, 1.0) if name == "alpha" else filtered
         for name in out.channels & {"depth", "time", "object_id"}:
-            there = source.channel(name)[down.nearest[:, None], across.nearest]
-            part(out, name, region)[...] = there + later(source, out) if name == "time" else there
+            nearest = source.channel(name)[down.nearest[:, None], across.nearest]
+            pixels_of(out, name, region)[...] = timed(out, source, name, nearest)
 
     def _factors(self, rect: Rect) -> tuple[float, float]:
         if self.size is not None:
@@ -105,13 +110,12 @@ SHAPES: dict[str, tuple[float, Callable[[Float64], Float64]]] = {  # radius in p
 }
 
 
-class Taps:
+class Taps(NamedTuple):
     """Which pixels of a row make each pixel of the scaled row."""
 
-    def __init__(self, first: NDArray[np.int64], weights: Float32, nearest: NDArray[np.int64]) -> None:
-        self.first = first  # (n,) the first of them
-        self.weights = weights  # (n, taps) weights of it and the following, rows sum to 1; 0 behind the last
-        self.nearest = nearest  # (n,) the one at the new pixel's centre
+    first: NDArray[np.int64]  # (n,) the first of them
+    weights: Float32  # (n, taps) weights of it and the following, rows sum to 1; 0 behind the last
+    nearest: NDArray[np.int64]  # (n,) the one at the new pixel's centre
 
     def cut(self, start: int, end: int) -> Taps:
         """Those of the new pixels from `start` to before `end`."""

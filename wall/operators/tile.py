@@ -1,4 +1,4 @@
-"""`tile`: pictures side by side. Sort-first placement."""
+"""`tile`: framelets side by side. Sort-first compositing."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pydantic import Field
 
 from wall.core.data import Framelet, Rect
 from wall.operators.base import Inputs, Operator
-from wall.operators.parts import blank, copy, covered
+from wall.operators.regions import blank, copy, covers, overlapping
 
 
 class Tile(Operator):
-    """Every input at its place in the frame; where nothing lies, blank; where two lie, the later input."""
+    """Every input at its position in the frame; blank where none is, the later input where two are."""
 
     op: Literal["tile"] = Field(description="framelets side by side")
     inputs: Inputs
@@ -21,8 +21,8 @@ class Tile(Operator):
     MOVES: ClassVar[bool] = True
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
-        if not covered([framelet.rect for framelet in inputs], region):
+        """Copy every input's pixels of a region."""
+        if not covers([framelet.rect for framelet in inputs], region):
             blank(out, region)
-        for framelet in inputs:
-            if met := framelet.rect.meet(region):
-                copy(framelet, out, met)
+        for framelet, rect in overlapping(inputs, region):
+            copy(framelet, out, rect)

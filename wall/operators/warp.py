@@ -1,4 +1,4 @@
-"""`warp`: a picture bent by a mesh, for curved screens and projectors that stand askew."""
+"""`warp`: an image deformed by a mesh, for curved screens and oblique projectors."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ruamel.yaml.error import MarkedYAMLError
 from wall.core.data import Float64, Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.fields import Model, Number, Text, Whole, refusal
-from wall.operators.base import Input, Operator
+from wall.operators.base import Input, Operator, check_one_of
 from wall.operators.kernels import resample as kernels
-from wall.operators.parts import blank, later, part
+from wall.operators.regions import blank, pixels_of, timed
 
 Nodes = Annotated[Whole, Ge(2), Le(1024)]
 Share = Annotated[Number, Ge(-4.0), Le(5.0)]  # four pictures beyond the display: farther is a typing error
@@ -28,9 +28,9 @@ Points = Annotated[tuple[tuple[Share, Share], ...], Field(min_length=4, max_leng
 
 
 class Mesh(Model):
-    """Where the nodes of a regular grid over the picture go."""
+    """The position on the display of each node of a regular grid over the image."""
 
-    columns: Nodes = Field(description="nodes side by side, the picture's edges among them")
+    columns: Nodes = Field(description="nodes side by side, the image's edges among them")
     rows: Nodes = Field(description="nodes on top of each other")
     points: Points = Field(description="[x, y] of each node, 0..1 from the top left, row by row from the top")
 
@@ -42,24 +42,23 @@ class Mesh(Model):
         return self
 
 
-class Bent:
-    """A mesh and the look-up tables made of it, one for each size of picture that came."""
+class WarpTables:
+    """The look-up tables of a mesh, one for each image size that came."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._points: Float64 = np.array(mesh.points, np.float64).reshape(mesh.rows, mesh.columns, 2)
         self._tables: dict[tuple[int, int], NDArray[np.int32]] = {}
 
     def table(self, rect: Rect) -> NDArray[np.int32]:
-        """(h, w, 2) int32: the place in the picture of each pixel, see kernels_sampling.look_up_bilinear."""
+        """(h, w, 2) int32: the position in the image of each display pixel, see kernels.look_up_bilinear."""
         size = (rect.height, rect.width)
         if size not in self._tables:
-            places = np.empty((*size, 2), np.int32)
-            kernels.rasterise_mesh(self._points * (rect.width, rect.height), places)
-            self._tables[size] = places
+            self._tables[size] = positions = np.empty((*size, 2), np.int32)
+            kernels.rasterise_mesh(self._points * (rect.width, rect.height), positions)
         return self._tables[size]
 
     def touched(self, rect: Rect, whole: Rect) -> Rect:
-        """Where a part of the picture goes: the box around its cells' nodes, for no cell bulges out of those."""
+        """The display pixels that show a part of the image: the box around its cells' nodes, which holds the cells."""
         rows, columns = (n - 1 for n in self._points.shape[:2])
         left, right = _cells(rect.x - whole.x, rect.right - whole.x, whole.width, columns)
         top, bottom = _cells(rect.y - whole.y, rect.bottom - whole.y, whole.height, rows)
@@ -72,52 +71,53 @@ class Bent:
 class Warp(Operator):
     """As large as the input. Pixels that the mesh does not reach are blank.
 
-    Between nodes places are bilinear. Colour, alpha and variance are mixed of the four pixels around a place that is
-    known to 1/4096 pixel; depth, time and object are those of the nearest. A mesh that changes nothing changes no bit.
-    Where it shrinks the picture much below half, detail may alias: scale it first.
+    Between nodes positions are bilinear. Colour, alpha and variance are interpolated between the four pixels around a
+    position, which is known to 1/4096 pixel; depth, time and object are those of the nearest. The identity changes no
+    bit. Where the mesh shrinks the image much below half, detail may alias: scale it first.
     """
 
-    op: Literal["warp"] = Field(description="bent by a mesh")
+    op: Literal["warp"] = Field(description="deformed by a mesh")
     input: Input
-    mesh: Mesh | None = Field(default=None, description="where the picture's places go")
+    mesh: Mesh | None = Field(default=None, description="grid of display positions")
     file: Text | None = Field(default=None, description="YAML or JSON with columns, rows and points, instead of a mesh")
 
     KEEPS_RAYS: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _mesh_or_file(self) -> Warp:
-        if (self.mesh is None) == (self.file is None):
-            raise refusal("needs either a mesh or a file", accepted="mesh: {columns, rows, points} or file: NAME")
+        check_one_of(self, "mesh", "file", accepted="mesh: {columns, rows, points} or file: NAME")
         return self
 
     @cached_property
-    def _bent(self) -> Bent | None:
-        return Bent(self.mesh) if self.mesh is not None else None
+    def _tables(self) -> WarpTables | None:
+        return WarpTables(self.mesh) if self.mesh is not None else None
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
-        return self._bent.touched(rect, inputs[0]) if self._bent is not None else inputs[0]
+        """The display pixels that show `rect`; all of them for a file, which is not read yet."""
+        return self._tables.touched(rect, inputs[0]) if self._tables is not None else inputs[0]
 
-    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Bent:
-        return self._bent or Bent(read_mesh(folder / str(self.file)))
+    def prepare(self, folder: Path, inputs: Sequence[Rect]) -> WarpTables:
+        """The tables of the mesh, read from the file if there is one. Raises ConfigError."""
+        return self._tables or WarpTables(read_mesh(folder / str(self.file)))
 
-    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Bent) -> None:
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: WarpTables) -> None:
+        """Write the warped pixels of a region."""
         source = inputs[0]
-        places = np.ascontiguousarray(prepared.table(source.rect)[region.inside(out.rect)])
+        positions = np.ascontiguousarray(prepared.table(source.rect)[region.inside(out.rect)])
         blank(out, region)
         for name in out.channels & {"colour", "alpha", "variance"}:
-            values, here = source.channel(name), part(out, name, region)
+            values, here = source.channel(name), pixels_of(out, name, region)
             warped = here[..., None].copy() if values.ndim == 2 else here.copy()
             planes = values[..., None] if values.ndim == 2 else values
-            kernels.look_up_bilinear(planes, places, name == "variance", warped)
+            kernels.look_up_bilinear(planes, positions, name == "variance", warped)
             here[...] = warped.reshape(here.shape)
-        inside = places[..., 0] != kernels.NOWHERE
+        inside = positions[..., 0] != kernels.NOWHERE
         size = (source.rect.width, source.rect.height)
-        x, y = (np.clip((places[..., c] + kernels.PLACE // 2) // kernels.PLACE, 0, size[c] - 1) for c in range(2))
+        rounded = (positions + kernels.SUBPIXELS // 2) // kernels.SUBPIXELS
+        x, y = (np.clip(rounded[..., c], 0, size[c] - 1) for c in range(2))
         for name in out.channels & {"depth", "time", "object_id"}:
-            nearest = source.channel(name)[y, x]
-            np.copyto(
-                part(out, name, region), nearest + later(source, out) if name == "time" else nearest, where=inside
-            )
+            nearest = timed(out, source, name, source.channel(name)[y, x])
+            np.copyto(pixels_of(out, name, region), nearest, where=inside)
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -135,8 +135,8 @@ def read_mesh(path: Path) -> Mesh:
         return Mesh.model_validate(values)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = ".".join(map(str, first["loc"])) or "the mesh"
-        raise ConfigError(f"{path}: {place}: {first['msg']}, wanted columns, rows and one [x, y] a node") from error
+        where = ".".join(map(str, first["loc"])) or "the mesh"
+        raise ConfigError(f"{path}: {where}: {first['msg']}, wanted columns, rows and one [x, y] a node") from error
 
 
 def _cells(start: int, end: int, size: int, count: int) -> tuple[int, int]:

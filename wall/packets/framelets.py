@@ -53,7 +53,7 @@ class FrameletPart:
 
     def check(self, out: Framelet) -> None:
         """Raises RemoteProtocolError where it is not of `out`."""
-        if not out.rect.holds(self.rect) or self.channels != out.channels or self.encoded != out.encoded:
+        if not out.rect.contains(self.rect) or self.channels != out.channels or self.encoded != out.encoded:
             raise RemoteProtocolError(
                 f"framelet part {self.rect} with {', '.join(sorted(self.channels))}; wanted: inside {out.rect}, "
                 f"with {', '.join(sorted(out.channels))}"

@@ -103,7 +103,7 @@ class Compositor:
         """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
         layout = self._plan.layout
         region = layout.region(rank) if rank in layout.renderers() else None
-        if region is None or region.panel != panel or not region.rect.holds(rect):
+        if region is None or region.panel != panel or not region.rect.contains(rect):
             raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
         if region.layer not in self.layers:
             raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
@@ -172,7 +172,7 @@ class Compositor:
 
     def say(self, statistics: Mapping[str, float]) -> None:
         """Tell the overlays of this rank how the run is doing."""
-        self._pictures.executor.say(statistics)
+        self._pictures.executor.set_statistics(statistics)
 
     def send(self) -> None:
         """Send to other ranks what changed for them, as far as there is credit."""
@@ -299,5 +299,5 @@ def check_statistics_image(statistics_image: StatisticsImage, panel: Panel) -> N
         raise RemoteProtocolError(
             f"statistics_image of {statistics_image.age.shape} tiles, panel {panel.id} has {width}x{height}"
         )
-    if not Rect(x=0, y=0, width=width, height=height).holds(statistics_image.bounds):
+    if not Rect(x=0, y=0, width=width, height=height).contains(statistics_image.bounds):
         raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

@@ -48,7 +48,7 @@ class Shown:
         """Cut out the panels that changed."""
         regions, framelet = changes.get(self._input, []), framelets[self._input]
         for name, rect in self._rects.items():
-            if any(rect.meets(region) for region in regions):
+            if any(rect.overlaps(region) for region in regions):
                 old = self._pictures[name]
                 self._pictures[name] = replace(old, rgb=_bytes_of(framelet, rect), version=old.version + 1)
 

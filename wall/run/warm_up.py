@@ -107,7 +107,7 @@ def _operators(plan: Plan) -> None:
             continue
         known.add(kind)
         rect = replace(step.rect, width=min(8, step.rect.width), height=min(8, step.rect.height))
-        if not all(i.rect.holds(rect) for i in inputs):
+        if not all(i.rect.contains(rect) for i in inputs):
             continue
         given = [Framelet.blank(rect, i.channels, encoded=i.encoded, order=i.order) for i in inputs]
         for framelet in given:

@@ -29,7 +29,7 @@ graph:
     [
         "{id: k, op: constant, panel: r0c1, colour: [1, 0, 0]}",
         "{id: k, op: constant, area: [8, 0, 8, 6], colour: [1, 0, 0]}",
-        "{id: k, op: picture, panel: r0c1, file: logo.png}",
+        "{id: k, op: image, panel: r0c1, file: logo.png}",
     ],
 )
 def test_a_source_covers_the_panel_or_the_area_that_it_names(source: str) -> None:

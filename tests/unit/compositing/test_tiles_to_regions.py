@@ -26,7 +26,7 @@ def test_regions_hold_every_row_of_tiles_from_its_first_dirty_one_to_its_last_on
 
     times = np.zeros((rect.height, rect.width), int)
     for region in tiles_to_regions(dirty, TILE, rect):
-        assert rect.holds(region)
+        assert rect.contains(region)
         times[region.inside(rect)] += 1
 
     wanted = np.zeros_like(dirty)

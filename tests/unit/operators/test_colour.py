@@ -13,7 +13,7 @@ from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Float32, Float64, Framelet
 from wall.core.errors import ConfigError
 from wall.operators.colour import Colour
-from wall.operators.lut import Lut, read
+from wall.operators.lut import Lut, read_lut
 
 ROUNDING = 1e-6
 
@@ -122,14 +122,14 @@ def rows(n: int) -> str:
 
 def test_comments_titles_and_domains_are_read(tmp_path: Path) -> None:
     text = f'# made by hand\nTITLE "warm"\n\nDOMAIN_MIN -1 0 0 # here\nDOMAIN_MAX 2 1 1e1\nLUT_3D_SIZE 2\n{rows(8)}'
-    found = read(written(tmp_path, text))
+    found = read_lut(written(tmp_path, text))
     assert found.table.shape == (2, 2, 2, 3)
     assert (found.low.tolist(), found.high.tolist()) == ([-1.0, 0.0, 0.0], [2.0, 1.0, 10.0])
 
 
 def test_red_varies_fastest(tmp_path: Path) -> None:
     numbered = "".join(f"{k} 0 0\n" for k in range(8))
-    found = read(written(tmp_path, f"LUT_3D_SIZE 2\n{numbered}"))
+    found = read_lut(written(tmp_path, f"LUT_3D_SIZE 2\n{numbered}"))
     corners: Float32 = np.float32([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
     assert found(corners)[:, 0].tolist() == [1.0, 2.0, 4.0]
 
@@ -159,7 +159,7 @@ def test_red_varies_fastest(tmp_path: Path) -> None:
 def test_a_wrong_table_is_refused_at_its_line(text: str, problem: str, tmp_path: Path) -> None:
     path = written(tmp_path, text)
     with pytest.raises(ConfigError) as caught:
-        read(path)
+        read_lut(path)
     assert str(caught.value).startswith(f"{path}")
     assert problem in str(caught.value)
 

@@ -35,7 +35,7 @@ CASES: dict[str, tuple[Operator, int]] = {  # the operator, and how many inputs 
     "newest": (made(OPERATORS["newest"], inputs=THREE), 3),
     "over": (made(OPERATORS["over"], inputs=THREE), 3),
     "overlay": (made(OPERATORS["overlay"], input="a", text="ab", size=6, at="bottom_right"), 1),
-    "picture": (made(OPERATORS["picture"], area=(-2, 3, 11, 9), file="spot.png", depth=2.0), 0),
+    "image": (made(OPERATORS["image"], area=(-2, 3, 11, 9), file="spot.png", depth=2.0), 0),
     "rotate": (made(OPERATORS["rotate"], input="a", degrees=90), 1),
     "rotate by 180": (made(OPERATORS["rotate"], input="a", degrees=180), 1),
     "rotate by 270": (made(OPERATORS["rotate"], input="a", degrees=270), 1),

@@ -18,7 +18,7 @@ MODULE = '''\
 from typing import ClassVar, Literal
 
 from wall.operators.base import Input, Operator
-from wall.operators.parts import copy, part
+from wall.operators.regions import copy, pixels_of
 
 
 class Negative(Operator):
@@ -29,7 +29,7 @@ class Negative(Operator):
 
     def apply(self, inputs, out, region, prepared):
         copy(inputs[0], out, region)
-        part(out, "colour", region)[...] = 1.0 - part(inputs[0], "colour", region)
+        pixels_of(out, "colour", region)[...] = 1.0 - pixels_of(inputs[0], "colour", region)
 
 
 class Nothing:

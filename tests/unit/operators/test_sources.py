@@ -1,4 +1,4 @@
-"""`constant`, `picture` and `mask`: colours and files in linear light."""
+"""`constant`, `image` and `mask`: colours and files in linear light."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from wall.core.colour import srgb_decoded
 from wall.core.data import BLANK, Float32
 from wall.core.errors import ConfigError
 from wall.operators.mask import Mask
-from wall.operators.sources import Constant, Picture
+from wall.operators.sources import Constant, ImageSource
 
 ROUNDING = 1e-6
 
@@ -38,7 +38,7 @@ def test_a_constant_is_premultiplied_and_has_the_channels_that_it_names() -> Non
 def test_a_png_is_decoded_and_premultiplied(tmp_path: Path, random_numbers: np.random.Generator) -> None:
     values = random_numbers.integers(0, 256, (4, 6, 4), np.uint8)
     Image.fromarray(values, "RGBA").save(tmp_path / "a.png")
-    out = applied(made(Picture, area=(1, 2, 6, 4), file="a.png"), folder=tmp_path)
+    out = applied(made(ImageSource, area=(1, 2, 6, 4), file="a.png"), folder=tmp_path)
     alpha = values[..., 3:] / 255
     np.testing.assert_allclose(out.colour, srgb_decoded(values[..., :3] / 255) * alpha, atol=ROUNDING)
     np.testing.assert_allclose(out.channel("alpha"), alpha[..., 0], atol=ROUNDING)
@@ -46,7 +46,7 @@ def test_a_png_is_decoded_and_premultiplied(tmp_path: Path, random_numbers: np.r
 
 def test_a_png_without_alpha_is_opaque(tmp_path: Path) -> None:
     Image.new("L", (3, 2), 255).save(tmp_path / "a.png")
-    out = applied(made(Picture, area=(0, 0, 3, 2), file="a.png", depth=3.0), folder=tmp_path)
+    out = applied(made(ImageSource, area=(0, 0, 3, 2), file="a.png", depth=3.0), folder=tmp_path)
     assert (out.colour == 1.0).all()
     assert (out.channel("alpha") == 1.0).all()
     assert (out.channel("depth") == 3.0).all()
@@ -56,7 +56,7 @@ def test_an_exr_is_taken_as_it_is_with_its_depth(tmp_path: Path, random_numbers:
     names = ("R", "G", "B", "A", "Z")
     planes = {name: random_numbers.random((4, 6), np.float32) for name in names}
     exr(tmp_path / "a.exr", **planes)
-    out = applied(made(Picture, area=(0, 0, 6, 4), file="a.exr", depth="file"), folder=tmp_path)
+    out = applied(made(ImageSource, area=(0, 0, 6, 4), file="a.exr", depth="file"), folder=tmp_path)
     np.testing.assert_array_equal(out.colour, np.stack([planes[name] for name in "RGB"], axis=-1))
     np.testing.assert_array_equal(out.channel("alpha"), planes["A"])
     np.testing.assert_array_equal(out.channel("depth"), planes["Z"])
@@ -85,7 +85,7 @@ def test_a_picture_that_does_not_fit_is_refused(name: str, problem: str, tmp_pat
     exr(tmp_path / "flat.exr", Y=grey)
     exr(tmp_path / "uv.exr", U=grey, V=grey)
     with pytest.raises(ConfigError) as caught:
-        made(Picture, area=(0, 0, 6, 4), file=name, depth="file").prepare(tmp_path, [])
+        made(ImageSource, area=(0, 0, 6, 4), file=name, depth="file").prepare(tmp_path, [])
     assert name in str(caught.value)
     assert problem in str(caught.value)
 

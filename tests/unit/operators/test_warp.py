@@ -1,4 +1,4 @@
-"""`warp`: places found again, pictures moved, meshes refused."""
+"""`warp`: positions found again, pictures moved, meshes refused."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pydantic import ValidationError
 
 from wall.core.data import BLANK, Float64, Framelet
 from wall.core.errors import ConfigError
-from wall.operators.kernels.resample import NOWHERE, PLACE
-from wall.operators.warp import Bent, Mesh, Warp
+from wall.operators.kernels.resample import NOWHERE, SUBPIXELS
+from wall.operators.warp import Mesh, Warp, WarpTables
 
-PLACE_ERROR = 0.5 / PLACE * 1.5  # pixels: half a step, and the meshes here stretch by less than 1.5
+POSITION_ERROR = 0.5 / SUBPIXELS * 1.5  # pixels: half a step, and the meshes here stretch by less than 1.5
 
 
 def grid(columns: int, rows: int) -> Float64:
@@ -30,7 +30,7 @@ def warp(nodes: Float64) -> Warp:
 
 
 def forward(nodes: Float64, u: Float64, v: Float64) -> Float64:
-    """(n, 2) where places (u, v) of the picture, 0..1, go: bilinear between the nodes around."""
+    """(n, 2) where positions (u, v) of the picture, 0..1, go: bilinear between the nodes around."""
     rows, columns = nodes.shape[0] - 1, nodes.shape[1] - 1
     i, j = np.minimum((v * rows).astype(int), rows - 1), np.minimum((u * columns).astype(int), columns - 1)
     f, g = (v * rows - i)[:, None], (u * columns - j)[:, None]
@@ -54,13 +54,13 @@ def test_each_place_goes_to_the_pixel_that_shows_it(seed: int) -> None:
     width, height = 60, 40
     operator = warp(nodes)
     assert operator.mesh is not None
-    places = Bent(operator.mesh).table(rect(0, 0, width, height))
-    y, x = np.nonzero(places[..., 0] != NOWHERE)
+    positions = WarpTables(operator.mesh).table(rect(0, 0, width, height))
+    y, x = np.nonzero(positions[..., 0] != NOWHERE)
     assert 0.7 < len(x) / (width * height) < 1.0
-    at = places[y, x] / PLACE + 0.5
+    at = positions[y, x] / SUBPIXELS + 0.5
     u, v = np.clip(at[:, 0] / width, 0, 1), np.clip(at[:, 1] / height, 0, 1)
     reached = forward(nodes, u, v) * (width, height)
-    np.testing.assert_allclose(reached, np.stack([x + 0.5, y + 0.5], axis=-1), atol=PLACE_ERROR)
+    np.testing.assert_allclose(reached, np.stack([x + 0.5, y + 0.5], axis=-1), atol=POSITION_ERROR)
 
 
 def test_pixels_are_mixed_of_the_four_around_their_place() -> None:

@@ -1,9 +1,13 @@
-"""Several pictures of one view whose pixels are covered in part: nearest first, each fills what is left of a pixel."""
+"""Composite images by depth where surfaces cover pixels in part: the nearest first, until a pixel is full."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, TypeAlias
 
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Float32
 from wall.core.jit import inline_kernel, kernel
 from wall.operators.kernels.pixels import CHUNK, copy_colours, mix_colours, uint
 
@@ -12,8 +16,17 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 FULL = np.float32(0.999)  # coverage above which nothing behind is looked for: a quarter of a display step at most
 
 
+# Plain tuples, see pixels.Keyed; x and y: the corner that is worked on.
+Surface: TypeAlias = tuple[Any, Float32, int, int]  # colour (h, w, 3) uint32, bits of float32; depth (h, w); x, y
+Target: TypeAlias = tuple[Any, int, int]  # colour, likewise; x, y
+Marks = NDArray[np.uint8]
+# Of the pixels of a band, (h, w) each: depth and alpha of what is there; 1 where an alpha is neither 0 nor full;
+# 1 where the last image won; x, y
+Band: TypeAlias = tuple[Float32, Float32, Marks, Marks, int, int]
+
+
 @kernel
-def fill_by_depth(colour, depth, alpha, thing, out_colour, out_depth, out_alpha, out_thing):
+def fill_by_depth(colour, depth, alpha, ids, out_colour, out_depth, out_alpha, out_ids):
     """Fill each pixel from its nearest surface on, as far as each covers it, until it is full.
 
     Coverages are taken as disjoint: surfaces that meet in a pixel fill it together, and nothing shows through between
@@ -21,13 +34,13 @@ def fill_by_depth(colour, depth, alpha, thing, out_colour, out_depth, out_alpha,
 
     Parameters
     ----------
-    colour : (n, p, 3) float32, linear, times alpha; depth, alpha : (n, p) float32; thing : (n, p) uint32 | None
-    out_colour : (p, 3) float32; out_depth, out_alpha : (p,) float32 | None; out_thing : (p,) uint32 | None; written:
-        depth and object are those of the nearest surface that covers anything
+    colour : (n, p, 3) float32, linear, times alpha; depth, alpha : (n, p) float32; ids : (n, p) uint32
+    out_colour : (p, 3) float32; out_depth, out_alpha : (p,) float32; out_ids : (p,) uint32; written; depth and object
+        are those of the nearest surface that covers anything
     """
     for k in range(depth.shape[1]):
         red = green = blue = covered = ZERO
-        near, name = INFINITE, np.uint32(0)
+        near, object_id = INFINITE, np.uint32(0)
         last, first = -INFINITE, 0  # the surfaces before (last, first) are in already
         while covered < FULL:
             best, found = INFINITE, -1
@@ -38,8 +51,7 @@ def fill_by_depth(colour, depth, alpha, thing, out_colour, out_depth, out_alpha,
             if found < 0:
                 break
             if covered == ZERO:
-                near = best
-                name = thing[found, k] if thing is not None else name
+                near, object_id = best, ids[found, k]
             a = alpha[found, k]
             share = min(a, ONE - covered) / a
             red += share * colour[found, k, 0]
@@ -48,30 +60,24 @@ def fill_by_depth(colour, depth, alpha, thing, out_colour, out_depth, out_alpha,
             covered += share * a
             last, first = best, found + 1
         out_colour[k, 0], out_colour[k, 1], out_colour[k, 2] = red, green, blue
-        if out_depth is not None:
-            out_depth[k] = near
-        if out_alpha is not None:
-            out_alpha[k] = covered
-        if out_thing is not None:
-            out_thing[k] = name
+        out_depth[k], out_alpha[k], out_ids[k] = near, covered, object_id
 
 
 @kernel
-def put_before(
-    colour, depth, alpha, sx, sy, out_colour, x, y, near, covered, partial, taken, tx, ty, width, height
-):  # fmt: skip
-    """Let a picture's pixels replace farther ones, as if each covered its pixel or not; what does so in part is marked.
+def replace_farther(source, source_alpha, out, band, width, height):
+    """Let an image's pixels replace farther ones, as if each covered its pixel or not; mark those that do so in part.
 
     Parameters
     ----------
-    colour : (h, w, 3) uint32, the bits of float32; depth : (h, w) float32; alpha : (h, w) float32 | None, opaque
-    sx, sy : int, corner in them; of equals what is there already stays, and NaN depth never wins
-    out_colour : (h, w, 3) uint32, updated from the corner x, y on
-    near, covered : (h, w) float32, depth and alpha of what is there, updated from the corner tx, ty on
-    partial : (h, w) uint8, likewise, set to 1 where alpha is neither 0 nor full
-    taken : (h, w) uint8, likewise, written: 1 where this picture won
-    width, height : int, the part
+    source : Surface; of equal depths what is there already stays, and NaN never wins
+    source_alpha : (h, w) float32, 0..1; None: opaque
+    out : Target; colours are updated
+    band : Band; updated
+    width, height : int, of the part
     """
+    colour, depth, sx, sy = source
+    out_colour, x, y = out
+    near, alpha, _, taken, tx, ty = band
     z_before, a_before = np.empty(CHUNK, np.float32), np.empty(CHUNK, np.float32)
     colours = np.empty((CHUNK, 3), colour.dtype)
     for row in range(height):
@@ -80,20 +86,20 @@ def put_before(
             s, o = (sy + row) * depth.shape[1] + sx + first, (y + row) * out_colour.shape[1] + x + first
             t = (ty + row) * near.shape[1] + tx + first
             for j in range(n):
-                z_before[j], a_before[j] = near[ty + row, tx + first + j], covered[ty + row, tx + first + j]
-            won = nearer(depth, alpha, s, z_before, a_before, near, covered, partial, taken, t, n)
+                z_before[j], a_before[j] = near[ty + row, tx + first + j], alpha[ty + row, tx + first + j]
+            won = nearer(depth, source_alpha, s, z_before, a_before, band, t, n)
             if won == n:
                 copy_colours(colour, s, out_colour, o, n)
             elif won > 0:
                 copy_colours(out_colour, o, colours, 0, n)
-                mix_colours(colours, 0, colour, s, taken, t, out_colour, o, n)
+                mix_colours((colours, 0), (colour, s), (taken, t), out_colour, o, n)
 
 
 @inline_kernel
-def nearer(depth, alpha, s, z_before, a_before, near, covered, partial, taken, t, n):
-    """n pixels in a row: how many are won."""
-    far, out_z, out_a, mask = depth.reshape(-1), near.reshape(-1), covered.reshape(-1), taken.reshape(-1)
-    some, won = partial.reshape(-1), np.int32(0)
+def nearer(depth, alpha, s, z_before, a_before, band, t, n):
+    """Compare n pixels in a row with what was there before; returns how many the source wins."""
+    far, out_z, out_a = depth.reshape(-1), band[0].reshape(-1), band[1].reshape(-1)
+    some, mask, won = band[2].reshape(-1), band[3].reshape(-1), np.int32(0)
     if alpha is None:
         for j in range(n):
             z = far[uint(s) + uint(j)]

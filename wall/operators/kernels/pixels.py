@@ -1,91 +1,104 @@
-"""What compositing does to every pixel: choose between two, lay one over another, encode.
+"""Compiled loops of compositing: select between two images pixel by pixel, blend, average, encode.
 
-Arrays are whole framelets' channels, C-contiguous; where to work is said by corners in pixels of each array.
+Arrays are whole channels of framelets, C-contiguous; corners in pixels say where in each array to work.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from wall.core.data import Float32
 from wall.core.jit import inline_kernel, kernel
 
-uint = np.uint64  # indices: no test whether they count from the end
+uint = np.uint64  # type of indices: numba need not test whether they count from the end
 CHUNK = 512  # pixels of a row that are copied before they are replaced: 8 kB, in the fastest cache
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
+# An image whose pixels are selected by a key: colour (h, w, 3) uint32 or uint8, bits that are moved; key (h, w), depths
+# or times; x, y of the corner that is worked on; what is added to the keys. A plain tuple: calls for small bands are
+# many, and numba takes some 10 us to recognise each NamedTuple.
+Keyed: TypeAlias = tuple[Any, Float32, int, int, np.float32]
+
+
 @kernel
-def choose(
-    a_colour, a_key, ax, ay, a_shift, b_colour, b_key, bx, by, b_shift, sign, colour, key, x, y, width, height, taken
-):  # fmt: skip
-    """Take each pixel from b where sign * b_key is below sign * a_key, else from a. NaN keys never win.
+def write_better(a, b, sign, out, width, height, taken):
+    """Take each pixel from b where sign * key of b is below sign * key of a, else from a. NaN keys never win.
 
     Parameters
     ----------
-    a_colour, b_colour : (h, w, 3) uint32 or uint8, bits that are moved; a_key, b_key : (h, w) float32, depths or times
-    ax, ay, bx, by : int, corners in a and b
-    a_shift, b_shift : float32, added to the keys
+    a, b, out : Keyed; `out` is written, its shift is not used. Its arrays must not be those of a or b
     sign : float32, 1: the smallest wins, -1: the largest
-    colour, key : (h, w, 3) and (h, w) of the same types, written: the winner's. Must not be a's or b's
-    x, y, width, height : int, the part of `colour` and `key` that is written
+    width, height : int, of the part that is written
     taken : (>= height, >= width) uint8, written: 1 where b won, else 0
 
     Returns
     -------
-    nothing : int, pixels where neither key is a number; their key is NaN
+    missing : int, pixels where neither key is a number; their key is NaN
     """
-    nothing = 0
+    a_colour, a_key, ax, ay, a_shift = a
+    b_colour, b_key, bx, by, b_shift = b
+    colour, key, x, y, _ = out
+    missing = 0
     for row in range(height):
-        a, b, o = (ay + row) * a_key.shape[1] + ax, (by + row) * b_key.shape[1] + bx, (y + row) * key.shape[1] + x
+        i, j, o = (ay + row) * a_key.shape[1] + ax, (by + row) * b_key.shape[1] + bx, (y + row) * key.shape[1] + x
         t = row * taken.shape[1]
-        won, missing = choose_keys(a_key, a, a_shift, b_key, b, b_shift, sign, key, o, taken, t, width)
-        nothing += missing
+        won, neither = better_keys((a_key, i, a_shift), (b_key, j, b_shift), sign, (key, o), (taken, t), width)
+        missing += neither
         if won == 0:
-            copy_colours(a_colour, a, colour, o, width)
+            copy_colours(a_colour, i, colour, o, width)
         elif won == width:
-            copy_colours(b_colour, b, colour, o, width)
+            copy_colours(b_colour, j, colour, o, width)
         else:
-            mix_colours(a_colour, a, b_colour, b, taken, t, colour, o, width)
-    return nothing
+            mix_colours((a_colour, i), (b_colour, j), (taken, t), colour, o, width)
+    return missing
 
 
 @kernel
-def challenge(b_colour, b_key, bx, by, b_shift, sign, colour, key, x, y, width, height, taken):
-    """The same with what is in `colour` and `key` already as a.
+def replace_worse(b, sign, out, width, height, taken):
+    """Replace the pixels of `out` whose key is worse than b's; else as `write_better`.
 
-    Rows are copied before they are replaced: what is not written while it is read becomes vector code.
+    Rows are copied before they are replaced, so that the compiler sees that reads and writes do not overlap and makes
+    vector code.
     """
+    b_colour, b_key, bx, by, b_shift = b
+    colour, key, x, y, _ = out
     before, colours = np.empty(CHUNK, np.float32), np.empty((CHUNK, 3), colour.dtype)
-    nothing, none = 0, np.float32(0.0)
+    missing, none = 0, np.float32(0.0)
     for row in range(height):
         for first in range(0, width, CHUNK):
             n = min(CHUNK, width - first)
-            b, o = (by + row) * b_key.shape[1] + bx + first, (y + row) * key.shape[1] + x + first
+            j, o = (by + row) * b_key.shape[1] + bx + first, (y + row) * key.shape[1] + x + first
             t = row * taken.shape[1] + first
-            for j in range(n):
-                before[j] = key[y + row, x + first + j]
-            won, missing = choose_keys(before, 0, none, b_key, b, b_shift, sign, key, o, taken, t, n)
-            nothing += missing
+            for k in range(n):
+                before[k] = key[y + row, x + first + k]
+            won, neither = better_keys((before, 0, none), (b_key, j, b_shift), sign, (key, o), (taken, t), n)
+            missing += neither
             if won == n:
-                copy_colours(b_colour, b, colour, o, n)
+                copy_colours(b_colour, j, colour, o, n)
             elif won > 0:
                 copy_colours(colour, o, colours, 0, n)
-                mix_colours(colours, 0, b_colour, b, taken, t, colour, o, n)
-    return nothing
+                mix_colours((colours, 0), (b_colour, j), (taken, t), colour, o, n)
+    return missing
 
 
 @inline_kernel
-def choose_keys(a_key, a, a_shift, b_key, b, b_shift, sign, key, o, taken, t, n):
-    """n keys in a row: how many b won, and how many are no number in both."""
-    one, other, out, mask = a_key.reshape(-1), b_key.reshape(-1), key.reshape(-1), taken.reshape(-1)
+def better_keys(a, b, sign, out, mask, n):
+    """Write the better of n keys in a row, and to the mask 1 where b's is; returns their number, and how many are NaN.
+
+    a, b : (array, first index, shift); out, mask : (array, first index)
+    """
+    one, other, keys, taken = a[0].reshape(-1), b[0].reshape(-1), out[0].reshape(-1), mask[0].reshape(-1)
+    i, j, o, t = uint(a[1]), uint(b[1]), uint(out[1]), uint(mask[1])
     won, missing = np.int32(0), np.int32(0)
-    for j in range(n):
-        p, q = one[uint(a) + uint(j)] + a_shift, other[uint(b) + uint(j)] + b_shift
+    for k in range(n):
+        p, q = one[i + uint(k)] + a[2], other[j + uint(k)] + b[2]
         win = (sign * q < sign * p) | ((p != p) & (q == q))
-        out[uint(o) + uint(j)] = q if win else p
-        mask[uint(t) + uint(j)] = np.uint8(win)
+        keys[o + uint(k)] = q if win else p
+        taken[t + uint(k)] = np.uint8(win)
         won += np.int32(win)
         missing += np.int32((p != p) & (q != q))
     return won, missing
@@ -93,7 +106,7 @@ def choose_keys(a_key, a, a_shift, b_key, b, b_shift, sign, key, o, taken, t, n)
 
 @inline_kernel
 def copy_colours(source, s, colour, o, n):
-    """n colours in a row."""
+    """Copy n colours in a row."""
     one, out = source.reshape(-1), colour.reshape(-1)
     first, to = uint(s) * uint(3), uint(o) * uint(3)
     for j in range(3 * n):
@@ -101,25 +114,28 @@ def copy_colours(source, s, colour, o, n):
 
 
 @inline_kernel
-def mix_colours(a_colour, a, b_colour, b, taken, t, colour, o, n):
-    """n colours in a row, b's where taken; by bits, for a branch would be mispredicted where depths are noisy."""
-    one, other, out, mask = a_colour.reshape(-1), b_colour.reshape(-1), colour.reshape(-1), taken.reshape(-1)
-    p, q, to = uint(a) * uint(3), uint(b) * uint(3), uint(o) * uint(3)
+def mix_colours(a, b, taken, colour, o, n):
+    """Write n colours in a row, b's where taken is 1, else a's; by bits, as noisy depths would mispredict a branch.
+
+    a, b, taken : (array, first index); colour, o : output and its first index
+    """
+    one, other, out, mask = a[0].reshape(-1), b[0].reshape(-1), colour.reshape(-1), taken[0].reshape(-1)
+    p, q, t, to = uint(a[1]) * uint(3), uint(b[1]) * uint(3), uint(taken[1]), uint(o) * uint(3)
     for j in range(n):
-        bits, k = np.uint32(-np.int32(mask[uint(t) + uint(j)])), uint(3) * uint(j)
+        bits, k = np.uint32(-np.int32(mask[t + uint(j)])), uint(3) * uint(j)
         for c in range(3):
             first, second = one[p + k + uint(c)], other[q + k + uint(c)]
             out[to + k + uint(c)] = np.uint32(first ^ np.uint32(np.uint32(first ^ second) & bits))
 
 
 @kernel
-def lay_under(source, source_alpha, sx, sy, colour, alpha, x, y, width, height):
-    """Put a picture beneath what is there already: Porter and Duff's over, front to back, premultiplied.
+def add_behind(source, source_alpha, sx, sy, colour, alpha, x, y, width, height):
+    """Add an image behind what is there already: Porter and Duff's over, front to back, premultiplied.
 
     Parameters
     ----------
-    source : (h, w, 3) float32, linear, premultiplied; source_alpha : (h, w) float32, clipped to 0..1; where it is NaN
-        there is nothing
+    source : (h, w, 3) float32, linear, premultiplied; source_alpha : (h, w) float32, clipped to 0..1; NaN
+        counts as 0
     sx, sy : int, corner in them
     colour, alpha : (h, w, 3) and (h, w) float32, updated
     x, y, width, height : int, the part of them
@@ -151,8 +167,8 @@ def add_shares(source, s, share, colour, o, n):
 
 
 @kernel
-def gather(source, weight, sx, sy, colour, total, x, y, width, height):
-    """Fold one picture into weighted means by running update, which cannot cancel: mean += (value - mean) w / sum of w.
+def add_to_means(source, weight, sx, sy, colour, total, x, y, width, height):
+    """Add an image to weighted means by a running update, which cannot cancel: mean += (value - mean) w / sum of w.
 
     Parameters
     ----------

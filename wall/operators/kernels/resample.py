@@ -1,4 +1,4 @@
-"""Pictures at other places: separable filters, and look-ups through a table of places."""
+"""Compiled loops that resample images: separable filters, and look-ups through a table of positions."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-PLACE = 4096  # places are known to 1/4096 pixel: rounding moves an edge of height 1 by 1/8192 at most
-PER_PLACE = np.float32(1.0 / PLACE)
-NOWHERE = -(1 << 31)
+SUBPIXELS = 4096  # steps a pixel of positions: rounding moves an edge of height 1 by 1/8192 at most
+SUBPIXEL = np.float32(1.0 / SUBPIXELS)
+NOWHERE = -(1 << 31)  # x of a display pixel that no cell of the mesh covers
 EDGE = 1e-9  # of a cell: what lies on the edge of two belongs to one of them at least
 
 
@@ -48,24 +48,24 @@ def filter_columns(rows, first, weights, out):
 
 
 @kernel
-def look_up_bilinear(planes, places, squared, out):
-    """Each pixel from the four around its place.
+def look_up_bilinear(planes, positions, squared, out):
+    """Interpolate each pixel between the four around its position in the source.
 
     planes : (h, w, c) float32
-    places : (n, m, 2) int32, x and y in 1/PLACE pixels from the centre of pixel (0, 0), or NOWHERE
+    positions : (n, m, 2) int32, x and y in 1/SUBPIXELS pixels from the centre of pixel (0, 0), or NOWHERE
     squared : bool, by squared weights, for variances
     out : (n, m, c) float32, written; untouched at NOWHERE
     """
     last_row, last_column = planes.shape[0] - 1, planes.shape[1] - 1
     for i in range(out.shape[0]):
         for j in range(out.shape[1]):
-            if places[i, j, 0] == NOWHERE:
+            if positions[i, j, 0] == NOWHERE:
                 continue
-            x = min(max(places[i, j, 0], 0), last_column * PLACE)
-            y = min(max(places[i, j, 1], 0), last_row * PLACE)
-            x0, y0 = x // PLACE, y // PLACE
+            x = min(max(positions[i, j, 0], 0), last_column * SUBPIXELS)
+            y = min(max(positions[i, j, 1], 0), last_row * SUBPIXELS)
+            x0, y0 = x // SUBPIXELS, y // SUBPIXELS
             x1, y1 = min(x0 + 1, last_column), min(y0 + 1, last_row)
-            fx, fy = np.float32(x - x0 * PLACE) * PER_PLACE, np.float32(y - y0 * PLACE) * PER_PLACE
+            fx, fy = np.float32(x - x0 * SUBPIXELS) * SUBPIXEL, np.float32(y - y0 * SUBPIXELS) * SUBPIXEL
             w00, w01 = (ONE - fx) * (ONE - fy), fx * (ONE - fy)
             w10, w11 = (ONE - fx) * fy, fx * fy
             if squared:
@@ -140,20 +140,20 @@ def descending(values, order):
 
 
 @kernel
-def rasterise_mesh(points, places):
-    """A mesh says where the picture's places go on a display; turned round: the place of each pixel of the display.
+def rasterise_mesh(points, positions):
+    """Invert a mesh, which gives the display position of image nodes: the image position of each display pixel.
 
     Parameters
     ----------
-    points : (rows, columns, 2) float64, where the nodes of a regular grid over the picture go; pixels of the display
-    places : (h, w, 2) int32, written: see look_up_bilinear; NOWHERE where no cell of the mesh lies. Of cells that
+    points : (rows, columns, 2) float64, display pixels of the nodes of a regular grid over the image
+    positions : (h, w, 2) int32, written: see look_up_bilinear; NOWHERE where no cell of the mesh lies. Of cells that
         overlap, the last counts
 
     Between its four nodes a cell is bilinear: p = A + u B + v C + u v D. Taking u out of the two equations leaves a
     quadratic in v, solved by the root that does not cancel.
     """
-    rows, columns, (height, width) = points.shape[0] - 1, points.shape[1] - 1, places.shape[:2]
-    places[:] = NOWHERE
+    rows, columns, (height, width) = points.shape[0] - 1, points.shape[1] - 1, positions.shape[:2]
+    positions[:] = NOWHERE
     for row in range(rows):
         for column in range(columns):
             ax, ay = points[row, column]
@@ -168,8 +168,8 @@ def rasterise_mesh(points, places):
                     u, v = inverse_bilinear(ex, ey, bx, by, cx, cy, dx, dy)
                     if -EDGE <= u <= 1.0 + EDGE and -EDGE <= v <= 1.0 + EDGE:
                         x, y = (column + u) / columns * width - 0.5, (row + v) / rows * height - 0.5
-                        places[i, j, 0] = np.int32(np.floor(x * PLACE + 0.5))
-                        places[i, j, 1] = np.int32(np.floor(y * PLACE + 0.5))
+                        positions[i, j, 0] = np.int32(np.floor(x * SUBPIXELS + 0.5))
+                        positions[i, j, 1] = np.int32(np.floor(y * SUBPIXELS + 0.5))
 
 
 @inline_kernel

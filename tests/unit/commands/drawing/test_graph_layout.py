@@ -46,7 +46,7 @@ def test_a_source_image_stands_just_before_its_user() -> None:
     boxes = {
         "s": ("samples", "rank 1", ()),
         "f": ("reconstruct", "head", ("s",)),
-        "logo": ("picture", "head", ()),
+        "logo": ("image", "head", ()),
         "o": ("over", "head", ("f", "logo")),
     }
     diagram = graph(boxes)

@@ -7,11 +7,11 @@ import pytest
 from framelets import EVERY, applied, assert_equal, made, output_of, random_framelet, rect
 
 from wall.core.data import BLANK, ORIGIN_STEP_S, Framelet
-from wall.operators import winners
+from wall.operators import selection
 from wall.operators.base import Operator
 from wall.operators.depth import Depth
 from wall.operators.newest import Newest
-from wall.operators.parts import BAND_PIXELS
+from wall.operators.regions import BAND_PIXELS
 
 OPAQUE = EVERY - {"alpha"}  # pixels that are covered in part have a test of their own
 COVERAGE_LEFT = 1e-3  # of a pixel, above which no farther surface is looked for
@@ -21,14 +21,14 @@ OPERATORS: dict[str, Operator] = {
 }
 
 
-def winners_one_by_one(inputs: list[Framelet], out: Framelet, key: str) -> Framelet:
+def selected_one_by_one(inputs: list[Framelet], out: Framelet, key: str) -> Framelet:
     """Sort what each pixel has: first by key, then by input; times made absolute."""
     for y in range(out.rect.y, out.rect.bottom):
         for x in range(out.rect.x, out.rect.right):
             here, found = (y - out.rect.y, x - out.rect.x), []
             for k, framelet in enumerate(inputs):
                 there = (y - framelet.rect.y, x - framelet.rect.x)
-                if framelet.rect.holds(rect(x, y, 1, 1)) and not np.isnan(framelet.channel(key)[there]):
+                if framelet.rect.contains(rect(x, y, 1, 1)) and not np.isnan(framelet.channel(key)[there]):
                     value = float(framelet.channel(key)[there]) + (framelet.time_origin if key == "time" else 0.0)
                     found.append((value if key == "depth" else -value, k, there))
             best = min(found, default=None)
@@ -61,7 +61,7 @@ def test_the_winner_of_every_pixel_is_the_twins(
         framelet.channel("time")[...] += 0.5 * k
         framelet.stamp(k * ORIGIN_STEP_S)  # exact in float32 with the times at hand
         framelet.channel(key)[random_numbers.random(framelet.channel(key).shape) < 0.2] = np.nan
-    twin = winners_one_by_one(inputs, output_of(OPERATORS[key], inputs), key)
+    twin = selected_one_by_one(inputs, output_of(OPERATORS[key], inputs), key)
     assert_equal(applied(OPERATORS[key], *inputs), twin)
 
 
@@ -85,7 +85,7 @@ def test_with_alpha_each_surface_fills_what_nearer_ones_left_of_a_pixel(
             layers = []
             for k, framelet in enumerate(inputs):
                 there = (y - framelet.rect.y, x - framelet.rect.x)
-                if framelet.rect.holds(rect(x, y, 1, 1)) and not np.isnan(framelet.channel("depth")[there]):
+                if framelet.rect.contains(rect(x, y, 1, 1)) and not np.isnan(framelet.channel("depth")[there]):
                     alpha = 1.0 if framelet.alpha is None else float(framelet.alpha[there])
                     if alpha > 0.0:
                         layers.append((float(framelet.channel("depth")[there]), k, alpha, there))
@@ -126,7 +126,7 @@ def test_bands_of_a_large_picture_meet(compiled_only: None, random_numbers: np.r
 def test_nothing_outside_the_region_is_written(random_numbers: np.random.Generator) -> None:
     inputs = [random_framelet(random_numbers, rect(0, 0, 12, 8), channels=OPAQUE) for _ in range(2)]
     out = output_of(OPERATORS["depth"], inputs)
-    winners.choose(inputs, out, rect(3, 2, 5, 4), key="depth", sign=1)
+    selection.select(inputs, out, rect(3, 2, 5, 4), key="depth", sign=1)
     outside = np.ones((8, 12), np.bool_)
     outside[2:6, 3:8] = False
     assert all((out.channel(name)[outside] == 77).all() for name in OPAQUE)

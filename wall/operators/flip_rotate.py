@@ -1,4 +1,4 @@
-"""`flip` and `rotate`: pictures for displays that are mounted mirrored or turned."""
+"""`flip` and `rotate`: images for displays that are mounted mirrored or turned."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from wall.core.data import Framelet, Rect
 from wall.operators.base import Input, Operator
-from wall.operators.parts import later
+from wall.operators.regions import pixels_of, timed
 
 
 class Flip(Operator):
@@ -25,19 +25,21 @@ class Flip(Operator):
     MOVES: ClassVar[bool] = True
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
+        """The mirrored rectangle."""
         whole = inputs[0]
         x = whole.x + whole.right - rect.right if self.axis == "horizontal" else rect.x
         y = whole.y + whole.bottom - rect.bottom if self.axis == "vertical" else rect.y
         return Rect(x=x, y=y, width=rect.width, height=rect.height)
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the mirrored pixels of a region."""
         axis = 1 if self.axis == "horizontal" else 0
         for name in out.channels:
-            _put(inputs[0], out, region, name, np.flip(inputs[0].channel(name), axis=axis))
+            _write(inputs[0], out, region, name, np.flip(inputs[0].channel(name), axis=axis))
 
 
 class Rotate(Operator):
-    """Turned clockwise, its top left corner where it was."""
+    """Turned clockwise; the top left corner of its rectangle stays."""
 
     op: Literal["rotate"] = Field(description="turned clockwise")
     input: Input
@@ -47,25 +49,26 @@ class Rotate(Operator):
     MOVES: ClassVar[bool] = True
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:
-        """The same corner; width and height change places at 90 and 270 degrees."""
-        rect = inputs[0]
-        size = (rect.width, rect.height) if self.degrees == 180 else (rect.height, rect.width)
-        return Rect(x=rect.x, y=rect.y, width=size[0], height=size[1])
+        """The same corner; width and height are exchanged at 90 and 270 degrees."""
+        return self._turned(inputs[0].x, inputs[0].y, inputs[0])
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
+        """The turned rectangle."""
         whole = inputs[0]
         x, y, right, bottom = rect.x - whole.x, rect.y - whole.y, whole.right - rect.right, whole.bottom - rect.bottom
         left, top = {90: (bottom, x), 180: (right, bottom), 270: (y, right)}[self.degrees]
-        size = (rect.width, rect.height) if self.degrees == 180 else (rect.height, rect.width)
-        return Rect(x=whole.x + left, y=whole.y + top, width=size[0], height=size[1])
+        return self._turned(whole.x + left, whole.y + top, rect)
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the turned pixels of a region."""
         for name in out.channels:
-            _put(inputs[0], out, region, name, np.rot90(inputs[0].channel(name), k=-self.degrees // 90))
+            _write(inputs[0], out, region, name, np.rot90(inputs[0].channel(name), k=-self.degrees // 90))
+
+    def _turned(self, x: int, y: int, rect: Rect) -> Rect:
+        width, height = (rect.width, rect.height) if self.degrees == 180 else (rect.height, rect.width)
+        return Rect(x=x, y=y, width=width, height=height)
 
 
-def _put(source: Framelet, out: Framelet, region: Rect, name: str, turned: NDArray[Any]) -> None:
-    """`turned` is a view of the source's channel, as large as the output's."""
-    here = region.inside(out.rect)
-    shift = later(source, out)
-    out.channel(name)[here] = turned[here] + shift if name == "time" and shift != 0.0 else turned[here]
+def _write(source: Framelet, out: Framelet, region: Rect, name: str, turned: NDArray[Any]) -> None:
+    """Write a region from `turned`, a view of the source's channel as large as the output's."""
+    pixels_of(out, name, region)[...] = timed(out, source, name, turned[region.inside(out.rect)])

@@ -1,0 +1,71 @@
+"""Read and write rectangles of framelets: what operators copy and blank, band by band."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import BLANK, Channels, Framelet, Rect
+
+BAND_PIXELS = 1 << 15  # 512 kB of colour and depth: a band stays in a core's own cache while inputs are folded into it
+
+
+def bands(region: Rect) -> Iterator[Rect]:
+    """Cut a region into strips over its whole width, of BAND_PIXELS or one row."""
+    rows = max(1, BAND_PIXELS // region.width)
+    for y in range(region.y, region.bottom, rows):
+        yield Rect(x=region.x, y=y, width=region.width, height=min(rows, region.bottom - y))
+
+
+def overlapping(framelets: Sequence[Framelet], region: Rect) -> list[tuple[Framelet, Rect]]:
+    """The framelets that have pixels in a region, each with the rectangle of those."""
+    return [(f, overlap) for f in framelets if (overlap := f.rect.intersection(region)) is not None]
+
+
+def pixels_of(framelet: Framelet, name: str, rect: Rect) -> NDArray[Any]:
+    """A view of one channel: the pixels of `rect` (frame coordinates, inside the framelet)."""
+    view: NDArray[Any] = framelet.channel(name)[rect.inside(framelet.rect)]
+    return view
+
+
+def values_for(out: Framelet, framelet: Framelet, name: str, rect: Rect) -> NDArray[Any]:
+    """One channel's pixels of `rect` as `out` holds them: times count from its origin. Not to be written to."""
+    return timed(out, framelet, name, pixels_of(framelet, name, rect))
+
+
+def timed(out: Framelet, framelet: Framelet, name: str, values: NDArray[Any]) -> NDArray[Any]:
+    """Values of one of the framelet's channels as `out` holds them: times count from its origin."""
+    shift = time_shift(framelet, out)
+    return values + shift if name == "time" and shift != 0.0 else values
+
+
+def time_shift(framelet: Framelet, out: Framelet) -> np.float32:
+    """What must be added to a framelet's times for them to count from the output's origin, seconds."""
+    return np.float32(framelet.time_origin - out.time_origin)
+
+
+def corner_of(framelet: Framelet, rect: Rect) -> tuple[int, int]:
+    """x, y of a rectangle's top left corner in a framelet's arrays."""
+    return rect.x - framelet.rect.x, rect.y - framelet.rect.y
+
+
+def copy(source: Framelet, out: Framelet, rect: Rect, *, but: Channels = frozenset()) -> None:
+    """Copy the pixels of `rect`, inside both, in every channel that `out` has, except those of `but`."""
+    for name in out.channels - but:
+        pixels_of(out, name, rect)[...] = values_for(out, source, name, rect)
+
+
+def blank(out: Framelet, rect: Rect, where: NDArray[np.bool_] | None = None) -> None:
+    """Make pixels black, infinitely far, transparent, never traced: all of `rect`, or where the mask says."""
+    for name in out.channels:
+        pixels_of(out, name, rect)[... if where is None else where] = BLANK[name][0] if name in BLANK else 0
+
+
+def covers(rects: Sequence[Rect], region: Rect) -> bool:
+    """Whether rectangles that do not overlap cover all of a region; False if they might not."""
+    inside = [overlap for rect in rects if (overlap := rect.intersection(region))]
+    apart = all(not a.overlaps(b) for i, a in enumerate(inside) for b in inside[:i])
+    return any(rect.contains(region) for rect in rects) or (apart and sum(r.area for r in inside) == region.area)
