@@ -133,7 +133,7 @@ def test_a_leaf_is_cut_across_its_longer_axis_at_the_weighted_median(axis: int, 
     """The NumPy twin: of all cuts LEAST_EDGE from both ends, none divides the sum more evenly."""
     score = np.random.default_rng(seed).random((12, 30) if axis else (30, 12)).astype(np.float32) ** 4
     across = bool(axis)
-    at = kernels.cut_at(score, 0, 0, score.shape[1], score.shape[0], across, LEAST_EDGE)
+    at = kernels.cut_at(score, 0, 0, score.shape[1], score.shape[0], across)
     half = [
         abs(score.sum(axis=1 - axis)[:k].sum(dtype=np.float64) / score.sum(dtype=np.float64) - 0.5) for k in range(31)
     ]

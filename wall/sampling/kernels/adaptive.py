@@ -167,7 +167,7 @@ def draw(score, tiles, pixels, packets, sequence, xy):
     key = hash_uint32(np.uint32(pixels.seed), np.uint32(sequence))
     step = total / packets
     at = (hash_uint32(key, np.uint32(0)) * 2.0**-32) * step
-    seen, filled = 0.0, 0
+    seen, filled = 0.0, np.int64(0)  # a literal 0 would compile what it is handed to once more
     for tile in order:
         seen += sums[tile]
         picks = 0

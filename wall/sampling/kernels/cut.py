@@ -29,7 +29,7 @@ class Tree(NamedTuple):
 @kernel
 def plant(width, height, tiles, tree):
     """Make one leaf of all (height, width) pixels. tiles : Tiles and tree : Tree, written"""
-    set_rect(tiles.rects, 0, 0, 0, width, height)
+    tiles.rects[0, X], tiles.rects[0, Y], tiles.rects[0, WIDTH], tiles.rects[0, HEIGHT] = 0, 0, width, height
     tree.child[0, LEFT], tree.parent[0] = LEAF, LEAF
     tiles.tile_of[:] = 0
     tree.state[LEAVES], tree.state[NODES], tree.state[VACANT], tree.state[CURSOR] = 1, 1, 0, 0
@@ -86,9 +86,10 @@ def adjust(score, wanted, steps, tiles, tree):
 def split(score, node, tiles, tree):
     """Split a leaf in two, across its longer axis, where half of its sum lies on either side, as near as may be."""
     rects = tiles.rects
-    x, y, width, height = rects[node, X], rects[node, Y], rects[node, WIDTH], rects[node, HEIGHT]
+    x, y = int(rects[node, X]), int(rects[node, Y])
+    width, height = int(rects[node, WIDTH]), int(rects[node, HEIGHT])
     across = width >= height
-    at = cut_at(score, x, y, width, height, across, LEAST_EDGE)
+    at = cut_at(score, x, y, width, height, across)
     a, b = new_node(tree.vacant, tree.state), new_node(tree.vacant, tree.state)
     if across:
         set_rect(rects, a, x, y, at, height)
@@ -104,8 +105,8 @@ def split(score, node, tiles, tree):
 
 
 @inline_kernel
-def cut_at(score, x, y, width, height, across, low):
-    """Pixels before the cut: the weighted median of the longer axis, `low` from both ends; the middle if all is 0.
+def cut_at(score, x, y, width, height, across):
+    """Pixels before the cut: the weighted median of the longer axis, LEAST_EDGE from both ends; or the middle.
 
     score : (h, w) float32; x, y, width, height : int, the rectangle; across : bool, whether its longer axis is x
     """
@@ -123,7 +124,7 @@ def cut_at(score, x, y, width, height, across, low):
             at = k if 0.5 * total - seen < 0.5 * line else k + 1
             break
         seen += line
-    return min(max(at, low), length - low)
+    return min(max(at, LEAST_EDGE), length - LEAST_EDGE)
 
 
 @inline_kernel
