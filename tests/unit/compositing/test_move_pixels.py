@@ -24,6 +24,7 @@ class Moment:
         world_from_object[1, :3, 3] = moved  # object 2
         self.eye = np.float64(eye)
         self.object_from_eye, self.panel_from_object = (np.empty((3, 12), np.float32) for _ in range(2))
+        world_from_object.setflags(write=False)  # as a scene's are: the same compiled kernel
         object_tables(world_from_object, self.eye, FRAME, CORNER, self.object_from_eye, self.panel_from_object)
 
 

@@ -35,6 +35,7 @@ def world_maps(setup: Setup, event: Event) -> PointMaps:
     corner = np.array(setup.panel.screen, np.float64)
     anchor = np.eye(4)[None]
     anchor[0, :3, 3] = setup.plan.view.camera_at(0.0).origin()
+    anchor.setflags(write=False)  # as poses of scenes are: one compiled kernel serves both
     there, back = np.empty((2, 2, 12), np.float32)
     object_tables(anchor, event.camera.origin(), frame, corner, there, back)
     return PointMaps(frame, corner, there, back)
