@@ -161,9 +161,9 @@ class OfflineRenderer:
         local = self._local
         if getattr(local, "tile", None) is tile and local.event is self.event:
             return local.tracer  # type: ignore[no-any-return]
-        seen = PanelView(self._plan.view, tile.panel)
+        panel_view = PanelView(self._plan.view, tile.panel)
         if not hasattr(local, "tracer"):
-            local.tracer = Tracer(self._tracer_scene, tile.panel, seen.eye, coherent=True)
-        local.tracer.look_through(tile.panel, seen.eye, seen(self.event))
+            local.tracer = Tracer(self._tracer_scene, tile.panel, panel_view.eye, coherent=True)
+        local.tracer.look_through(tile.panel, panel_view.eye, panel_view(self.event))
         local.tile, local.event = tile, self.event
         return local.tracer  # type: ignore[no-any-return]

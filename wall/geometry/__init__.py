@@ -1,1 +1,1 @@
-"""Where things are: panels in the wall's frame, cameras in the world, and the rays that join them."""
+"""Geometry: panels in the wall's frame, cameras in the world, and the rays that join them."""

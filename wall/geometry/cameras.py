@@ -81,14 +81,19 @@ def seen_from(event: Event, offset: Float64) -> Event:
 
 
 class PanelView:
-    """Who sees one panel: an eye before the wall, and events as it sees them. The same event gives the same object."""
+    """A view as one panel shows it: the eye that looks at the panel, and events with that eye's camera.
+
+    The same event gives the same object.
+    """
 
     def __init__(self, view: View, panel: Panel) -> None:
+        """`eye` becomes (3,) metres, wall frame."""
         self.eye = view.eye_of(panel)
         self._offset = view.offset(panel)
         self._newest: tuple[Event, Event] | None = None
 
     def __call__(self, event: Event) -> Event:
+        """The event with its camera moved to the panel's eye."""
         if self._newest is None or self._newest[0] is not event:
             self._newest = (event, seen_from(event, self._offset))
         return self._newest[1]

@@ -1,7 +1,7 @@
 """Where camera and scene will be when a refresh becomes light, judged from the newest inputs and from past judgements.
 
 Pure: events and times in, an event out, never the clock. The scene's time runs on, exactly, unless it is paused. The
-camera goes on by the screw between its newest two inputs (dead reckoning at constant speed in its own frame; compared
+camera goes on by the twist between its newest two inputs (dead reckoning at constant speed in its own frame; compared
 with other orders by LaValle et al., "Head Tracking for the Oculus Rift", 2014), times a trust in each of the six
 components, learnt from how far it really went:
 
@@ -11,7 +11,7 @@ the least-squares gain of the past foresights, newer ones weighing more (a one-t
 Widrow and Hoff, 1960, but solved at every step). A smooth motion has trust 1; of a trembling hand, whose foresights are
 as often wrong as right, little is left. Silence ends the motion, and what jumps is not foreseen to jump again.
 
-Bound, for a camera path whose screw rate changes by at most a per second, heard every s seconds: h seconds beyond the
+Bound, for a camera path whose twist rate changes by at most a per second, heard every s seconds: h seconds beyond the
 newest input a fully trusted foresight is off by at most a h (h + s) / 2, to first order in the turn of that time. A
 less trusted one is in no component farther off than the worse of that and of no foresight at all.
 """
@@ -48,7 +48,7 @@ class Input(NamedTuple):
 class Foresight(NamedTuple):
     moment: float  # that it is for
     camera: Camera  # it started from
-    screw: Float64  # (6,) it expected, with full trust
+    twist: Float64  # (6,) it expected, with full trust
 
 
 class Predictor:
@@ -130,13 +130,13 @@ class Predictor:
         if not speed.any():
             return self._event.camera
         newest = self._inputs[-1]
-        screw = speed * min(max(moment - newest.time, 0.0), LONGEST_S)
+        twist = speed * min(max(moment - newest.time, 0.0), LONGEST_S)
         if not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S:
-            self._foresights.append(Foresight(moment, newest.camera, screw))
-        return moved(newest.camera, screw * self._trust(screw))
+            self._foresights.append(Foresight(moment, newest.camera, twist))
+        return moved(newest.camera, twist * self._trust(twist))
 
     def _speed(self, now: float) -> Float64:
-        """(6,) screw a second between the newest two inputs; nothing after a cut, less and less in silence."""
+        """(6,) twist a second between the newest two inputs; nothing after a cut, less and less in silence."""
         inputs = list(self._inputs)
         if len(inputs) > 1 and inputs[-1].time - inputs[-2].time < SPACING_S:
             del inputs[-2]
@@ -157,9 +157,9 @@ class Predictor:
         begin, end = min(MISSED * usual, GONE_S / 2.0), min(GONE * usual, GONE_S)
         return min(max((end - (now - recent[-1].time)) / (end - begin), 0.0), 1.0)
 
-    def _trust(self, screw: Float64) -> Float64:
+    def _trust(self, twist: Float64) -> Float64:
         """(6,) in 0..1, by the foresights that could be checked, and a little by this one, as if it had come true."""
-        own = HOPE * screw**2
+        own = HOPE * twist**2
         energy = self._energy + own
         share = np.divide(self._agreement + own, energy, out=np.zeros(6), where=energy > 0.0)
         return np.clip(share, 0.0, 1.0)
@@ -167,11 +167,11 @@ class Predictor:
     def _look_back(self, now: float) -> None:
         """Hold foresights whose moment has come against what came."""
         while self._foresights and self._foresights[0].moment <= now:
-            moment, camera, screw = self._foresights.popleft()
+            moment, camera, twist = self._foresights.popleft()
             came = between(camera, self._known(moment))
-            most = OUTLIER * np.abs(screw)
-            self._agreement = FORGETTING * self._agreement + screw * np.clip(came, -most, most)
-            self._energy = FORGETTING * self._energy + screw**2
+            most = OUTLIER * np.abs(twist)
+            self._agreement = FORGETTING * self._agreement + twist * np.clip(came, -most, most)
+            self._energy = FORGETTING * self._energy + twist**2
 
     def _known(self, moment: float) -> Camera:
         """Where the camera was, straight between inputs; the newest one after them."""

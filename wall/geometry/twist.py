@@ -1,7 +1,7 @@
-"""Rigid motions as screws: what turns and shifts one camera into another, and any multiple of it.
+"""Twists: the rigid motion that takes one camera to another, and any multiple of it.
 
-A screw is (6,) float64: a turn (axis times radians) and a shift (world units), both in the camera's own frame. An
-orbit, a turn on the spot and a straight flight are each one screw at constant speed. Exponential and logarithm of
+A twist is (6,) float64: a turn (axis times radians) and a shift (world units), both in the camera's own frame. An
+orbit, a turn on the spot and a straight flight are each one twist at constant speed. Exponential and logarithm of
 SE(3) as in Murray, Li and Sastry, "A Mathematical Introduction to Robotic Manipulation", 1994, ch. 2.
 """
 
@@ -17,19 +17,19 @@ NEARLY_STRAIGHT = 1e-4  # radians; below it the series' next term is under 1e-13
 
 
 def between(start: Camera, end: Camera) -> Float64:
-    """(6,) the screw that takes `start` to `end`, its turn at most half a circle."""
+    """(6,) the twist that takes `start` to `end`, its turn at most half a circle."""
     old = start.rotation()
     turn = _log(old.T @ end.rotation())
     shift = np.linalg.solve(_mean_turn(turn), old.T @ (end.origin() - start.origin()))
     return np.concatenate([turn, shift])
 
 
-def moved(camera: Camera, screw: Float64) -> Camera:
-    """The camera after a screw (6,) of its own frame; by all zeros the same bits."""
-    if not screw.any():
+def moved(camera: Camera, twist: Float64) -> Camera:
+    """The camera after a twist (6,) of its own frame; by all zeros the same bits."""
+    if not twist.any():
         return camera
-    turn, old = screw[:3], camera.rotation()
-    x, y, z = (float(v) for v in camera.origin() + old @ (_mean_turn(turn) @ screw[3:]))
+    turn, old = twist[:3], camera.rotation()
+    x, y, z = (float(v) for v in camera.origin() + old @ (_mean_turn(turn) @ twist[3:]))
     return Camera(position=(x, y, z), world_from_wall=tuple(float(v) for v in (old @ _exp(turn)).ravel()))
 
 
@@ -60,4 +60,5 @@ def _log(rotation: Float64) -> Float64:
 
 
 def _skew(v: Float64) -> Float64:
+    """(3, 3) cross-product matrix of v (3,)."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -26,9 +26,9 @@ class AdaptiveRenderer:
 
     def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
         panel = plan.layout.wall.panels[region.panel]
-        self._seen = PanelView(plan.view, panel)
+        self._panel_view = PanelView(plan.view, panel)
         self.picture = Reconstruction(
-            panel, self._seen.eye, plan.scene, detects_change=True, rect=band,
+            panel, self._panel_view.eye, plan.scene, detects_change=True, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
         self.sampler = AdaptiveSampler(
@@ -43,7 +43,7 @@ class AdaptiveRenderer:
     def choose(self, newest: Event) -> Targets | None:
         now = self._clock.now()
         if now >= self._due:
-            self.picture.refresh(self._seen(self._expected(newest, now)), now)
+            self.picture.refresh(self._panel_view(self._expected(newest, now)), now)
             self.sampler.replan(self.picture.feedback())
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
@@ -61,7 +61,7 @@ class AdaptiveRenderer:
     def observe(self, samples: Samples, base_time: float) -> None:
         """Insert samples into the deep buffer, and update the scores by what they contradict."""
         if self._event is not None:
-            self.picture.insert(samples, base_time, self._seen(self._event))
+            self.picture.insert(samples, base_time, self._panel_view(self._event))
             self.sampler.observe(samples)
 
     def measure(self) -> Measured:

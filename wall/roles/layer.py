@@ -45,7 +45,7 @@ class PanelCompositor:
         self._plain = not graph.beyond_bytes(self.layer)
         self._wish: Wish = (reconstruction or plan.layout.config.reconstruction) if self._plain else "cpu"
         self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
-        self._plan, self._seen = plan, PanelView(plan.view, panel)
+        self._plan, self._panel_view = plan, PanelView(plan.view, panel)
         self._coverage: Coverage | None = None  # beside the reprojected picture of a transparent layer
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
         self._given_up = False
@@ -131,7 +131,7 @@ class PanelCompositor:
             self._give_up(error)
 
     def _new_picture(self) -> Reprojected:
-        sampling, eye = self._plan.layout.sampling, self._seen.eye
+        sampling, eye = self._plan.layout.sampling, self._panel_view.eye
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self.layer.transparent:
             self._coverage = Coverage(self.panel, eye, self._plan.scene, samples_per_pixel=kept)
@@ -163,7 +163,7 @@ class PanelCompositor:
         """
         dirty = self.buffer.take_dirty()
         if self._adaptive and self._reprojected is not None:
-            self._shown = self._seen(event)
+            self._shown = self._panel_view(event)
             dirty = self._reproject(self._reprojected, self._shown, now)
         elif dirty.any():
             self.framelet.stamp(now)

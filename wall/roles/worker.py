@@ -38,9 +38,9 @@ class Worker:
         self._codec = Codec.named(layout.config.transport.codec)
         share = layout.layer(rank).range
         seen = objects_in(plan.scene, share) if share is not None else None
-        self._seen = PanelView(plan.view, layout.panel(rank))
+        self._panel_view = PanelView(plan.view, layout.panel(rank))
         self._tracers = {
-            coherent: Tracer(tracer_scene, layout.panel(rank), self._seen.eye, coherent=coherent, seen=seen)
+            coherent: Tracer(tracer_scene, layout.panel(rank), self._panel_view.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
         }
         self._relightable = tracer_scene.needs.relighting
@@ -59,7 +59,7 @@ class Worker:
         targets = self.sampler.choose(newest)
         if targets is None:
             return None
-        event = self._seen(targets.event)
+        event = self._panel_view(targets.event)
         tracer = self._tracer_at(event, self.sampler.coherent)
         began = self._clock.now()
         samples, cost = tracer.trace(targets.xy)

@@ -1,4 +1,4 @@
-"""Where things are: bounding boxes of placed meshes, and the sphere that frames them all."""
+"""Bounding boxes of placed meshes, and the sphere that frames them all."""
 
 from __future__ import annotations
 

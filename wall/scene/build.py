@@ -111,7 +111,7 @@ def assemble(source: Source) -> Scene:
     """Resolve names and defaults, and lay out what moves."""
     lights: tuple[Light, ...] = default_lights() if source.lights is None else source.lights
     points = tuple(light for light in lights if isinstance(light, PointLight))
-    suns = tuple(light for light in lights if isinstance(light, DirectionalLight))
+    directional = tuple(light for light in lights if isinstance(light, DirectionalLight))
     center, radius = framing_sphere(source.meshes, source.instances)
     instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances)
     return Scene(
@@ -120,13 +120,13 @@ def assemble(source: Source) -> Scene:
         textures=source.textures,
         instances=instances,
         point_lights=points,
-        directional_lights=suns,
+        directional_lights=directional,
         sky=source.sky or STUDIO_SKY,
-        tracks=compile_tracks(_movings(source, (*points, *suns), lights)),
+        tracks=compile_tracks(_movings(source, (*points, *directional), lights)),
         notes=source.notes,
         center=center,
         radius=radius,
-        rest=_rest(instances, points, suns),
+        rest=_rest(instances, (*points, *directional)),
     )
 
 
@@ -137,12 +137,11 @@ def _about_zero(instance: Instance, mesh: Mesh) -> Instance:
     return replace(instance, world_from_object=matrix)
 
 
-def _rest(instances: Sequence[Instance], points: Sequence[PointLight], suns: Sequence[DirectionalLight]) -> Float64:
+def _rest(instances: Sequence[Instance], lights: Sequence[Light]) -> Float64:
     """(bodies, 4, 4) poses at rest, read-only: lights are frames without rotation at their position or direction."""
-    rest = np.tile(np.eye(4), (len(instances) + len(points) + len(suns), 1, 1))
+    rest = np.tile(np.eye(4), (len(instances) + len(lights), 1, 1))
     if instances:
         rest[: len(instances)] = [instance.world_from_object for instance in instances]
-    lights: tuple[Light, ...] = (*points, *suns)
     for row, light in enumerate(lights, start=len(instances)):
         rest[row, :3, 3] = _place(light)
     rest.setflags(write=False)

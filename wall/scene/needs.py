@@ -22,7 +22,7 @@ class Needs:
     instancing: bool  # a mesh is placed more than once
     animation: bool
     emission: bool
-    relighting: bool  # something moves under lamps, and they are few enough to tell apart
+    relighting: bool  # something moves under lights, and a light visibility mask has a bit for each
 
 
 def needs(scene: Scene) -> Needs:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from wall.core.data import Float64
 
@@ -50,8 +52,10 @@ def crease_normals(vertices: Float64, triangles: NDArray[np.integer]) -> Smoothe
     links = _smooth_corners(place, normals)
     if len(links) == 0:
         return None
-    group = _components(3 * len(triangles), links)
-    summed = np.zeros((3 * len(triangles), 3))
+    count = 3 * len(triangles)
+    linked = coo_array((np.ones(len(links), np.bool_), (links[:, 0], links[:, 1])), shape=(count, count))
+    group = connected_components(linked, directed=False)[1].astype(np.int64)
+    summed = np.zeros((count, 3))
     weighted = (_corner_angles(vertices, triangles)[:, :, None] * normals[:, None, :]).reshape(-1, 3)
     for axis in range(3):
         summed[:, axis] = np.bincount(group, weights=weighted[:, axis], minlength=len(summed))
@@ -94,20 +98,6 @@ def _smooth_corners(place: NDArray[np.int64], normals: Float64) -> NDArray[np.in
     smooth = (bend > math.cos(math.radians(CREASE_DEGREES))) & (start[a] == end[b])
     a, b = a[smooth], b[smooth]
     return np.concatenate([np.stack([a, following[b]], 1), np.stack([following[a], b], 1)])
-
-
-def _components(count: int, links: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(count,) the smallest member of each node's component: hook roots to smaller roots, then jump, until still."""
-    root = np.arange(count)
-    while True:
-        left, right = root[links[:, 0]], root[links[:, 1]]
-        open_links = left != right
-        if not open_links.any():
-            return root
-        left, right = left[open_links], right[open_links]
-        np.minimum.at(root, np.maximum(left, right), np.minimum(left, right))
-        while (root != root[root]).any():
-            root = root[root]
 
 
 def _corner_angles(vertices: Float64, triangles: NDArray[np.integer]) -> Float64:

@@ -147,10 +147,10 @@ def test_event_seen_from_elsewhere_differs_in_nothing_but_its_place() -> None:
 
 def test_same_event_gives_the_same_object_again() -> None:
     view, wall = resolved()
-    seen, event = PanelView(view, wall.panels[0]), event_of(view)
+    panel_view, event = PanelView(view, wall.panels[0]), event_of(view)
 
-    assert seen(event) is seen(event)
-    assert seen(replace(event, camera_event=9)).camera_event == 9
+    assert panel_view(event) is panel_view(event)
+    assert panel_view(replace(event, camera_event=9)).camera_event == 9
 
 
 def test_both_eyes_share_the_bits_of_a_mono_wall_s_directions_when_they_coincide() -> None:

@@ -1,4 +1,4 @@
-"""A screw takes one camera to another, and its multiples lie on the way of a camera that moves steadily."""
+"""A twist takes one camera to another, and its multiples lie on the way of a camera that moves steadily."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ def orbiting(radians: float, *, distance: float = 7.0) -> Camera:
 
 @settings(max_examples=200, deadline=None, derandomize=True)
 @given(place, place, place, place)
-def test_screw_takes_the_start_to_the_end(
+def test_twist_takes_the_start_to_the_end(
     a: tuple[float, ...], at: tuple[float, ...], b: tuple[float, ...], to: tuple[float, ...]
 ) -> None:
     start, end = look_at(a, at, UP), look_at(b, to, UP)
 
-    screw = between(start, end)
-    found = moved(start, screw)
+    twist = between(start, end)
+    found = moved(start, twist)
 
     half = np.trace(start.rotation().T @ end.rotation()) < -1 + 1e-9  # of a circle: its axis is lost to rounding
-    assert np.isfinite(screw).all()
+    assert np.isfinite(twist).all()
     if not half:
         assert_allclose(found.rotation(), end.rotation(), atol=1e-9)
         assert_allclose(found.origin(), end.origin(), atol=1e-7)
 
 
 @pytest.mark.parametrize("radians", [1e-9, 1e-5, 9.9e-5, 1.01e-4, 1e-3, 0.3])
-def test_orbit_is_one_screw_at_constant_speed(radians: float) -> None:
+def test_orbit_is_one_twist_at_constant_speed(radians: float) -> None:
     start, third, end = (orbiting(0.2 + k * radians) for k in (0, 1, 3))
 
     found = moved(start, 3.0 * between(start, third))
@@ -54,13 +54,13 @@ def test_orbit_is_one_screw_at_constant_speed(radians: float) -> None:
 def test_turn_on_the_spot_leaves_the_place_alone() -> None:
     start, end = look_at((3, 2, 1), (0, 2, 0), UP), look_at((3, 2, 1), (0.5, 2, 0), UP)
 
-    screw = between(start, end)
+    twist = between(start, end)
 
-    assert_allclose(screw[3:], 0.0, atol=ROUNDING)
-    assert_allclose(moved(start, 2.5 * screw).origin(), (3, 2, 1), atol=10 * ROUNDING)
+    assert_allclose(twist[3:], 0.0, atol=ROUNDING)
+    assert_allclose(moved(start, 2.5 * twist).origin(), (3, 2, 1), atol=10 * ROUNDING)
 
 
-def test_screw_is_measured_in_the_cameras_own_frame() -> None:
+def test_twist_is_measured_in_the_cameras_own_frame() -> None:
     start = look_at((0, 0, 0), (5, 0, 0), UP)  # its -z is the world's x
     end = look_at((2, 0, 0), (5, 0, 0), UP)
 

@@ -1,4 +1,4 @@
-"""The project's small scene: a round terrace in the evening, a fountain with a golden knot, things that turn.
+"""The project's small scene: a round terrace in the evening, a fountain with a golden knot, turning toys.
 
 Y is up, a unit is a metre; the terrace is ten wide. About 60,000 triangles; twenty objects and two lanterns move.
 """

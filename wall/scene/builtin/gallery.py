@@ -1,4 +1,4 @@
-"""The measuring scene: textured things on a checkered floor under one lamp. Y is up, a unit is a metre.
+"""The measuring scene: textured objects on a checkered floor under one point light. Y is up, a unit is a metre.
 
 What makes pictures hard to keep up with is all there, and nothing else: fine texture, hard shadows across it, smooth
 and sharp silhouettes, thin rods, and, in `gallery_mirrors`, four mirrors.
@@ -18,7 +18,7 @@ from wall.scene.builtin.shapes import Shape, box, join, lathe, placed, sphere, t
 from wall.scene.model import Material, PointLight, Sky, Source, Texture
 
 HALF_FLOOR = 6.0
-LAMP = PointLight(position=(2.5, 5.0, 1.5), intensity=(62.0, 58.0, 50.0))
+POINT_LIGHT = PointLight(position=(2.5, 5.0, 1.5), intensity=(62.0, 58.0, 50.0))
 DUSK = Sky(zenith=(0.10, 0.17, 0.36), horizon=(0.32, 0.38, 0.46), ground=(0.09, 0.08, 0.07))
 SILVER: Vector = (0.9, 0.9, 0.9)
 VASE = [(0.26, 0.0), (0.22, 0.06), (0.33, 0.25), (0.3, 0.42), (0.13, 0.72), (0.2, 0.9), (0.16, 0.92), (0.0, 0.9)]
@@ -52,7 +52,7 @@ def _gallery(*, mirrors: bool) -> Source:
     _stand(parts, "vase", vase, silver if mirrors else bricks, (-0.6, 0.0, 2.4))
     _stand(parts, "crate", box(0.9, 0.9, 0.9), bricks, (2.4, 0.0, -1.2))
     _stand(parts, "ring", torus(0.6, 0.17), silver if mirrors else red, (-2.55, 0.85, -1.45))
-    return parts.source((LAMP,), DUSK)
+    return parts.source((POINT_LIGHT,), DUSK)
 
 
 def _stand(parts: Assembly, name: str, shape: Shape, material: int, at: Vector) -> None:
