@@ -42,8 +42,9 @@ def parse(text: str, name: str) -> Node:
         raise NotThisFormat(f"{name}:{_place(text, error)}: not valid JSON5{_reason(error)}") from None
 
 
-@lru_cache(maxsize=1)  # a file is read once to tell its format, and once to convert it
+@lru_cache(maxsize=1)
 def _document(text: str) -> Any:
+    """The library's tree; a file is read once to detect its format and once to convert it."""
     return json5.loads(text, loader=ModelLoader())
 
 
@@ -99,6 +100,7 @@ class _Tree:
         return Node(name=path, line=line, column=column, kind="value", key=key, value=_scalar(value))
 
     def _member(self, parent: Node, pair: Any, depth: int) -> None:
+        """Add a key and its value to an object."""
         key = str(pair.key.name if isinstance(pair.key, model.Identifier) else pair.key.characters)
         path = f"{parent.name}.{key}" if parent.name else key
         inner = self.node(pair.value, path, key, depth + 1)

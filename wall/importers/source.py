@@ -85,6 +85,7 @@ class Source:
                 self._drop_values(inner, why)
 
     def _drop_values(self, node: Node, why: str) -> None:
+        """Report every value inside a node that was not reported yet as not carried."""
         if not node.reported and node.kind == "value":
             self._not_carried.append(Item(what=_shown(node), line=node.line, why=why))
         node.reported = True
@@ -114,6 +115,7 @@ class Source:
         )
 
     def _leftovers(self, node: Node) -> None:
+        """Report every node that was never read as not carried."""
         for inner in node.inside():
             if inner.reported:
                 continue

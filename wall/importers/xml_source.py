@@ -61,6 +61,7 @@ class _Reader:
         return self._root
 
     def _start(self, tag: str, attributes: list[str]) -> None:
+        """Add an element with its attributes to the tree. Raises NotThisFormat beyond the limits."""
         line, column = self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1
         if len(self._open) >= MAX_DEPTH:
             where = f"{self._name}:{line}:{column}"
@@ -96,6 +97,7 @@ class _Reader:
         self._counts.pop()
 
     def _text(self, text: str) -> None:
+        """Add text to the open element."""
         if not (said := text.strip()) or not self._open:
             return
         node = self._open[-1]
@@ -108,6 +110,7 @@ class _Reader:
         )
 
     def _entity(self, *_: Any) -> None:
+        """Refuse an entity declaration."""
         line = self._parser.CurrentLineNumber
         raise NotThisFormat(f"{self._name}:{line}:1: entities are not read; accepted: text written out")
 

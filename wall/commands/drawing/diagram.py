@@ -50,6 +50,7 @@ def _screens(layout: Layout) -> tuple[Screen, ...]:
 
 
 def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float) -> Screen:
+    """One or more panels at the same position as a screen."""
     first = panels[0]
     names = list(dict.fromkeys(panel.of or panel.id for panel in panels))
     eyes = {tuple(eye_of(panel, eye, separation)) for panel in panels}
@@ -90,6 +91,7 @@ def _maker(graph: Graph, panel: int) -> str:
 
 
 def _processes(layout: Layout) -> dict[str, Process]:
+    """The head, the compositors and the groups of renderers, by the key that boxes name."""
     graph, processes = layout.graph, {}
     for rank in range(graph.compositors):
         role: Role = "compositor" if rank else "head"
@@ -103,10 +105,12 @@ def _processes(layout: Layout) -> dict[str, Process]:
 
 
 def _rank_key(rank: int) -> str:
+    """The key and label of a compositor's process."""
     return "head" if rank == HEAD else f"compositor {rank}"
 
 
 def _ranks_key(ranks: tuple[int, ...]) -> str:
+    """The key and label of the ranks that render one layer."""
     if len(ranks) == 1:
         return f"rank {ranks[0]}"
     if ranks == tuple(range(ranks[0], ranks[-1] + 1)):
@@ -115,6 +119,7 @@ def _ranks_key(ranks: tuple[int, ...]) -> str:
 
 
 def _on_host(graph: Graph, text: str, *ranks: int) -> str:
+    """The text with the hosts of these ranks, as far as they are known."""
     hosts = dict.fromkeys(graph.hosts[rank] for rank in ranks if rank in graph.hosts)
     return ", ".join(part for part in (text, *hosts) if part)
 
@@ -129,12 +134,14 @@ def _boxes(layout: Layout) -> tuple[Box, ...]:
 
 
 def _samples_box(layout: Layout, layer: Layer) -> Box:
+    """The box of a layer's samples."""
     process, panel = _ranks_key(layer.ranks), layout.wall.panels[layer.panel]
     share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
     return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {process}", process=process, source=True)
 
 
 def _step_box(step: Step) -> Box:
+    """The box of a step of the graph."""
     node, process = step.node, _rank_key(step.rank)
     if isinstance(node, SinkNode):
         return Box(id=node.id, op=f"{node.kind} sink", detail="", process=process, sink=True)

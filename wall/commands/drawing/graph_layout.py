@@ -159,6 +159,7 @@ class _LayoutSearch:
         )
 
     def _room(self, items: Sequence[Item]) -> float:
+        """Height of items above each other, mm."""
         return sum(self._heights[item] for item in items) + ROW_GAP * (len(items) - 1)
 
     def _stack(self, order: Sequence[Cluster]) -> None:

@@ -194,6 +194,7 @@ class _GraphDrawing:
         return self._y + self._part.layout.middle[item]
 
     def _frame(self, cluster: Cluster, name: tuple[str, str]) -> None:
+        """Draw a process's frame and heading."""
         first, last = cluster.span
         x, y, colours = self._left(first) - FRAME_PAD, self._y + cluster.top, self._part.colours[cluster.process]
         width = self._right(last) + FRAME_PAD - x
@@ -203,6 +204,7 @@ class _GraphDrawing:
         self._page.write(x + 1.0, y + 2 * LINE_MM - 0.3, name[1], size=SMALL_PT, colour=colours.line)
 
     def _draw_box(self, box: Box) -> None:
+        """Draw a box with its lines of text."""
         level, colours = self._part.layout.level[box.id], self._part.colours[box.process]
         x, height, width = self._left(level), self._part.heights[box.id], self._part.widths[level] - _behind(box)
         y = self._middle(box.id) - height / 2

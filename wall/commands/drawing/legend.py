@@ -61,6 +61,8 @@ class Legend:
 
 
 def _area(fill: str, line: str | None) -> Callable[[Page, float, float], None]:
+    """What draws a filled rectangle as a key."""
+
     def draw(page: Page, x: float, y: float) -> None:
         page.rect(x, y - KEY_MM[1] / 2, *KEY_MM, fill=fill, line=line, width=THIN_PT)
 
@@ -81,6 +83,8 @@ def _frustum(page: Page, x: float, y: float) -> None:
 
 
 def _edge(colour: str, width: float) -> Callable[[Page, float, float], None]:
+    """What draws an arrow as a key."""
+
     def draw(page: Page, x: float, y: float) -> None:
         page.stroke([(x, y), (x + KEY_MM[0] - ARROW[0], y)], line=colour, width=width)
         arrow_head(page, (x + KEY_MM[0] - ARROW[0], y), colour)

@@ -56,6 +56,7 @@ def si(value: float, unit: str) -> str:
 
 
 def _three(value: float) -> str:
+    """A number with three significant digits, without trailing zeros."""
     digits = 2 if value < 9.995 else 1 if value < 99.95 else 0
     text = f"{value:.{digits}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text

@@ -86,6 +86,7 @@ class _WallDrawing:
         self._labels = labels(part.front, part.scale)
 
     def draw(self) -> None:
+        """Draw the front view, its caption, the top view and the scale bar."""
         part, page = self._part, self._page
         left, bottom, right, top = part.front.bounds()
         west, far, east, near = part.top.bounds()
