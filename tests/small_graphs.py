@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from wall.compositing.graph import Graph, build
+from wall.compositing.build import build
+from wall.compositing.graph import Graph
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
 from wall.geometry.panels import expand

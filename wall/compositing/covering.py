@@ -81,6 +81,7 @@ class Covering:
         self._shared = Rects(self._twice)
 
     def find(self, order: Sequence[NodeConfig]) -> None:
+        """Find rectangle and cover of every node; inputs come first in `order`."""
         for node in order:
             if isinstance(node, SamplesNode | SkyNode):
                 rect = self._panels[node.panel]

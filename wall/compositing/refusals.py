@@ -10,6 +10,8 @@ from wall.core.errors import ConfigError
 
 
 class Refusals:
+    """Errors of a graph's nodes, collected so that a user sees all of them at once."""
+
     def __init__(self, loaded: Loaded, nodes: Sequence[NodeConfig], *, written: bool) -> None:
         """`written`: the nodes stand in the file; else they come from a preset, and errors point to `graph`."""
         self._loaded, self._written = loaded, written

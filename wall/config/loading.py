@@ -66,7 +66,7 @@ def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loade
     """Check a configuration given as text; `name` stands for the file in errors. Raises ConfigError only."""
     document = yaml_text.parse(text)
     lines = [
-        (p.place, _line(name, document, p.path, p.what, accepted=p.accepted, place=p.place, key=True))
+        (p.position, _line(name, document, p.path, p.what, accepted=p.accepted, position=p.position, key=True))
         for p in document.problems
     ]
     if document.values is None or (lines and not isinstance(document.values, dict)):
@@ -143,7 +143,7 @@ def _near_file(path: Path) -> str:
     return nearest(path.name, (p.name for p in folder.iterdir())) if folder.is_dir() else ""
 
 
-def _refusal(lines: list[tuple[yaml_text.Place | None, str]]) -> ConfigError:
+def _refusal(lines: list[tuple[yaml_text.Position | None, str]]) -> ConfigError:
     lines = sorted(lines, key=lambda pair: (pair[0].line, pair[0].column) if pair[0] else (0, 0))
     return ConfigError("\n".join(dict.fromkeys(text for _, text in lines)))
 
@@ -181,10 +181,10 @@ def _line(
     accepted: str = "",
     near: str = "",
     key: bool = False,
-    place: yaml_text.Place | None = None,
+    position: yaml_text.Position | None = None,
 ) -> str:
-    place = place or document.place(path, key=key)
-    where = f"{name}:{place.line}:{place.column}" if place else name
+    position = position or document.position(path, key=key)
+    where = f"{name}:{position.line}:{position.column}" if position else name
     value = _value_at(document.values, path)
     what = shown(path)
     if what and not key and value is not _ABSENT and not isinstance(value, dict):
@@ -224,7 +224,7 @@ def _is_echo(document: Document, details: ErrorDetails) -> bool:
     return details["type"] == "too_short" and len(value) >= details["ctx"]["min_length"]
 
 
-def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[yaml_text.Place | None, str]:
+def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[yaml_text.Position | None, str]:
     path, kind = _yaml_path(document.values, details), details["type"]
     key = kind in ("extra_forbidden", "missing")
     near = ""
@@ -240,8 +240,8 @@ def _explained(name: str, document: Document, details: ErrorDetails) -> tuple[ya
         part = json_schema.at(path, document.values)
         message, accepted = _message(kind, details), json_schema.accepted(part)
         near = nearest(str(_value_at(document.values, path)), json_schema.choices(part))
-    place = document.place(path, key=key)
-    return place, _line(name, document, path, message, accepted=accepted, near=near, key=key)
+    position = document.position(path, key=key)
+    return position, _line(name, document, path, message, accepted=accepted, near=near, key=key)
 
 
 def _untagged(document: Document, path: YamlPath, details: ErrorDetails) -> tuple[YamlPath, str, list[str]]:

@@ -24,7 +24,7 @@ def with_wall(loaded: Loaded, wall: WallConfig) -> str:
 def _spliced(loaded: Loaded, written: str) -> str:
     """The file's lines, those of `wall` replaced; comments before the next key stay with it."""
     lines = loaded.path.read_text(encoding="utf-8-sig").splitlines(keepends=True)
-    starts = sorted(place.line - 1 for path, place in loaded.document.keys.items() if len(path) == 1)
+    starts = sorted(position.line - 1 for path, position in loaded.document.keys.items() if len(path) == 1)
     begin = loaded.document.keys[("wall",)].line - 1
     end = next((start for start in starts if start > begin), len(lines))
     while end > begin + 1 and end < len(lines) and (not lines[end - 1].strip() or lines[end - 1].startswith("#")):

@@ -1,7 +1,7 @@
 """YAML text to plain values that remember where they stood; values back to YAML text.
 
 Only what a configuration needs is understood: mappings, lists, texts, numbers, true/false and null. Anchors,
-aliases, merge keys and tags are refused: one written value would stand in several places. This is the only
+aliases, merge keys and tags are refused: one written value would stand in several positions. This is the only
 file that knows the YAML library.
 """
 
@@ -26,7 +26,7 @@ _TAG = "tag:yaml.org,2002:"
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class Position:
     """Where something stands: line and column, from 1."""
 
     line: int
@@ -37,7 +37,7 @@ class Place:
 class Problem:
     """Something in the text that cannot be used."""
 
-    place: Place | None
+    position: Position | None
     path: YamlPath
     what: str
     accepted: str = ""
@@ -48,29 +48,29 @@ class Document:
     """The values of a text, where each stood, and what could not be used."""
 
     values: Any = None
-    places: dict[YamlPath, Place] = field(default_factory=dict)  # of values
-    keys: dict[YamlPath, Place] = field(default_factory=dict)  # of keys
+    positions: dict[YamlPath, Position] = field(default_factory=dict)  # of values
+    keys: dict[YamlPath, Position] = field(default_factory=dict)  # of keys
     problems: list[Problem] = field(default_factory=list)
 
-    def place(self, path: YamlPath, *, key: bool = False) -> Place | None:
+    def position(self, path: YamlPath, *, key: bool = False) -> Position | None:
         """Where a value (or its key) stands; for a path that is not in the text, its nearest parent."""
         for end in range(len(path), -1, -1):
             of_key = self.keys.get(path[:end])
-            of_value = self.places.get(path[:end])
+            of_value = self.positions.get(path[:end])
             if found := (of_key or of_value) if key else (of_value or of_key):
                 return found
         return None
 
     def refuse(self, node: Node, path: YamlPath, what: str, *, accepted: str = "") -> None:
-        self.problems.append(Problem(place=_place(node.start_mark), path=path, what=what, accepted=accepted))
+        self.problems.append(Problem(position=_position(node.start_mark), path=path, what=what, accepted=accepted))
 
 
 def parse(text: str) -> Document:
-    """Read one YAML document. Never raises: whatever is wrong is in `problems`, with its place."""
+    """Read one YAML document. Never raises: whatever is wrong is in `problems`, with its position."""
     document = Document()
     if len(text) > MAX_CHARACTERS:
         what = f"{len(text)} characters are too many"
-        document.problems.append(Problem(place=None, path=(), what=what, accepted=f"at most {MAX_CHARACTERS}"))
+        document.problems.append(Problem(position=None, path=(), what=what, accepted=f"at most {MAX_CHARACTERS}"))
         return document
     try:
         node = YAML(typ="safe", pure=True).compose(io.StringIO(text))
@@ -78,14 +78,14 @@ def parse(text: str) -> Document:
             return document
         document.values = _value(document, node, ())
     except RecursionError:
-        document.problems.append(Problem(place=None, path=(), what="lists or mappings are nested too deeply"))
+        document.problems.append(Problem(position=None, path=(), what="lists or mappings are nested too deeply"))
     except MarkedYAMLError as error:
         document.problems.append(_syntax(error))
     except ReaderError as error:
         document.problems.append(_character(text, error))
     except (YAMLError, ValueError, AttributeError, KeyError, AssertionError, NotImplementedError) as error:
         # the library's scanner leaks such errors for some malformed directives and escapes
-        document.problems.append(Problem(place=None, path=(), what=f"not valid YAML ({_one_line(error)})"))
+        document.problems.append(Problem(position=None, path=(), what=f"not valid YAML ({_one_line(error)})"))
     return document
 
 
@@ -101,8 +101,8 @@ def write(values: Any) -> str:
     return out.getvalue()
 
 
-def _place(mark: Any) -> Place:
-    return Place(mark.line + 1, mark.column + 1)
+def _position(mark: Any) -> Position:
+    return Position(mark.line + 1, mark.column + 1)
 
 
 def _one_line(error: object) -> str:
@@ -113,16 +113,16 @@ def _syntax(error: MarkedYAMLError) -> Problem:
     mark = error.problem_mark or error.context_mark
     what = _one_line(": ".join(part for part in (error.context, error.problem) if part)) or "not valid YAML"
     if "\\t" in what:
-        return Problem(place=mark and _place(mark), path=(), what="a tab cannot indent YAML", accepted="spaces")
-    return Problem(place=mark and _place(mark), path=(), what=f"not valid YAML: {what}")
+        return Problem(position=mark and _position(mark), path=(), what="a tab cannot indent YAML", accepted="spaces")
+    return Problem(position=mark and _position(mark), path=(), what=f"not valid YAML: {what}")
 
 
 def _character(text: str, error: ReaderError) -> Problem:
     before = text[: error.position]
-    place = Place(before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
+    position = Position(before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
     code = error.character if isinstance(error.character, int) else ord(str(error.character)[:1] or "\0")
     return Problem(
-        place=place,
+        position=position,
         path=(),
         what=f"the character U+{code:04X} is not allowed in YAML",
         accepted="printable text",
@@ -130,7 +130,7 @@ def _character(text: str, error: ReaderError) -> Problem:
 
 
 def _value(document: Document, node: Node, path: YamlPath) -> Any:
-    document.places[path] = _place(node.start_mark)
+    document.positions[path] = _position(node.start_mark)
     if node.anchor is not None:
         document.refuse(
             node,
@@ -166,7 +166,7 @@ def _mapping(document: Document, node: MappingNode, path: YamlPath) -> dict[str,
             first = document.keys[here]
             document.refuse(key_node, here, f"this key stands on line {first.line} already", accepted="each key once")
         else:
-            document.keys[here] = _place(key_node.start_mark)
+            document.keys[here] = _position(key_node.start_mark)
             values[key] = _value(document, value_node, here)
     return values
 

@@ -63,18 +63,21 @@ class Rect:
 
     @property
     def area(self) -> int:
+        """Number of pixels."""
         return self.width * self.height
 
     @property
     def right(self) -> int:
+        """x just behind the last column."""
         return self.x + self.width
 
     @property
     def bottom(self) -> int:
+        """y just behind the last row."""
         return self.y + self.height
 
     def contains(self, other: Rect) -> bool:
-        """Whether all of the other lies in this one."""
+        """Whether this rectangle contains all of the other."""
         inside = self.x <= other.x and other.x + other.width <= self.x + self.width
         return inside and self.y <= other.y and other.y + other.height <= self.y + self.height
 
@@ -84,7 +87,7 @@ class Rect:
         return across and self.y < other.y + other.height and other.y < self.y + self.height
 
     def intersection(self, other: Rect) -> Rect | None:
-        """What they have in common, None where that is nothing."""
+        """Their common pixels; None if there are none."""
         x, y = max(self.x, other.x), max(self.y, other.y)
         right, bottom = min(self.right, other.right), min(self.bottom, other.bottom)
         return Rect(x=x, y=y, width=right - x, height=bottom - y) if right > x and bottom > y else None
@@ -96,7 +99,7 @@ class Rect:
         return Rect(x=x, y=y, width=right - x, height=bottom - y)
 
     def minus(self, taken: Rect) -> tuple[Rect, ...]:
-        """What is left of it, in at most four rectangles that do not meet."""
+        """What is left of it without the other: at most four rectangles that do not overlap."""
         common = self.intersection(taken)
         if common is None:
             return (self,)
@@ -134,9 +137,11 @@ class Camera:
     world_from_wall: tuple[float, ...]  # 9 numbers, row major rotation
 
     def rotation(self) -> Float64:
+        """(3, 3) world_from_wall."""
         return np.array(self.world_from_wall, dtype=np.float64).reshape(3, 3)
 
     def origin(self) -> Float64:
+        """(3,) the eye's position, world units."""
         return np.array(self.position, dtype=np.float64)
 
 
@@ -163,6 +168,7 @@ class Event:
 
     @property
     def number(self) -> tuple[int, int]:
+        """Camera and scene event, which order events."""
         return (self.camera_event, self.scene_event)
 
 
@@ -242,6 +248,7 @@ class Framelet:
 
     @property
     def channels(self) -> Channels:
+        """Names of the channels that it has."""
         return frozenset({"colour"} | {name for name in BLANK if getattr(self, name) is not None})
 
     @property
@@ -279,9 +286,11 @@ class Counters:
     counts: dict[str, int] = field(default_factory=dict)
 
     def add(self, name: str, n: int = 1) -> None:
+        """Add to one count."""
         if n:
             self.counts[name] = self.counts.get(name, 0) + int(n)
 
     def merge(self, other: dict[str, int]) -> None:
+        """Add all counts of another."""
         for name, n in other.items():
             self.add(name, n)

@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from wall.compositing.graph import Graph, Layer, build
+from wall.compositing.build import build
+from wall.compositing.graph import Graph, Layer
 from wall.config.loading import Loaded
 from wall.config.schema import AnySampling, Config, NodeGraph
 from wall.core.data import Event, Region

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from wall.compositing.graph import Graph, build
+from wall.compositing.build import build
+from wall.compositing.graph import Graph
 from wall.config.loading import loads
 from wall.config.schema import PresetGraph
 from wall.core.errors import ConfigError

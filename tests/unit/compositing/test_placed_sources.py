@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from wall.compositing.graph import build
+from wall.compositing.build import build
 from wall.config.loading import loads
 from wall.core.data import Rect
 from wall.geometry.panels import expand

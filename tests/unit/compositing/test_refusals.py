@@ -265,7 +265,7 @@ CHANNELS = {
 CUT = (*WHOLE[:5], "id: c, op: crop, input: w, panel: r0c0", "id: d, op: depth, inputs: [c, p0]")
 CHANNELS["depths of a panel cut out of two compositors' panels"] = (
     nodes(*CUT, "id: v, op: tile, inputs: [d, p1]", PNG + "v", head=TWO),
-    "14:35: graph.nodes[6].inputs[0] = 'c': is cut out of panels of several compositors, which show different moments; "
+    "14:35: graph.nodes[6].inputs[0] = 'c': is cut out of panels of several compositors, which show different times; "
     "accepted: the panel's own node, or sync: frame",
 )
 ALL = STRUCTURE | RANKS | PLACEMENT | PIXELS | CHANNELS

@@ -1,4 +1,4 @@
-"""What is wrong with a configuration is said with its place, its value, and what would be right."""
+"""What is wrong with a configuration is said with its position, its value, and what would be right."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def test_good_text_loads() -> None:
         ),
     ],
 )
-def test_wrong_value_is_refused_with_its_place(old: str, new: str, expected: str) -> None:
+def test_wrong_value_is_refused_with_its_position(old: str, new: str, expected: str) -> None:
     assert expected in refusal(changed(old, new))
 
 
@@ -128,7 +128,7 @@ def test_wrong_value_is_refused_with_its_place(old: str, new: str, expected: str
         ),
     ],
 )
-def test_wrong_part_is_refused_with_its_place(line: str, expected: str) -> None:
+def test_wrong_part_is_refused_with_its_position(line: str, expected: str) -> None:
     message = refusal(GOOD + line + "\n")
 
     assert expected in message
@@ -202,9 +202,9 @@ def test_text_that_is_no_plain_yaml_is_refused(text: str, expected: str) -> None
 def test_all_errors_are_reported_at_once_in_the_order_of_the_file() -> None:
     text = changed("columns: 2", "columns: 0").replace("fov: 45", "fov: 400").replace("source:", "sauce:")
 
-    places = [line.split(": ")[0] for line in refusal(text).splitlines()]
+    positions = [line.split(": ")[0] for line in refusal(text).splitlines()]
 
-    assert places == ["a.yaml:2:1", "a.yaml:3:3", "a.yaml:5:19", "a.yaml:7:59"]
+    assert positions == ["a.yaml:2:1", "a.yaml:3:3", "a.yaml:5:19", "a.yaml:7:59"]
 
 
 def test_list_whose_entries_are_wrong_is_not_called_short_as_well() -> None:

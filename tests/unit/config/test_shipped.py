@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from wall.compositing.graph import build
+from wall.compositing.build import build
 from wall.config import json_schema
 from wall.config.loading import dump, load, loads
 from wall.geometry.cameras import resolve_view

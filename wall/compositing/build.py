@@ -1,0 +1,157 @@
+"""Build the compositing graph of a configuration: expand a preset, check the nodes, plan.
+
+A pure function of the configuration, so that every rank computes it alone and all agree. Errors point to the node in
+the YAML file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wall.compositing import checks
+from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
+from wall.compositing.covering import Covering, panel_rect, panels_shown
+from wall.compositing.graph import Graph, Layer, Step
+from wall.compositing.placement import Placement
+from wall.compositing.presets import expanded
+from wall.compositing.ranks import number_ranks
+from wall.compositing.refusals import Refusals
+from wall.compositing.structure import check_structure, in_order
+from wall.compositing.windows import with_windows
+from wall.config.graph import MAX_NODES
+from wall.config.loading import Loaded
+from wall.config.schema import NodeConfig, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
+from wall.geometry.panels import Wall
+from wall.operators.base import Operator
+
+
+def build(loaded: Loaded, wall: Wall) -> Graph:
+    """Expand a preset, check the nodes, plan. Raises ConfigError with all that is wrong."""
+    config = loaded.config.graph
+    written = not isinstance(config, PresetGraph)
+    if isinstance(config, PresetGraph):
+        config = _expanded(loaded, config, wall)
+    refusals = Refusals(loaded, config.nodes, written=written)
+    check_structure(config.nodes, refusals)
+    checks.check_panels_exist(config.nodes, wall, refusals)
+    refusals.raise_any()
+    graph = _planned(config, wall, refusals)
+    checks.check_sync_fits(loaded, config, refusals)
+    checks.check_compares_panels(graph, refusals)
+    checks.check_compares_times(graph, refusals)
+    checks.check_waits_one_way(graph, refusals)
+    checks.check_windows_show_panels(graph, refusals)
+    checks.check_windows_are_apart(graph, config, wall, refusals)
+    refusals.raise_any()
+    if not graph.has_sink("window"):
+        return graph
+    rects = {step.node.id: step.rect for step in graph.steps}
+    shown = {step.node.id: tuple(wall.panels[k] for k in step.panels) for step in graph.steps}
+    config = with_windows(config, wall, rects, shown)
+    return _planned(config, wall, Refusals(loaded, config.nodes, written=False))
+
+
+def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
+    """The nodes of a preset. Raises ConfigError where they would be too many."""
+    if config.compositors > len(wall.panels):
+        raise loaded.error(
+            ("graph", "compositors"),
+            f"{config.compositors} compositors cannot share {len(wall.panels)} panels",
+            f"1 to {len(wall.panels)}",
+        )
+    nodes = len(wall.panels) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
+    if nodes > MAX_NODES:
+        came = f"{len(wall.panels)} panels with {config.ranks_per_panel} ranks each take {nodes} nodes"
+        raise loaded.error(("graph", "ranks_per_panel"), came, f"fewer ranks: at most {MAX_NODES} nodes")
+    return expanded(config, wall)
+
+
+def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
+    """The plan of every node. Raises ConfigError with all that is wrong."""
+    order = in_order([_with_area(node, wall) for node in config.nodes])
+    index = {panel.id: panel.index for panel in wall.panels}
+    samples = [node for node in config.nodes if isinstance(node, SamplesNode)]
+    samples.sort(key=lambda node: index[node.panel])
+    ranks = number_ranks(config, samples, refusals)
+    covering = Covering(wall, refusals)
+    covering.find(order)
+    covering.check_sinks(order)
+    channels = find_channels(order, refusals)
+    encoded = find_encoded(order, channels, refusals)
+    orders = find_orders(order, refusals)
+    placement = Placement(config, wall, refusals)
+    rank_of = placement.find(order, covering.panels)
+    refusals.raise_any()
+    makers = [node for node in order if not isinstance(node, SamplesNode)]
+    number = {node.id: k for k, node in enumerate(makers)}
+    users: dict[str, list[int]] = {node.id: [] for node in order}
+    for node in makers:
+        for name in node.sources:
+            users[name].append(number[node.id])
+    steps = tuple(
+        Step(
+            index=number[node.id],
+            node=node,
+            inputs=tuple(number[name] for name in node.sources if name in number),
+            rank=rank_of[node.id],
+            rect=covering.rect[node.id],
+            channels=channels.get(node.id, frozenset({"colour"})),
+            encoded=encoded[node.id],
+            computes=computes(node, channels),
+            order=orders[node.id],
+            panels=tuple(p.index for p in panels_shown(wall, covering.cover[node.id]))
+            if isinstance(node, SinkNode)
+            else tuple(sorted(covering.panels[node.id])),
+            users=tuple(users[node.id]),
+        )
+        for node in makers
+    )
+    layers = _layers(config, samples, steps, ranks, index)
+    hosts = dict(sorted(placement.hosts.items()))
+    return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
+
+
+def _with_area(node: NodeConfig, wall: Wall) -> NodeConfig:
+    """The same node; one that names a panel as its area gets the panel's pixels."""
+    panel = getattr(node, "panel", None)
+    if not isinstance(node, Operator) or panel is None:
+        return node
+    rect = panel_rect(wall.panel(panel))
+    return node.model_copy(update={"area": (rect.x, rect.y, rect.width, rect.height), "panel": None})
+
+
+def _layers(
+    config: NodeGraph,
+    samples: Sequence[SamplesNode],
+    steps: Sequence[Step],
+    ranks: dict[str, tuple[int, ...]],
+    index: dict[str, int],
+) -> tuple[Layer, ...]:
+    of_input = {step.node.input: step for step in steps if isinstance(step.node, ReconstructNode)}
+    layers = []
+    for k, node in enumerate(samples):
+        step = of_input[node.id]
+        assert isinstance(step.node, ReconstructNode)
+        layers.append(
+            Layer(
+                index=k,
+                samples=node.id,
+                node=step.node.id,
+                panel=index[node.panel],
+                ranks=ranks[node.id],
+                range=node.range,
+                transparent=step.node.background == "transparent",
+                reprojects=config.sync == "none" and _compared(step, steps),
+                compositor=step.rank,
+            )
+        )
+    return tuple(layers)
+
+
+def _compared(step: Step, steps: Sequence[Step]) -> bool:
+    """Whether an operator after it compares values, which must show the same time."""
+    for k in step.users:
+        node = steps[k].node
+        if (isinstance(node, Operator) and node.COMMON_TIME) or _compared(steps[k], steps):
+            return True
+    return False

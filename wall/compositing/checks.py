@@ -1,0 +1,100 @@
+"""Checks of a graph that need its plan: sync, windows, and what `depth` compares. Each adds to the refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from graphlib import CycleError, TopologicalSorter
+
+from wall.compositing.graph import Graph
+from wall.compositing.refusals import Refusals
+from wall.compositing.structure import input_path
+from wall.config.loading import Loaded, nearest
+from wall.config.schema import FrameSync, NodeConfig, NodeGraph, SinkNode
+from wall.geometry.panels import Wall
+from wall.operators.base import Operator
+
+
+def check_panels_exist(nodes: Sequence[NodeConfig], wall: Wall, refusals: Refusals) -> None:
+    """Panels that nodes name are panels of the wall."""
+    panels = [panel.id for panel in wall.panels]
+    for node in nodes:
+        panel = getattr(node, "panel", None)
+        if panel is not None and panel not in panels:
+            some = ", ".join(panels[:16]) + (" ..." if len(panels) > 16 else "")
+            refusals.add(node, ["panel"], "there is no such panel", some + nearest(panel, panels))
+
+
+def check_sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> None:
+    """Only the sampling method `framed` makes the whole frames that lock step needs."""
+    method = loaded.config.sampling_of(0).method
+    if isinstance(config.sync, FrameSync) and method != "framed":
+        came = f"frames in lock step are made of whole frames, and the sampling method is {method}"
+        refusals.add(None, ["sync"], came, "sampling: {method: framed}, or sync: none")
+
+
+def check_waits_one_way(graph: Graph, refusals: Refusals) -> None:
+    """In lock step a rank waits for the ranks that it takes from, so these waits must have no cycle."""
+    if graph.sync == "none":
+        return
+    before: dict[int, set[int]] = {}
+    for step in graph.steps:
+        givers = {graph.steps[k].rank for k in step.inputs} - {step.rank}
+        before.setdefault(step.rank, set()).update(givers)
+    try:
+        TopologicalSorter(before).prepare()
+    except CycleError as error:
+        circle = " -> ".join("the head" if rank == 0 else f"compositor {rank}" for rank in error.args[1])
+        came = f"in lock step {circle} would wait for each other"
+        refusals.add(None, ["sync"], came, "`on` so that framelets go one way between compositors, or sync: none")
+
+
+def check_windows_show_panels(graph: Graph, refusals: Refusals) -> None:
+    """A window shows a panel, so what it shows must hold a whole one."""
+    for step in graph.steps:
+        if isinstance(step.node, SinkNode) and step.node.kind == "window" and not step.panels:
+            came = f"{step.node.input} holds no whole panel, and windows show panels"
+            refusals.add(step.node, ["input"], came, "a node that holds the pixels of one panel or more")
+
+
+def check_windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
+    """A panel has at most one window on a rank."""
+    steps = {step.node.id: step for step in graph.steps}
+    first: dict[tuple[int, int], str] = {}  # by rank and panel
+    for node in config.nodes:
+        if not isinstance(node, SinkNode) or node.kind != "window":
+            continue
+        step = steps[node.id]
+        twice = [k for k in step.panels if first.setdefault((step.rank, k), node.id) != node.id]
+        if twice:
+            other, panel = first[step.rank, twice[0]], wall.panels[twice[0]].id
+            came = f"panel {panel} has a window there already, that of {other}"
+            refusals.add(node, ["input"], came, f"panels without a window on the same rank, or no {other}")
+
+
+def check_compares_panels(graph: Graph, refusals: Refusals) -> None:
+    """Without lock step, framelets are reprojected to a common time, which works for single panels only."""
+    followed = graph.panels_followed()
+    for step in graph.steps:
+        if graph.sync == "none" and isinstance(step.node, Operator) and step.node.COMMON_TIME:
+            for k, source in enumerate(step.inputs):
+                held = graph.steps[source].panels
+                if held and followed[source] is None:
+                    what = f"holds {len(held)} panels" if len(held) > 1 else "is turned, scaled or bent"
+                    came = f"{what}, and without lock step depths are compared along the rays of one panel"
+                    accepted = "a node of one panel, as it is seen, or sync: frame"
+                    refusals.add(step.node, input_path(step.node, k), came, accepted)
+
+
+def check_compares_times(graph: Graph, refusals: Refusals) -> None:
+    """A panel that is cut out of several has one time only if a single compositor made all of them."""
+    panels: list[frozenset[int]] = []  # that a step was made of, before anything was cut
+    ranks: list[frozenset[int]] = []  # that did a step or one before it
+    for step in graph.steps:
+        panels.append(frozenset(step.panels).union(*(panels[k] for k in step.inputs)))
+        ranks.append(frozenset({step.rank}).union(*(ranks[k] for k in step.inputs)))
+        if graph.sync != "none" or not isinstance(step.node, Operator) or not step.node.COMMON_TIME:
+            continue
+        for k, source in enumerate(step.inputs):
+            if len(graph.steps[source].panels) == 1 < min(len(panels[source]), len(ranks[source])):
+                came = "is cut out of panels of several compositors, which show different times"
+                refusals.add(step.node, input_path(step.node, k), came, "the panel's own node, or sync: frame")
