@@ -1,1 +1,1 @@
-"""The samples that a compositor keeps."""
+"""Stored samples: the deep buffer that is reprojected, and the newest sample of each pixel."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.data import Batch, Counters, Float32, Float64
+from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
 JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
@@ -21,7 +22,7 @@ class PixelBuffer:
         self.width, self.height = width, height
         self.counters = Counters()
         self.samples_shown = 0
-        self.newest_event = (-1, -1)  # of the samples in the picture
+        self.newest_event = NEVER  # of the samples shown
         self.records = np.zeros((height, width), kernels.PIXEL)
         self.records["time"], self.records["depth"] = -np.inf, np.inf
         self._dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)

@@ -1,1 +1,1 @@
-"""From samples to pictures."""
+"""Images from the samples of a deep buffer."""

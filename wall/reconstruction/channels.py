@@ -17,7 +17,7 @@ from wall.scene.build import Scene
 
 
 def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: int) -> Framelet:
-    """A panel's framelet at its place in the frame, before anything has come."""
+    """A panel's framelet at its rectangle of the frame, before any sample came."""
     rect = Rect(x=panel.screen[0], y=panel.screen[1], width=panel.pixels[0], height=panel.pixels[1])
     return Framelet.blank(rect, channels, encoded=encoded, order=order)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adaptive_pictures import START, event_at, glowing
+from adaptive_pictures import GREEN, START, centres, event_at, glowing, hits
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import instance, material, quad, sphere_mesh, view
@@ -107,6 +107,28 @@ def test_samples_of_another_light_are_lit_though_no_lamp_moves_any_more(
     twins.insert(late, START + 0.01, elsewhere)
     twins.refresh(event_at(2, SEEN, scene_time=0.5, position=(0.01, 0.0, 4.0)), START + 0.02)
     twins.agree(decided=DECIDED_BY_ROUNDING)
+
+
+def test_a_light_at_a_sample_spoils_no_pixel(opengl: Device, compiled_only: None) -> None:
+    """The light moves into the very point that the middle sample hit: it is 1 / 0 of 0 there."""
+    seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(48, 32))
+    path = Keyframes(
+        times=(0.0, 1.0), positions=((0.0, 0.0, 2.0), (0.0, 0.0, 0.0)), rotations=(STILL_TURN,) * 2, loop=False
+    )
+    scene = assemble(
+        Source(
+            meshes=(quad(40.0, 40.0),), materials=(material(0.8, 0.6, 0.4),), instances=(instance(0),), sky=SKY,
+            lights=(PointLight(position=(0.0, 0.0, 2.0), intensity=(2.0, 1.5, 1.0)),),
+            animation=(Track(motion=path, light=0),),
+        )
+    )  # fmt: skip
+    twins, begin, end = Twins(scene, seen), event_at(0, seen), event_at(1, seen, scene_time=1.0)
+    samples = hits([*centres((48, 32)), (24.0, 16.0)], GREEN)  # 4 before the eye: the middle one at the origin, exactly
+    samples["light_visibility"] = 2**32 - 1
+    twins.insert(samples, START, begin)
+    twins.refresh(begin, START)
+    twins.refresh(end, START + 0.01)
+    twins.agree(decided=DECIDED_BY_ROUNDING)  # which also asserts that every pixel is finite
 
 
 def test_memory_for_surfaces_is_taken_only_where_lamps_or_objects_move(opengl: Device, scene: Scene) -> None:

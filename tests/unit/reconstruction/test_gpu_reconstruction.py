@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from adaptive_pictures import GREEN, SIZE, START, centres, event_at, hits, plate_before_wall
+from adaptive_pictures import FRONT, GREEN, SIZE, START, centres, event_at, hits, plate_before_wall
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose, assert_array_equal
 from small_scenes import view
@@ -18,7 +18,7 @@ from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.gpu.store import WORDS
 
 # At pixel 2,048 positions are rounded to 1.2e-4 pixels, a few times, between neighbours of 0 and 1, and what weighs as
-# little as 0.25 is divided by that. Where samples crowd, shares change SHARPEST times as fast. Seen: 2e-2 at most.
+# little as 0.25 is divided by that. Where samples are dense, shares change SHARPEST times as fast. Seen: 2e-2 at most.
 ROUNDING_FAR_OUT, USUAL_FAR_OUT = 3e-2, 6e-3
 WIDE = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(97, 65))
 MOVING = ((0.0, 0.0, 2.0), (0.5, 0.0, 2.0), (0.6, 0.1, 2.0))
@@ -72,6 +72,22 @@ def test_pixels_that_stood_still_keep_their_mean_when_something_else_moves(
     twins.refresh(event_at(1, WIDE, scene_time=0.5), START + 0.2)
     on_gpu, on_cpu = twins.gpu._history.accumulation, twins.cpu.buffer.history.accumulation
     assert_allclose(on_gpu[..., :4], on_cpu[..., :4], rtol=1e-4, atol=1e-4)
+
+
+def test_the_mean_of_a_million_equal_samples_beside_what_moves_is_the_sample(
+    opengl: Device, compiled_only: None
+) -> None:
+    """A float32 sum of 10^6 times 0.7 is off by 1 %. The plate moves, so the wall's pixel accumulates on the GPU."""
+    image = GpuReconstruction(FRONT.panel, FRONT.eye, plate_before_wall(*MOVING))
+    image.refresh(event_at(0), START)
+    moved = event_at(1, scene_time=0.1)
+    image.refresh(moved, START + 0.01)
+    batch = hits(np.full((10_000, 2), (2.5, 2.5)), (0.7, 0.7, 0.7))
+    for _ in range(100):
+        image.insert(batch, START + 0.02, moved)
+    image.refresh(moved, START + 0.03)
+    assert image.accumulated_counts()[2, 2] == 1e6
+    assert_allclose(image.radiance[2, 2], 0.7, rtol=1e-5)
 
 
 def test_far_from_the_corner_of_a_wide_panel_rounding_stays_small(

@@ -29,8 +29,8 @@ def insert(samples, base_time, key, blend, records, dirty, complete_at):
 
     - complete_at = 1: the newest sample replaces; an older one is late.
     - complete_at = 4: samples are averaged in whatever order they come, one for each quarter of the pixel; a second one
-      of a quarter is a repeat, late. The picture before fades as (1 - blend)^k with the k-th sample and is gone with
-      the fourth, so that a still picture is the plain mean of four. Where there was none, the first sample stands in.
+      of a quarter is a repeat, late. The image before fades as (1 - blend)^k with the k-th sample and is gone with
+      the fourth, so that an image at rest is the plain mean of four. Where there was none, the first sample stands in.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def insert(samples, base_time, key, blend, records, dirty, complete_at):
 
 @inline_kernel
 def fold(pixel, radiance, part, same, blend, complete_at):
-    """Average a sample into its pixel and let the picture before it fade."""
+    """Average a sample into its pixel and let the image before it fade."""
     if not same:
         never = pixel["time"] == -np.inf
         pixel["count"] = pixel["seen"] = 0

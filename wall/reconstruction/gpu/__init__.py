@@ -1,1 +1,1 @@
-"""The picture of reprojected samples on a GPU, by OpenGL 4.3."""
+"""Reconstruction on a GPU, by OpenGL 4.3."""

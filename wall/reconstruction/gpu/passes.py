@@ -94,17 +94,17 @@ class Passes:
         now, young : seconds of the store's clock, see kernels.visibility; kept : samples that may stay
         """
         self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))
-        crowded, flag = store.count > kept, int(contradicted)
+        expires, flag = store.count > kept, int(contradicted)
         if store.count:
             self._reproject(store, contradicted=flag, size=self._size)
         self._over_pixels(store, clear=0, contradicted=flag)
         self._splat_sums.use(0)
         self._device.compute("bound_depths", self._area, (self._nearest, self._bounds, self._objects), size=self._size)
-        if crowded:
+        if expires:
             store.limit_age(now, kept)
         self._splat_target.clear()
         if store.count:
-            self._splat(store, now=now, young=young, crowded=int(crowded), size=self._size)
+            self._splat(store, now=now, young=young, expires=int(expires), size=self._size)
         self._fill()
 
     def _reproject(self, store: GpuStore, **uniforms: Any) -> None:

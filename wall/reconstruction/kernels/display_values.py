@@ -8,7 +8,7 @@ from wall.operators.kernels.pixels import display_code
 
 @kernel
 def display_tiles(radiance, dirty, tile, curve, rgb):
-    """Encode the changed tiles of a picture for display: clip to 0..1, sRGB curve, 8 bits; NaN shows as 0.
+    """Encode the changed tiles of an image for display: clip to 0..1, sRGB curve, 8 bits; NaN shows as 0.
 
     Parameters
     ----------
