@@ -11,7 +11,7 @@ in balance,
     (dC/ds) S = K (dC/dt) T,    S = sqrt(A / N): mean edge of N tiles over A pixels;  T: mean age of samples.
 
 dC/ds is the mean contrast of the reconstruction to its neighbours, display units a pixel. (dC/dt) T needs no gradients
-of its own: it is what new samples find changed against the samples beneath, whose age is T. So the balance is at
+of its own: it is the change that new samples find against the samples shown, whose age is T. So the balance is at
 
     N* = A (dC/ds / (K (dC/dt) T))^2,
 

@@ -78,7 +78,7 @@ class Session:
         return [self._batch(samples[k : k + MAX_SAMPLES], event, 0.0) for k in range(0, len(samples), MAX_SAMPLES)]
 
     def refresh(self, now: float) -> None:
-        """The picture beneath, and every pixel's score."""
+        """Refresh the reconstruction, and score every pixel anew."""
         began = time.thread_time()
         self.picture.refresh(self.event_at(now), now)
         self._charge("refresh", began)
