@@ -54,6 +54,7 @@ def catmull_rom(times: Sequence[float], points: ArrayLike, time: float, *, loop:
 
 
 def _tangent(times: Sequence[float], places: Float64, i: int, *, loop: bool) -> Float64:
+    """(d,) velocity at point i: the slope between its neighbours."""
     last = len(times) - 1
     closed = loop and bool(np.all(places[0] == places[last]))
     if i in (0, last) and closed:

@@ -38,6 +38,7 @@ class Placement:
 
     @property
     def pitch(self) -> tuple[float, float]:
+        """Metres a pixel, across and down."""
         return float(np.linalg.norm(self.per_x)), float(np.linalg.norm(self.per_y))
 
 

@@ -161,6 +161,7 @@ def expand(config: WallConfig) -> Wall:
 
 
 def _placement(config: PanelConfig, *, skip: bool) -> Placement:
+    """A panel's configuration as layout.place takes it."""
     lower_left, lower_right, upper_left = _spanned(config, skip=skip)
     w, h = config.pixels
     return Placement(
@@ -252,12 +253,14 @@ def _panel(index: int, eye: Eye, screen: tuple[int, int], span: tuple[int, int],
 
 
 def _blend(config: PanelConfig) -> BlendConfig | None:
+    """The panel's blend, `auto` resolved to its overlap."""
     if config.blend == "auto":
         return BlendConfig(**config.overlap.model_dump())
     return config.blend if isinstance(config.blend, BlendConfig) else None
 
 
 def _plane(origin: Float64, per_x: Float64, per_y: Float64) -> Plane:
+    """A Plane of arrays that are made read-only."""
     for vector in (origin, per_x, per_y):
         vector.setflags(write=False)
     return Plane(origin=origin, per_x=per_x, per_y=per_y)

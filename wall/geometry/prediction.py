@@ -1,4 +1,4 @@
-"""Where camera and scene will be when a refresh becomes light, judged from the newest inputs and from past judgements.
+"""Predict camera and scene at the moment a refresh becomes light, from the newest inputs and past predictions.
 
 Pure: events and times in, an event out, never the clock. The scene's time runs on, exactly, unless it is paused. The
 camera goes on by the twist between its newest two inputs (dead reckoning at constant speed in its own frame; compared
@@ -41,11 +41,13 @@ OUTLIER = 2.0  # times what was foreseen: what came counts as no more, so that a
 
 
 class Input(NamedTuple):
+    """A camera that was heard, and when."""
     time: float  # seconds of the head's clock
     camera: Camera
 
 
 class Foresight(NamedTuple):
+    """A prediction that is checked once its moment has come."""
     moment: float  # that it is for
     camera: Camera  # it started from
     twist: Float64  # (6,) it expected, with full trust
@@ -104,6 +106,7 @@ class Predictor:
         return last
 
     def _start(self, event: Event) -> None:
+        """Forgets all inputs but this one."""
         self._inputs.clear()
         self._foresights.clear()
         self._agreement[:] = self._energy[:] = 0.0
@@ -111,6 +114,7 @@ class Predictor:
             self._inputs.append(Input(event.input_time, event.camera))
 
     def _add(self, event: Event) -> None:
+        """Takes an input whose camera moved; starts anew after a pause or a jump back in time."""
         inputs = self._inputs
         if not _finite(event) or not inputs or event.input_time - inputs[-1].time > GONE_S:
             self._start(event)

@@ -58,7 +58,7 @@ def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:
 def split(rect: Rect, n: int) -> tuple[Rect, ...]:
     """Cut a rectangle into n that cover it exactly, of nearly equal area and as square as may be.
 
-    SplitSampler the number again and again, always across the longer edge, in proportion. Each cut is rounded to a
+    Halves the number again and again, always across the longer edge, in proportion. Each cut is rounded to a
     whole pixel, so with edges of parts above 100 pixels areas differ by a few per cent. ValueError unless
     1 <= n <= area.
     """
@@ -80,6 +80,7 @@ def split(rect: Rect, n: int) -> tuple[Rect, ...]:
 
 
 def _ranks_needed(rect: Rect, ranks: int) -> int:
+    """The smallest number of ranks, `ranks` or more, whose parts have no edge above MAX_EDGE."""
     while any(max(part.width, part.height) > MAX_EDGE for part in split(rect, ranks)):
         ranks += 1
     return ranks

@@ -65,6 +65,7 @@ class Scene:
 
     @property
     def animated(self) -> bool:
+        """Whether anything moves."""
         return bool(self.tracks)
 
     def at(self, time: float) -> Moment:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 
 from wall.scene.build import Scene
 
-MOST_RELIT_LIGHTS = 16  # bits of the light visibility mask that packets and stores carry; SAMPLE has 32
+MOST_RELIT_LIGHTS = 32  # bits of a sample's light visibility mask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Which objects a share of a scene's data holds, for sort-last: by triangles, in the scene's order."""
+"""Objects of a share of a scene, for sort-last: by triangles, in the scene's order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Light from the sky, as the tracer adds it and reconstruction adds it anew."""
+"""The sky's irradiance by normal, for the tracer and for relighting."""
 
 from __future__ import annotations
 

@@ -193,6 +193,7 @@ class Device:
 
 
 def _release(scenes: list[Handle], geometries: list[Handle], kept: list[NDArray[Any]]) -> None:
+    """Releases Embree's handles, then the arrays that Embree shared."""
     for geometry in geometries:
         _library.rtcReleaseGeometry(geometry)
     for scene in reversed(scenes):

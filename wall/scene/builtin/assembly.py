@@ -23,19 +23,23 @@ class Assembly:
     tracks: list[Track] = field(default_factory=list)
 
     def material(self, material: Material) -> int:
+        """Adds a material."""
         self.materials.append(material)
         return len(self.materials) - 1
 
     def texture(self, texture: Texture) -> int:
+        """Adds a texture."""
         self.textures.append(texture)
         return len(self.textures) - 1
 
     def mesh(self, name: str, shape: Shape, material: int) -> int:
+        """Adds a shape as a mesh of a material, with texture coordinates where the material has a texture."""
         textured = self.materials[material].texture is not None
         self.meshes.append(shape.mesh(name, material, textured=textured))
         return len(self.meshes) - 1
 
     def place(self, name: str, mesh: int, world_from_object: Float64 | None = None) -> int:
+        """Adds an instance of a mesh."""
         matrix = np.eye(4) if world_from_object is None else world_from_object
         self.instances.append(Instance(name=name, mesh=mesh, world_from_object=matrix))
         return len(self.instances) - 1
@@ -49,6 +53,7 @@ class Assembly:
         self.tracks += [Track(motion=motion, objects=objects) for motion in motions]
 
     def source(self, lights: tuple[Light, ...], sky: Sky) -> Source:
+        """All that was added, with these lights and this sky."""
         return Source(
             meshes=tuple(self.meshes),
             materials=tuple(self.materials),
