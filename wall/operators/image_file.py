@@ -67,4 +67,3 @@ def _read_exr(path: Path) -> ImageFile:
         np.clip(channels.get("A", np.ones(size, np.float32)), 0.0, 1.0),
         channels.get("Z"),
     )
-

@@ -20,7 +20,7 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.framelets import FrameletPart, parse_part, part_body
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 4
+MAGIC, VERSION = b"WALL", 5
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is not used
 MAX_TEXT_BYTES = 16384  # of a JSON body

@@ -18,7 +18,7 @@ from wall.core.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.kernels import byte_planes as kernels_bytes
 
-HEAD = struct.Struct("<HiiIIBBHHqqddI3d9d")
+HEAD = struct.Struct("<HHiiIIBBHHqqddI3d9d")
 MAX_AREA = 1 << 25  # pixels: 8K UHD
 MAX_RAW = 1 << 25  # bytes of one part before compression: it fits a message, whatever they are
 LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
@@ -30,6 +30,7 @@ class FrameletPart:
     """A rectangle of a node's framelet, as another process has it now."""
 
     step: int  # index in Graph.steps of the node
+    view: int = 0  # whose event it shows
     rect: Rect  # of the frame
     channels: Channels
     encoded: bool
@@ -47,12 +48,13 @@ class FrameletPart:
         planes = [_bytes(framelet.channel(name)[rows]) for name in CHANNELS if name in framelet.channels]
         data = bytes(lz4.block.compress(b"".join(planes), store_size=False))
         return cls(
-            step=step, rect=rect, channels=framelet.channels, encoded=framelet.encoded, compared=compared,
+            step=step, view=framelet.event.view if framelet.event is not None else 0, rect=rect,
+            channels=framelet.channels, encoded=framelet.encoded, compared=compared,
             event=framelet.event, refreshed_at=framelet.refreshed_at, data=data,
         )  # fmt: skip
 
     def check(self, out: Framelet) -> None:
-        """Raises RemoteProtocolError where it is not of `out`."""
+        """Raise RemoteProtocolError if the part does not fit `out`: its rectangle, channels or encoding."""
         if not out.rect.contains(self.rect) or self.channels != out.channels or self.encoded != out.encoded:
             raise RemoteProtocolError(
                 f"framelet part {self.rect} with {', '.join(sorted(self.channels))}; wanted: inside {out.rect}, "
@@ -60,7 +62,7 @@ class FrameletPart:
             )
 
     def write(self, out: Framelet) -> None:
-        """Put the pixels where they belong. Raises RemoteProtocolError where they do not fit `out`."""
+        """Write the pixels to `out`. Raises RemoteProtocolError where they do not fit it."""
         self.check(out)
         raw, start, rows = self._raw(), 0, self.rect.inside(out.rect)
         for name in CHANNELS:
@@ -81,7 +83,7 @@ class FrameletPart:
 
 
 def bytes_a_pixel(channels: Channels, *, encoded: bool) -> int:
-    """Before compression."""
+    """Bytes of a pixel's channels before compression."""
     return (3 if encoded else 12) + 4 * len(channels - {"colour"})
 
 
@@ -95,35 +97,24 @@ def bands(rect: Rect, channels: Channels, *, encoded: bool) -> list[Rect]:
 
 
 def part_body(part: FrameletPart) -> bytes:
-    """Its bytes; struct.error where a number does not fit."""
+    """The bytes of a part. Raises struct.error where a number does not fit its field."""
     event, r = part.event, part.rect
     channels = sum(1 << k for k, name in enumerate(CHANNELS) if name in part.channels)
     flags = ENCODED * part.encoded | COMPARED * part.compared | POSED * (event is not None)
     pose = (*event.camera.position, *event.camera.world_from_wall) if event else (0.0,) * 12
     numbers = (event.camera_event, event.scene_event, event.scene_time) if event else (0, 0, 0.0)
     head = HEAD.pack(
-        part.step,
-        r.x,
-        r.y,
-        r.width,
-        r.height,
-        channels,
-        flags,
-        part.index,
-        part.count,
-        *numbers,
-        part.refreshed_at,
-        len(part.data),
-        *pose,
-    )
+        part.step, part.view, r.x, r.y, r.width, r.height, channels, flags, part.index, part.count, *numbers,
+        part.refreshed_at, len(part.data), *pose,
+    )  # fmt: skip
     return head + part.data
 
 
 def parse_part(body: bytes) -> FrameletPart:
-    """Raises RemoteProtocolError for anything that part_body cannot have made."""
+    """The part of some bytes. Raises RemoteProtocolError for anything that part_body() cannot have made."""
     if len(body) < HEAD.size:
         raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {HEAD.size}")
-    step, x, y, width, height, mask, flags, index, count, *numbers = HEAD.unpack_from(body)
+    step, view, x, y, width, height, mask, flags, index, count, *numbers = HEAD.unpack_from(body)
     camera_event, scene_event, scene_time, refreshed_at, length, *pose = numbers
     if length != len(body) - HEAD.size:
         raise RemoteProtocolError(f"framelet of step {step}: {len(body) - HEAD.size} bytes came of {length}")
@@ -142,12 +133,12 @@ def parse_part(body: bytes) -> FrameletPart:
     if flags & POSED:
         camera = Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:]))
         event = Event(
-            view=0, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=refreshed_at,
+            view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=refreshed_at,
             camera=camera,
         )  # fmt: skip
     return FrameletPart(
-        step=step, rect=Rect(x=x, y=y, width=width, height=height), channels=channels, encoded=encoded,
-        compared=bool(flags & COMPARED), event=event, refreshed_at=refreshed_at, data=body[HEAD.size :],
+        step=step, view=view, rect=Rect(x=x, y=y, width=width, height=height), channels=channels,
+        encoded=encoded, compared=bool(flags & COMPARED), event=event, refreshed_at=refreshed_at, data=body[HEAD.size :],
         index=index, count=count,
     )  # fmt: skip
 

@@ -161,18 +161,26 @@ def camera_fields(camera: Camera) -> dict[str, Any]:
 def test_the_framelet_table_reads_a_framelet() -> None:
     rect = Rect(x=-5, y=6, width=7, height=8)
     camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
-    event = Event(view=0, camera_event=9, scene_event=10, scene_time=2.5, input_time=0.0, camera=camera)
+    event = Event(view=3, camera_event=9, scene_event=10, scene_time=2.5, input_time=0.0, camera=camera)
     framelet = Framelet.blank(rect, frozenset({"colour", "depth", "time"}), encoded=True)
     framelet.event, framelet.refreshed_at = event, 4.5
     part = replace(FrameletPart.of(4, framelet, rect, compared=True), index=1, count=3)
     body = control.serialise(part)[control.HEADER_BYTES :]
     fields = read(table("Framelet, a rectangle"), body)
-    assert fields.pop("size") == 156 == len(body) - len(part.data)
+    assert fields.pop("size") == 158 == len(body) - len(part.data)
     channels = 1 << CHANNELS.index("colour") | 1 << CHANNELS.index("depth") | 1 << CHANNELS.index("time")
     numbers = {"camera_event": 9, "scene_event": 10, "scene_time": 2.5, "refreshed_at": 4.5}
     flags = {"channels": channels, "flags": ENCODED | COMPARED | POSED}
     flags |= {"index": 1, "count": 3}
-    assert fields == {"step": 4, **asdict(rect), **flags, **numbers, **camera_fields(camera), "length": len(part.data)}
+    assert fields == {
+        "step": 4,
+        "view": 3,
+        **asdict(rect),
+        **flags,
+        **numbers,
+        **camera_fields(camera),
+        "length": len(part.data),
+    }
 
 
 def test_the_framelet_s_bits_are_the_document_s() -> None:

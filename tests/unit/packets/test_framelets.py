@@ -18,7 +18,7 @@ from wall.packets.framelets import MAX_RAW, FrameletPart, bands, bytes_a_pixel
 
 SETS = [frozenset({"colour", *more}) for n in range(6) for more in combinations(CHANNELS[1:], n)]
 EVENT = Event(
-    view=0, camera_event=3, scene_event=4, scene_time=5.5, input_time=9.0,
+    view=2, camera_event=3, scene_event=4, scene_time=5.5, input_time=9.0,
     camera=Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9))),
 )  # fmt: skip
 
