@@ -79,7 +79,7 @@ def plain_samples(n: int, *, width: int = 480, height: int = 270, seed: int = 20
     return samples
 
 
-def facing_samples(n: int, *, seed: int = 4) -> Samples:
+def relightable_samples(n: int, *, seed: int = 4) -> Samples:
     """(n,) samples of a few objects: plane ones, round ones, each with some shadow."""
     rng = np.random.default_rng(seed)
     samples = plain_samples(n, seed=seed)

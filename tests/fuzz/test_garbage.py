@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from packet_examples import CHECKSUM_AT, batch_of, check_sane, facing_samples, plain_samples, resealed
+from packet_examples import CHECKSUM_AT, batch_of, check_sane, relightable_samples, plain_samples, resealed
 
 from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
@@ -71,7 +71,7 @@ CONTROL = [
 ]  # fmt: skip
 SAMPLES = [encode(batch_of(plain_samples(n)), codec) for n in (0, 1, 5) for codec in Codec]
 COMPACT = [encode(batch_of(plain_samples(n), adaptive=True)) for n in (0, 1, 5, 40)]
-LIT = [encode(batch_of(facing_samples(n), adaptive=True, relightable=True)) for n in (0, 1, 5, 40)]
+RELIGHTABLE = [encode(batch_of(relightable_samples(n), adaptive=True, relightable=True)) for n in (0, 1, 5, 40)]
 
 
 def resealed_control(data: bytes) -> bytes:
@@ -144,7 +144,7 @@ def test_random_bytes_are_refused(parse: Callable[[bytes], Parsed]) -> None:
         assert not survives(parse, b"WALL\x01" + data)
 
 
-@pytest.mark.parametrize("packets", [SAMPLES, COMPACT, LIT], ids=["plain", "compact", "lit"])
+@pytest.mark.parametrize("packets", [SAMPLES, COMPACT, RELIGHTABLE], ids=["plain", "compact", "relightable"])
 def test_mutated_sample_packets_are_refused_or_harmless(packets: list[bytes]) -> None:
     rng, accepted = np.random.default_rng(2), 0
     for k in range(ROUNDS):
@@ -165,5 +165,5 @@ def test_mutated_control_messages_are_refused_or_harmless() -> None:
 
 
 def test_messages_of_one_kind_are_refused_by_the_other_parser() -> None:
-    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + LIT)
+    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + RELIGHTABLE)
     assert not any(survives(decode, data) for data in CONTROL)

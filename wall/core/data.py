@@ -111,6 +111,11 @@ class Rect:
         )
         return tuple(Rect(x=x, y=y, width=w, height=h) for x, y, w, h in parts if w > 0 and h > 0)
 
+    @property
+    def numbers(self) -> tuple[int, int, int, int]:
+        """x, y, width, height, as kernels take them."""
+        return self.x, self.y, self.width, self.height
+
     def inside(self, other: Rect) -> tuple[slice, slice]:
         """Rows and columns of an array that covers `other` which this part of it takes."""
         y, x = self.y - other.y, self.x - other.x

@@ -39,7 +39,7 @@ def pack(samples: Samples, rect: Rect, *, relightable: bool) -> PackedCompact:
     n = len(samples)
     columns = np.empty((_columns(relightable), n), np.int32)
     objects = np.empty((OBJECT_COLUMNS, n), np.uint32)
-    known, base, span, bad, outside = kernels.encode(samples, _numbers(rect), CURVE, columns, objects)
+    known, base, span, bad, outside = kernels.encode(samples, rect.numbers, CURVE, columns, objects)
     body = b"" if bad or outside else _compressed([*objects[:, :known], *columns.view(np.uint32)])
     return PackedCompact(body, int(known), int(base), float(span), int(bad), int(outside))
 
@@ -66,7 +66,7 @@ def unpack(
         at += width * length
     named, read = _together(columns[:OBJECT_COLUMNS], objects), _together(columns[OBJECT_COLUMNS:], count)
     samples = np.empty(count, SAMPLE)
-    whole = kernels.decode(read, named, _numbers(rect), depth_code, np.float32(span), CURVE, samples)
+    whole = kernels.decode(read, named, rect.numbers, depth_code, np.float32(span), CURVE, samples)
     return samples if whole else None
 
 
@@ -88,7 +88,3 @@ def _together(columns: list[NDArray[np.uint8]], length: int) -> NDArray[np.uint3
 
 def _columns(relightable: bool) -> int:
     return kernels.RELIGHTABLE_COLUMNS if relightable else kernels.COLUMNS
-
-
-def _numbers(rect: Rect) -> tuple[int, int, int, int]:
-    return rect.x, rect.y, rect.width, rect.height

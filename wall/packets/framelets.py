@@ -133,13 +133,13 @@ def parse_part(body: bytes) -> FrameletPart:
     if flags & POSED:
         camera = Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:]))
         event = Event(
-            view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=refreshed_at,
-            camera=camera,
+            view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time,
+            input_time=refreshed_at, camera=camera,
         )  # fmt: skip
     return FrameletPart(
         step=step, view=view, rect=Rect(x=x, y=y, width=width, height=height), channels=channels,
-        encoded=encoded, compared=bool(flags & COMPARED), event=event, refreshed_at=refreshed_at, data=body[HEAD.size :],
-        index=index, count=count,
+        encoded=encoded, compared=bool(flags & COMPARED), event=event, refreshed_at=refreshed_at,
+        data=body[HEAD.size :], index=index, count=count,
     )  # fmt: skip
 
 

@@ -41,7 +41,7 @@ def pack(samples: Samples, rect: Rect) -> PackedPlain:
     body[BYTES_A_SAMPLE * n :] = table.astype("<u4").view(np.uint8)
     planes = _planes(body, n)
     planes.objects[:] = ids
-    outside = kernels.pack(samples, _numbers(rect), _scales(rect, base, bits, latest), planes)
+    outside = kernels.pack(samples, rect.numbers, _scales(rect, base, bits, latest), planes)
     return PackedPlain(body, len(table), base, bits, float(latest), 0, int(outside))
 
 
@@ -57,7 +57,7 @@ def unpack(
     body, samples = np.frombuffer(data, np.uint8), np.zeros(count, SAMPLE)
     planes, table = _planes(body, count), body[BYTES_A_SAMPLE * count :].view("<u4")
     scales = _scales(rect, depth_base, depth_bits, np.float32(span))
-    if kernels.unpack(planes, _numbers(rect), scales, samples):
+    if kernels.unpack(planes, rect.numbers, scales, samples):
         return None
     if len(table) and count and planes.objects.max() >= len(table):
         return None
@@ -84,7 +84,3 @@ def _scales(rect: Rect, depth_base: int, depth_bits: int, span: np.float32) -> k
 def _planes(body: NDArray[np.uint8], n: int) -> kernels.Planes:
     words = body[4 * n : BYTES_A_SAMPLE * n].view("<u2")
     return kernels.Planes(body[: 4 * n].view("<u4"), words[:n], words[n : 2 * n], words[2 * n : 3 * n], words[3 * n :])
-
-
-def _numbers(rect: Rect) -> tuple[int, int, int, int]:
-    return rect.x, rect.y, rect.width, rect.height

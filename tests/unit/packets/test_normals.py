@@ -14,7 +14,7 @@ from packet_examples import (
     batches,
     check_flipped_bits,
     check_sane,
-    facing_samples,
+    relightable_samples,
     plain_samples,
     resealed,
 )
@@ -61,7 +61,7 @@ def lit(samples: Samples, rect: Rect = RECT) -> Batch:
 
 @pytest.mark.parametrize("n", [0, 1, 2, 16, 300, 3000])
 def test_normals_come_back_within_two_steps_and_masks_exactly(n: int) -> None:
-    samples = facing_samples(n)
+    samples = relightable_samples(n)
     came = decode(encode(lit(samples)))
     assert came.relightable
     check_normals(samples, came.samples)
@@ -79,7 +79,7 @@ def test_any_batch_brings_its_normals_and_masks(batch: Batch, data: st.DataObjec
 
 
 def test_all_else_is_the_same_with_and_without_normals() -> None:
-    samples = facing_samples(500)
+    samples = relightable_samples(500)
     with_them, without = decode(encode(lit(samples))).samples, decode(encode(batch_of(samples, adaptive=True)))
     assert not without.relightable
     assert not without.samples["normal"].any()
@@ -128,7 +128,7 @@ def body_with(samples: Samples, column: int, number: int) -> bytes:
 )
 def test_normals_out_of_their_range_are_refused_and_any_mask_is_taken(column: int, largest: int) -> None:
     """Differences are folded: 62 is 31, 63 is -32, 64 is 32."""
-    samples = facing_samples(5)
+    samples = relightable_samples(5)
     packed = body.pack(samples, RECT, relightable=True)
     for number in (largest, largest + 1, largest + 2, 1 << 20):
         if number < 2**32:
@@ -141,7 +141,7 @@ def test_normals_out_of_their_range_are_refused_and_any_mask_is_taken(column: in
 
 
 def packet_of(n: int) -> bytes:
-    return encode(lit(facing_samples(n)))
+    return encode(lit(relightable_samples(n)))
 
 
 def test_every_flipped_bit_under_a_valid_checksum_is_refused_or_harmless() -> None:
@@ -150,7 +150,7 @@ def test_every_flipped_bit_under_a_valid_checksum_is_refused_or_harmless() -> No
 
 @pytest.mark.parametrize("relightable", [False, True])
 def test_a_body_read_with_other_channels_is_refused(relightable: bool) -> None:
-    samples = facing_samples(40)
+    samples = relightable_samples(40)
     changed = bytearray(encode(batch_of(samples, adaptive=True, relightable=relightable)))
     changed[8] ^= 64 | 128
     with pytest.raises(RemoteProtocolError, match="is not 40 samples"):
