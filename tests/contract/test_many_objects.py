@@ -58,7 +58,6 @@ def test_a_sample_of_object_20001_moves_with_it(scene: Scene, adaptive: bool) ->
     picture.insert(came.samples, came.base_time, event)
     picture.refresh(event_at(1, SEEN, scene_time=1.0), START + 0.1)
 
-    _, screen, count, _ = picture.stored()
-    shown = screen[0, :count]
-    assert count == len(samples)
-    assert (shown < 20).all(), "they moved right, with the others"
+    stored = picture.stored()
+    assert stored.count == len(samples)
+    assert (stored.screen_position[0, : stored.count] < 20).all(), "they moved right, with the others"

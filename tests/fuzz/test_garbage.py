@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from packet_examples import CHECKSUM_AT, batch_of, check_sane, relightable_samples, plain_samples, resealed
+from packet_examples import CHECKSUM_AT, batch_of, check_sane, plain_samples, relightable_samples, resealed
 
 from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError

@@ -14,8 +14,8 @@ from packet_examples import (
     batches,
     check_flipped_bits,
     check_sane,
-    relightable_samples,
     plain_samples,
+    relightable_samples,
     resealed,
 )
 
