@@ -59,5 +59,5 @@ def test_a_sample_of_object_20001_moves_with_it(scene: Scene, adaptive: bool) ->
     picture.refresh(event_at(1, SEEN, scene_time=1.0), START + 0.1)
 
     stored = picture.stored()
-    assert stored.count == len(samples)
-    assert (stored.screen_position[0, : stored.count] < 20).all(), "they moved right, with the others"
+    assert stored.in_use == len(samples)
+    assert (stored.screen_position[0, : stored.in_use] < 20).all(), "they moved right, with the others"
