@@ -1,1 +1,1 @@
-"""Pictures from samples: the checked graph of who reconstructs, tiles and shows what."""
+"""The compositing graph: checking and planning it, and running a rank's operators."""

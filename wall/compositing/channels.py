@@ -1,4 +1,4 @@
-"""Which channels flow along each edge: only those that somebody needs; and where light becomes display bytes."""
+"""Find the channels on each edge of the graph, only those that are needed, and where light is encoded to bytes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which pixels each node holds: rectangles, what lies outside, what is there twice, what nobody brings."""
+"""Find the pixels that each node holds; refuse rectangles outside the wall, overlaps, and pixels without a source."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Cover = tuple[Rect, ...]  # that do not meet each other
 
 
 def panel_rect(panel: Panel) -> Rect:
-    """Where a panel lies in the frame."""
+    """The rectangle of a panel in the frame."""
     (x, y), (width, height) = panel.screen, panel.pixels
     return Rect(x=x, y=y, width=width, height=height)
 
 
 def less(cover: Sequence[Rect], taken: Rect) -> Cover:
-    """What of a cover is left without a rectangle."""
+    """A cover minus a rectangle."""
     return tuple(part for rect in cover for part in rect.minus(taken))
 
 
@@ -38,14 +38,14 @@ class Rects:
         )
 
     def meeting(self, rect: Rect, before: int | None = None) -> list[int]:
-        """Indices of those that have a pixel in common with it; only of the first `before`."""
+        """Indices of the rectangles that overlap one; only of the first `before`."""
         n = slice(before)
         across = (self._x[n] < rect.right) & (rect.x < self._right[n])
         found: list[int] = np.flatnonzero(across & (self._y[n] < rect.bottom) & (rect.y < self._bottom[n])).tolist()
         return found
 
     def left_of(self, rect: Rect, before: int | None = None) -> Cover:
-        """What of a rectangle none of them holds."""
+        """The parts of a rectangle that none of them covers."""
         left: Cover = (rect,)
         for k in self.meeting(rect, before):
             left = less(left, self._rects[k])
@@ -53,7 +53,7 @@ class Rects:
 
 
 def union(covers: Sequence[Cover]) -> Cover:
-    """Every pixel of any of them once."""
+    """All pixels of several covers, without overlaps."""
     rects = [rect for cover in covers for rect in cover]
     known = Rects(rects)
     return tuple(fresh for i, rect in enumerate(rects) for fresh in known.left_of(rect, i))
@@ -65,7 +65,7 @@ def said(rect: Rect) -> str:
 
 
 class Covering:
-    """Rectangles and covers of all nodes, found in order; what is wrong is refused."""
+    """Rectangles and covers of all nodes; errors are added to the refusals."""
 
     def __init__(self, wall: Wall, refusals: Refusals) -> None:
         self._wall, self._refusals = wall, refusals
@@ -135,7 +135,7 @@ class Covering:
             self._refusals.add(node, _area_path(node), came, f"at most {most:,} pixels")
 
     def _through(self, node: Operator, k: int, rect: Rect) -> Cover:
-        """What of the output comes of input k."""
+        """The part of the output that comes from input k."""
         inputs = [self.rect[name] for name in node.sources]
         covered = [part for held in self.cover[node.sources[k]] for part in node.covers(held, inputs, k)]
         return tuple(met for part in covered if (met := part.intersection(rect)) is not None)

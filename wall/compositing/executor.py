@@ -29,7 +29,7 @@ DENSE = 0.6  # of their bounding box: above it, one large region costs less than
 
 
 class Executor:
-    """`framelets` are what every step here holds, and what came of other ranks; `step` brings them up to date."""
+    """`framelets` are what every step here holds, and what came from other ranks; `step` brings them up to date."""
 
     def __init__(
         self,
@@ -55,12 +55,12 @@ class Executor:
                 self._light[s.index] = replace(shown, colour=light)
         self._fresh = {s.index for s in self._steps if not s.inputs}  # files and constants: made once
         self._followed = graph.panels_followed()
-        self._guessed: set[int] = set()  # steps whose output was made of inputs that were moved
+        self._reprojected: set[int] = set()  # steps whose output was made of reprojected inputs
         self._redrawn: dict[int, Rect] = {}  # by step: where an overlay's text has changed
         self.pixels = 0  # written so far
 
     def step(self, changed: Mapping[int, Regions], event: Event | None) -> Changes:
-        """Redo what depends on `changed` regions of sources, for a moment that `event` says.
+        """Recompute what depends on `changed` regions of sources, for the camera and scene time of `event`.
 
         Returns all that changed, sources included, by step.
         """
@@ -88,19 +88,19 @@ class Executor:
             for region in found.get(source, ())
         )
         regions = [region for region in touched if region is not None]
-        if regions and self._shows_another_moment(s, event):
+        if regions and self._shows_another_time(s, event):
             return [s.rect]
         if s.index in self._redrawn:
             regions.append(self._redrawn.pop(s.index))
         return merged(regions)
 
-    def _shows_another_moment(self, s: Step, event: Event | None) -> bool:
-        """Whether what has not changed must be redone all the same: it shows another moment, or was a guess."""
+    def _shows_another_time(self, s: Step, event: Event | None) -> bool:
+        """Whether all of a step must be recomputed: it shows another time, or was made of reprojected inputs."""
         assert isinstance(s.node, Operator)
         if not s.node.COMMON_TIME or self._reproject is None or event is None:
             return False
         shown = self.framelets[s.index].event
-        return s.index in self._guessed or shown is None or not same_moment(shown, event)
+        return s.index in self._reprojected or shown is None or not same_time(shown, event)
 
     def _apply(self, s: Step, regions: Regions, event: Event | None) -> None:
         assert isinstance(s.node, Operator)
@@ -111,8 +111,8 @@ class Executor:
             out.event = newest.event
             out.stamp(newest.refreshed_at)
         if s.node.COMMON_TIME and self._reproject is not None and event is not None:
-            moved = self._at_one_moment(s, inputs, event)
-            (self._guessed.discard if moved == inputs else self._guessed.add)(s.index)
+            moved = self._at_common_time(s, inputs, event)
+            (self._reprojected.discard if moved == inputs else self._reprojected.add)(s.index)
             inputs, out.event = moved, event
         light = self._light.get(s.index)
         if light is not None:
@@ -124,13 +124,13 @@ class Executor:
                 kernels.encode(light.colour, x, y, _CURVE, out.colour, x, y, region.width, region.height)
             self.pixels += region.area
 
-    def _at_one_moment(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:
-        """Inputs that show another moment than `event` are moved to it; a picture that knows none stays."""
+    def _at_common_time(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:
+        """Reproject inputs that show another time than `event`; those without an event stay."""
         assert self._reproject is not None
         panels = [self._followed[k] for k in s.inputs]
         return [
             self._reproject(f, event, panel)
-            if f.event is not None and panel is not None and not same_moment(f.event, event)
+            if f.event is not None and panel is not None and not same_time(f.event, event)
             else f
             for f, panel in zip(inputs, panels, strict=True)
         ]
@@ -144,7 +144,7 @@ class Executor:
                 self._redrawn[s.index] = s.node.box(s.rect)
 
 
-def same_moment(a: Event, b: Event) -> bool:
+def same_time(a: Event, b: Event) -> bool:
     """Whether two events show the same: camera and scene."""
     return a.camera == b.camera and a.scene_time == b.scene_time
 

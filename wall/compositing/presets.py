@@ -1,4 +1,4 @@
-"""The nodes that a preset stands for."""
+"""Expand presets (sort-first, sort-last) into nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which ranks render which samples node: those that it names, others as numbers are free.
+"""Number the ranks that render each samples node: those that it names, else the next free numbers.
 
 Rank 0 is the head (a compositor), then come further compositors, then renderers.
 """

@@ -1,4 +1,4 @@
-"""Whether nodes make a typed DAG: ids differ, inputs exist and fit, no circle, everything ends in a sink."""
+"""Check that nodes form a typed acyclic graph: unique ids, inputs that exist and fit, and every path ends in a sink."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WORDS = {"samples": "samples", "framelet": "a framelet", "nothing": "nothing"}
 
 
 def check_structure(nodes: Sequence[NodeConfig], refusals: Refusals) -> None:
-    """Refuse what is no typed DAG."""
+    """Refuse what is no typed acyclic graph."""
     by_id = _by_id(nodes, refusals)
     _inputs_exist_and_fit(nodes, by_id, refusals)
     if not any(isinstance(node, SinkNode) for node in nodes):

@@ -1,4 +1,4 @@
-"""Nodes that the planner adds: what a panel's own display needs between the picture and its window.
+"""Add the nodes that a panel's display needs between an image and its window.
 
 A window sink shows each panel by itself: its pixels cut out, then its colour, blending and warp, as the wall says.
 """

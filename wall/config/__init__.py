@@ -1,1 +1,1 @@
-"""What a run is asked to do: the YAML's models, its loading with positions, its JSON Schema."""
+"""Configuration: pydantic models of the YAML, loading with positions for errors, the JSON Schema."""

@@ -1,4 +1,4 @@
-"""What becomes of a panel's picture on its way to the eye: colour, blending, warp, and the display that shows it."""
+"""Models of one panel's display: colour, edge blending, warp, and the X display and monitor that show it."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class ColourConfig(Model):
 
 
 class BlendConfig(SidesConfig):
-    """How wide the picture fades out at each side, where a neighbouring projector lights the same place."""
+    """Width of the ramp at each side where a neighbouring projector lights the same area."""
 
     gamma: Gamma = Field(default=2.2, description="of the projector: light = value ^ gamma; two ramps make one light")
 

@@ -1,4 +1,4 @@
-"""`graph:` how samples become pictures: a preset, or nodes. compositing/ checks it, and says what runs where.
+"""Models of `graph:`, the compositing graph: a preset, or nodes. compositing/ checks it and plans where nodes run.
 
 Nodes that make framelets of framelets are operators: each describes itself in wall/operators.
 """
@@ -52,7 +52,7 @@ class SamplesNode(Node):
 
 
 class ReconstructNode(Node):
-    """Samples to a framelet."""
+    """Reconstructs a framelet from samples."""
 
     op: Literal["reconstruct"] = Field(description="samples to a framelet of the panel")
     input: Input
@@ -68,7 +68,7 @@ class ReconstructNode(Node):
 
 
 class SkyNode(Node):
-    """What a panel shows where there is no object: the sky, for layers without a background of their own."""
+    """The sky as a panel sees it, behind layers without a background."""
 
     op: Literal["sky"] = Field(description="the sky as a panel sees it")
     panel: Name = Field(description="id of the panel")
@@ -78,7 +78,7 @@ class SkyNode(Node):
 
 
 class SinkNode(Node):
-    """Where a picture ends."""
+    """Shows or stores images: window, page or files."""
 
     op: Literal["sink"] = Field(description="where a picture ends")
     kind: SinkKind = Field(

@@ -1,4 +1,4 @@
-"""The configuration's JSON Schema: editors complete and check by it, errors say by it what is accepted."""
+"""The configuration's JSON Schema, for editors and for what errors say is accepted."""
 
 from __future__ import annotations
 

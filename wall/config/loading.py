@@ -1,4 +1,4 @@
-"""YAML files to checked configurations. Errors say file:line:column, YAML path, value, what is accepted.
+"""Load YAML files into checked configurations. Errors say file:line:column, YAML path, value, what is accepted.
 
 All errors of a file are reported at once, in the order of the file.
 """
@@ -149,7 +149,7 @@ def _refusal(lines: list[tuple[yaml_text.Position | None, str]]) -> ConfigError:
 
 
 def _check_version(name: str, document: Document) -> None:
-    """Another version's errors would be noise: say only that it is another version."""
+    """The error for a file of another version, in place of all that follow from it."""
     values: Mapping[str, Any] = document.values
     version = values.get("version", _ABSENT)
     if version is _ABSENT:

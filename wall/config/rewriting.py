@@ -1,4 +1,4 @@
-"""A configuration's text with another `wall:`; all else of it stays as it was written, comments too."""
+"""Replace `wall:` in a configuration's text; everything else stays as written, comments included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`sampling:` which pixels are traced next, and how new samples replace old ones."""
+"""Models of `sampling:`: which pixels are traced next, and how new samples replace old ones."""
 
 from __future__ import annotations
 

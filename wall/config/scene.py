@@ -1,4 +1,4 @@
-"""`scene:` what is rendered: a source, its lights and sky, and how things move."""
+"""Models of `scene:`: source, lights, sky, and how objects and lights move."""
 
 from __future__ import annotations
 
@@ -105,11 +105,11 @@ class OrbitConfig(_MovesObjectOrLight):
 
 
 class KeyframesConfig(_MovesObjectOrLight):
-    """An object or light that moves through given places at given times."""
+    """An object or light that moves through given positions at given times."""
 
-    type: Literal["keyframes"] = Field(description="move through given places at given times")
+    type: Literal["keyframes"] = Field(description="move through given positions at given times")
     keyframes: Annotated[tuple[KeyframeConfig, ...], Field(min_length=1, max_length=10000)] = Field(
-        description="places with growing times"
+        description="positions with growing times"
     )
     loop: Flag = Field(default=True, description="begin again after the last keyframe; false = stay there")
 

@@ -1,4 +1,4 @@
-"""The whole configuration, and every model it is made of under one name."""
+"""The model of a whole configuration; re-exports all models that it is made of."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`wall:` where the panels stand, in metres and pixels: a regular grid, or panels one by one."""
+"""Models of `wall:`: panels in metres and pixels, as a regular grid or one by one."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ ROTATION = "degrees, clockwise, that the display is mounted turned; what is sent
 STEREO = (
     "the eye that sees the panel, or both in one picture: side_by_side, top_bottom make two panels, ID.left, ID.right"
 )
-BLEND = "ramps where neighbours light the same place: none, auto (as wide as the overlap), or metres at each side"
+BLEND = "ramps where neighbours light the same area: none, auto (as wide as the overlap), or metres at each side"
 
 
 IdPattern = Annotated[Text, Field(max_length=64)]
@@ -109,7 +109,7 @@ class GridConfig(Model):
             most = f"at most {self.size[0] / 2:g} m side by side, {self.size[1] / 2:g} m above each other"
             raise refusal("is wider than half a panel", accepted=most, at=("overlap",))
         if any(overlap and bezel for overlap, bezel in zip(self.overlap, self._frames, strict=True)):
-            what = "panels with a frame between them cannot light the same place"
+            what = "panels with a frame between them cannot light the same area"
             raise refusal(what, accepted="one of bezel, overlap", at=("overlap",))
         return self
 

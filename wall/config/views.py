@@ -1,4 +1,4 @@
-"""`views:` who looks, from where, and how the camera moves."""
+"""Models of `views:`: the camera, the eye, and how the camera moves."""
 
 from __future__ import annotations
 
@@ -86,12 +86,12 @@ class CameraKeyframeConfig(Model):
 
 
 class KeyframesPathConfig(Model):
-    """The camera moves smoothly through given places."""
+    """The camera moves smoothly through given positions."""
 
-    type: Literal["keyframes"] = Field(description="move through given places at given times")
+    type: Literal["keyframes"] = Field(description="move through given positions at given times")
     loop: Flag = Field(default=True, description="begin again after the last keyframe; false = stay there")
     keyframes: Annotated[tuple[CameraKeyframeConfig, ...], Field(min_length=1, max_length=10000)] = Field(
-        description="places with growing times"
+        description="positions with growing times"
     )
 
     @model_validator(mode="after")

@@ -1,4 +1,4 @@
-"""YAML text to plain values that remember where they stood; values back to YAML text.
+"""Parse YAML text into plain values and their positions; write values as YAML text.
 
 Only what a configuration needs is understood: mappings, lists, texts, numbers, true/false and null. Anchors,
 aliases, merge keys and tags are refused: one written value would stand in several positions. This is the only
@@ -27,7 +27,7 @@ _TAG = "tag:yaml.org,2002:"
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """Where something stands: line and column, from 1."""
+    """Position in a text: line and column, counted from 1."""
 
     line: int
     column: int
@@ -35,7 +35,7 @@ class Position:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """Something in the text that cannot be used."""
+    """A part of the text that is refused."""
 
     position: Position | None
     path: YamlPath
@@ -45,7 +45,7 @@ class Problem:
 
 @dataclass(slots=True, kw_only=True)
 class Document:
-    """The values of a text, where each stood, and what could not be used."""
+    """The values of a text, their positions, and what is refused."""
 
     values: Any = None
     positions: dict[YamlPath, Position] = field(default_factory=dict)  # of values
@@ -53,7 +53,7 @@ class Document:
     problems: list[Problem] = field(default_factory=list)
 
     def position(self, path: YamlPath, *, key: bool = False) -> Position | None:
-        """Where a value (or its key) stands; for a path that is not in the text, its nearest parent."""
+        """Position of a value (or its key); for a path that is not in the text, of its nearest parent."""
         for end in range(len(path), -1, -1):
             of_key = self.keys.get(path[:end])
             of_value = self.positions.get(path[:end])

@@ -1,4 +1,4 @@
-"""The curve between light and what displays are sent: sRGB, IEC 61966-2-1."""
+"""Convert between linear light and display values: sRGB, IEC 61966-2-1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The nouns that travel: a sample, the event it was traced under, the batch they make, rectangles.
+"""Values that all layers share: samples, events, batches, rectangles, cameras, framelets.
 
 Frames: *panel pixels* have their origin at the panel's top left corner, x right, y down, pixel (i, j) covers
 [i, i+1) x [j, j+1). *World* is right-handed. Times are seconds of the head's monotonic clock.

@@ -1,4 +1,4 @@
-"""What can go wrong, and whose fault it is. Every text says where, what came, what was wanted."""
+"""Exceptions by cause. Every text says where, what came and what was wanted."""
 
 from __future__ import annotations
 

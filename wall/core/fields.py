@@ -1,4 +1,4 @@
-"""The rules every configuration model follows, and the numbers, vectors and colours they are made of.
+"""Base class and field types of all configuration models: numbers, vectors, colours.
 
 Models are frozen, unknown keys are refused, and nothing is coerced: "480" is not 480 and true is not 1.
 """

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_graphs import PANEL0, PANEL1, WHOLE, built, nodes
 
-from wall.compositing.executor import Executor, merged, same_moment
+from wall.compositing.executor import Executor, merged, same_time
 from wall.compositing.graph import Graph, Step
 from wall.config.schema import SkyNode
 from wall.core.data import STILL, Camera, Event, Framelet, Rect
@@ -191,7 +191,7 @@ def test_only_framelets_of_another_moment_are_moved() -> None:
     executor.step({a.index: [a.rect]}, now)
     assert moved == [(b.index, now, 0)], "another number of the same camera and scene time is the same moment"
     assert executor.framelets[graph.step("d").index].event == now
-    assert same_moment(at(1, 1.0), now)
+    assert same_time(at(1, 1.0), now)
 
 
 def test_what_was_made_of_a_guess_or_for_another_moment_is_made_anew() -> None:

@@ -128,7 +128,7 @@ def test_what_a_panel_cannot_be_is_refused(keys: dict[str, Any], expected: str) 
     [
         ({"overlap": 0.3}, "wall.grid.overlap = 0.3: is wider than half a panel; accepted: at most 0.2 m"),
         ({"overlap": [0, 0.2]}, "wall.grid.overlap = [0, 0.2]: is wider than half a panel; accepted: at most 0.2 m"),
-        ({"overlap": [0.01, 0], "bezel": 0.01}, "panels with a frame between them cannot light the same place"),
+        ({"overlap": [0.01, 0], "bezel": 0.01}, "panels with a frame between them cannot light the same area"),
         ({"stereo": "side_by_side", "pixels": [41, 30]}, "wall.grid.pixels[0] = 41: cannot be halved for two eyes"),
         ({"columns": 256, "rows": 4, "stereo": "top_bottom"}, "256 x 4 panels for two eyes are too many"),
         ({"id": "a" * 60, "columns": 1, "stereo": "top_bottom"}, "gives the id 'aaaa"),
