@@ -9,7 +9,7 @@ from wall.core.data import Channels
 from wall.packets.plain_body import BYTES_A_SAMPLE
 from wall.packets.samples import HEADER_BYTES
 
-COMPACT_BYTES_A_SAMPLE = 7.0  # adaptive, header included: the limit of `adaptive_bytes`, docs/guide/measuring.md
+COMPACT_BYTES_A_SAMPLE = 6.5  # adaptive, header included: the limit of `adaptive_bytes`, docs/guide/measuring.md
 ENCODED_BYTES = 3  # a pixel of 8-bit sRGB
 LINEAR_BYTES = 12  # a pixel of three float32
 CHANNEL_BYTES = 4  # a pixel of any other channel: float32 or uint32
