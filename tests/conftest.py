@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from small_scenes import View, instance, material, quad, scene_of, sphere_mesh, view
 
+from wall.core.clock import ManualClock
 from wall.core.data import Event
 from wall.reconstruction.gpu.device import Device, GpuError, device
-from wall.run.clock import ManualClock
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, PointLight
 

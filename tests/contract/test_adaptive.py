@@ -11,8 +11,7 @@ from running import write_config
 from wall.commands.render import render_plan
 from wall.config.loading import load
 from wall.core.data import Float32
-from wall.geometry.cameras import resolve_view
-from wall.roles.plan import Plan, make_layout
+from wall.roles.plan import Plan, aimed, make_layout
 from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
 from wall.tracing.tracer_scene import make_tracer_scene
@@ -33,7 +32,7 @@ def plan_of(folder: Path, scene: Scene, *, tiling: str, **changes: object) -> Pl
     path = write_config(folder, method=f"adaptive, tiling: {tiling}", **changes)
     path.write_text(path.read_text().replace(*SMALL).replace("[6, 4.5, 10]", "[0, 2.2, 5]"))
     layout = make_layout(load(path))
-    return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+    return aimed(layout, scene)
 
 
 @pytest.mark.parametrize(
@@ -52,4 +51,4 @@ def test_a_still_view_ends_and_equals_the_reference(
     shown = picture.rgb.astype(np.float32) / 255.0
     assert shown.std() > 0.1, "the picture shows nothing"
     assert np.sqrt(((shown - display(reference)) ** 2).mean()) < RMSE
-    assert sum(worker.samples_traced for worker in single.workers) < 2000 * shown.shape[0] * shown.shape[1]
+    assert sum(worker.work.samples for worker in single.workers) < 2000 * shown.shape[0] * shown.shape[1]

@@ -11,8 +11,8 @@ import pytest
 from wall.commands.render import render_plan
 from wall.config.loading import load
 from wall.core.data import Float32
-from wall.geometry.cameras import look_at, resolve_view, seen_from
-from wall.roles.plan import Plan, first_event, make_layout
+from wall.geometry.cameras import look_at, seen_from
+from wall.roles.plan import Plan, aimed, first_event, make_layout
 from wall.run.single_process import SingleProcess
 from wall.scene.build import Scene
 from wall.tracing.tracer_scene import make_tracer_scene
@@ -34,7 +34,7 @@ def plan_of(folder: Path, scene: Scene, method: str, *, eyes: int = 2) -> Plan:
     shown = "pixels: [40, 15], size: [0.48, 0.36], stereo: side_by_side"
     path.write_text(CONFIG.format(method=method, shown=shown if eyes == 2 else "pixels: [20, 15], size: [0.48, 0.36]"))
     layout = make_layout(load(path))
-    return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+    return aimed(layout, scene)
 
 
 def display(radiance: Float32) -> Float32:
@@ -69,7 +69,7 @@ def test_each_eye_is_shown_what_it_sees_before_and_after_a_move(tmp_path: Path, 
     assert_shown(chain, references(plan))
 
     camera = look_at((0.7, 2.0, 4.8), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0))
-    moved = replace(plan, view=replace(plan.view, still=camera))
+    moved = replace(plan, views=(replace(plan.view, still=camera),))
     chain.event = replace(first_event(moved, chain.clock.now()), camera_event=1)
     chain.clock.advance(1.0)  # samplers look at their pictures at every refresh, not at every event
     assert_shown(chain, references(moved))
@@ -86,7 +86,7 @@ def test_left_eye_s_picture_is_that_of_a_wall_for_one_eye_that_stands_there(
     mono = plan_of(tmp_path, tiny_scene, method, eyes=1)
 
     (alone,) = SingleProcess(
-        replace(mono, view=replace(view, eye=view.eye_of(panel), still=still)), tracer_scene
+        replace(mono, views=(replace(view, eye=view.eye_of(panel), still=still),)), tracer_scene
     ).until_complete()
 
     np.testing.assert_array_equal(left.rgb, alone.rgb)

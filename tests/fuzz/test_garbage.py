@@ -48,7 +48,7 @@ def framelet(*channels: str, encoded: bool) -> bytes:
 
 CONTROL = [
     serialise(EVENT),
-    serialise(Hello(rank=1, role="renderer", region="panel 0", pid=4, host="h")),
+    serialise(Hello(rank=1, host="h", endpoint="tcp://h:1", incarnation=4)),
     serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
     serialise(Ping(sent=1.0)),
     serialise(Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4)),

@@ -109,5 +109,5 @@ def probe(plan: Plan) -> tuple[float, float]:
         size += len(packet or b"")
         if packet is None:
             worker.sampler.restart()
-    traced = worker.samples_traced
+    traced = worker.work.samples
     return traced / (time.perf_counter() - began), size / max(traced, 1)

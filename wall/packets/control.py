@@ -22,8 +22,9 @@ from wall.packets.statistics_image import parse_statistics_image, statistics_ima
 
 MAGIC, VERSION = b"WALL", 5
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS = 10, 11, 12  # 9 is not used
+KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 MAX_TEXT_BYTES = 16384  # of a JSON body
+MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
 MAX_COMMANDS = 64  # of Hands; more go in several
@@ -36,13 +37,29 @@ _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello:
-    """A rank is here: the first thing it says, again after a reconnection."""
+    """A rank is here: what it says until the membership lists it."""
 
     rank: int
-    role: str
-    region: str
-    pid: int
     host: str
+    endpoint: str  # where other ranks connect to; "" where none does
+    incarnation: int  # differs each time that the rank is started
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """A rank of the run, as its Hello told."""
+
+    rank: int
+    host: str
+    endpoint: str
+    incarnation: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Membership:
+    """Every rank that is in the run. Absolute, and repeated: the newest replaces all before it."""
+
+    members: tuple[Member, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,17 +87,23 @@ class Heartbeat:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
+    """A rank asks for the head's time."""
+
     sent: float  # the sender's own monotonic clock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pong:
+    """The answer to a Ping."""
+
     sent: float  # as it came
     head_time: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop:
+    """The run ends."""
+
     reason: str
 
 
@@ -105,7 +128,7 @@ class Statistics:
 
 
 Message: TypeAlias = (
-    Event | FrameletPart | Hands | Hello | Heartbeat | Ping | Pong | Statistics | Stop | StatisticsImage
+    Event | FrameletPart | Hands | Hello | Heartbeat | Membership | Ping | Pong | Statistics | Stop | StatisticsImage
 )
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -115,6 +138,7 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_STOP: Stop,
     KIND_HANDS: Hands,
     KIND_STATISTICS: Statistics,
+    KIND_MEMBERSHIP: Membership,
 }
 
 
@@ -214,20 +238,28 @@ def _parse_event(body: bytes) -> Event:
 def _parse_json(cls: Any, body: bytes) -> Message:
     """A message whose JSON has exactly its fields, of their types; numbers finite."""
     name = cls.__name__
-    if len(body) > MAX_TEXT_BYTES:
-        raise RemoteProtocolError(f"a {name} of {len(body)} bytes; at most {MAX_TEXT_BYTES}")
+    limit = MAX_MEMBERSHIP_BYTES if cls is Membership else MAX_TEXT_BYTES
+    if len(body) > limit:
+        raise RemoteProtocolError(f"a {name} of {len(body)} bytes; at most {limit}")
     try:
         values = json.loads(body)
     except (ValueError, RecursionError) as error:
         raise RemoteProtocolError(f"a {name} that is not JSON ({error})") from error
-    known = {f.name: f.type for f in fields(cls)}
+    if cls is Membership and isinstance(values, dict) and isinstance(values.get("members"), list):
+        values["members"] = tuple(_checked(Member, member) for member in values["members"])
+    message: Message = _checked(cls, values)
+    return message
+
+
+def _checked(cls: Any, values: Any) -> Any:
+    """An object of a dataclass from a dictionary that has exactly its fields, of their types."""
+    name, known = cls.__name__, {f.name: f.type for f in fields(cls)}
     if not isinstance(values, dict) or values.keys() != known.keys():
         raise RemoteProtocolError(f"a {name} with other fields than {', '.join(known)}")
     for key, kind in known.items():
         if not _fits(values[key], str(kind)):
             raise RemoteProtocolError(f"a {name} whose {key} is {str(values[key])[:40]!r}; wanted {kind}")
-    message: Message = cls(**values)
-    return message
+    return cls(**values)
 
 
 def _fits(value: Any, kind: str) -> bool:
@@ -239,6 +271,8 @@ def _fits(value: Any, kind: str) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
     if kind == "str":
         return isinstance(value, str) and _LONE_SURROGATE.search(value) is None
+    if kind == "tuple[Member, ...]":
+        return isinstance(value, tuple)
     return (
         isinstance(value, dict)
         and len(value) <= MAX_COUNTERS

@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import pairwise
 
 from wall.config.schema import AdaptiveSampling
+from wall.core.clock import Clock
 from wall.core.data import Event, Rect, Region, Samples
 from wall.core.errors import RunError
 from wall.geometry.cameras import PanelView
 from wall.geometry.prediction import foreseen
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
-from wall.run.clock import Clock
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
@@ -26,7 +26,7 @@ class AdaptiveRenderer:
 
     def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
         panel = plan.layout.wall.panels[region.panel]
-        self._panel_view = PanelView(plan.view, panel)
+        self._panel_view = PanelView(plan.view_of(panel), panel)
         self.picture = Reconstruction(
             panel, self._panel_view.eye, plan.scene, detects_change=True, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
@@ -34,9 +34,9 @@ class AdaptiveRenderer:
         self.sampler = AdaptiveSampler(
             band, self.picture.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
         )
-        self._clock, self._interval = clock, 1.0 / plan.view.refresh_hz
+        self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
         self._due = float("-inf")
-        self._predictor = make_predictor(plan)
+        self._predictor = make_predictor(plan, plan.layout.view_index(panel))
         self._newest: Event | None = None
         self._event: Event | None = None  # that rays are traced under
 

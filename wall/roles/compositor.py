@@ -1,303 +1,238 @@
-"""A compositor: take packets in as they come, and bring the nodes of its rank up to date at every display refresh."""
+"""What a compositor decides, at the head and elsewhere: when to refresh, what to show, what to tell the others.
+
+It follows the manager's events, inserts packets as they come, refreshes its views at their rates, and gives pictures to
+its sinks and framelets to other compositors.
+"""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict
 
-import numpy as np
-from numpy.typing import NDArray
-
-from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
-from wall.config.schema import FrameSync, SkyNode
-from wall.core.data import Counters, Event, Framelet, Rect, StatisticsImage
+from wall.core.data import Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.geometry.panels import Panel
-from wall.packets.control import parse_control
-from wall.packets.framelets import FrameletPart
-from wall.packets.samples import decode, is_samples
-from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, checked_step, needed_from_others
-from wall.roles.layer import PanelCompositor
-from wall.roles.lockstep import Lockstep
+from wall.display.base import Status, WallPicture
+from wall.operators.overlay import Overlay
+from wall.packets.control import Hands, Heartbeat, Hello, Membership, Statistics, Stop, serialise
+from wall.roles.composition import Composition, RunAll, one_by_one
+from wall.roles.edges import NEVER, Number, needed_from_others, targets_of
+from wall.roles.instructions import (
+    MANAGER,
+    Dropped,
+    Finish,
+    Input,
+    Instruction,
+    Offer,
+    Packet,
+    Presented,
+    Ready,
+    Send,
+    Show,
+)
+from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
-from wall.roles.present import Shown
-from wall.roles.sky import SkyLayer
-from wall.roles.timewarp import Timewarp
-from wall.transport.base import Hub, Link
+from wall.roles.statistics import Due
+from wall.roles.status import AWAY_FROM_HEAD, Latency, statistics_of, status_of
+from wall.roles.view import FollowedView, followed_views
 
-MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
-MOST_NAMES = 32  # of late inputs that are counted each by itself: a heartbeat holds 64 counts
-DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
+STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
+LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
 
 class Compositor:
-    """The layers and the nodes of one rank, fed from its hub; `links` lead to ranks that need its framelets."""
+    """A role: the layers, nodes and sinks of one rank. The head's also shows how the run is doing."""
 
-    def __init__(self, plan: Plan, rank: int, hub: Hub, links: Mapping[int, Link]) -> None:
-        graph = plan.layout.graph
-        self.hub, self.counters = hub, Counters()
-        self.packets = self.bytes = 0
-        self._plan, self._rank, self._links = plan, rank, links
-        self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
-        self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
-        steps = [step for step in graph.steps if step.rank == rank]
-        self._skies = {step.index: SkyLayer(plan, step) for step in steps if isinstance(step.node, SkyNode)}
-        self.lockstep = Lockstep(graph, rank) if isinstance(graph.sync, FrameSync) else None
-        self._pictures = _Pictures(self, compared=False)
-        self._compared: _Pictures | None = None  # while two samplers are compared
-        self._refreshed: float | None = None  # when, seconds of the head's clock
-        self._pool: ThreadPoolExecutor | None = None
-        self._statistics_images: dict[
-            tuple[int, bool], StatisticsImage
-        ] = {}  # of other ranks, the newest of each picture
+    def __init__(self, plan: Plan, hello: Hello, ready: Ready, run_all: RunAll = one_by_one) -> None:
+        graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
+        self.due = -math.inf
+        self.composition = Composition(plan, hello.rank, ready, run_all)
+        self.latency, self.refreshes = Latency(), 0
+        self._views = list(followed_views(plan))
+        targets = {target for targets in targets_of(graph, hello.rank).values() for target in targets} | {HEAD}
+        self._standing = Standing(hello, targets - {hello.rank}, plan.layout.config.transport)
+        self._sees_samples = bool(graph.layers_on(HEAD) or needed_from_others(graph, HEAD))
+        self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
+        self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
+        self._hands: Hands | None = None  # the newest that says how hands ended the run, at windows here
+        self._status: Status = AWAY_FROM_HEAD
+        self._status_due = -math.inf
+        self._statistics_images: tuple[StatisticsImage, ...] = ()
+        self._statistics_due = Due()
+        self._packets = self._bytes = 0  # sent
+        self._all_came = False  # every rank has been in the run
+        self._came = False  # packets, since the last tick
+        self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
+        self._quiet = False  # the last refresh was of the newest event, and changed nothing
+        self._complete = False  # what the manager was told
+        self._began: float | None = None
+        self._stop_at: float | None = None  # when this rank ends at the latest
 
-    def follow(self, event: Event) -> None:
-        """Begin or end comparing two samplers, if `event` says so."""
-        for layer in self.layers.values():
-            layer.follow(event)
-        if not event.compare:
-            self._compared = None
-        elif self._compared is None:
-            self._compared = _Pictures(self, compared=True)
-
-    def take_in(self) -> int:
-        """Fold in what has arrived, at most DRAIN_BYTES of it. Returns packets taken."""
-        taken = 0
-        for peer, packet in self.hub.drain(DRAIN_BYTES):
-            taken += 1
-            self.packets += 1
-            self.bytes += len(packet)
+    def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
+        """Take in a packet, an event, what another rank says."""
+        if isinstance(message, Packet):
+            self._came = True
             try:
-                self.insert(packet)
+                self.composition.insert(message.data)
             except RemoteProtocolError:
-                self.counters.add("bad_packet")
-            self.hub.release(peer, len(packet))
-        self.counters.add("stray_message", len(self.hub.messages()))  # nobody sends them here; left there, none waits
-        return taken
-
-    def insert(self, packet: bytes) -> None:
-        """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
-        if is_samples(packet):
-            batch = decode(packet)
-            layer = self._layer_of(batch.rank, batch.panel, batch.rect)
-            if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
-                wanted = f"about {self._refreshed:.6g} s"
-                raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")
-            layer.insert(batch)
-            return
-        message = parse_control(packet)
-        if isinstance(message, StatisticsImage):
-            self._keep(message)
-        elif isinstance(message, FrameletPart):
-            pictures = self._compared if message.compared else self._pictures
-            if pictures is not None:
-                pictures.insert(message)
+                self.composition.counters.add("bad_packet")
+        elif isinstance(message, Dropped):
+            self.composition.lose(message.to, message.packet)
+        elif isinstance(message, Presented):
+            self.latency.shown(self.composition.newest_event, now)
+        elif isinstance(message, Hands):
+            self._hands = message if message.escape or message.closed else None
+            yield Send(MANAGER, message)
         else:
-            raise RemoteProtocolError(
-                "neither samples, a framelet nor a statistics_image of another compositor's panel"
-            )
+            self._standing.hear(now)
+            yield from self._hear(message, now)
 
-    def _layer_of(self, rank: int, panel: int, rect: Rect) -> PanelCompositor:
-        """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
-        layout = self._plan.layout
-        region = layout.region(rank) if rank in layout.renderers() else None
-        if region is None or region.panel != panel or not region.rect.contains(rect):
-            raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
-        if region.layer not in self.layers:
-            raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
-        return self.layers[region.layer]
+    def _hear(self, message: Input, now: float) -> Iterator[Instruction]:
+        """Take in a word of the manager."""
+        if isinstance(message, Event):
+            self._follow(message)
+        elif isinstance(message, Membership):
+            yield from self._standing.take(message)
+            self._all_came = self._all_came or len(message.members) == self._plan.layout.size
+        elif isinstance(message, Heartbeat):
+            self._beats[message.rank] = message
+        elif isinstance(message, Statistics):
+            self.composition.say(asdict(message))
+        elif isinstance(message, Stop) and self._stop_at is None:
+            self._stop_at = now + LAST_S if self._rank == HEAD else now
 
-    def _keep(self, statistics_image: StatisticsImage) -> None:
-        """Keep a renderer's tiles for its layer, another compositor's image for the head."""
-        if statistics_image.rank != HEAD:
-            layer = self._layer_of(statistics_image.rank, statistics_image.panel, statistics_image.bounds)
-            layer.tiles_of[statistics_image.rank] = statistics_image
+    def _follow(self, event: Event) -> None:
+        for view in self._views:
+            news = view.event is None or event.number > view.event.number
+            if view.take(event):
+                self.composition.follow(event)
+                if news and self._all_came:  # before, nobody could show it
+                    self.latency.published(event)
+
+    def on_tick(self, now: float) -> Iterator[Instruction]:
+        """Refresh what is due, send what others need, give signs of life."""
+        self._began = now if self._began is None else self._began
+        came, self._came = self._came, False
+        yield from self._standing.on_tick(now)
+        if self._stop_at is not None and (not came or now >= self._stop_at):
+            yield from self._finish(now)
             return
-        panels = self._plan.layout.wall.panels
-        if self._rank != HEAD or statistics_image.panel >= len(panels):
-            raise RemoteProtocolError(f"statistics_image of panel {statistics_image.panel}, which nobody needs here")
-        check_statistics_image(statistics_image, panels[statistics_image.panel])
-        self._statistics_images[statistics_image.panel, statistics_image.compared] = statistics_image
+        for view in self._views:
+            if view.event is not None and now >= view.due:
+                yield from self._refresh(view, view.event, view.refreshed(now), now)
+        yield from self._sent(self.composition.send())
+        complete = self._is_complete()
+        if complete != self._complete or self._standing.beat_due(now):
+            self._complete = complete
+            yield from self._beat(now)
+        self.due = min(view.due if view.event is not None else math.inf for view in self._views)
+        if self._stop_at is not None:
+            self.due = now
 
-    def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
-        """Bring the layers and then the nodes of this rank up to date. Returns what changed, by step.
+    def _refresh(
+        self, view: FollowedView, event: Event, expected: Event, now: float, *, force: bool = False
+    ) -> Iterator[Instruction]:
+        """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
+        composition = self.composition
+        changed = bool(composition.refresh(expected, now, force=force))
+        if changed or self.refreshes == 0:
+            self.refreshes += 1
+        self._ahead = expected.number != event.number
+        self._quiet = not changed and not self._ahead
+        if event.statistics:
+            yield from self._make_statistics_images(event, now)
+        else:
+            self._statistics_images = ()
+        if self._rank == HEAD and now >= self._status_due:
+            yield from self._make_status(event, now)
+        yield Show(self._pictures(event, now), self._status)
+        if composition.lockstep is not None and composition.lockstep.news():
+            yield from self._beat(now)
 
-        In lock step nothing happens before the frame of `event` is there, or its time is up, unless `force`.
-        """
-        self._refreshed = now
-        late: tuple[str, ...] = ()
-        if self.lockstep is not None and not force:
-            done = self.lockstep.take(event, self.layers, self._pictures.remote, now)
-            if done is None:
-                return {}
-            late = done
-        for name in late:
-            counted = len(self.counters.counts) < MOST_NAMES or f"late {name}" in self.counters.counts
-            self.counters.add(f"late {name}" if counted else "late others")
-        refreshed = self._in_threads(lambda layer: layer.refresh(event, now))
-        fresh: Changes = {}
-        for layer, dirty in zip(self.layers.values(), refreshed, strict=True):
-            if dirty.any():
-                fresh[self._source_of[layer.layer.index]] = tiles_to_regions(dirty, TILE, layer.framelet.rect)
-        for step, sky in self._skies.items():
-            fresh[step] = sky.refresh(event, now)
-        if self._compared is not None:
-            self._compared.step(self._compared_changes(), event)
-        return self._pictures.step(fresh, event)
+    def _make_statistics_images(self, event: Event, now: float) -> Iterator[Instruction]:
+        """Look at the samples for whoever watches them: the head's page."""
+        if self._rank != HEAD and not self._ready(HEAD):
+            return
+        if self._statistics_due.now(now):
+            made = self.composition.statistics_images(now, comparing=bool(event.compare) or self._rank != HEAD)
+            if self._rank == HEAD:
+                self._statistics_images = made
+            else:
+                yield from self._sent(Offer(HEAD, serialise(image)) for image in made)
 
-    def _compared_changes(self) -> Changes:
-        found: Changes = {}
-        for layer in self.layers.values():
-            if layer.compared is not None:
-                dirty = layer.compared.refresh()
-                found[self._source_of[layer.layer.index]] = (
-                    tiles_to_regions(dirty, TILE, layer.framelet.rect) if dirty.any() else []
-                )
-        return found
+    def _make_status(self, event: Event, now: float) -> Iterator[Instruction]:
+        self._status_due = now + STATUS_PERIOD_S
+        began = now if self._began is None else self._began
+        oldest = {index: layer.oldest_sample(now) for index, layer in self.composition.layers.items()}
+        self._status = status_of(
+            self._plan, event, self._beats, self._standing.members, self.latency,
+            seconds=now - began, refreshes=self.refreshes, oldest=oldest,
+        )  # fmt: skip
+        statistics = statistics_of(self._status)
+        self.composition.say(asdict(statistics))
+        if self._overlays_elsewhere:
+            yield Send(MANAGER, statistics)
 
-    def _in_threads(self, work: Callable[[PanelCompositor], NDArray[np.bool_]]) -> list[NDArray[np.bool_]]:
-        """Of every layer, a core each: kernels release the GIL, and layers share nothing that is written.
-
-        One after the other where one is on a GPU: that picture belongs to the thread that inserts.
-        """
-        layers = list(self.layers.values())
-        workers = min(len(layers), len(os.sched_getaffinity(0)))
-        if workers < 2 or any(layer.on_gpu for layer in layers):
-            return [work(layer) for layer in layers]
-        if self._pool is None:  # not sooner: ranks are forked before anything is refreshed
-            self._pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")
-        return list(self._pool.map(work, layers))
-
-    def say(self, statistics: Mapping[str, float]) -> None:
-        """Tell the overlays of this rank how the run is doing."""
-        self._pictures.executor.set_statistics(statistics)
-
-    def send(self) -> None:
-        """Send to other ranks what changed for them, as far as there is credit."""
-        both = [pictures for pictures in (self._pictures, self._compared) if pictures is not None]
-        for pictures in both:
-            pictures.send()
-        outlets = {pictures.outlets.compared: pictures.outlets for pictures in both}
-        for target, part in [stray for each in outlets.values() for stray in each.take_strays()]:
-            if part.compared in outlets:
-                outlets[part.compared].lose(target, part)
-
-    def offer(self, target: int, packet: bytes) -> None:
-        """Send another packet to another rank; parts of framelets that give way to it are sent again."""
-        self._pictures.outlets.offer(target, packet)
-
-    def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
-        """Of every picture of every panel: made now for own ones, the newest of the others.
-
-        Of several layers of a panel the first speaks for it.
-        """
-        first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
-        own = [statistics_image for panel in sorted(first) for statistics_image in first[panel].statistics_images(now)]
-        return (
-            *own,
-            *(
-                statistics_image
-                for (_, second), statistics_image in self._statistics_images.items()
-                if comparing or not second
-            ),
+    def _pictures(self, event: Event, now: float) -> tuple[WallPicture, ...]:
+        """What each sink shows, in the order of the graph."""
+        compared = self.composition.compared()
+        return tuple(
+            WallPicture(
+                width=crops.size[0],
+                height=crops.size[1],
+                panels=crops.pictures(),
+                time=now,
+                camera_event=event.camera_event,
+                scene_event=event.scene_event,
+                compared=compared[k].pictures() if compared else (),
+                statistics_images=self._statistics_images,
+            )
+            for k, crops in enumerate(self.composition.shown())
         )
 
-    def shown(self) -> list[Shown]:
-        """What every sink of this rank shows, in the order of the graph."""
-        return self._pictures.shown
+    def _sent(self, offers: Iterable[Offer]) -> Iterator[Offer]:
+        """Count what is offered."""
+        for offer in offers:
+            self._packets += 1
+            self._bytes += len(offer.packet)
+            yield offer
 
-    def compared(self) -> list[Shown]:
-        """The second pictures, black until something came. None unless two samplers are compared."""
-        return self._compared.shown if self._compared is not None else []
+    def _is_complete(self) -> bool:
+        """Whether nothing is left to do under the newest event; at the head: all of it is shown, and rests."""
+        if self._rank == HEAD and self._sees_samples:
+            return self._quiet and self.composition.newest_event == self._number()
+        return not self._ahead and self.composition.idle
 
-    @property
-    def newest_event(self) -> Number:
-        """The newest event that has a sample in the picture."""
-        numbers = [layer.newest_event for layer in self.layers.values()]
-        numbers += [remote.newest_event for remote in self._pictures.remote.values()]
-        return max(numbers, default=NEVER)
+    def _number(self) -> Number:
+        """Of the newest event."""
+        return max((view.event.number for view in self._views if view.event is not None), default=NEVER)
 
-    @property
-    def idle(self) -> bool:
-        """Whether every framelet that others need has been sent."""
-        return self._pictures.outlets.idle
+    def _beat(self, now: float) -> Iterator[Instruction]:
+        yield from self._standing.beat(self._heartbeat(now), now)
+        if self._hands is not None:
+            yield Send(MANAGER, self._hands)
 
-    @property
-    def sent(self) -> tuple[int, int]:
-        """Packets and bytes, to other ranks."""
-        return self._pictures.outlets.packets, self._pictures.outlets.bytes
-
-    def samples_shown(self) -> int:
-        return sum(layer.samples_shown for layer in self.layers.values())
-
-    def drops(self) -> Counters:
-        total = Counters(dict(self.counters.counts))
-        total.merge(self.hub.counters.counts)
-        for layer in self.layers.values():
-            total.merge(layer.buffer.counters.counts)
-        return total
-
-    def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
-        """Fresh: framelets of the sources of this rank by step, and those that come from elsewhere."""
-        graph = self._plan.layout.graph
-        remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, self._rank)}
-        sources: dict[int, Framelet] = {step: sky.framelet for step, sky in self._skies.items()}
-        for index, layer in self.layers.items():
-            second = layer.compared
-            if not compared or second is not None:
-                sources[self._source_of[index]] = second.framelet if compared and second else layer.framelet
-        return sources | {step: far.framelet for step, far in remote.items()}, remote
-
-    def executor_of(self, sources: Mapping[int, Framelet]) -> Executor:
-        graph, folder = self._plan.layout.graph, self._plan.layout.loaded.folder
-        reproject = Timewarp(self._plan) if self.lockstep is None else None
-        return Executor(graph, self._rank, sources, folder, reproject)
-
-    def outlets_of(self, *, compared: bool) -> Outlets:
-        return Outlets(self._plan.layout.graph, self._rank, self._links, compared=compared)
-
-    def shown_of(self) -> list[Shown]:
-        layout = self._plan.layout
-        return [Shown(layout.graph, sink, layout.wall) for sink in layout.graph.sinks_on(self._rank)]
-
-
-class _Pictures:
-    """What the nodes of a rank make of one set of samples; of two while samplers are compared."""
-
-    def __init__(self, owner: Compositor, *, compared: bool) -> None:
-        self._owner = owner
-        sources, self.remote = owner.pictures_of(compared=compared)
-        self.executor = owner.executor_of(sources)
-        self.outlets = owner.outlets_of(compared=compared)
-        self.shown = owner.shown_of()
-
-    def insert(self, part: FrameletPart) -> None:
-        checked_step(part, self.remote).insert(part)
-
-    def step(self, fresh: Changes, event: Event) -> Changes:
-        arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
-        changes = self.executor.step({**fresh, **arrived}, event)
-        for shown in self.shown:
-            shown.take(changes, self.executor.framelets)
-        lockstep = self._owner.lockstep  # a frame's number is told once: who made it again tells only what changed
-        self.outlets.add(changes, all_due=lockstep is not None and not lockstep.again)
-        return changes
-
-    def send(self) -> None:
-        number = self._owner.newest_event
-        if self._owner.lockstep is not None:
-            number = self._owner.lockstep.done
-        self.outlets.send(self.executor.framelets, number)
-
-
-def check_statistics_image(statistics_image: StatisticsImage, panel: Panel) -> None:
-    """Raise RemoteProtocolError for a statistics image whose tiles are not this panel's."""
-    width, height = panel.pixels
-    if statistics_image.age.shape != (-(-height // TILE), -(-width // TILE)):
-        raise RemoteProtocolError(
-            f"statistics_image of {statistics_image.age.shape} tiles, panel {panel.id} has {width}x{height}"
+    def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
+        composition = self.composition
+        number = composition.lockstep.done if composition.lockstep is not None else self._number()
+        return Heartbeat(
+            rank=self._rank,
+            time=now,
+            samples_shown=composition.samples_shown(),
+            packets=self._packets,
+            bytes=self._bytes,
+            dropped=composition.drops().counts,
+            complete=self._complete,
+            camera_event=number[0],
+            scene_event=number[1],
+            last=last,
         )
-    if not Rect(x=0, y=0, width=width, height=height).contains(statistics_image.bounds):
-        raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")
+
+    def _finish(self, now: float) -> Iterator[Instruction]:
+        """The head's compositor shows all that came, as of the newest event; then the last word."""
+        if self._rank == HEAD:
+            for view in self._views:
+                if view.event is not None:
+                    yield from self._refresh(view, view.event, view.event, now, force=True)
+        yield from self._standing.beat(self._heartbeat(now, last=True), now)
+        yield Finish()

@@ -6,16 +6,16 @@ Inside a process an edge is a shared framelet, and nothing here is needed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from wall.compositing.executor import Changes, Regions, merged
 from wall.compositing.graph import Graph, Step
 from wall.core.data import STILL, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
-from wall.packets.control import parse_control, serialise
+from wall.packets.control import serialise
 from wall.packets.framelets import FrameletPart, bands
-from wall.transport.base import Link
+from wall.roles.instructions import Offer, Ready
 
 Number = tuple[int, int]  # of an event: camera, scene
 NEVER: Number = (-1, -1)
@@ -65,14 +65,12 @@ class RemoteFramelet:
 class Outlets:
     """What other ranks need of this one: pending regions, sent as soon as there is credit, newest content first."""
 
-    def __init__(self, graph: Graph, rank: int, links: Mapping[int, Link], *, compared: bool = False) -> None:
-        self._graph, self._links, self.compared = graph, links, compared
+    def __init__(self, graph: Graph, rank: int, ready: Ready, *, compared: bool = False) -> None:
+        self._graph, self._ready, self.compared = graph, ready, compared
         self._targets = targets_of(graph, rank)
         self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
         self._under_way: dict[tuple[int, int], deque[bytes]] = {}  # parts that belong together, not sent yet
         self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
-        self.packets = self.bytes = 0
-        self._strays: list[tuple[int, FrameletPart]] = []  # targets and parts of other pictures
 
     def add(self, changes: Changes, *, all_due: bool = False) -> None:
         """Note what changed. `all_due`: everybody waits for a word, even that nothing did."""
@@ -83,16 +81,16 @@ class Outlets:
                 if all_due:
                     self._due.add((step, target))
 
-    def send(self, framelets: Mapping[int, Framelet], number: Number) -> None:
-        """Send what is pending where a link is ready. `number`: the newest event that has a sample in it."""
+    def send(self, framelets: Mapping[int, Framelet], number: Number) -> Iterator[Offer]:
+        """Offer what is pending where there is credit. `number`: the newest event that has a sample in it."""
         for key in dict.fromkeys((*self._under_way, *self._pending, *self._due)):
             step, target = key
-            while self._links[target].ready():
+            while self._ready(target):
                 if key not in self._under_way:
                     if key not in self._pending and key not in self._due:
                         break
                     self._begin(key, framelets[step], number)
-                self.offer(target, self._under_way[key].popleft())
+                yield Offer(target, self._under_way[key].popleft())
                 if not self._under_way[key]:
                     del self._under_way[key]
 
@@ -112,28 +110,13 @@ class Outlets:
             serialise(replace(part, event=told, index=k, count=len(parts))) for k, part in enumerate(parts)
         )
 
-    def offer(self, target: int, packet: bytes) -> None:
-        """Send a packet; what gives way to it is pending again."""
-        self.packets += 1
-        self.bytes += len(packet)
-        for dropped in self._links[target].offer(packet):
-            lost = parse_control(dropped)
-            if isinstance(lost, FrameletPart) and lost.compared == self.compared:
-                self.lose(target, lost)
-            elif isinstance(lost, FrameletPart):
-                self._strays.append((target, lost))
-
     def lose(self, target: int, part: FrameletPart) -> None:
         """A part did not get there: its pixels are pending again."""
         self._pending.setdefault((part.step, target), []).append(part.rect)
 
-    def take_strays(self) -> list[tuple[int, FrameletPart]]:
-        """What gave way, of other pictures than these."""
-        strays, self._strays = self._strays, []
-        return strays
-
     @property
     def idle(self) -> bool:
+        """Whether everything has been offered."""
         return not self._pending and not self._due and not self._under_way
 
 

@@ -45,7 +45,7 @@ class PanelCompositor:
         self._plain = not graph.beyond_bytes(self.layer)
         self._wish: Wish = (reconstruction or plan.layout.config.reconstruction) if self._plain else "cpu"
         self.reconstruction: Choice | None = choose("gpu") if self._wish == "gpu" else None  # chosen when it is needed
-        self._plan, self._panel_view = plan, PanelView(plan.view, panel)
+        self._plan, self._panel_view = plan, PanelView(plan.view_of(panel), panel)
         self._coverage: Coverage | None = None  # beside the reprojected picture of a transparent layer
         self._reprojected: Reprojected | None = None  # made when the first adaptive batch comes
         self._given_up = False

@@ -1,228 +1,119 @@
-"""The manager: turns inputs into numbered events, tells everyone, and hears how they are.
+"""What the manager decides: it numbers events, tells everyone, hears how they are, and ends the run.
 
-Director is the pure part: commands and the time in, the newest event out. Manager runs it in a thread of the head.
-All commands that arrive while an event is made share the next one (Ohlenburg and Broll, "Parallel Multi-View
-Rendering on Multi-Core Processor Systems").
+A run ends in steps, each of them bounded in time: the view is held until it has all its samples; everyone but the
+head's compositor stops and says its last word; then the head's compositor shows what came.
 """
 
 from __future__ import annotations
 
-import threading
-from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+import enum
+import math
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from wall.config.schema import METHODS
-from wall.core.data import Camera, Counters, Event
+from wall.core.data import Counters
 from wall.core.errors import RemoteProtocolError
-from wall.geometry.steering import Command, Steering, parse
-from wall.packets.control import (
-    Hands,
-    Heartbeat,
-    Hello,
-    Ping,
-    Pong,
-    Statistics,
-    Stop,
-    commands_of,
-    parse_control,
-    serialise,
-)
-from wall.roles.plan import Plan, first_event
-from wall.run.clock import Clock
-from wall.run.control import RECENT_EVENTS
-from wall.run.sinks import window_ranks
-from wall.transport.base import MAX_MESSAGE_BYTES, Hub
+from wall.display.window import ALL_CLOSED
+from wall.geometry.steering import Command, parse
+from wall.packets.control import Hands, Heartbeat, Hello, Member, Statistics, Stop, commands_of
+from wall.roles.director import Director
+from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
+from wall.roles.membership import Register
+from wall.roles.plan import HEAD, Plan, window_ranks
 
-COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
-COMMAND_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
+HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
 BYE_WAIT_S = 0.8  # for the ranks' last words
+LAST_S = 3.0  # for that of the head's compositor
 
 
-def samplers_of(plan: Plan) -> tuple[str, ...]:
-    """What viewers may choose among: in lock step only the configured one, since others make no frames."""
-    return METHODS if plan.layout.graph.sync == "none" else (plan.layout.sampling.method,)
+class Phase(enum.Enum):
+    """How far the end of a run has come."""
+
+    RUNNING = enum.auto()
+    HOLDING = enum.auto()  # the view stands still
+    STOPPING = enum.auto()  # everyone but the head's compositor was told to stop
+    LAST = enum.auto()  # so was that
 
 
-class Director:
-    """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
-
-    def __init__(self, plan: Plan, now: float) -> None:
-        self._plan, self._view = plan, plan.view
-        self._steering: Steering | None = None
-        self._scene_time, self._path_time, self._last = 0.0, 0.0, now
-        self.paused = False
-        self.sampler: str = plan.layout.sampling.method
-        self.compare = ""  # with the adaptive sampler, whichever `sampler` is
-        self.statistics = False
-        self.event = first_event(plan, now)
-
-    def update(self, commands: list[Command], now: float) -> bool:
-        """Apply what came in until `now`. Returns whether there is a new event."""
-        if not self.paused:
-            self._scene_time += now - self._last
-            self._path_time += now - self._last
-        self._last = now
-        for command in commands:
-            self._apply(command)
-        camera = self._camera()
-        scene_time = self._scene_time if self._plan.scene.animated else 0.0
-        old = self.event
-        sampler = COMPARED_WITH if self.compare else self.sampler
-        turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
-        moved = scene_time != old.scene_time
-        if not turned and not moved and (self.paused, self.statistics) == (old.paused, old.statistics):
-            return False
-        self.event = Event(
-            view=0,
-            camera_event=old.camera_event + turned,
-            scene_event=old.scene_event + moved,
-            scene_time=scene_time,
-            input_time=now,
-            camera=camera,
-            sampler=sampler,
-            paused=self.paused,
-            compare=self.compare,
-            statistics=self.statistics,
-        )
-        return True
-
-    def hold(self) -> bool:
-        """Stop everything where it is. Returns whether that is news: then the event says that it is paused."""
-        was, self.paused = self.event.paused, True
-        self.event = replace(self.event, paused=True)
-        return not was
-
-    def _camera(self) -> Camera:
-        return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
-
-    def _apply(self, command: Command) -> None:
-        if command.kind == "pause":
-            self.paused = not self.paused
-        elif command.kind == "reset":
-            self._steering = None
-        elif command.kind == "sampler":
-            self.sampler = command.value if command.value in samplers_of(self._plan) else self.sampler
-            self.compare = ""
-        elif command.kind == "compare":
-            graph = self._plan.layout.graph  # others have no second picture, or no frames of it
-            self.compare = command.value if graph.plain and graph.sync == "none" else ""
-        elif command.kind == "statistics":
-            self.statistics = command.value == "on"
-        else:
-            steering = self._steering or Steering.from_view(self._view, self._path_time)
-            self._steering = steering.apply(command)
-
-
-class Latency:
-    """From an event's input to the refresh that first showed a sample of it, on the head's clock."""
-
-    def __init__(self) -> None:
-        self._waiting: deque[tuple[tuple[int, int], float]] = deque(maxlen=4096)
-        self.seconds: deque[float] = deque(maxlen=65536)
-
-    def published(self, event: Event) -> None:
-        self._waiting.append((event.number, event.input_time))
-
-    def shown(self, number: tuple[int, int], now: float) -> None:
-        while self._waiting and self._waiting[0][0] <= number:
-            self.seconds.append(now - self._waiting.popleft()[1])
-
-
-class Manager(threading.Thread):
-    """Owns the control hub. Other threads read what has no underscore, and call `stop`."""
+class Manager:
+    """A role: events to everyone, signs of life and inputs from everyone."""
 
     def __init__(
-        self, plan: Plan, hub: Hub, clock: Clock, commands: Callable[[], list[dict[str, Any]]], *, still: bool
+        self, plan: Plan, now: float, *, still: bool, seconds: float | None = None, until_complete: bool = False
     ) -> None:
-        super().__init__(name="manager", daemon=True)
-        self._hub, self._clock, self._commands, self._still = hub, clock, commands, still
-        self._director = Director(plan, clock.now())
-        self._stopping = threading.Event()
-        self._heartbeat_s = plan.layout.config.transport.heartbeat_s
-        self._tick_s = 1.0 / (plan.view.refresh_hz * EVENTS_A_REFRESH)
-        self.event = self._director.event
-        self.recent = deque([self.event], maxlen=RECENT_EVENTS)  # for the head's thread to take
-        self.latency, self.counters = Latency(), Counters()
-        self.heartbeats: dict[int, tuple[float, Heartbeat]] = {}  # by rank: when it came, what it said
-        self.hellos: dict[int, Hello] = {}
-        self.window_ranks, self._asked = window_ranks(plan.layout), list[Command]()  # what hands asked for there
-        self.escape = ""  # at which of them a hand ended the run
-        self.closed: frozenset[int] = frozenset()  # those that have no window left
-        self._statistics: Statistics | None = None  # not told yet
-        self.failure: BaseException | None = None
-        self._held = threading.Event()
-        self._lockstep, self._released = plan.layout.graph.sync != "none", (-1, -1)
-        self._others, self._began = range(1, plan.layout.size), clock.now()
+        """`still`: begin paused; `seconds`: when the run ends; `until_complete`: or when all is traced and shown."""
+        layout = plan.layout
+        self.due = now
+        self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
+        self.lost: dict[int, str] = {}  # ranks that died or went silent: how
+        self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
+        self.escape = ""  # where a hand ended the run
+        self.ended = ""  # why the run ends, once it does
+        self.counters = Counters()
+        self._layout, self._seconds, self._until_complete = layout, seconds, until_complete
+        self._directors = [Director(plan, now, view) for view in range(len(plan.views))]
+        self._register = Register()
+        self._heard = dict.fromkeys(range(1, layout.size), now)  # by rank: when it gave a sign of life
+        self._window_ranks = window_ranks(layout)
+        self._closed: frozenset[int] = frozenset()  # ranks that have no window left
+        self._commands: list[Command] = []  # not applied yet
+        self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
+        self._update_due, self._repeat_due = now, now
+        self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
+        self._phase, self._limit, self._began = Phase.RUNNING, math.inf, now
+        self._complete_since: float | None = None
         if still:
-            self._director.paused = True
+            for director in self._directors:
+                director.paused = True
 
-    def release(self, event: Event) -> None:
-        """In lock step: everybody is done with the frame of `event`, the next may begin."""
-        self._released = event.number
+    @property
+    def members(self) -> Mapping[int, Member]:
+        """All ranks that were ever in the run."""
+        return self._register.members
 
-    def _waits(self) -> bool:
-        """Whether a frame is still under way."""
-        return self._lockstep and self._released < self.event.number
-
-    def tell(self, statistics: Statistics) -> None:
-        """Broadcast these soon, unless newer ones come first."""
-        self._statistics = statistics
-
-    def hold(self) -> None:
-        """No new events from now on."""
-        self._held.set()
-
-    def stop(self) -> None:
-        """Tell everyone, collect their last words, end the thread. Bounded."""
-        self._stopping.set()
-        self.join(BYE_WAIT_S + 1.0)
-
-    def run(self) -> None:
+    def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
+        """Take in what a rank says, what hands did, what the launcher knows."""
         try:
-            self._run()
-        except BaseException as failure:
-            self.failure = failure
+            if isinstance(message, Hello):
+                self._check_rank(message.rank)
+                self._register.take(message, now)
+                for director in self._directors:  # whoever joins late gets the state
+                    yield Send(message.rank, director.event)
+                if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
+                    yield Send(message.rank, Stop(reason=self.ended))
+            elif isinstance(message, Heartbeat):
+                self._check_rank(message.rank)
+                self.heartbeats[message.rank], self._heard[message.rank] = message, now
+                yield Send(HEAD, message)
+            elif isinstance(message, Hands):
+                self._take_hands(message)
+            elif isinstance(message, Statistics):
+                yield Broadcast(message)
+            elif isinstance(message, Died):
+                self.lost.setdefault(message.rank, f"died ({message.how}) after {now - self._began:.1f} s")
+            elif isinstance(message, End):
+                self.ended = self.ended or message.reason
+            elif isinstance(message, Packet):
+                self.counters.add("stray_packet")
+        except RemoteProtocolError:
+            self.counters.add("bad_message")
+        self.due = now
 
-    def _run(self) -> None:
-        due = beat = self._clock.now()
-        commands: list[Command] = []  # not applied yet
-        while not self._stopping.is_set():
-            now = self._clock.now()
-            commands += self._parse(self._commands()) + self._asked
-            self._asked = []
-            if self._held.is_set() and self._director.hold():
-                self._publish(now)
-                beat = now
-            wanted = (now >= due or commands) and not self._held.is_set() and not self._waits()
-            news = wanted and self._director.update(commands, now)
-            if wanted:
-                commands = []
-            if news:
-                self._publish(now)
-                beat = now
-            elif now - beat >= self._heartbeat_s:  # the newest event again: a sign of life, and it may have been lost
-                self._hub.broadcast(serialise(self.event))
-                beat = now
-            statistics, self._statistics = self._statistics, None
-            if statistics is not None:
-                self._hub.broadcast(serialise(statistics))
-            if now >= due:
-                due = max(due + self._tick_s, now)
-            self._hub.wait(min(COMMAND_POLL_S, max(0.0, due - now)))
-            self._listen()
-        self._say_goodbye()
+    def _check_rank(self, rank: int) -> None:
+        if not 0 <= rank < self._layout.size:
+            raise RemoteProtocolError(f"rank {rank}; wanted: 0 to {self._layout.size - 1}")
 
-    def _publish(self, now: float) -> None:
-        self.event = self._director.event
-        self.recent.append(self.event)
-        if len(self.hellos) == len(self._others):  # before, nobody is there who could show it
-            self.latency.published(self.event)
-        self._hub.broadcast(serialise(self.event))
+    def _take_hands(self, hands: Hands) -> None:
+        """What was done at a compositor's windows. Raises RemoteProtocolError for that of a rank without any."""
+        if hands.rank not in self._window_ranks | {HEAD}:
+            raise RemoteProtocolError(f"rank {hands.rank} has no windows; wanted: {sorted(self._window_ranks)}")
+        self._commands += self._parsed(commands_of(hands))
+        self.escape = self.escape or hands.escape
+        self._closed |= {hands.rank} if hands.closed else set()
 
-    def _parse(self, raw: list[Any]) -> list[Command]:
+    def _parsed(self, raw: list[Any]) -> list[Command]:
         commands = []
         for command in raw:
             try:
@@ -231,42 +122,106 @@ class Manager(threading.Thread):
                 self.counters.add("bad_command")
         return commands
 
-    def _listen(self) -> None:
-        for peer, packet in self._hub.drain(MAX_MESSAGE_BYTES):  # nobody sends them here; left there, none waits
-            self._hub.release(peer, len(packet))
-            self.counters.add("stray_packet")
-        for peer, data in self._hub.messages():
-            try:
-                message = parse_control(data)
-                if isinstance(message, Hands):
-                    self._take_hands(message)
-            except RemoteProtocolError:
-                self.counters.add("bad_message")
-                continue
-            if isinstance(message, Hello):
-                self.hellos[message.rank] = message
-                self._hub.send(peer, serialise(self.event))  # whoever joins late gets the state
-            elif isinstance(message, Heartbeat):
-                self.heartbeats[message.rank] = (self._clock.now(), message)
-            elif isinstance(message, Ping):
-                self._hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
+    def on_tick(self, now: float) -> Iterator[Instruction]:
+        """Publish events, notice who is lost, end the run in its steps."""
+        if self._phase is Phase.RUNNING:
+            self._watch(now)
+            if self.ended:
+                self._hold(now)
+        if self._phase in (Phase.RUNNING, Phase.HOLDING):
+            yield from self._register.on_tick(now, self.lost)
+            yield from self._publish(now)
+        if self._phase is Phase.HOLDING and (now >= self._limit or self._all_complete(others=True)):
+            self._phase, self._limit = Phase.STOPPING, now + BYE_WAIT_S
+            for rank in range(1, self._layout.size):
+                yield Send(rank, Stop(reason=self.ended))
+        if self._phase is Phase.STOPPING and (now >= self._limit or self._said_last(range(1, self._layout.size))):
+            self._phase, self._limit = Phase.LAST, now + LAST_S
+            yield Send(HEAD, Stop(reason=self.ended))
+        if self._phase is Phase.LAST and (now >= self._limit or self._said_last((HEAD,))):
+            yield Finish()
+        self.due = min(self._update_due, self._limit)
 
-    def _take_hands(self, hands: Hands) -> None:
-        """What was done at another compositor's windows. Raises RemoteProtocolError for that of a rank without any."""
-        if hands.rank not in self.window_ranks:
-            raise RemoteProtocolError(f"rank {hands.rank} has no windows; wanted: {sorted(self.window_ranks)}")
-        self._asked += self._parse(commands_of(hands))
-        self.escape = self.escape or hands.escape
-        self.closed |= {hands.rank} if hands.closed else set()
+    def _publish(self, now: float) -> Iterator[Instruction]:
+        """Tell everyone of new events, or of the newest again: a sign of life, and one may have been lost."""
+        self._release()
+        running = self._phase is Phase.RUNNING
+        wanted = running and (now >= self._update_due or bool(self._commands)) and not self._waits()
+        commands, self._commands = (self._commands, []) if wanted or not running else ([], self._commands)
+        for director in self._directors:
+            news = director.update(commands, now) if wanted else (not running and director.hold())
+            if news or now >= self._repeat_due:
+                yield Broadcast(director.event)
+                if director is self._directors[-1]:
+                    self._repeat_due = now + self._layout.config.transport.heartbeat_s
+        if now >= self._update_due:
+            self._update_due = max(self._update_due + self._tick_s, now)
 
-    def _say_goodbye(self) -> None:
-        self._hub.broadcast(serialise(Stop(reason="end of run")))
-        limit = self._clock.now() + BYE_WAIT_S
-        while self._clock.now() < limit and not all(beat.last for _, beat in self.heartbeats.values()):
-            self._hub.wait(0.02)
-            self._listen()
+    def _waits(self) -> bool:
+        """In lock step: whether a frame is still under way."""
+        return self._layout.graph.sync != "none" and self._released < self._directors[0].event.number
 
-    def silent(self, now: float, seconds: float) -> Mapping[int, float]:
-        """Ranks not heard for more than `seconds`, and for how long."""
-        heard = dict.fromkeys(self._others, self._began) | {r: when for r, (when, _) in self.heartbeats.items()}
-        return {rank: now - when for rank, when in heard.items() if now - when > seconds}
+    def _release(self) -> None:
+        """In lock step: once every compositor is done with a frame, the next may begin."""
+        number = self._directors[0].event.number
+        beats = (self.heartbeats.get(k) for k in range(self._layout.graph.compositors) if k not in self.lost)
+        if all(beat is not None and (beat.camera_event, beat.scene_event) >= number for beat in beats):
+            self._released = number
+
+    def _watch(self, now: float) -> None:
+        """Notice ranks that died or fell silent; their regions only grow old. See whether the run is over."""
+        limit = self._layout.config.transport.lost_after_s
+        for rank, heard in self._heard.items():
+            silence = now - heard
+            if silence > limit:
+                self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
+                self.lost.setdefault(rank, f"silent for {silence:.1f} s")
+            elif self.lost.get(rank, "").startswith("silent"):
+                del self.lost[rank]  # it was only late
+        self.ended = self.ended or self._why_over(now)
+
+    def _why_over(self, now: float) -> str:
+        """Why the run is to end, "" as long as it is not."""
+        if all(rank in self.lost for rank in self._layout.renderers()):
+            return "no renderer is left"
+        if self.escape:
+            return self.escape
+        if self._closed and not self._window_ranks - self._closed - self.lost.keys():
+            return ALL_CLOSED
+        if self._seconds is not None and now - self._began >= self._seconds:
+            return "time is up"
+        return "complete" if self._until_complete and self._settled(now) else ""
+
+    def _settled(self, now: float) -> bool:
+        """Whether all has been traced and shown for a while."""
+        if not self._all_complete():
+            self._complete_since = None
+        elif self._complete_since is None:
+            self._complete_since = now
+        return self._complete_since is not None and now - self._complete_since >= SETTLED_S
+
+    def _all_complete(self, *, others: bool = False) -> bool:
+        """Whether every living rank says that nothing is left to do under the newest event. `others`: but the head."""
+        number = self._directors[0].event.number
+        for rank in range(int(others), self._layout.size):
+            beat = self.heartbeats.get(rank)
+            complete = beat is not None and beat.complete and (beat.camera_event, beat.scene_event) == number
+            if not complete and rank not in self.lost:
+                return False
+        return True
+
+    def _hold(self, now: float) -> None:
+        """Freeze the view, so that the last picture shows one moment with every sample."""
+        nobody = self.ended == "no renderer is left"
+        self._phase, self._limit = Phase.HOLDING, now if nobody else now + HOLD_S
+
+    def _said_last(self, ranks: range | tuple[int, ...]) -> bool:
+        living = (self.heartbeats.get(rank) for rank in ranks if rank not in self.lost)
+        return all(beat is not None and beat.last for beat in living)
+
+    def dropped(self) -> Counters:
+        """What was dropped anywhere, by name."""
+        total = Counters(dict(self.counters.counts))
+        for beat in self.heartbeats.values():
+            total.merge(beat.dropped)
+        return total

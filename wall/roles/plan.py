@@ -5,13 +5,14 @@ The plan is a pure function of the configuration, so every rank works it out alo
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from wall.compositing.build import build
 from wall.compositing.graph import Graph, Layer
 from wall.config.loading import Loaded
-from wall.config.schema import AnySampling, Config, NodeGraph
+from wall.config.schema import AnySampling, Config, NodeGraph, SinkNode
 from wall.core.data import Event, Region
 from wall.core.errors import ConfigError, SceneError
 from wall.geometry.cameras import View, resolve_view
@@ -46,7 +47,12 @@ class Layout:
 
     @property
     def sampling(self) -> AnySampling:
+        """How the first view is sampled."""
         return self.config.sampling_of(0)
+
+    def view_index(self, panel: Panel) -> int:
+        """Which view a panel shows: the whole wall shows the first."""
+        return 0
 
     def role(self, rank: int) -> str:
         if rank == HEAD:
@@ -89,11 +95,20 @@ class Layout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plan:
-    """A layout with its scene and the view of it."""
+    """A layout with its scene and the views of it."""
 
     layout: Layout
     scene: Scene
-    view: View
+    views: tuple[View, ...]
+
+    def view_of(self, panel: Panel) -> View:
+        """The view that a panel shows."""
+        return self.views[self.layout.view_index(panel)]
+
+    @property
+    def view(self) -> View:
+        """The first view, for what needs a scene and a camera but no wall of views."""
+        return self.views[0]
 
 
 def make_layout(loaded: Loaded) -> Layout:
@@ -124,7 +139,14 @@ def make_plan(layout: Layout) -> Plan:
         scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
-    return Plan(layout=layout, scene=scene, view=resolve_view(layout.loaded, layout.wall, scene.center, scene.radius))
+    return aimed(layout, scene)
+
+
+def aimed(layout: Layout, scene: Scene) -> Plan:
+    """Aim a layout's views at a scene."""
+    count = range(len(layout.config.views))
+    views = (resolve_view(layout.loaded, layout.wall, scene.center, scene.radius, view=k) for k in count)
+    return Plan(layout=layout, scene=scene, views=tuple(views))
 
 
 def on_one_rank(plan: Plan) -> Plan:
@@ -138,19 +160,35 @@ def on_one_rank(plan: Plan) -> Plan:
     return replace(plan, layout=replace(plan.layout, graph=graph))
 
 
-def make_predictor(plan: Plan) -> Predictor:
-    """What a compositor foresees its refreshes with."""
-    return Predictor(plan.view.display_delay_s, on=plan.view.predicted and plan.layout.graph.sync == "none")
+def make_predictor(plan: Plan, view: int) -> Predictor:
+    """What a compositor foresees the refreshes of a view with."""
+    shown = plan.views[view]
+    return Predictor(shown.display_delay_s, on=shown.predicted and plan.layout.graph.sync == "none")
 
 
-def first_event(plan: Plan, now: float) -> Event:
-    """What every run begins with: the view at time 0."""
+def first_event(plan: Plan, now: float, view: int = 0) -> Event:
+    """What every run begins with: a view at time 0."""
     return Event(
-        view=0,
+        view=view,
         camera_event=0,
         scene_event=0,
         scene_time=0.0,
         input_time=now,
-        camera=plan.view.camera_at(0.0),
+        camera=plan.views[view].camera_at(0.0),
         sampler=plan.layout.sampling.method,
     )
+
+
+def window_panels(layout: Layout, ranks: Container[int]) -> list[Panel]:
+    """The panels that have a window at some ranks."""
+    return [
+        layout.wall.panels[k]
+        for step in layout.graph.steps
+        if step.rank in ranks and isinstance(step.node, SinkNode) and step.node.kind == "window"
+        for k in step.panels
+    ]
+
+
+def window_ranks(layout: Layout) -> frozenset[int]:
+    """The ranks that have windows, unless the run is headless."""
+    return frozenset(rank for rank in range(layout.graph.compositors) if window_panels(layout, (rank,)))

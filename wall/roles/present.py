@@ -19,8 +19,11 @@ from wall.operators.kernels import pixels as kernels
 _CURVE = srgb_curve()
 
 
-class Shown:
-    """The pictures of one sink: of each panel it shows whole, else one of all that it is given. New where changed."""
+class PanelCrops:
+    """The pictures of one sink: of each panel that it shows, a crop; else one of all that it is given.
+
+    New where changed.
+    """
 
     def __init__(self, graph: Graph, sink: Step, wall: Wall) -> None:
         self._input = sink.inputs[0]

@@ -1,165 +1,193 @@
-"""The renderer: always the newest event, one batch at a time, sent at once."""
+"""What a renderer decides: which worker traces when, under which event; what it tells the manager and its compositor.
+
+Each worker traces batches of the newest event, one at a time, as long as its compositor has credit for the packets. A
+worker that finds nothing missing rests until there is another event, or its packets are lost, or it looks again.
+"""
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
-from wall.core.data import Counters, Event
-from wall.packets.control import Heartbeat, serialise
+from wall.core.data import Event
+from wall.packets.control import Heartbeat, Hello, Membership, Stop, serialise
 from wall.packets.samples import decode, is_samples
+from wall.roles.edges import NEVER, Number
+from wall.roles.instructions import (
+    Dropped,
+    Finish,
+    Input,
+    Instruction,
+    Offer,
+    Ready,
+    Restart,
+    Trace,
+    Traced,
+    Work,
+)
+from wall.roles.membership import Standing
 from wall.roles.plan import Plan
 from wall.roles.statistics import Due, tiles_of
-from wall.roles.worker import Worker, make_samplers
-from wall.run.control import Control
-from wall.run.usage import peak_memory
 from wall.sampling.tiles import Measured
-from wall.tracing.tracer_scene import TracerScene
-from wall.transport.base import Link
 
-IDLE_WAIT_S = 0.05  # a complete view looks for a new event this often, if none wakes it
+LOOK_AGAIN_S = 0.05  # a resting worker looks this often whether something is missing: samples grow old
+CREDIT_POLL_S = 0.002  # how often a renderer without credit looks for some
+RATE_SPAN_S = 0.2  # rates are averages over at least so long
 
 
 class Renderer:
-    def __init__(self, plan: Plan, tracer_scene: TracerScene, rank: int, control: Control, outbox: Link) -> None:
-        self._plan, self._rank, self._control, self._outbox = plan, rank, control, outbox
-        self._sampling, self._region = plan.layout.sampling, plan.layout.region(rank)
-        self._methods: tuple[str, str] = (self._sampling.method, "")  # the second is compared with the first
-        self._samplers = make_samplers(plan, "", self._region, control.clock)
-        self._workers = [
-            Worker(plan, tracer_scene, rank, control.clock, self._samplers, k) for k in range(len(self._samplers))
-        ]
-        self._pool = ThreadPoolExecutor(len(self._workers)) if len(self._workers) > 1 else None
-        self._running: dict[Future[bytes | None], Worker] = {}
-        self._tiles: dict[int, Measured] = {}  # newest of each worker, while a viewer shows them
-        self._tiles_due = [Due() for _ in self._workers]
-        self._counters = Counters()
+    """A role: one rank's part of a view, shared among some workers."""
+
+    def __init__(self, plan: Plan, hello: Hello, ready: Ready) -> None:
+        layout, self._rank, self._ready = plan.layout, hello.rank, ready
+        self.due = -math.inf
+        self.event: Event | None = None  # the newest
+        self.complete = False  # nothing is missing under the newest event
+        self._target, self._workers = layout.target_of(hello.rank), layout.sampling.threads
+        self._configured: str = layout.sampling.method
+        self._samplers: tuple[str, str] = (self._configured, "")  # the second is compared with the first
+        self._standing = Standing(hello, {self._target}, layout.config.transport)
+        self._running: set[int] = set()  # workers that trace
+        self._resting: dict[int, tuple[Number, float]] = {}  # under which event, and when it looks again
+        self._lost: dict[int, list[bytes]] = {}  # by worker: packets that were dropped
+        self._work: dict[int, Work] = {}
+        self._panel = layout.region(hello.rank).panel
+        self._tiles: dict[int, Measured] = {}  # the newest of each worker's sampler, while a viewer shows them
+        self._tiles_due = [Due() for _ in range(self._workers)]
         self._packets = self._bytes = 0
-        self._complete = False
-        self._began, self._last = time.monotonic(), (time.monotonic(), 0, 0, 0)
-        self._rates = (0.0, 0.0, 0.0)  # samples, bytes, samples of the second sampler; a second, lately
+        self._rates = _Rates()
+        self._began: float | None = None
+        self._stopping = False
 
-    def run(self) -> None:
-        """Until the head says stop."""
-        control, outbox = self._control, self._outbox
-        while not control.stopped:
-            event = control.newest()
-            self._report()
-            if event is None or not outbox.ready():
-                outbox.wait(0.002)
-                continue
-            self._follow_sampler(event)
-            found = False
-            for packet in self._step(event):
-                found = True
-                self._offer(packet)
-            idle = not found and not self._running
-            if idle != self._complete:
-                self._complete = idle
-                self._report(now=True)
-            if idle:
-                control.wait(IDLE_WAIT_S)
-        self._drain()
-        control.beat(self._heartbeat(last=True))
+    def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
+        """Take in the newest event, what a worker has traced, what was dropped, who is in the run."""
+        if isinstance(message, Traced):
+            yield from self._take(message, now)
+        elif isinstance(message, Dropped):
+            self._lose(message.packet)
+        else:
+            self._standing.hear(now)
+        if isinstance(message, Event) and (self.event is None or message.number >= self.event.number):
+            self.event = message
+            self.complete = self.complete and self._all_rest()
+        elif isinstance(message, Membership):
+            yield from self._standing.take(message)
+        elif isinstance(message, Stop):
+            self._stopping = True
 
-    def _step(self, event: Event) -> Iterator[bytes]:
-        """Packets that are ready: of the one worker, or of those threads that finished first."""
-        if self._pool is None:
-            yield from self._ready(self._workers[0], self._workers[0].step(event), event)
+    def on_tick(self, now: float) -> Iterator[Instruction]:
+        """Give work to idle workers, and signs of life."""
+        self._began = now if self._began is None else self._began
+        yield from self._standing.on_tick(now)
+        if self._stopping and not self._running:
+            yield from self._standing.beat(self._heartbeat(now, last=True), now)
+            yield Finish()
             return
-        for worker in self._workers:
-            if worker not in self._running.values():
-                self._running[self._pool.submit(worker.step, event)] = worker
-        done, _ = wait(self._running, return_when=FIRST_COMPLETED)
-        for future in done:
-            yield from self._ready(self._running.pop(future), future.result(), event)
+        if self._standing.beat_due(now):
+            yield from self._standing.beat(self._heartbeat(now), now)
+        self.due = now + LOOK_AGAIN_S
+        if self.event is not None and not self._stopping:
+            yield from self._give_work(self.event, now)
 
-    def _ready(self, worker: Worker, packet: bytes | None, event: Event) -> Iterator[bytes]:
-        """The samples of a worker that is between two steps, if it has any."""
-        self._send_tiles(worker, event)
-        if packet is not None:
-            yield packet
-
-    def _send_tiles(self, worker: Worker, event: Event) -> None:
-        """Send the samplers' tiles a few times a second while a viewer shows them; samples do not wait for them."""
+    def _give_work(self, event: Event, now: float) -> Iterator[Instruction]:
+        wanted = (event.sampler or self._configured, event.compare)
+        if wanted != self._samplers:  # the viewer chose another sampler, or two: all workers start over
+            if self._running:
+                return
+            self._samplers = wanted
+            self._resting.clear()
+            self._tiles.clear()
+            yield Restart(*wanted)
         if not event.statistics:
             self._tiles.clear()
-        elif self._outbox.ready() and self._tiles_due[worker.worker].now(self._control.clock.now()):
-            measured = worker.measure_tiles()
-            if measured is not None:
-                self._tiles[worker.worker] = measured
-            if self._tiles and worker is self._workers[-1]:
-                self._offer(serialise(tiles_of(self._rank, self._region.panel, self._tiles.values())))
+        for worker in range(self._workers):
+            if worker in self._running or self._rests(worker, event, now):
+                continue
+            if not self._ready(self._target):
+                self.due = now + CREDIT_POLL_S
+                return
+            self._running.add(worker)
+            measure = event.statistics and self._tiles_due[worker].now(now)
+            yield Trace(worker, event, lost=tuple(self._lost.pop(worker, ())), measure=measure)
+        idle = [worker for worker in range(self._workers) if worker not in self._running]
+        self.due = min((self._resting.get(worker, (NEVER, now))[1] for worker in idle), default=self.due)
 
-    def _offer(self, packet: bytes) -> None:
+    def _rests(self, worker: int, event: Event, now: float) -> bool:
+        number, again = self._resting.get(worker, (NEVER, now))
+        return number == event.number and now < again and worker not in self._lost
+
+    def _all_rest(self) -> bool:
+        return self.event is not None and all(
+            self._resting.get(worker, (NEVER, 0.0))[0] == self.event.number for worker in range(self._workers)
+        )
+
+    def _take(self, traced: Traced, now: float) -> Iterator[Instruction]:
+        """Pass a worker's packet on, or let the worker rest. Says at once whether the view has become complete."""
+        self._running.discard(traced.worker)
+        self._work[traced.worker] = traced.work
+        if traced.measured is not None:
+            self._tiles[traced.worker] = traced.measured
+        if traced.measured is not None and traced.worker == self._workers - 1:
+            image = tiles_of(self._rank, self._panel, self._tiles.values())
+            yield from self._offer(serialise(image))
+        if traced.packet is None:
+            self._resting[traced.worker] = (traced.event.number, now + LOOK_AGAIN_S)
+        else:
+            self._resting.pop(traced.worker, None)
+            yield from self._offer(traced.packet)
+        complete = self._all_rest() and not self._lost
+        if complete != self.complete:
+            self.complete = complete
+            yield from self._standing.beat(self._heartbeat(now), now)
+
+    def _offer(self, packet: bytes) -> Iterator[Offer]:
         self._packets += 1
         self._bytes += len(packet)
-        for dropped in self._outbox.offer(packet):
-            if not is_samples(dropped):
-                continue  # tiles: the next ones replace them
-            batch = decode(dropped)
-            self._workers[batch.sequence % len(self._workers)].forget(batch)
+        yield Offer(self._target, packet)
 
-    def _follow_sampler(self, event: Event) -> None:
-        """The viewer chose another sampler, or two: start over with it."""
-        wanted = (event.sampler or self._methods[0], event.compare)
-        if wanted != self._methods:
-            self._drain()
-            self._methods = wanted
-            self._tiles.clear()
-            self._samplers[:] = make_samplers(
-                self._plan, wanted[0], self._region, self._control.clock, compare=wanted[1]
-            )
+    def _lose(self, packet: bytes) -> None:
+        if is_samples(packet):  # else tiles: the next ones replace them
+            worker = decode(packet).sequence % self._workers
+            self._lost.setdefault(worker, []).append(packet)
+            self.complete = False
 
-    def _drain(self) -> None:
-        for future in list(self._running):
-            packet = future.result()
-            if packet is not None:
-                self._offer(packet)
-        self._running.clear()
-
-    def _report(self, *, now: bool = False) -> None:
-        if now or self._control.beat_due():
-            self._control.beat(self._heartbeat(last=False))
-
-    def _heartbeat(self, *, last: bool) -> Heartbeat:
-        traced = sum(worker.samples_traced for worker in self._workers)
-        compared = sum(worker.samples_compared for worker in self._workers)
-        now, (then, *before) = time.monotonic(), self._last
-        span = max(now - then, 1e-3)
-        if span > 0.2:
-            self._last = (now, traced, self._bytes, compared)
-            traced_then, bytes_then, compared_then = before
-            self._rates = (
-                (traced - traced_then) / span, (self._bytes - bytes_then) / span, (compared - compared_then) / span
-            )  # fmt: skip
-        samples_per_s, bytes_per_s, compared_per_s = self._rates
-        bad = sum(worker.bad_samples for worker in self._workers)
-        dropped = Counters(dict(self._counters.counts))
-        dropped.merge(self._outbox.counters.counts)
-        dropped.merge(self._control.counters.counts)
-        dropped.add("not_finite", bad)
-        event = self._control.event
+    def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
+        work = self._work.values()
+        samples, compared = sum(w.samples for w in work), sum(w.compared for w in work)
+        bad = sum(w.bad_samples for w in work)
+        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, (samples, self._bytes, compared))
+        number = self.event.number if self.event else NEVER
         return Heartbeat(
             rank=self._rank,
-            time=self._control.clock.now(),
-            samples_traced=traced,
-            secondary_rays=sum(worker.secondary_rays for worker in self._workers),
+            time=now,
+            samples_traced=samples,
+            secondary_rays=sum(w.secondary_rays for w in work),
             samples_per_s=samples_per_s,
             compared_per_s=compared_per_s,
             bytes_per_s=bytes_per_s,
             packets=self._packets,
             bytes=self._bytes,
-            seconds=now - self._began,
-            peak_memory=peak_memory(),
-            dropped=dropped.counts,
-            complete=self._complete,
-            camera_event=event.camera_event if event else -1,
-            scene_event=event.scene_event if event else -1,
+            seconds=now - (now if self._began is None else self._began),
+            dropped={"not_finite": bad} if bad else {},
+            complete=self.complete,
+            camera_event=number[0],
+            scene_event=number[1],
             last=last,
         )
 
-    def close(self) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(wait=True)
+
+class _Rates:
+    """How fast some counts grow."""
+
+    def __init__(self) -> None:
+        self._then = -math.inf
+        self._counts = (0, 0, 0)
+        self._rates = (0.0, 0.0, 0.0)
+
+    def at(self, now: float, counts: tuple[int, int, int]) -> tuple[float, float, float]:
+        """Growth a second since the last measurement that was long enough ago."""
+        span = now - self._then
+        if span > RATE_SPAN_S:
+            a, b, c = (max(0, new - old) / span for new, old in zip(counts, self._counts, strict=True))
+            self._then, self._counts, self._rates = now, counts, (a, b, c)
+        return self._rates

@@ -25,6 +25,6 @@ class SkyLayer:
         if self._shown is not None and self._shown.world_from_wall == event.camera.world_from_wall:
             return []  # it is the same from everywhere
         self._shown = event.camera
-        frame = ray_frame(self._panel, self._plan.view.eye_of(self._panel), event.camera)
+        frame = ray_frame(self._panel, self._plan.view_of(self._panel).eye_of(self._panel), event.camera)
         show_sky(self._plan.scene, frame, np.array(self._panel.screen, np.float64), self.framelet)
         return [self.framelet.rect]

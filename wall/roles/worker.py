@@ -7,12 +7,13 @@ from collections import deque
 import numpy as np
 
 from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
+from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region
 from wall.geometry.cameras import PanelView
 from wall.packets.samples import Codec, encode
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
+from wall.roles.instructions import Work
 from wall.roles.plan import Plan
-from wall.run.clock import Clock
 from wall.sampling.base import Sampler
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
@@ -32,13 +33,12 @@ class Worker:
     ) -> None:
         layout = plan.layout
         self.samplers, self.worker = samplers, worker
-        self.samples_traced, self.secondary_rays, self.bad_samples = 0, 0, 0
-        self.samples_compared = 0  # of those traced: by the second of two samplers
+        self.work = Work()
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
         self._codec = Codec.named(layout.config.transport.codec)
         share = layout.layer(rank).range
         seen = objects_in(plan.scene, share) if share is not None else None
-        self._panel_view = PanelView(plan.view, layout.panel(rank))
+        self._panel_view = PanelView(plan.view_of(layout.panel(rank)), layout.panel(rank))
         self._tracers = {
             coherent: Tracer(tracer_scene, layout.panel(rank), self._panel_view.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
@@ -67,10 +67,13 @@ class Worker:
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
         self.sampler.observe(samples, began)
         chosen = _chosen(self.sampler)
-        self.samples_traced += cost.primary
-        self.samples_compared += cost.primary * (isinstance(self.sampler, SplitSampler) and self.sampler.turn)
-        self.secondary_rays += cost.shadow + cost.secondary
-        self.bad_samples += cost.bad
+        second = isinstance(self.sampler, SplitSampler) and self.sampler.turn
+        self.work = Work(
+            samples=self.work.samples + cost.primary,
+            compared=self.work.compared + cost.primary * second,
+            secondary_rays=self.work.secondary_rays + cost.shadow + cost.secondary,
+            bad_samples=self.work.bad_samples + cost.bad,
+        )
         self._sequence += self._workers
         batch = Batch(
             view=event.view,

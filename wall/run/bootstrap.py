@@ -1,6 +1,6 @@
-"""How the ranks of a run come into being and learn each other's addresses; after that nothing differs.
+"""How the ranks of a run come into being and learn the manager's address; after that nothing differs.
 
-Under `mpirun` the launcher has made the ranks, and MPI gathers the addresses once. Otherwise this process forks
+Under `mpirun` the launcher has made the ranks, and MPI broadcasts the address once. Otherwise this process forks
 the others, after it has loaded the scene and the kernels, so that they start at once and share that memory.
 """
 
@@ -16,11 +16,13 @@ MPI_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
 
 
 class Bootstrap(Protocol):
+    """How one rank came into being."""
+
     rank: int
     size: int
 
-    def allgather(self, text: str) -> list[str]:
-        """Every rank's text, in rank order. Called the same number of times by all, at the start and the end only."""
+    def broadcast(self, text: str) -> str:
+        """Rank 0's text at every rank. Called once by all, at the start."""
         ...
 
     def dead(self) -> dict[int, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import multiprocessing
 import os
@@ -15,7 +16,7 @@ from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError, WallError
 
-START_WAIT_S = 30.0  # forked ranks have little to do before they report; longer means one is stuck
+START_WAIT_S = 30.0  # for the address of rank 0, which has little to do before it tells it
 STOP_WAIT_S = 1.0  # for ranks to end by themselves after they were told to
 _PR_SET_PDEATHSIG = 1
 
@@ -46,18 +47,17 @@ class LocalBootstrap:
             theirs.close()
         return cls(0, size, [ours for ours, _ in pairs], list(children))
 
-    def allgather(self, text: str) -> list[str]:
+    def broadcast(self, text: str) -> str:
+        """Rank 0's text at every rank."""
         if self.rank != 0:
-            _send(self._pipes[0], text)
-            return _receive(self._pipes[0], "rank 0").split("\n")
-        texts = [text]
-        for rank, pipe in enumerate(self._pipes, start=1):
-            texts.append(_receive(pipe, f"rank {rank}"))
+            return _receive(self._pipes[0])
         for pipe in self._pipes:
-            _send(pipe, "\n".join(texts))
-        return texts
+            with contextlib.suppress(BrokenPipeError):  # that rank has ended; `dead` says how
+                _send(pipe, text)
+        return text
 
     def dead(self) -> dict[int, str]:
+        """Ranks that have ended badly: how."""
         ended = {}
         for rank, child in enumerate(self._children, start=1):
             if child.exitcode:
@@ -111,13 +111,13 @@ def _send(pipe: socket.socket, text: str) -> None:
     pipe.sendall(len(data).to_bytes(4, "little") + data)
 
 
-def _receive(pipe: socket.socket, who: str) -> str:
+def _receive(pipe: socket.socket) -> str:
     pipe.settimeout(START_WAIT_S)
     try:
         size = int.from_bytes(_exactly(pipe, 4), "little")
         return _exactly(pipe, size).decode()
     except (OSError, EOFError) as error:
-        raise RunError(f"{who} did not start: it ended or said nothing for {START_WAIT_S:.0f} s ({error})") from error
+        raise RunError(f"rank 0 did not start: it ended or said nothing for {START_WAIT_S:.0f} s ({error})") from error
 
 
 def _exactly(pipe: socket.socket, size: int) -> bytes:

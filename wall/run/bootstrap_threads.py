@@ -14,23 +14,25 @@ STOP_WAIT_S = 2.0
 
 
 class _Shared:
-    """What the threads have in common: their texts, and who failed."""
+    """What the threads have in common: the text of rank 0, and who failed."""
 
-    def __init__(self, size: int) -> None:
-        self.texts = [""] * size
-        self.barrier = threading.Barrier(size)
+    def __init__(self) -> None:
+        self.text = ""
+        self.told = threading.Event()
         self.failed: dict[int, str] = {}
         self.threads: list[threading.Thread] = []
 
 
 class ThreadBootstrap:
+    """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
+
     def __init__(self, rank: int, size: int, shared: _Shared) -> None:
         self.rank, self.size, self._shared = rank, size, shared
 
     @classmethod
     def start(cls, size: int, main: Callable[[ThreadBootstrap], None]) -> ThreadBootstrap:
         """Start ranks 1..size-1, each running `main`, and be rank 0."""
-        shared = _Shared(size)
+        shared = _Shared()
         for rank in range(1, size):
             thread = threading.Thread(
                 target=_run, args=(cls(rank, size, shared), main), name=f"wall rank {rank}", daemon=True
@@ -39,19 +41,21 @@ class ThreadBootstrap:
             thread.start()
         return cls(0, size, shared)
 
-    def allgather(self, text: str) -> list[str]:
-        self._shared.texts[self.rank] = text
-        try:
-            self._shared.barrier.wait(START_WAIT_S)
-        except threading.BrokenBarrierError as error:
-            failed = "; ".join(f"rank {rank} {how}" for rank, how in self._shared.failed.items())
-            raise RunError(f"ranks did not start: {failed or 'one is stuck'}") from error
-        return list(self._shared.texts)
+    def broadcast(self, text: str) -> str:
+        """Rank 0's text at every rank."""
+        if self.rank == 0:
+            self._shared.text = text
+            self._shared.told.set()
+        elif not self._shared.told.wait(START_WAIT_S):
+            raise RunError(f"rank 0 did not start: it said nothing for {START_WAIT_S:.0f} s")
+        return self._shared.text
 
     def dead(self) -> dict[int, str]:
+        """Ranks that have failed: how."""
         return dict(self._shared.failed)
 
     def finish(self, code: int = 0) -> None:
+        """Wait for the threads to end."""
         for thread in self._shared.threads:
             thread.join(STOP_WAIT_S)
 
@@ -66,5 +70,3 @@ def _run(bootstrap: ThreadBootstrap, main: Callable[[ThreadBootstrap], None]) ->
     except Exception as error:
         shared.failed[bootstrap.rank] = repr(error)
         traceback.print_exc()
-    if bootstrap.rank in shared.failed:
-        shared.barrier.abort()

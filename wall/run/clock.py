@@ -1,23 +1,15 @@
-"""Real and manual clocks, both on the timeline of the head's monotonic clock."""
+"""The real clock: this machine's monotonic clock on the timeline of the head's."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 SLEW = 0.05  # seconds of correction a second: time keeps running forwards, and an error of 50 ms is gone in a second
 DRIFT = 1e-4  # seconds a second by which an old measurement may be wrong: quartz clocks are within 100 ppm
 REMEMBERED = 16  # round trips; the best of them counts
-
-
-class Clock(Protocol):
-    """What tells the time to those who must not read it themselves."""
-
-    def now(self) -> float:
-        """Seconds of the head's monotonic clock."""
-        ...
 
 
 class RoundTrip(NamedTuple):
@@ -66,18 +58,3 @@ class HeadClock:
         then, since, wanted = self._slew
         most = SLEW * max(0.0, local - since)
         return then + min(max(wanted - then, -most), most)
-
-
-class ManualClock:
-    """A clock that tests and the single process turn by hand."""
-
-    def __init__(self, start: float = 0.0) -> None:
-        self.time = start
-
-    def now(self) -> float:
-        """The time it was turned to, seconds."""
-        return self.time
-
-    def advance(self, seconds: float) -> None:
-        """Turn it forwards."""
-        self.time += seconds

@@ -58,12 +58,14 @@ class Renumbered:
         self._bootstrap, self._rank_of = bootstrap, rank_of
         self.rank, self.size = rank_of[bootstrap.rank], bootstrap.size
 
-    def allgather(self, text: str) -> list[str]:
-        texts = self._bootstrap.allgather(text)
-        return [texts[self._rank_of.index(rank)] for rank in range(self.size)]
+    def broadcast(self, text: str) -> str:
+        """Rank 0's text at every rank; the first launched process stays rank 0."""
+        return self._bootstrap.broadcast(text)
 
     def dead(self) -> dict[int, str]:
+        """Ranks of the wall that have ended badly: how."""
         return {self._rank_of[process]: how for process, how in self._bootstrap.dead().items()}
 
     def finish(self, code: int = 0) -> None:
+        """End what was started."""
         self._bootstrap.finish(code)

@@ -1,62 +1,28 @@
-"""`wall run`: make the ranks, join the stages, end cleanly.
+"""`wall run`: make the ranks, be one of them, end cleanly.
 
 The same few lines run under mpirun and on a laptop; only where the ranks come from differs (bootstrap.py).
 """
 
 from __future__ import annotations
 
-import json
-import os
-import signal
 import socket
-import sys
 import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
-from wall.display.browser import Browser
-from wall.display.window import WindowSink
 from wall.display.x_server import check_displays
-from wall.roles.edges import targets_of
-from wall.roles.head import Head
-from wall.roles.plan import HEAD, Layout, Plan, check_files, make_layout, make_plan
-from wall.roles.remote_compositor import RemoteCompositor
-from wall.roles.renderer import Renderer
+from wall.roles.plan import HEAD, Layout, Plan, check_files, make_layout, make_plan, window_panels
 from wall.run.bootstrap import Bootstrap, under_mpi
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
-from wall.run.clock import HeadClock
-from wall.run.control import Control
+from wall.run.head import Options as Options
+from wall.run.head import Outcome, lead
 from wall.run.hosts import Renumbered, assign
-from wall.run.sinks import distinct, make_sinks, notes_of, window_panels
+from wall.run.ranks import serve
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
-from wall.transport.base import Hub, Link
-from wall.transport.factory import connect, open_hub
-
-RENDERER_NICE = 5  # renderers share this machine's cores with the head: showing comes before tracing
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """What the command line adds to a configuration."""
-
-    out: Path
-    seconds: float | None = None  # None: until stopped
-    headless: bool = False  # no browser page
-    until_complete: bool = False  # stop when the still picture has all its samples
-    still: bool = False  # begin paused
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    summary: dict[str, Any]
-    failed: str  # why the run failed, "" if it did not
 
 
 def run(loaded: Loaded, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome | None:
@@ -96,7 +62,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         say(f"starting {layout.size} processes")
         bootstrap = LocalBootstrap.start(layout.size, main)
     try:
-        return lead(plan, tracer_scene, bootstrap, options, say, opened)
+        return lead(plan, bootstrap, options, say, opened)
     finally:
         bootstrap.finish()
 
@@ -108,7 +74,7 @@ def _run_mpi(
 
     launched = MpiBootstrap()
     check_size(layout, launched.size, tell=launched.rank == HEAD)
-    bootstrap = _placed(layout, launched)
+    bootstrap = _placed(layout, launched, launched.allgather(socket.gethostname()))
     if layout.config.transport.kind == "loopback":
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     if not options.headless:
@@ -118,12 +84,11 @@ def _run_mpi(
         serve(plan, tracer_scene, bootstrap, headless=options.headless)
         bootstrap.finish()
         return None
-    return lead(plan, tracer_scene, bootstrap, options, say, opened)
+    return lead(plan, bootstrap, options, say, opened)
 
 
-def _placed(layout: Layout, launched: Bootstrap) -> Bootstrap:
+def _placed(layout: Layout, launched: Bootstrap, machines: Sequence[str]) -> Bootstrap:
     """The launched processes under the ranks that suit their machines; one of them tells why that cannot be."""
-    machines = launched.allgather(socket.gethostname())
     try:
         return Renumbered(launched, assign(layout.graph.hosts, machines, config=layout.loaded.name))
     except ConfigError:
@@ -155,120 +120,3 @@ def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, TracerSc
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, say)
     return plan, tracer_scene
-
-
-def serve(plan: Plan, tracer_scene: TracerScene, bootstrap: Bootstrap, *, headless: bool) -> None:
-    """Be a rank other than the head, until it says stop."""
-    layout, rank = plan.layout, bootstrap.rank
-    hub = _hub(plan) if layout.role(rank) == "compositor" else None
-    about = {"data": hub.endpoint if hub else "", "machine": machine_id()}
-    endpoints = [json.loads(text) for text in bootstrap.allgather(json.dumps(about))]
-    link = connect(endpoints[HEAD]["control"], rank=rank)
-    control = Control(link, plan, rank, same_clock=endpoints[HEAD]["machine"] == machine_id())
-    if hub is not None:
-        _compose(plan, rank, hub, control, [about["data"] for about in endpoints], headless=headless)
-        _close(link)
-        return
-    outbox = connect(endpoints[layout.target_of(rank)]["data"], rank=rank)
-    renderer = Renderer(plan, tracer_scene, rank, control, outbox)
-    if isinstance(bootstrap, LocalBootstrap):
-        os.nice(RENDERER_NICE)
-    try:
-        renderer.run()
-    finally:
-        renderer.close()
-        _close(outbox, link)
-
-
-def _compose(plan: Plan, rank: int, hub: Hub, control: Control, endpoints: list[str], *, headless: bool) -> None:
-    """Be a compositor beside the head."""
-    links = _links(plan, rank, endpoints, {HEAD})
-    sinks, _ = make_sinks(plan, rank, Path(), headless=headless)
-    for note in notes_of(sinks):
-        print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
-    try:
-        RemoteCompositor(plan, rank, hub, control, links, sinks).run()
-    finally:
-        _close(*distinct(sinks), *links.values(), hub)
-
-
-def _links(plan: Plan, rank: int, endpoints: list[str], more: set[int]) -> dict[int, Link]:
-    """To the other compositors that need framelets of this one, and to some more."""
-    targets = {target for targets in targets_of(plan.layout.graph, rank).values() for target in targets}
-    return {target: connect(endpoints[target], rank=rank) for target in sorted(targets | more)}
-
-
-def machine_id() -> str:
-    """Names this machine since it was started: processes that agree share one monotonic clock."""
-    return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
-
-
-def _hub(plan: Plan) -> Hub:
-    transport = plan.layout.config.transport
-    return open_hub(transport.kind, transport.bind, credit_bytes=transport.credit_bytes)
-
-
-def _close(*things: Any) -> None:
-    for thing in things:
-        thing.close()
-
-
-def lead(
-    plan: Plan,
-    tracer_scene: TracerScene,
-    bootstrap: Bootstrap,
-    options: Options,
-    say: Callable[[str], None],
-    opened: Callable[[str], None],
-) -> Outcome:
-    """Be the head: serve the page, run the wall, write what is asked for at the end."""
-    hub = _hub(plan)
-    control_hub = _hub(plan)
-    sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
-    for note in notes_of(sinks):
-        say(f"note: {note}")
-    head: Head | None = None
-    links: dict[int, Link] = {}
-    try:
-        about = {"data": hub.endpoint, "control": control_hub.endpoint, "machine": machine_id()}
-        endpoints = [json.loads(text)["data"] for text in bootstrap.allgather(json.dumps(about))]
-        links = _links(plan, HEAD, endpoints, set())
-        hands = [sink.commands for sink in distinct(sinks) if isinstance(sink, Browser | WindowSink)]
-        head = Head(plan, bootstrap, hub, control_hub, HeadClock(), links, sinks, hands, still=options.still)
-        with _signals(head):
-            opened(browser.address if browser else "")
-            head.run(seconds=options.seconds, until_complete=options.until_complete)
-    finally:
-        if head is not None:
-            head.finish()
-        else:
-            _close(*distinct(sinks))
-        bootstrap.finish(1 if head is None or head.lost else 0)
-        _close(*links.values(), hub, control_hub)
-    summary = head.summary()
-    write_json(options.out / "summary.json", summary)
-    failed = "; ".join(f"rank {rank} {how}" for rank, how in sorted(head.lost.items()))
-    return Outcome(summary=summary, failed=failed)
-
-
-def write_json(path: Path, value: Any) -> None:
-    temporary = path.with_suffix(".part")
-    temporary.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
-
-
-class _signals:  # noqa: N801
-    """While inside, Ctrl-C and SIGTERM end the run in order instead of tearing it apart."""
-
-    def __init__(self, head: Head) -> None:
-        self._head = head
-
-    def __enter__(self) -> None:
-        self._before = {s: signal.signal(s, self._stop) for s in (signal.SIGINT, signal.SIGTERM)}
-
-    def __exit__(self, *_: object) -> None:
-        for s, handler in self._before.items():
-            signal.signal(s, handler)
-
-    def _stop(self, number: int, frame: FrameType | None) -> None:
-        self._head.stopping = "interrupted" if number == signal.SIGINT else "terminated"

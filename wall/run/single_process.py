@@ -1,74 +1,77 @@
 """The whole chain in one process: the reading path, where a debugger starts, the truth that distributed runs match.
 
-Same stages, same packets, same pictures; an in-process loop instead of sockets, a clock turned by hand.
+The same roles, loops, packets and pictures as in a run; packets are handed over instead of sent, the clock is turned by
+hand.
 """
 
 from __future__ import annotations
 
-from wall.core.data import Event
+from wall.core.clock import ManualClock
 from wall.display.base import PanelPicture
+from wall.packets.control import Hello
 from wall.packets.samples import decode
 from wall.roles.compositor import Compositor
-from wall.roles.plan import HEAD, Plan, first_event, make_predictor, on_one_rank
-from wall.roles.worker import Worker, make_samplers
-from wall.run.clock import ManualClock
+from wall.roles.instructions import Packet
+from wall.roles.plan import HEAD, Plan, first_event, on_one_rank
+from wall.roles.renderer import Renderer
+from wall.run.clock import HeadClock
+from wall.run.loop import Loop
+from wall.run.ports import Ports
+from wall.run.tracers import Tracers
 from wall.tracing.tracer_scene import TracerScene
-from wall.transport.loopback import LoopbackHub
 
 BATCH_SECONDS = 1e-3  # what a batch takes on the hand-turned clock
 
 
-class SingleProcess:
-    """Every renderer and every compositor of a plan, stepped in turn."""
+class Wire(Ports):
+    """Keeps the packets that are offered. What a role says besides is for a manager, and there is none."""
 
-    def __init__(self, plan: Plan, tracer_scene: TracerScene) -> None:
-        self.plan, self.clock = plan, ManualClock()
-        self.event: Event = first_event(plan, now=0.0)
-        self._predictor = make_predictor(plan)
-        layout = plan.layout
-        self._methods = (self.event.sampler, "")  # the second is compared with the first
-        self.workers: list[Worker] = []
-        for rank in layout.renderers():
-            samplers = make_samplers(plan, "", layout.region(rank), self.clock)
-            self.workers += [Worker(plan, tracer_scene, rank, self.clock, samplers, k) for k in range(len(samplers))]
-        self.compositor = Compositor(on_one_rank(plan), HEAD, LoopbackHub(credit_bytes=0), {})
+    def __init__(self) -> None:
+        super().__init__(HEAD, HeadClock(), hub=None)
+        self.packets: list[bytes] = []
+
+    def offer(self, to: int, packet: bytes) -> list[bytes]:
+        """Keep a packet. Returns those that gave way: none."""
+        self.packets.append(packet)
+        return []
+
+
+class SingleProcess:
+    """Every renderer and the compositor of a plan, each in its loop, turned one after the other under `event`."""
+
+    def __init__(self, plan: Plan, scene: TracerScene) -> None:
+        layout, self._wire = plan.layout, Wire()
+        self.clock, self.event = ManualClock(), first_event(plan, now=0.0)
+        tracers = [Tracers(plan, scene, rank, self.clock, threads=False) for rank in layout.renderers()]
+        self.workers = [worker for each in tracers for worker in each.workers]
+        roles = [Renderer(plan, hello_of(rank), ready=lambda _: True) for rank in layout.renderers()]
+        self._renderers = [Loop(r, self._wire, self.clock, tracers=t) for r, t in zip(roles, tracers, strict=True)]
+        compositor = Compositor(on_one_rank(plan), hello_of(HEAD), ready=lambda _: True)
+        self.composition, self._refresh_s = compositor.composition, 1.0 / plan.view.refresh_hz
+        self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 
     def step(self) -> int:
-        """One batch of every worker, shown. Returns how many samples were traced; 0: the picture is complete."""
-        traced = 0
-        self._follow_event()
-        for worker in self.workers:
-            packet = worker.step(self.event)
-            if packet is None:
-                continue
-            self.compositor.insert(packet)  # decode, to the layer of its rank, into the deep buffer
-            traced += decode(packet).samples.size
+        """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the picture is complete."""
+        for loop in (self._compositor, *self._renderers):
+            loop.tell(self.event)  # Renderer.on_message
+        for loop in self._renderers:
+            loop.turn()  # Renderer.on_tick: Trace -> Worker.step -> Traced -> Offer
+        packets, self._wire.packets = self._wire.packets, []
+        for packet in packets:
+            self._compositor.tell(Packet(packet))  # Compositor.on_message: decode, to the layer of its rank
+        self._compositor.turn()  # Compositor.on_tick: layers, then the graph's nodes, then Show
         self.clock.advance(BATCH_SECONDS)
-        return traced
+        return sum(decode(packet).samples.size for packet in packets)
 
     def until_complete(self) -> list[PanelPicture]:
         """Step under the present event until every renderer has nothing left to do."""
-        due = self.clock.now()
-        while self.step():  # refreshed as in a run: only samples of an event that is shown count as at rest
-            if self.clock.now() >= due:
-                due = self.clock.now() + 1.0 / self.plan.view.refresh_hz
-                self._refresh()
-        self._refresh()
-        return list(self.compositor.shown()[0].pictures())
+        while self.step():
+            pass
+        self.clock.advance(self._refresh_s)
+        self._compositor.turn()
+        return list(self.composition.shown()[0].pictures())
 
-    def _follow_event(self) -> None:
-        """Panels learn whether two samplers are compared; workers start over when the event names other samplers."""
-        self.compositor.follow(self.event)
-        wanted = (self.event.sampler or self._methods[0], self.event.compare)
-        if wanted == self._methods:
-            return
-        self._methods = wanted
-        layout, per_rank = self.plan.layout, {id(worker.samplers): worker for worker in self.workers}
-        for rank, worker in zip(layout.renderers(), per_rank.values(), strict=True):
-            worker.samplers[:] = make_samplers(self.plan, wanted[0], layout.region(rank), self.clock, compare=wanted[1])
 
-    def _refresh(self) -> None:
-        now = self.clock.now()
-        self._predictor.take(self.event)
-        event = self._predictor.at(now)  # the event itself as long as nothing moves
-        self.compositor.refresh(event, now)  # layers, then the graph's nodes, then what sinks show
+def hello_of(rank: int) -> Hello:
+    """What a rank says of itself."""
+    return Hello(rank=rank, host="", endpoint="", incarnation=0)

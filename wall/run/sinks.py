@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+import json
+from collections.abc import Callable
 from pathlib import Path
 
 from wall.compositing.graph import Step
 from wall.config.schema import SinkNode
-from wall.core.data import Event, StatisticsImage
-from wall.display.base import Sink, Status, WallPicture
+from wall.display.base import Sink
 from wall.display.browser import Browser
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
-from wall.geometry.panels import Panel
-from wall.roles.plan import Layout, Plan
-from wall.roles.present import Shown
-
-STILL = Status(
-    seconds=0.0, paused=False, sampler="", samplers=(), ranks=(), latency_ms=(0.0, 0.0, 0.0), latencies_ms=(),
-    refresh_hz=0.0,
-)  # fmt: skip  # what sinks away from the head are told: they show none of it
+from wall.packets.control import MAX_COMMANDS, Hands
+from wall.roles.plan import Plan, window_panels
 
 
 def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[list[Sink | None], Browser | None]:
@@ -49,29 +43,9 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
     return sinks, browser
 
 
-def window_panels(layout: Layout, ranks: Container[int]) -> list[Panel]:
-    """The panels that have a window on some ranks."""
-    return [
-        layout.wall.panels[k]
-        for step in layout.graph.steps
-        if step.rank in ranks and isinstance(step.node, SinkNode) and step.node.kind == "window"
-        for k in step.panels
-    ]
-
-
-def window_ranks(layout: Layout) -> frozenset[int]:
-    """The ranks that have windows, unless the run is headless."""
-    return frozenset(rank for rank in range(layout.graph.compositors) if window_panels(layout, (rank,)))
-
-
-def window_sink(sinks: list[Sink | None]) -> WindowSink | None:
-    """The one of all windows of a rank."""
-    return next((sink for sink in sinks if isinstance(sink, WindowSink)), None)
-
-
 def _windows(plan: Plan, rank: int) -> WindowSink | None:
     panels = window_panels(plan.layout, (rank,))
-    return WindowSink(panels, refresh_hz=plan.view.refresh_hz) if panels else None
+    return WindowSink(panels, refresh_hz=plan.view_of(panels[0]).refresh_hz) if panels else None
 
 
 def distinct(sinks: list[Sink | None]) -> list[Sink]:
@@ -91,30 +65,22 @@ def _folder(plan: Plan, step: Step, folder: Path) -> Path:
     return folder if first is step.node else folder / step.node.id
 
 
-def show_all(
-    plan: Plan,
-    sinks: list[Sink | None],
-    shown: list[Shown],
-    event: Event,
-    now: float,
-    *,
-    status: Status = STILL,
-    compared: list[Shown] | None = None,
-    statistics_images: tuple[StatisticsImage, ...] = (),
-) -> None:
-    """Hand every sink its newest picture."""
-    for k, (sink, pictures) in enumerate(zip(sinks, shown, strict=True)):
-        if sink is None:
-            continue
-        width, height = pictures.size
-        picture = WallPicture(
-            width=width,
-            height=height,
-            panels=pictures.pictures(),
-            time=now,
-            camera_event=event.camera_event,
-            scene_event=event.scene_event,
-            compared=compared[k].pictures() if compared else (),
-            statistics_images=statistics_images,
-        )
-        sink.show(picture, status)
+def hands_of(rank: int, sinks: list[Sink | None]) -> Callable[[], list[Hands]]:
+    """What hands did at the page and at the windows of a rank since it was asked last: commands, and the end."""
+    places = [sink for sink in distinct(sinks) if isinstance(sink, Browser | WindowSink)]
+    windows = [sink for sink in places if isinstance(sink, WindowSink)]
+    told = ("", False)
+
+    def ask() -> list[Hands]:
+        nonlocal told
+        commands = [command for place in places for command in place.commands()]
+        ended = next((w.escape for w in windows if w.escape), ""), bool(windows) and all(w.gone for w in windows)
+        if not commands and ended == told:
+            return []
+        told = ended
+        return [
+            Hands(rank=rank, commands=json.dumps(commands[k : k + MAX_COMMANDS]), escape=ended[0], closed=ended[1])
+            for k in range(0, len(commands) or 1, MAX_COMMANDS)
+        ]
+
+    return ask

@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from wall.config.schema import METHODS, SkyNode
+from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
 from wall.core.errors import ConfigError
@@ -27,7 +28,6 @@ from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
 from wall.roles.timewarp import Timewarp
 from wall.roles.worker import Worker, make_samplers
-from wall.run.clock import ManualClock
 from wall.tracing.tracer_scene import TracerScene
 
 ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few

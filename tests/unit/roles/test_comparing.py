@@ -13,16 +13,15 @@ from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, encode
+from wall.roles.composition import Composition
 from wall.roles.compositor import Compositor
+from wall.roles.instructions import Offer, Packet
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import HEAD, Plan, first_event
-from wall.roles.remote_compositor import RemoteCompositor
 from wall.roles.statistics import tiles_of
-from wall.run.control import Control
-from wall.run.single_process import SingleProcess
+from wall.run.single_process import SingleProcess, hello_of
 from wall.sampling.tiles import Measured
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
-from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 
 @pytest.fixture(scope="module")
@@ -116,18 +115,18 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
     for k in range(24):
         single.event = replace(single.event, camera_event=k + 1)  # it moves: nobody is ever done
         single.step()
-    assert worker.samples_compared == pytest.approx(worker.samples_traced / 2, abs=128)
-    (panel,) = single.compositor.layers.values()
+    assert worker.work.compared == pytest.approx(worker.work.samples / 2, abs=128)
+    (panel,) = single.composition.layers.values()
     refresh(panel, single.event)
     assert second(panel).rgb.std() > 10
     assert panel.picture().rgb.std() > 10
 
     assert worker.measure_tiles() is not None, "the adaptive sampler has tiles all the same"
-    before = worker.samples_compared
+    before = worker.work.compared
     single.event = replace(single.event, compare="", camera_event=100)
     for _ in range(4):
         assert single.step() == 128
-    assert worker.samples_compared == before
+    assert worker.work.compared == before
     assert panel.compared is None
 
 
@@ -140,7 +139,7 @@ def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int
     compared.event = replace(compared.event, compare="framed", camera_event=1)
     for _ in range(30):
         compared.step()
-    assert np.isfinite(compared.compositor.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
+    assert np.isfinite(compared.composition.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
 
     pictures = []
     for single in (compared, fresh):
@@ -156,7 +155,7 @@ def test_lost_samples_come_back_to_the_sampler_that_chose_them(
 ) -> None:
     """Both are traced to the end of a still view, every third packet is lost: framed shows every pixel all the same."""
     single = SingleProcess(plan, tracer_scene)
-    (worker,), (panel,) = single.workers, single.compositor.layers.values()
+    (worker,), (panel,) = single.workers, single.composition.layers.values()
     single.event = replace(single.event, compare="framed", camera_event=1)
     single.step()
     for k in range(400):
@@ -183,34 +182,25 @@ graph:
 
 
 class Pair:
-    """A further compositor that has the only panel, and the head that hears of it."""
+    """A remote compositor that has the only panel, and what the head composes of it."""
 
     def __init__(self) -> None:
         plan = plan_of(TEXT + ELSEWHERE)
-        self.head_hub, control_hub = LoopbackHub(credit_bytes=1 << 20), LoopbackHub(credit_bytes=1 << 20)
-        self.samples = LoopbackHub(credit_bytes=1 << 20)
-        control = Control(LoopbackLink(control_hub.endpoint), plan, 1, same_clock=True)
-        links = {HEAD: LoopbackLink(self.head_hub.endpoint)}
-        self.further = RemoteCompositor(plan, 1, self.samples, control, links, [])
-        self.renderer = LoopbackLink(self.samples.endpoint)
-        self.head = Compositor(plan, HEAD, self.head_hub, {})
-        self.rank = plan.layout.renderers()[0]
+        self.remote, self.head = Compositor(plan, hello_of(1), lambda rank: rank == HEAD), Composition(plan, HEAD)
+        self.rank, self.now = plan.layout.renderers()[0], 0.0
 
     def show(self, event: Event, *batches: Batch) -> None:
-        self.further._compositor.follow(event)
+        self.now += 1.0
         self.head.follow(event)
-        for batch in batches:
-            self.renderer.offer(encode(replace(batch, rank=self.rank)))
-        while self.further._compositor.take_in():
-            pass
-        self.further._refresh(event, event, 1.0)
-        self.further._compositor.send()
-        while self.head.take_in():
-            pass
-        self.head.refresh(event, 1.0)
+        for message in (event, *(Packet(encode(replace(batch, rank=self.rank))) for batch in batches)):
+            assert list(self.remote.on_message(message, self.now)) == []
+        for instruction in self.remote.on_tick(self.now):
+            if isinstance(instruction, Offer):
+                self.head.insert(instruction.packet)
+        self.head.refresh(event, self.now)
 
 
-def test_a_further_compositor_sends_both_pictures_and_statistics_only_while_asked(plan: Plan) -> None:
+def test_a_remote_compositor_sends_both_pictures_and_statistics_only_while_asked(plan: Plan) -> None:
     pair, event = Pair(), first_event(plan, 0.0)
     pair.show(event, flat(1.0, event, adaptive=True))
     assert pair.head.statistics_images(0.0, comparing=False) == ()
@@ -232,7 +222,7 @@ def test_a_further_compositor_sends_both_pictures_and_statistics_only_while_aske
 def test_a_statistics_image_of_other_tiles_is_refused(plan: Plan) -> None:
     panel = PanelCompositor(plan, 0)
     good = panel.statistics_images(1.0)[0]
-    head = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
+    head = Composition(plan, HEAD)
     head.insert(serialise(good))
     for wrong in (replace(good, age=good.age[:1], density=good.density[:1]), replace(good, rects=good.rects + 9)):
         with pytest.raises(RemoteProtocolError, match="statistics_image"):

@@ -14,10 +14,9 @@ from wall.core.data import SAMPLE, Batch, Event, Rect
 from wall.packets.control import serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
-from wall.roles.compositor import Compositor
+from wall.roles.composition import Composition
 from wall.roles.lockstep import PATIENCE, depth_of
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
-from wall.transport.loopback import LoopbackHub
 
 FRAMED = "sampling: {method: framed}\n"
 TIMEOUT_S = 0.5
@@ -31,9 +30,9 @@ def plan() -> Plan:
 
 
 @pytest.fixture
-def head(plan: Plan) -> Compositor:
+def head(plan: Plan) -> Composition:
     """It has the left panel and the wall; the right panel's framelet comes from compositor 1."""
-    return Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 20), {})
+    return Composition(plan, HEAD)
 
 
 def frame_of(event: Event, value: float) -> bytes:
@@ -51,19 +50,19 @@ def frame_of(event: Event, value: float) -> bytes:
     )  # fmt: skip
 
 
-def other_panel(head: Compositor, event: Event, value: int) -> bytes:
+def other_panel(head: Composition, event: Event, value: int) -> bytes:
     """The right panel's framelet, as compositor 1 sends it."""
     (far,) = head._pictures.remote.values()
     framelet = replace(far.framelet, colour=np.full_like(far.framelet.colour, value), event=event)
     return serialise(FrameletPart.of(far.step.index, framelet, far.step.rect))
 
 
-def left_and_right(head: Compositor) -> tuple[int, int]:
+def left_and_right(head: Composition) -> tuple[int, int]:
     left, right = head.shown()[0].pictures()
     return int(left.rgb.mean()), int(right.rgb.mean())
 
 
-def test_a_frame_waits_for_all_of_its_parts(plan: Plan, head: Compositor) -> None:
+def test_a_frame_waits_for_all_of_its_parts(plan: Plan, head: Composition) -> None:
     event = first_event(plan, 0.0)
     head.follow(event)
     assert head.refresh(event, 0.0) == {}
@@ -81,7 +80,7 @@ def test_a_frame_waits_for_all_of_its_parts(plan: Plan, head: Compositor) -> Non
     assert head.counters.counts == {}
 
 
-def test_when_its_time_is_up_late_parts_stay_as_they_were_and_are_counted(plan: Plan, head: Compositor) -> None:
+def test_when_its_time_is_up_late_parts_stay_as_they_were_and_are_counted(plan: Plan, head: Composition) -> None:
     first = first_event(plan, 0.0)
     second = replace(first, camera_event=1)
     for event, value in ((first, 1.0), (second, 0.0)):
@@ -98,7 +97,7 @@ def test_when_its_time_is_up_late_parts_stay_as_they_were_and_are_counted(plan: 
     assert head.counters.counts == {"late p1": 1}
 
 
-def test_what_was_late_is_shown_when_it_comes_if_the_frame_still_stands(plan: Plan, head: Compositor) -> None:
+def test_what_was_late_is_shown_when_it_comes_if_the_frame_still_stands(plan: Plan, head: Composition) -> None:
     """A still view has no next frame that would show it."""
     event = first_event(plan, 0.0)
     head.follow(event)
@@ -113,7 +112,7 @@ def test_what_was_late_is_shown_when_it_comes_if_the_frame_still_stands(plan: Pl
     assert head.counters.counts == {"late p1": 1}, "it was late once"
 
 
-def test_parts_of_the_next_frame_are_not_shown_with_this_one(plan: Plan, head: Compositor) -> None:
+def test_parts_of_the_next_frame_are_not_shown_with_this_one(plan: Plan, head: Composition) -> None:
     first = first_event(plan, 0.0)
     second = replace(first, camera_event=1)
     head.follow(first)
@@ -130,7 +129,7 @@ def test_parts_of_the_next_frame_are_not_shown_with_this_one(plan: Plan, head: C
 
 
 def test_nobody_waits_any_longer_for_who_misses_frame_after_frame_until_it_is_back(
-    plan: Plan, head: Compositor
+    plan: Plan, head: Composition
 ) -> None:
     event, now = first_event(plan, 0.0), 0.0
     for number in range(PATIENCE):  # compositor 1 is gone
@@ -156,7 +155,7 @@ def test_nobody_waits_any_longer_for_who_misses_frame_after_frame_until_it_is_ba
     assert head.refresh(event, now) == {}, "it is back, and waited for again"
 
 
-def test_at_the_end_of_a_run_what_is_there_is_shown(plan: Plan, head: Compositor) -> None:
+def test_at_the_end_of_a_run_what_is_there_is_shown(plan: Plan, head: Composition) -> None:
     event = first_event(plan, 0.0)
     head.follow(event)
     head.insert(frame_of(event, 1.0))
@@ -169,7 +168,7 @@ def test_whoever_waits_for_others_waits_longer() -> None:
     assert [depth_of(graph, place) for place in (HEAD, 1)] == [2, 1]
 
 
-def test_a_frame_with_very_many_late_parts_still_fits_a_heartbeat(plan: Plan, head: Compositor) -> None:
+def test_a_frame_with_very_many_late_parts_still_fits_a_heartbeat(plan: Plan, head: Composition) -> None:
     head.counters.counts.update({f"late n{k}": 1 for k in range(32)})
     event = first_event(plan, 0.0)
     head.follow(event)

@@ -9,10 +9,10 @@ import pytest
 
 from wall.config.loading import loads
 from wall.config.schema import AdaptiveSampling
+from wall.core.clock import ManualClock
 from wall.core.data import Event
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
-from wall.run.clock import ManualClock
 
 TEXT = """\
 version: 1

@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from wall.config.loading import loads
+from wall.core.clock import ManualClock
 from wall.core.data import Batch, Event, Samples
 from wall.deepbuffer.kernels.accumulation import COUNT
 from wall.packets.samples import decode
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import first_event, make_layout, make_plan
 from wall.roles.worker import Worker, make_samplers
-from wall.run.clock import ManualClock
 from wall.sampling.kernels.adaptive import HOLE
 from wall.tracing.tracer_scene import make_tracer_scene
 

@@ -1,8 +1,9 @@
-"""The manager: inputs become numbered events, and whoever joins late gets the newest one."""
+"""The manager: inputs become numbered events, whoever joins gets the newest one, a run ends in order."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,15 @@ import pytest
 
 from wall.config.loading import loads
 from wall.core.data import Event
+from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Hands, Hello, Stop, parse_control, serialise
-from wall.roles.manager import Director, Latency, Manager, samplers_of
-from wall.roles.plan import Plan, make_layout, make_plan
-from wall.run.clock import HeadClock, ManualClock
-from wall.transport.loopback import LoopbackHub, LoopbackLink
+from wall.packets.control import Hands, Heartbeat, Hello, Membership, Message, Statistics, Stop
+from wall.roles.director import Director
+from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Packet, Send
+from wall.roles.manager import HOLD_S, SETTLED_S, Manager
+from wall.roles.membership import GATHER_S, REPEAT_S
+from wall.roles.plan import HEAD, Plan, make_layout, make_plan
+from wall.roles.status import Latency, samplers_of
 
 TEXT = """\
 version: 1
@@ -32,19 +36,55 @@ graph:
     - {id: panel, op: reconstruct, input: samples, on: compositor 1}
     - {id: window, op: sink, kind: window, input: panel}
 """
-PATIENCE = 400  # waits of 10 ms
-
-
 @pytest.fixture(scope="module")
 def plan() -> Plan:
     return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
 
 
-@pytest.fixture
-def elsewhere() -> Manager:
-    """Of a panel that compositor 1 shows in a window; its thread does not run."""
-    plan = make_plan(make_layout(loads(f"{TEXT}{ELSEWHERE}", path=Path("wall.yaml"))))
-    return Manager(plan, LoopbackHub(credit_bytes=1 << 16), ManualClock(50.0), list, still=True)
+@pytest.fixture(scope="module")
+def elsewhere() -> Plan:
+    """Of a panel that compositor 1 shows in a window."""
+    return make_plan(make_layout(loads(f"{TEXT}{ELSEWHERE}", path=Path("wall.yaml"))))
+
+
+class Run:
+    """A manager, and all that it has said."""
+
+    def __init__(self, plan: Plan, **options: Any) -> None:
+        self.now, self.size, self.finished = 50.0, plan.layout.size, False
+        self.manager = Manager(plan, self.now, **({"still": True} | options))
+        self.sent: list[tuple[int | None, Message]] = []  # to which rank, None: to all
+
+    def tell(self, *messages: Input, after: float = 0.0) -> list[tuple[int | None, Message]]:
+        """Give it messages and a tick. Returns what it says to that."""
+        self.now += after
+        before = len(self.sent)
+        for message in messages:
+            self._keep(self.manager.on_message(message, self.now))
+        self._keep(self.manager.on_tick(self.now))
+        return self.sent[before:]
+
+    def beats(self, *ranks: int, complete: bool = True, last: bool = False) -> list[Heartbeat]:
+        """What ranks say of the newest event."""
+        camera, scene = self.manager._directors[0].event.number
+        return [
+            Heartbeat(rank=k, time=0.0, complete=complete, camera_event=camera, scene_event=scene, last=last)
+            for k in ranks
+        ]
+
+    def stopped(self) -> list[int | None]:
+        """Who was told to stop."""
+        return [to for to, message in self.sent if isinstance(message, Stop)]
+
+    def _keep(self, instructions: Iterator[Any]) -> None:
+        for instruction in instructions:
+            self.finished |= isinstance(instruction, Finish)
+            if isinstance(instruction, Send | Broadcast):
+                self.sent.append((getattr(instruction, "to", None), instruction.message))
+
+
+def hello(rank: int, *, incarnation: int = 1) -> Hello:
+    return Hello(rank=rank, host=f"host{rank}", endpoint=f"tcp://host{rank}:1", incarnation=incarnation)
 
 
 def command(**words: Any) -> Command:
@@ -87,26 +127,6 @@ def test_held_view_says_once_that_it_is_paused_and_stays_where_it_is(plan: Plan)
     assert director.event == replace(moving, paused=True), "not a new picture, so nobody traces anything anew"
     assert not director.hold()
     assert not director.update([], 9.0)
-
-
-def test_events_wait_for_the_head_in_their_order_and_the_last_one_is_at_rest(plan: Plan) -> None:
-    manager = Manager(plan, LoopbackHub(credit_bytes=1 << 16), HeadClock(), lambda: [], still=False)
-    manager.start()
-    for _ in range(PATIENCE):
-        if len(manager.recent) > 3:
-            break
-        manager.join(0.01)
-    manager.hold()
-    for _ in range(PATIENCE):
-        if manager.event.paused:
-            break
-        manager.join(0.01)
-    manager.stop()
-
-    numbers = [event.number for event in manager.recent]
-    assert numbers == sorted(numbers)
-    assert manager.recent[-1] is manager.event
-    assert [event.paused for event in manager.recent] == [False] * (len(numbers) - 1) + [True]
 
 
 def test_commands_that_came_together_share_one_event(plan: Plan) -> None:
@@ -187,53 +207,138 @@ def test_latency_counts_superseded_inputs_until_a_newer_one_is_shown(plan: Plan)
 
 
 def test_rank_that_joins_late_gets_the_newest_event_and_the_stop(plan: Plan) -> None:
-    hub = LoopbackHub(credit_bytes=1 << 16)
-    manager = Manager(plan, hub, HeadClock(), lambda: [], still=False)
-    manager.start()
-    early = LoopbackLink(hub.endpoint)
-    early.send(serialise(Hello(rank=1, role="renderer", region="", pid=1, host="a")))
-    while manager.event.camera_event < 3:
-        early.wait(0.01)
-        early.receive()
+    run = Run(plan, still=False)
+    run.tell(hello(HEAD))
+    for _ in range(3):
+        run.tell(after=0.1)
 
-    late = LoopbackLink(hub.endpoint)
-    late.send(serialise(Hello(rank=2, role="renderer", region="", pid=2, host="b")))
-    first = next_message(late)
-    manager.stop()
-    last = [parse_control(data) for data in late.receive()]
+    said = run.tell(hello(1))
 
-    assert isinstance(first, Event)
-    assert first.camera_event >= 3, "the state, not its history"
-    assert isinstance(last[-1], Stop)
-    assert not manager.is_alive()
-    assert manager.failure is None
+    (state,) = [message for to, message in said if to == 1]
+    assert isinstance(state, Event)
+    assert state.camera_event == 3, "the state, not its history"
+    run.tell(End("enough"))
+    run.tell(after=HOLD_S)
+    assert run.stopped() == [1], "the head's compositor is the last"
 
 
-def test_rank_that_never_spoke_is_silent_from_the_start(plan: Plan) -> None:
-    clock = ManualClock(50.0)
-    manager = Manager(plan, LoopbackHub(credit_bytes=1 << 16), clock, lambda: [], still=True)
-    assert manager.silent(51.0, 2.0) == {}
-    assert manager.silent(53.0, 2.0) == {1: 3.0}
+def test_membership_is_told_when_it_changes_and_again_and_again(plan: Plan) -> None:
+    run = Run(plan)
+
+    def told(*messages: Input, after: float) -> list[list[int]]:
+        said = [message for to, message in run.tell(*messages, after=after) if isinstance(message, Membership)]
+        return [[member.rank for member in message.members] for message in said]
+
+    assert told(hello(HEAD), hello(1), after=0.0) == []
+    assert told(after=GATHER_S) == [[HEAD, 1]]
+    assert told(hello(1), after=GATHER_S) == [], "that is known"
+    assert told(*run.beats(1), after=REPEAT_S) == [[HEAD, 1]]
+    assert told(hello(1, incarnation=2), after=0.0) == []
+    assert told(after=GATHER_S) == [[HEAD, 1]], "it was started anew"
+    assert run.manager.members[1].incarnation == 2
+    assert told(Died(1, "signal 9"), after=0.0) == [[HEAD]]
 
 
-def test_hands_at_another_compositor_s_windows_steer_and_end_the_run(elsewhere: Manager) -> None:
-    link = LoopbackLink(elsewhere._hub.endpoint)
+def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks(elsewhere: Plan) -> None:
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
+    run.tell(*run.beats(1), after=limit)
+    assert run.manager.lost == {}
+    run.tell(*run.beats(1), after=0.5)
+    assert run.manager.lost == {2: f"silent for {limit + 0.5:.1f} s"}
+    assert run.manager.ended == "no renderer is left"
+    assert run.manager.silences == {2: limit + 0.5}
+
+
+def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewhere: Plan) -> None:
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
+    run.tell(*run.beats(2), after=limit + 1.0)
+    assert run.manager.lost.keys() == {1}
+    run.tell(*run.beats(1))
+    assert run.manager.lost == {}
+    run.tell(Died(1, "signal 9"), *run.beats(1))
+    assert run.manager.lost == {1: f"died (signal 9) after {limit + 1.0:.1f} s"}
+
+
+def test_hands_at_another_compositor_s_windows_steer_and_end_the_run(elsewhere: Plan) -> None:
+    run = Run(elsewhere, still=False)
+    manager = run.manager
     wishes = [{"kind": "pause"}, {"kind": "zoom", "x": "much"}, 7, {"kind": "statistics", "value": "on"}]
-    for commands in (json.dumps(wishes), "no list"):
-        link.send(serialise(Hands(rank=1, commands=commands)))
-    link.send(serialise(Hands(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True)))
-    link.send(serialise(Hands(rank=1, escape="Escape was pressed")))
-
-    elsewhere._listen()
-
-    assert elsewhere._asked == [command(kind="pause"), command(kind="statistics", value="on")]
-    assert elsewhere.counters.counts == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
-    assert (elsewhere.escape, elsewhere.closed) == ("Escape was pressed", frozenset())
+    run.tell(*(Hands(rank=1, commands=commands) for commands in (json.dumps(wishes), "no list")))
+    run.tell(Hands(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True))
+    event = manager._directors[0].event
+    assert (event.paused, event.statistics) == (True, True)
+    assert manager.counters.counts == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
+    assert manager.ended == ""
+    run.tell(Hands(rank=1, escape="Escape was pressed"))
+    assert manager.ended == "Escape was pressed"
 
 
-def next_message(link: LoopbackLink) -> object:
-    for _ in range(PATIENCE):
-        for data in link.receive():
-            return parse_control(data)
-        link.wait(0.01)
-    pytest.fail("nothing came")
+def test_the_end_of_the_last_window_ends_the_run(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    run.tell(Hands(rank=1, closed=True))
+    assert run.manager.ended == ALL_CLOSED
+
+
+def test_the_last_window_of_one_compositor_leaves_those_of_others_open() -> None:
+    graph = ELSEWHERE + "    - {id: two, op: sink, kind: window, input: panel, on: head}\n"
+    run = Run(make_plan(make_layout(loads(f"{TEXT}{graph}", path=Path("wall.yaml")))))
+    run.tell(Hands(rank=1, closed=True))
+    assert run.manager.ended == ""
+
+
+def test_a_run_is_complete_when_everybody_has_said_so_for_a_while(elsewhere: Plan) -> None:
+    run = Run(elsewhere, until_complete=True)
+    everybody = range(run.size)
+    run.tell(*run.beats(HEAD, 1), *run.beats(2, complete=False))
+    run.tell(after=SETTLED_S)
+    assert run.manager.ended == "", "the renderer is at work"
+    run.tell(*run.beats(*everybody))
+    run.tell(*run.beats(HEAD, complete=False), after=SETTLED_S / 2)
+    run.tell(*run.beats(HEAD))
+    run.tell(after=SETTLED_S / 2)
+    assert run.manager.ended == "", "its last packets came meanwhile"
+    run.tell(after=SETTLED_S)
+    assert run.manager.ended == "complete"
+
+
+def test_at_the_end_the_view_is_held_then_the_others_stop_then_the_head(elsewhere: Plan) -> None:
+    run = Run(elsewhere, still=False, seconds=1.0)
+    run.tell(hello(HEAD), hello(1), hello(2), *run.beats(HEAD, 1, 2, complete=False))
+    said = run.tell(*run.beats(1, complete=False), after=1.0)
+    assert run.manager.ended == "time is up"
+    (held,) = [message for _, message in said if isinstance(message, Event)]
+    assert held.paused
+    assert run.stopped() == []
+    run.tell(*run.beats(1, 2), after=0.01)
+    assert run.stopped() == [1, 2], "it has all its samples"
+    run.tell(*run.beats(1, last=True))
+    assert run.stopped() == [1, 2]
+    run.tell(*run.beats(2, last=True))
+    assert run.stopped() == [1, 2, HEAD]
+    assert not run.finished
+    run.tell(*run.beats(HEAD, last=True))
+    assert run.finished
+
+
+def test_a_run_ends_though_nobody_says_a_last_word(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    run.tell(End("interrupted"))
+    for _ in range(60):
+        run.tell(after=0.1)
+    assert run.stopped() == [1, 2, HEAD]
+    assert run.finished
+
+
+def test_what_nobody_sends_is_counted(plan: Plan) -> None:
+    run = Run(plan)
+    run.tell(Packet(b"stray"), hello(7), *run.beats(9))
+    assert run.manager.counters.counts == {"stray_packet": 1, "bad_message": 2}
+    assert run.manager.members == {}
+
+
+def test_the_head_hears_every_heartbeat_and_everybody_the_head_s_statistics(elsewhere: Plan) -> None:
+    run, statistics = Run(elsewhere), Statistics(fps=60.0, samples_per_s=1e6, latency_ms=20.0, ranks=3)
+    (beat,) = run.beats(2)
+    said = run.tell(beat, statistics)
+    assert (HEAD, beat) in said
+    assert (None, statistics) in said

@@ -12,13 +12,12 @@ from wall.config.loading import loads
 from wall.core.data import Batch, Event, Rect
 from wall.reconstruction.gpu import device
 from wall.reconstruction.gpu.device import Device, GpuError
-from wall.roles.compositor import Compositor
+from wall.roles.composition import Composition
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.run.single_process import SingleProcess
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
-from wall.transport.loopback import LoopbackHub
 
 TEXT = """\
 version: 1
@@ -79,7 +78,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
         plan = plan_of(wish)
         chain = SingleProcess(plan, make_tracer_scene(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
-        assert str(chain.compositor.layers[0].reconstruction).startswith(wish)
+        assert str(chain.composition.layers[0].reconstruction).startswith(wish)
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 
@@ -89,7 +88,7 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
     shown = {}
     for wish in ("cpu", "gpu"):
         plan = plan_of(wish, columns=2)
-        compositor = Compositor(plan, HEAD, LoopbackHub(credit_bytes=1 << 16), {})
+        compositor = Composition(plan, HEAD)
         event = first_event(plan, 0.0)
         for number in range(3):
             for index, panel in compositor.layers.items():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +10,11 @@ from flat_batches import flat, plan_of
 
 from wall.core.data import Batch, Rect
 from wall.packets.samples import encode
-from wall.roles.compositor import MOST_APART_S, Compositor
-from wall.roles.manager import Manager
+from wall.roles.composition import MOST_APART_S
+from wall.roles.compositor import Compositor
+from wall.roles.instructions import Packet
 from wall.roles.plan import HEAD, Plan, first_event
-from wall.run.clock import ManualClock
-from wall.transport.base import Hub
-from wall.transport.factory import connect, open_hub
-from wall.transport.loopback import LoopbackHub, LoopbackLink
+from wall.run.single_process import hello_of
 
 NOW = 1000.0  # seconds of the head's clock
 
@@ -47,69 +43,18 @@ def batch_of(plan: Plan) -> Batch:
     ids=str,
 )
 def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, change: dict[str, object]) -> None:
-    hub = LoopbackHub(credit_bytes=1 << 20)
-    link = LoopbackLink(hub.endpoint)
-    compositor, event = Compositor(plan, HEAD, hub, {}), first_event(plan, NOW)
-    link.offer(encode(batch_of(plan)))
-    assert compositor.take_in() == 1
-    compositor.refresh(event, NOW)
-    before = compositor.shown()[0].pictures()[0].rgb.copy()
+    compositor, event = Compositor(plan, hello_of(HEAD), lambda rank: False), first_event(plan, NOW)
+    composition = compositor.composition
+    for message in (event, Packet(encode(batch_of(plan)))):
+        list(compositor.on_message(message, NOW))
+    list(compositor.on_tick(NOW))
+    before = composition.shown()[0].pictures()[0].rgb.copy()
     assert before.min() > 100
 
-    link.offer(encode(replace(batch_of(plan), **change)))  # type: ignore[arg-type]
-    assert compositor.take_in() == 1
-    link.offer(encode(replace(batch_of(plan), sequence=3)))
-    assert compositor.take_in() == 1
-    compositor.refresh(replace(event, scene_event=1, scene_time=0.5), NOW + 0.1)
+    for batch in (replace(batch_of(plan), **change), replace(batch_of(plan), sequence=3)):  # type: ignore[arg-type]
+        list(compositor.on_message(Packet(encode(batch)), NOW))
+    list(compositor.on_message(replace(event, scene_event=1, scene_time=0.5), NOW))
+    list(compositor.on_tick(NOW + 0.1))
 
-    assert compositor.counters.counts == {"bad_packet": 1}
-    assert np.abs(compositor.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1
-    link.close()
-    hub.close()
-
-
-@pytest.mark.parametrize("kind", ["loopback", "zmq"])
-def test_a_stray_control_message_at_a_data_hub_is_counted_and_its_owner_sleeps_again(plan: Plan, kind: str) -> None:
-    hub = open_hub(kind, "127.0.0.1", credit_bytes=1 << 20)
-    link = connect(hub.endpoint, rank=1)
-    compositor = Compositor(plan, HEAD, hub, {})
-    link.send(b"stray")
-    assert comes_true(lambda: compositor.take_in() == 0 and bool(compositor.counters.counts))
-    assert compositor.counters.counts == {"stray_message": 1}
-    assert sleeps(hub)
-    link.close()
-    hub.close()
-
-
-@pytest.mark.parametrize("kind", ["loopback", "zmq"])
-def test_a_stray_packet_at_the_control_hub_is_counted_and_its_owner_sleeps_again(plan: Plan, kind: str) -> None:
-    hub = open_hub(kind, "127.0.0.1", credit_bytes=1 << 20)
-    link = connect(hub.endpoint, rank=1)
-    manager = Manager(plan, hub, ManualClock(), list, still=True)
-    link.offer(b"stray")
-
-    def counted() -> bool:
-        link.ready()  # a link works only while it is called
-        manager._listen()
-        return bool(manager.counters.counts)
-
-    assert comes_true(counted)
-    assert manager.counters.counts == {"stray_packet": 1}
-    assert sleeps(hub)
-    link.close()
-    hub.close()
-
-
-def comes_true(condition: Callable[[], bool]) -> bool:
-    limit = time.monotonic() + 5.0
-    while not condition():
-        if time.monotonic() > limit:
-            return False
-    return True
-
-
-def sleeps(hub: Hub) -> bool:
-    """Whether its owner's wait lasts."""
-    began = time.monotonic()
-    hub.wait(0.1)
-    return time.monotonic() - began > 0.05
+    assert composition.counters.counts == {"bad_packet": 1}
+    assert np.abs(composition.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,19 +11,21 @@ import numpy as np
 import pytest
 
 from wall.config.loading import loads
+from wall.core.clock import ManualClock
 from wall.core.data import Event, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.samples import is_samples
-from wall.roles.compositor import Compositor
+from wall.roles.composition import Composition
+from wall.roles.instructions import Dropped, Trace
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
 from wall.roles.renderer import Renderer
 from wall.roles.statistics import STATISTICS_PERIOD_S, tiles_of
-from wall.run.clock import ManualClock
-from wall.run.control import Control
+from wall.run.loop import Loop
+from wall.run.single_process import Wire, hello_of
+from wall.run.tracers import Tracers
 from wall.sampling.tiles import Measured
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
-from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 TEXT = """\
 version: 1
@@ -34,8 +36,6 @@ sampling: {method: adaptive, samples_per_batch: 64, threads: THREADS, tiling: TI
 graph: {preset: sort-first, ranks_per_panel: 2}
 """
 FIRST, SECOND = 1, 2  # the renderers' ranks
-
-Ends = tuple[LoopbackHub, Renderer, ManualClock]
 
 
 @cache
@@ -49,55 +49,42 @@ def tracer_scene() -> TracerScene:
     return make_tracer_scene(plan_of().scene)
 
 
-@pytest.fixture
-def ends(tracer_scene: TracerScene) -> Iterator[Callable[..., Ends]]:
-    """A hub and, at the other end of a connection with so much credit, a renderer; its control link beside it."""
-    opened: list[LoopbackHub | LoopbackLink | Renderer] = []
+class Rank:
+    """A renderer whose workers are stepped in turn; `packets` are those that it offers while it has credit."""
 
-    def make(plan: Plan, *, credit: int = 1 << 20) -> Ends:
-        hub, head, clock = LoopbackHub(credit_bytes=credit), LoopbackHub(credit_bytes=1), ManualClock(1.0)
-        outbox, line = LoopbackLink(hub.endpoint), LoopbackLink(head.endpoint)
-        control = Control(line, plan, FIRST, same_clock=True)
-        control.clock = clock  # type: ignore[assignment]
-        renderer = Renderer(plan, tracer_scene, FIRST, control, outbox)
-        opened.extend((renderer, outbox, line, hub, head))
-        return hub, renderer, clock
+    def __init__(self, plan: Plan, tracer_scene: TracerScene) -> None:
+        self.clock, self.credit = ManualClock(1.0), True
+        self.role = Renderer(plan, hello_of(FIRST), lambda target: self.credit)
+        self.wire = Wire()
+        tracers = Tracers(plan, tracer_scene, FIRST, self.clock, threads=False)
+        self._loop = Loop(self.role, self.wire, self.clock, tracers=tracers)
 
-    yield make
-    for end in opened:
-        end.close()
+    def step(self, event: Event) -> list[bytes]:
+        """A step of every worker. Returns what it offers."""
+        self._loop.tell(event)
+        self._loop.turn()
+        packets, self.wire.packets = self.wire.packets, []
+        return packets
+
+    def tiles(self, event: Event) -> list[StatisticsImage]:
+        """What a step of every worker brings forth beside samples."""
+        messages = [parse_control(packet) for packet in self.step(event) if not is_samples(packet)]
+        return [message for message in messages if isinstance(message, StatisticsImage)]
 
 
 def event_of(plan: Plan, *, statistics: bool = True) -> Event:
     return replace(first_event(plan, 0.0), statistics=statistics)
 
 
-def tiles_sent(hub: LoopbackHub, renderer: Renderer, event: Event) -> list[StatisticsImage]:
-    """What a step of every thread brings forth beside samples."""
-    for packet in renderer._step(event):
-        renderer._offer(packet)
-    messages = []
-    for peer, packet in hub.drain(1 << 20):
-        hub.release(peer, len(packet))
-        if not is_samples(packet):
-            message = parse_control(packet)
-            assert isinstance(message, StatisticsImage)
-            messages.append(message)
-    return messages
-
-
 @pytest.mark.parametrize("tiling", ["grid", "cut"])
 @pytest.mark.parametrize("threads", [1, 3])
-def test_the_tiles_of_all_threads_share_out_the_region(threads: int, tiling: str, ends: Callable[..., Ends]) -> None:
+def test_the_tiles_of_all_threads_share_out_the_region(threads: int, tiling: str, tracer_scene: TracerScene) -> None:
     plan = plan_of(threads=threads, tiling=tiling)
-    hub, renderer, clock = ends(plan)
+    rank = Rank(plan, tracer_scene)
     sent: list[StatisticsImage] = []
-    while not sent or len(renderer._tiles) < threads:
-        clock.advance(STATISTICS_PERIOD_S)
-        sent = tiles_sent(hub, renderer, event_of(plan))
-    clock.advance(STATISTICS_PERIOD_S)
-    while not (sent := tiles_sent(hub, renderer, event_of(plan))):
-        pass
+    for _ in range(2):
+        rank.clock.advance(STATISTICS_PERIOD_S)
+        sent = rank.tiles(event_of(plan))
     covered = np.zeros((36, 40), int)
     for x, y, width, height in sent[-1].rects.tolist():
         covered[y : y + height, x : x + width] += 1
@@ -108,31 +95,29 @@ def test_the_tiles_of_all_threads_share_out_the_region(threads: int, tiling: str
     assert (sent[-1].rank, sent[-1].panel, sent[-1].compared) == (FIRST, 0, False)
 
 
-def test_tiles_are_sent_5_times_a_second_while_a_viewer_shows_them(ends: Callable[..., Ends]) -> None:
-    hub, renderer, clock = ends(plan_of())
-    sent = []
+def test_tiles_are_sent_5_times_a_second_while_a_viewer_shows_them(tracer_scene: TracerScene) -> None:
+    rank, sent = Rank(plan_of(), tracer_scene), []
     for k in range(240):
-        sent += tiles_sent(hub, renderer, event_of(plan_of(), statistics=k < 120))
-        clock.advance(1 / 120)
+        sent += rank.tiles(event_of(plan_of(), statistics=k < 120))
+        rank.clock.advance(1 / 120)
     assert len(sent) == 5
 
 
-def test_without_credit_no_tiles_are_sent(ends: Callable[..., Ends]) -> None:
-    hub, renderer, clock = ends(plan_of(), credit=200)  # bytes: a packet may go when nothing is under way, then no more
-    packets = list(renderer._step(event_of(plan_of(), statistics=False)))
-    for packet in packets:
-        renderer._offer(packet)
+def test_without_credit_no_tiles_are_sent(tracer_scene: TracerScene) -> None:
+    rank = Rank(plan_of(), tracer_scene)
+    assert [is_samples(packet) for packet in rank.step(event_of(plan_of(), statistics=False))] == [True]
+    rank.credit = False
     for _ in range(3):
-        clock.advance(STATISTICS_PERIOD_S)
-        list(renderer._step(event_of(plan_of())))
-    assert [is_samples(packet) for _, packet in hub.drain(1 << 20)] == [True]
+        rank.clock.advance(STATISTICS_PERIOD_S)
+        assert rank.step(event_of(plan_of())) == []
 
 
-def test_tiles_that_gave_way_are_not_traced_again(ends: Callable[..., Ends]) -> None:
-    _, renderer, _ = ends(plan_of(), credit=1)
-    for _ in range(6):
-        renderer._offer(serialise(image_of()))
-    assert renderer._outbox.counters.counts["no_credit"] > 0
+def test_tiles_that_gave_way_are_not_traced_again(tracer_scene: TracerScene) -> None:
+    role, event = Renderer(plan_of(), hello_of(FIRST), lambda target: True), event_of(plan_of())
+    list(role.on_message(event, 0.0))
+    list(role.on_message(Dropped(0, serialise(image_of())), 0.0))
+    (trace,) = (instruction for instruction in role.on_tick(0.0) if isinstance(instruction, Trace))
+    assert trace.lost == ()
 
 
 def image_of(rank: int = FIRST, *, rect: Rect | None = None) -> StatisticsImage:
@@ -142,7 +127,7 @@ def image_of(rank: int = FIRST, *, rect: Rect | None = None) -> StatisticsImage:
 
 
 def test_a_panel_keeps_the_newest_tiles_of_every_rank() -> None:
-    compositor = Compositor(plan_of(), 0, LoopbackHub(credit_bytes=0), {})
+    compositor = Composition(plan_of(), 0)
     small = replace(plan_of().layout.region(FIRST).rect, height=4)
     for image in (image_of(), image_of(SECOND), image_of(rect=small)):
         compositor.insert(serialise(image))
@@ -165,7 +150,7 @@ def test_a_panel_keeps_the_newest_tiles_of_every_rank() -> None:
 def test_tiles_that_are_not_of_their_ranks_region_are_refused(
     wrong: Callable[[StatisticsImage], StatisticsImage],
 ) -> None:
-    compositor = Compositor(plan_of(), 0, LoopbackHub(credit_bytes=0), {})
+    compositor = Composition(plan_of(), 0)
     with pytest.raises(RemoteProtocolError, match="wanted: inside"):
         compositor.insert(serialise(wrong(image_of())))
     assert not compositor.layers[0].tiles_of

@@ -12,7 +12,7 @@ from pathlib import Path
 from wall.config.loading import loads
 from wall.core.data import Event
 from wall.packets.samples import decode
-from wall.roles.compositor import Compositor
+from wall.roles.composition import Composition
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
@@ -92,14 +92,14 @@ def _rate(plan: Plan, packets: dict[int, list[bytes]]) -> float:
             pipes.append(ours)
         feeds = {rank: (endpoints[graph.layer_of(rank).compositor], packets[rank]) for rank in plan.layout.renderers()}
         children.append(context.Process(target=_feed, args=(feeds,), daemon=True))
-        head = Compositor(plan, HEAD, hub, {})
-        head.follow(event)
+        head = _Intake(plan, HEAD, hub, {})
+        head.composition.follow(event)
         children[-1].start()
         began = time.perf_counter()
         _run(head, event, PACKETS * sum(layer.compositor == HEAD for layer in graph.layers))
         while not all(pipe.poll() for pipe in pipes) and time.perf_counter() - began < PATIENCE_S:
-            _refresh(head, event, time.perf_counter() + REFRESH_S)
-        _refresh(head, event, time.perf_counter())
+            head.refresh(event, time.perf_counter() + REFRESH_S)
+        head.refresh(event, time.perf_counter())
         seconds = time.perf_counter() - began
     finally:
         for child in children:
@@ -110,34 +110,56 @@ def _rate(plan: Plan, packets: dict[int, list[bytes]]) -> float:
     return samples * PACKETS / DIFFERENT / seconds
 
 
-def _run(compositor: Compositor, event: Event, packets: int) -> None:
+class _Intake:
+    """A composition, fed from a hub; `links` lead to ranks that need its framelets."""
+
+    def __init__(self, plan: Plan, rank: int, hub: ZmqHub, links: Mapping[int, ZmqLink]) -> None:
+        self.composition = Composition(plan, rank, lambda target: links[target].ready())
+        self.packets, self._hub, self._links = 0, hub, links
+
+    def take_in(self) -> bool:
+        """Insert what has come. Returns whether anything had."""
+        came = self._hub.drain(1 << 20)
+        for peer, packet in came:
+            self.composition.insert(packet)
+            self._hub.release(peer, len(packet))
+        self.packets += len(came)
+        return bool(came)
+
+    def send(self) -> None:
+        """Send what other ranks need, as far as there is credit."""
+        for offer in self.composition.send():
+            for dropped in self._links[offer.to].offer(offer.packet):
+                self.composition.lose(offer.to, dropped)
+
+    def refresh(self, event: Event, due: float, packets: int = 1 << 62) -> None:
+        """Take in what comes until a refresh is due, and refresh."""
+        while time.perf_counter() < due and self.packets < packets:
+            if not self.take_in():
+                self._hub.wait(0.002)
+            self.send()
+        self.take_in()
+        self.composition.refresh(event, HeadClock().now())
+        self.send()
+
+
+def _run(compositor: _Intake, event: Event, packets: int) -> None:
     """Take so many packets in, refreshing and sending on as often as a display would."""
     limit = time.perf_counter() + PATIENCE_S
     while compositor.packets < packets and time.perf_counter() < limit:
-        _refresh(compositor, event, time.perf_counter() + REFRESH_S, packets)
-    while not compositor.idle and time.perf_counter() < limit:
+        compositor.refresh(event, time.perf_counter() + REFRESH_S, packets)
+    while not compositor.composition.idle and time.perf_counter() < limit:
         compositor.send()
-
-
-def _refresh(compositor: Compositor, event: Event, due: float, packets: int = 1 << 62) -> None:
-    """What comes until a refresh is due, and the refresh."""
-    while time.perf_counter() < due and compositor.packets < packets:
-        if not compositor.take_in():
-            compositor.hub.wait(0.002)
-        compositor.send()
-    compositor.take_in()
-    compositor.refresh(event, HeadClock().now())
-    compositor.send()
 
 
 def _compositor(plan: Plan, rank: int, head: str, pipe: Connection) -> None:
     """One before the head: says when all is taken in and sent on, and waits to be killed."""
     parent, event = os.getppid(), first_event(plan, 0.0)
     hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES)
-    compositor = Compositor(plan, rank, hub, {HEAD: ZmqLink(head, rank=rank)})
-    compositor.follow(event)
+    compositor = _Intake(plan, rank, hub, {HEAD: ZmqLink(head, rank=rank)})
+    compositor.composition.follow(event)
     pipe.send(hub.endpoint)
-    _run(compositor, event, PACKETS * len(compositor.layers))
+    _run(compositor, event, PACKETS * len(compositor.composition.layers))
     pipe.send("done")
     while os.getppid() == parent:
         time.sleep(0.01)

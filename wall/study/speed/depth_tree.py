@@ -117,7 +117,8 @@ class _Compositor:
 
     def send_to(self, head: str) -> None:
         self._link = ZmqLink(head, rank=self._rank)
-        self._outlets = Outlets(self._graph, self._rank, {0: self._link})
+        link = self._link
+        self._outlets = Outlets(self._graph, self._rank, lambda target: link.ready())
 
     def picture(self) -> None:
         """Wait for a new framelet of every source, then make, and send, what comes of them."""
@@ -136,7 +137,8 @@ class _Compositor:
             return
         self._outlets.add(changes)
         while not self._outlets.idle and time.monotonic() < limit:
-            self._outlets.send(self._executor.framelets, (0, 0))
+            for offer in self._outlets.send(self._executor.framelets, (0, 0)):
+                self._link.offer(offer.packet)  # credit was there: nothing gives way
             self._link.wait(0.001)
 
 

@@ -6,11 +6,11 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from wall.core.clock import ManualClock
 from wall.core.data import Batch, Event
 from wall.packets.samples import HEADER_BYTES, Codec, decode, encode
 from wall.roles.plan import Plan, first_event
 from wall.roles.worker import Worker, make_samplers
-from wall.run.clock import ManualClock
 from wall.study.speed.record import Row, bounded, compared, median
 from wall.study.speed.tracing import plan_of
 from wall.tracing.tracer import Tracer

@@ -1,0 +1,188 @@
+"""The renderer: workers trace the newest event, rest when nothing is missing, and look again when something is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.config.loading import loads
+from wall.core.data import SAMPLE, Batch, Event
+from wall.packets.control import Heartbeat, Hello, Member, Membership, Stop
+from wall.packets.samples import encode
+from wall.roles.instructions import (
+    MANAGER,
+    Connect,
+    Dropped,
+    Finish,
+    Input,
+    Instruction,
+    Offer,
+    Restart,
+    Send,
+    Trace,
+    Traced,
+    Work,
+)
+from wall.roles.membership import HEAD_LOST_BEATS
+from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
+from wall.roles.renderer import LOOK_AGAIN_S, Renderer
+
+TEXT = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 1, rows: 1, pixels: [32, 24], size: [0.4, 0.3]}}
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}}]
+sampling: {method: frameless, threads: 2}
+"""
+RANK = 1
+TURN_S = 0.001
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+
+
+class Rank:
+    """A renderer of two workers, and what it asks for."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.now, self.credit = plan, 10.0, True
+        self.hello = Hello(rank=RANK, host="a", endpoint="", incarnation=1)
+        self.role = Renderer(plan, self.hello, lambda target: self.credit and target == HEAD)
+
+    def tell(self, *messages: Input, after: float = TURN_S) -> list[Instruction]:
+        """Give it messages and a tick."""
+        self.now += after
+        asked: list[Instruction] = []
+        for message in messages:
+            asked += self.role.on_message(message, self.now)
+        return asked + list(self.role.on_tick(self.now))
+
+
+def packet_of(worker: int) -> bytes:
+    """One sample, of one of two workers."""
+    event = Event(view=0, camera_event=0, scene_event=0, scene_time=0.0, input_time=0.0, camera=Batch.camera)
+    samples = np.zeros(1, SAMPLE)
+    samples["xy"] = 0.5
+    rect = make_layout(loads(TEXT, path=Path("wall.yaml"))).region(RANK).rect
+    return encode(
+        Batch(
+            view=0, panel=0, rect=rect, rank=RANK, sequence=2 + worker, camera_event=event.camera_event,
+            scene_event=0, base_time=0.0, samples=samples,
+        )
+    )  # fmt: skip
+
+
+def traced(trace: Trace, packet: bytes | None) -> Traced:
+    return Traced(trace.worker, trace.event, packet, Work())
+
+
+def traces(asked: list[Instruction]) -> list[Trace]:
+    return [instruction for instruction in asked if isinstance(instruction, Trace)]
+
+
+def said(asked: list[Instruction]) -> Iterator[Heartbeat]:
+    return (i.message for i in asked if isinstance(i, Send) and isinstance(i.message, Heartbeat))
+
+
+def test_a_renderer_of_two_threads_rests_when_both_find_nothing_missing(plan: Plan) -> None:
+    """Answers come one at a time, as threads end: each would begin anew while the other is at work."""
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    running = traces(rank.tell(event))
+    assert [trace.worker for trace in running] == [0, 1]
+    beats: list[Heartbeat] = []
+    begun = 0
+    for _ in range(1000):  # a second
+        asked = rank.tell(traced(running.pop(0), None)) if running else rank.tell()
+        beats += said(asked)
+        running += traces(asked)
+        begun += len(traces(asked))
+    assert begun <= 2 * (1.0 / LOOK_AGAIN_S + 1), "it looks again, and rests in between"
+    assert rank.role.complete
+    complete = [beat.complete for beat in beats]
+    assert complete == sorted(complete), "complete once, and from then on"
+
+
+def test_a_new_event_wakes_all_workers_and_is_not_complete(plan: Plan) -> None:
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    rank.tell(*(traced(trace, None) for trace in traces(rank.tell(event))))
+    assert rank.role.complete
+    newer = replace(event, camera_event=1)
+    assert [trace.event for trace in traces(rank.tell(newer))] == [newer] * 2
+    assert not rank.role.complete
+    assert traces(rank.tell(event)) == [], "an older one changes nothing"
+
+
+def test_a_worker_that_brings_samples_goes_on_at_once(plan: Plan) -> None:
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    first, _ = traces(rank.tell(event))
+    asked = rank.tell(traced(first, packet_of(0)))
+    assert Offer(HEAD, packet_of(0)) in asked
+    assert [trace.worker for trace in traces(asked)] == [0]
+
+
+def test_without_credit_nobody_begins(plan: Plan) -> None:
+    rank = Rank(plan)
+    rank.credit = False
+    assert traces(rank.tell(first_event(plan, 0.0))) == []
+    assert rank.role.due < rank.now + LOOK_AGAIN_S
+    rank.credit = True
+    assert len(traces(rank.tell())) == 2
+
+
+def test_what_was_dropped_wakes_the_worker_that_traced_it(plan: Plan) -> None:
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    rank.tell(*(traced(trace, None) for trace in traces(rank.tell(event))))
+    (again,) = traces(rank.tell(Dropped(HEAD, packet_of(1))))
+    assert (again.worker, again.lost) == (1, (packet_of(1),))
+    assert not rank.role.complete
+
+
+def test_another_sampler_begins_when_all_workers_are_idle(plan: Plan) -> None:
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    first, second = traces(rank.tell(event))
+    chosen = replace(event, sampler="hilbert", camera_event=1)
+    assert not [i for i in rank.tell(chosen, traced(first, None)) if isinstance(i, Restart | Trace)]
+    asked = [i for i in rank.tell(traced(second, packet_of(1))) if isinstance(i, Restart | Trace)]
+    assert asked == [Restart("hilbert", ""), Trace(0, chosen), Trace(1, chosen)]
+
+
+def test_at_the_end_running_workers_finish_before_the_last_word(plan: Plan) -> None:
+    rank, event = Rank(plan), first_event(plan, 0.0)
+    first, second = traces(rank.tell(event))
+    assert not traces(rank.tell(Stop(reason="end"), traced(first, packet_of(0))))
+    asked = rank.tell(traced(second, packet_of(1)))
+    assert Offer(HEAD, packet_of(1)) in asked
+    assert isinstance(asked[-1], Finish)
+    assert [beat.last for beat in said(asked)][-1]
+
+
+def test_it_says_hello_until_the_membership_lists_it_and_connects_by_it(plan: Plan) -> None:
+    rank, beat_s = Rank(plan), plan.layout.config.transport.heartbeat_s
+    hello = Send(MANAGER, rank.hello)
+    assert hello in rank.tell()
+    assert hello in rank.tell(after=beat_s)
+    head = Member(rank=HEAD, host="h", endpoint="tcp://h:1", incarnation=1)
+    own = Member(rank=RANK, host="a", endpoint="", incarnation=1)
+    connect = Connect(HEAD, "tcp://h:1")
+    assert connect in rank.tell(Membership(members=(head, replace(own, incarnation=7))))
+    assert hello in rank.tell(after=beat_s), "that was another incarnation of it"
+    assert connect not in rank.tell(Membership(members=(own,)))
+    assert connect not in rank.tell(Membership(members=(head, own))), "it was only silent"
+    assert hello not in rank.tell(after=beat_s)
+    assert Connect(HEAD, "tcp://h:2") in rank.tell(
+        Membership(members=(replace(head, endpoint="tcp://h:2", incarnation=2), own))
+    )
+
+
+def test_it_ends_when_the_manager_has_been_silent_for_too_long(plan: Plan) -> None:
+    rank, limit = Rank(plan), HEAD_LOST_BEATS * plan.layout.config.transport.lost_after_s
+    rank.tell(first_event(plan, 0.0))
+    assert not [i for i in rank.tell(after=limit) if isinstance(i, Finish)]
+    (end,) = (i for i in rank.tell(after=0.1) if isinstance(i, Finish))
+    assert f"rank {RANK}: nothing from the head" in end.failure

@@ -1,0 +1,118 @@
+"""A rank's ways to others: strays are counted, sleep lasts, and another host's rank learns the head's time first."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from wall.packets.control import Heartbeat, Ping, Pong, Stop, parse_control, serialise
+from wall.roles.instructions import MANAGER, Packet
+from wall.run.clock import HeadClock
+from wall.run.ports import Ports
+from wall.transport.base import Hub
+from wall.transport.factory import connect, open_hub
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+KINDS = ("loopback", "zmq")
+AHEAD_S = -1e5  # the head's machine started later
+
+
+def comes_true(condition: Callable[[], bool]) -> bool:
+    limit = time.monotonic() + 5.0
+    while not condition():
+        if time.monotonic() > limit:
+            return False
+    return True
+
+
+def sleeps(ports: Ports) -> bool:
+    began = time.monotonic()
+    ports.wait(0.1)
+    return time.monotonic() - began > 0.05
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stray_control_message_at_a_data_hub_is_counted_and_its_owner_sleeps_again(kind: str) -> None:
+    control, data = (open_hub(kind, "127.0.0.1", credit_bytes=1 << 20) for _ in range(2))
+    ports = Ports(0, HeadClock(), hub=data, manager=connect(control.endpoint, rank=0))
+    stray = connect(data.endpoint, rank=1)
+    stray.send(serialise(Stop(reason="an enemy's")))
+    assert comes_true(lambda: list(ports.receive()) == [] and bool(ports.drops().counts))
+    assert ports.drops().counts == {"stray_message": 1}
+    assert sleeps(ports)
+    close(stray, ports, control)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_stray_packet_at_the_control_hub_is_taken_and_its_owner_sleeps_again(kind: str) -> None:
+    control = open_hub(kind, "127.0.0.1", credit_bytes=1 << 20)
+    ports, stray = Ports(MANAGER, HeadClock(), hub=control), connect(control.endpoint, rank=1)
+    stray.offer(b"stray")
+    came: list[object] = []
+
+    def arrived() -> bool:
+        stray.ready()  # a link works only while it is called
+        came.extend(ports.receive())
+        return bool(came)
+
+    assert comes_true(arrived)
+    assert came == [Packet(b"stray")]
+    assert sleeps(ports)
+    close(stray, ports)
+
+
+def test_the_manager_answers_whoever_spoke_by_its_rank() -> None:
+    control = LoopbackHub(credit_bytes=1)
+    ports, links = Ports(MANAGER, HeadClock(), hub=control), [LoopbackLink(control.endpoint) for _ in range(2)]
+    for rank, link in enumerate(links):
+        link.send(serialise(Heartbeat(rank=rank, time=0.0)))
+    assert len(list(ports.receive())) == 2
+    ports.send(1, Stop(reason="for one"))
+    ports.broadcast(Stop(reason="for all"))
+    heard = [[parse_control(data) for data in link.receive()] for link in links]
+    assert heard == [[Stop(reason="for all")], [Stop(reason="for one"), Stop(reason="for all")]]
+    close(*links, ports)
+
+
+def test_no_message_before_the_heads_time_is_known() -> None:
+    control, clock = LoopbackHub(credit_bytes=1), HeadClock()
+    ports = Ports(1, clock, hub=None, manager=LoopbackLink(control.endpoint), ping_s=0.01)
+    control.broadcast(serialise(Stop(reason="soon")))
+    waiting = threading.Thread(target=ports.synchronise)
+    waiting.start()
+    waiting.join(0.05)
+    assert waiting.is_alive()
+    answered = 0
+    while waiting.is_alive():
+        answered += answer(control)
+    assert answered
+    assert abs(clock.now() - (time.monotonic() + AHEAD_S)) < 1.0
+    assert list(ports.receive()) == [Stop(reason="soon")], "it was kept"
+    assert comes_true(lambda: list(ports.receive()) == [] and answer(control) > 0), "pings go on"
+    close(ports, control)
+
+
+def test_on_the_heads_own_machine_nobody_asks_for_the_time() -> None:
+    control = LoopbackHub(credit_bytes=1)
+    ports = Ports(1, HeadClock(), hub=None, manager=LoopbackLink(control.endpoint))
+    ports.synchronise()
+    assert list(ports.receive()) == []
+    assert control.messages() == []
+    close(ports, control)
+
+
+def answer(control: Hub) -> int:
+    """Answer pings as the manager does, with the time of another host."""
+    pings = [(peer, parse_control(data)) for peer, data in control.messages()]
+    for peer, ping in pings:
+        assert isinstance(ping, Ping)
+        control.send(peer, serialise(Pong(sent=ping.sent, head_time=time.monotonic() + AHEAD_S)))
+    return len(pings)
+
+
+def close(*things: object) -> None:
+    for thing in things:
+        thing.close()  # type: ignore[attr-defined]

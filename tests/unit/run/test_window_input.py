@@ -1,0 +1,96 @@
+"""Hands at a window away from the head: keys steer, Escape ends the run, a lost display is told and counted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from x_servers import comes_true, press, x_server
+from Xlib import XK
+
+from wall.config.loading import loads
+from wall.display.window import WindowSink
+from wall.packets.control import Hands, Heartbeat, parse_control
+from wall.roles.instructions import MANAGER, End
+from wall.roles.manager import Manager
+from wall.roles.plan import Plan, make_layout, make_plan
+from wall.run.clock import HeadClock
+from wall.run.loop import Loop
+from wall.run.ports import Ports
+from wall.run.ranks import compositor_loop
+from wall.run.sinks import hands_of, make_sinks
+from wall.transport.loopback import LoopbackHub, LoopbackLink
+
+RANK = 1
+TEXT = """\
+version: 1
+scene: {source: courtyard}
+wall:
+  panels:
+    - id: far
+      pixels: [120, 90]
+      corners: {lower_left: [0, 0, 0], lower_right: [0.4, 0, 0], upper_left: [0, 0.3, 0]}
+      display: DISPLAY
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, refresh_hz: 20}]
+transport: {lost_after_s: 60}
+graph:
+  compositors: 2
+  nodes:
+    - {id: samples, op: samples, panel: far}
+    - {id: picture, op: reconstruct, input: samples, on: compositor 1}
+    - {id: window, op: sink, kind: window, input: picture}
+"""
+
+
+def plan_on(display: str) -> Plan:
+    return make_plan(make_layout(loads(TEXT.replace("DISPLAY", f'"{display}"'), path=Path("wall.yaml"))))
+
+
+@contextmanager
+def remote(plan: Plan, control: LoopbackHub) -> Iterator[tuple[Loop, WindowSink]]:
+    """Compositor 1 with its window, linked to the manager's hub."""
+    [sink], _ = make_sinks(plan, RANK, Path(), headless=False)
+    assert isinstance(sink, WindowSink)
+    hub, clock = LoopbackHub(credit_bytes=1 << 20), HeadClock()
+    ports = Ports(RANK, clock, hub=hub, manager=LoopbackLink(control.endpoint))
+    try:
+        yield compositor_loop(plan, RANK, hub, ports, clock, [sink], [hands_of(RANK, [sink])]), sink
+    finally:
+        sink.close()
+        ports.close()
+
+
+def test_keys_at_a_window_away_from_the_head_steer_and_escape_ends_the_run() -> None:
+    with x_server("120x90") as display:
+        plan, control, clock = plan_on(display), LoopbackHub(credit_bytes=1 << 20), HeadClock()
+        manager, ends = Manager(plan, clock.now(), still=True), list[End]()
+        managing = Loop(manager, Ports(MANAGER, clock, hub=control), clock, sources=[lambda: ends], longest_wait_s=0.01)
+        with remote(plan, control) as (loop, _):
+            threads = [threading.Thread(target=each.run) for each in (managing, loop)]
+            before = manager._directors[0].event.camera
+            for thread in threads:
+                thread.start()
+            try:
+                press(display, XK.XK_Right, (60, 45))
+                assert comes_true(lambda: manager._directors[0].event.camera != before)
+                press(display, XK.XK_Escape, (60, 45))
+                assert comes_true(lambda: manager.ended == "Escape was pressed in the window of panel far")
+            finally:
+                ends.append(End("the test is over"))
+                for thread in threads:
+                    thread.join()
+
+
+def test_a_display_that_a_compositor_lost_is_told_and_counted() -> None:
+    control = LoopbackHub(credit_bytes=1 << 20)
+    with ExitStack() as windows:
+        with x_server("120x90") as display:
+            loop, window = windows.enter_context(remote(plan_on(display), control))
+        assert comes_true(lambda: window.gone)
+        loop.turn()
+        said = [parse_control(data) for _, data in control.messages()]
+    assert Hands(rank=RANK, closed=True) in said
+    (beat,) = (message for message in said if isinstance(message, Heartbeat))
+    assert beat.dropped.items() >= window.dropped().items() > set()

@@ -1,0 +1,86 @@
+"""What viewers see of one view: commands and the time in, numbered events out.
+
+All commands that arrive while an event is made share the next one (Ohlenburg and Broll, "Parallel Multi-View
+Rendering on Multi-Core Processor Systems").
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wall.core.data import Camera, Event
+from wall.geometry.steering import Command, Steering
+from wall.roles.plan import Plan, first_event
+from wall.roles.status import samplers_of
+
+COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
+
+
+class Director:
+    """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
+
+    def __init__(self, plan: Plan, now: float, view: int = 0) -> None:
+        self._plan, self._view, self._index = plan, plan.views[view], view
+        self._steering: Steering | None = None
+        self._scene_time, self._path_time, self._last = 0.0, 0.0, now
+        self.paused = False
+        self.sampler: str = plan.layout.sampling.method
+        self.compare = ""  # with the adaptive sampler, whichever `sampler` is
+        self.statistics = False
+        self.event = first_event(plan, now, view)
+
+    def update(self, commands: list[Command], now: float) -> bool:
+        """Apply what came in until `now`. Returns whether there is a new event."""
+        if not self.paused:
+            self._scene_time += now - self._last
+            self._path_time += now - self._last
+        self._last = now
+        for command in commands:
+            self._apply(command)
+        camera = self._camera()
+        scene_time = self._scene_time if self._plan.scene.animated else 0.0
+        old = self.event
+        sampler = COMPARED_WITH if self.compare else self.sampler
+        turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
+        moved = scene_time != old.scene_time
+        if not turned and not moved and (self.paused, self.statistics) == (old.paused, old.statistics):
+            return False
+        self.event = Event(
+            view=self._index,
+            camera_event=old.camera_event + turned,
+            scene_event=old.scene_event + moved,
+            scene_time=scene_time,
+            input_time=now,
+            camera=camera,
+            sampler=sampler,
+            paused=self.paused,
+            compare=self.compare,
+            statistics=self.statistics,
+        )
+        return True
+
+    def hold(self) -> bool:
+        """Stop everything where it is. Returns whether that is news: then the event says that it is paused."""
+        was, self.paused = self.event.paused, True
+        self.event = replace(self.event, paused=True)
+        return not was
+
+    def _camera(self) -> Camera:
+        return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
+
+    def _apply(self, command: Command) -> None:
+        if command.kind == "pause":
+            self.paused = not self.paused
+        elif command.kind == "reset":
+            self._steering = None
+        elif command.kind == "sampler":
+            self.sampler = command.value if command.value in samplers_of(self._plan) else self.sampler
+            self.compare = ""
+        elif command.kind == "compare":
+            graph = self._plan.layout.graph  # others have no second picture, or no frames of it
+            self.compare = command.value if graph.plain and graph.sync == "none" else ""
+        elif command.kind == "statistics":
+            self.statistics = command.value == "on"
+        else:
+            steering = self._steering or Steering.from_view(self._view, self._path_time)
+            self._steering = steering.apply(command)

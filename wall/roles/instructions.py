@@ -1,0 +1,160 @@
+"""What a role is told, and what it asks for: the whole traffic between a role and the loop that executes it.
+
+A role decides and does nothing else: it opens no socket, starts no thread and reads no clock. Its loop hands it
+messages and the time, and carries out the instructions that it yields, each as soon as it is yielded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+from wall.core.data import Event
+from wall.display.base import Status, WallPicture
+from wall.packets.control import Message
+from wall.sampling.tiles import Measured
+
+MANAGER = -1  # the address of the manager; other addresses are ranks
+Ready: TypeAlias = Callable[[int], bool]  # whether a packet to a rank would be sent at once; False before Connect
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """A packet came that was paid for with credit: samples, or a message of another compositor."""
+
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Dropped:
+    """A packet was not sent: it gave way to a newer one."""
+
+    to: int
+    packet: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What one worker has done since it began."""
+
+    samples: int = 0
+    compared: int = 0  # of those: by the second of two samplers
+    secondary_rays: int = 0
+    bad_samples: int = 0  # their radiance was not finite
+
+
+@dataclass(frozen=True, slots=True)
+class Traced:
+    """A worker has finished a Trace."""
+
+    worker: int
+    event: Event  # of the Trace
+    packet: bytes | None  # None: nothing is missing under that event
+    work: Work
+    measured: Measured | None = None  # its sampler's tiles, where Trace asked for them
+
+
+@dataclass(frozen=True, slots=True)
+class Presented:
+    """The pictures of a Show have been given to their sinks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Died:
+    """A rank's process has ended badly."""
+
+    rank: int
+    how: str
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Somebody wants the run to end."""
+
+    reason: str
+
+
+Input: TypeAlias = Message | Packet | Dropped | Traced | Presented | Died | End
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Send a message. `to`: MANAGER; from the manager, a rank."""
+
+    to: int
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Broadcast:
+    """Send a message to every rank that has spoken."""
+
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """Send a packet to a compositor for credit; what has to give way to it comes back as Dropped."""
+
+    to: int
+    packet: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Connect:
+    """Open a link to a rank, in place of an earlier one."""
+
+    rank: int
+    endpoint: str
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Let an idle worker trace its next batch; Traced answers."""
+
+    worker: int
+    event: Event
+    lost: tuple[bytes, ...] = ()  # its packets that were dropped: their samples are to be traced again
+    measure: bool = False  # tell what its sampler knows of its tiles
+
+
+@dataclass(frozen=True, slots=True)
+class Restart:
+    """Make all workers' samplers anew. Only while all are idle."""
+
+    sampler: str
+    compare: str
+
+
+@dataclass(frozen=True, slots=True)
+class Show:
+    """Give sinks their newest pictures, in the order of the graph; Presented answers."""
+
+    pictures: tuple[WallPicture, ...]
+    status: Status
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """End the loop. `failure`: why that is an error, "" where it is none."""
+
+    failure: str = ""
+
+
+Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Show | Finish
+Instructions: TypeAlias = Iterable[Instruction]
+
+
+class Role(Protocol):
+    """What a loop executes."""
+
+    due: float  # when `on_tick` is wanted next, seconds of the head's clock
+
+    def on_message(self, message: Input, now: float) -> Instructions:
+        """Take a message in."""
+        ...
+
+    def on_tick(self, now: float) -> Instructions:
+        """Do what is due. Called after all messages that had come."""
+        ...

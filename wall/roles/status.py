@@ -1,0 +1,162 @@
+"""How the run is doing: the table of ranks, the viewer's numbers, what summary.json holds."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wall.config.schema import METHODS
+from wall.core.data import Event
+from wall.display.base import RankStatus, Status
+from wall.packets.control import Heartbeat, Member, Statistics
+from wall.roles.plan import Layout, Plan
+
+if TYPE_CHECKING:
+    from wall.roles.compositor import Compositor
+    from wall.roles.manager import Manager
+
+RECENT_LATENCIES = 240  # shown in the viewer's plot
+UNSEEN_EVENTS = 4096  # remembered until a sample of them is shown
+MEASURED_LATENCIES = 65536  # kept for the summary
+AWAY_FROM_HEAD = Status(
+    seconds=0.0, paused=False, sampler="", samplers=(), ranks=(), latency_ms=(0.0, 0.0, 0.0), latencies_ms=(),
+    refresh_hz=0.0,
+)  # fmt: skip  # what sinks away from the head are given: they show none of it
+
+
+class Latency:
+    """From an event's input to the refresh that first showed a sample of it, on the head's clock."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[tuple[int, int], float]] = deque(maxlen=UNSEEN_EVENTS)
+        self.seconds: deque[float] = deque(maxlen=MEASURED_LATENCIES)
+
+    def published(self, event: Event) -> None:
+        """An event is to be shown."""
+        self._waiting.append((event.number, event.input_time))
+
+    def shown(self, number: tuple[int, int], now: float) -> None:
+        """Samples of an event, and so of all before it, are shown."""
+        while self._waiting and self._waiting[0][0] <= number:
+            self.seconds.append(now - self._waiting.popleft()[1])
+
+    def percentiles_ms(self) -> tuple[float, float, float]:
+        """Median, 95th and 99th percentile of all, milliseconds."""
+        return percentiles_ms(list(self.seconds))
+
+
+def samplers_of(plan: Plan) -> tuple[str, ...]:
+    """What viewers may choose among: in lock step only the configured one, since others make no frames."""
+    return METHODS if plan.layout.graph.sync == "none" else (plan.layout.sampling.method,)
+
+
+def status_of(
+    plan: Plan,
+    event: Event,
+    beats: Mapping[int, Heartbeat],
+    members: Mapping[int, Member],
+    latency: Latency,
+    *,
+    seconds: float,
+    refreshes: int,
+    oldest: Mapping[int, float | None],
+) -> Status:
+    """What sinks may show of the run.
+
+    `seconds`: since it began; `refreshes`: that changed something; `oldest`: age of the oldest sample shown, by layer.
+    """
+    recent = list(latency.seconds)[-RECENT_LATENCIES:]
+    layout = plan.layout
+    return Status(
+        seconds=seconds,
+        paused=event.paused,
+        sampler=event.sampler,
+        samplers=samplers_of(plan),
+        compare=event.compare,
+        compared_per_s=sum(beat.compared_per_s for beat in beats.values()),
+        ranks=tuple(_rank_status(layout, k, beats.get(k), k in members, oldest) for k in range(layout.size)),
+        latency_ms=percentiles_ms(recent),
+        latencies_ms=tuple(1000.0 * s for s in recent),
+        refresh_hz=refreshes / max(seconds, 1e-3),
+    )
+
+
+def _rank_status(
+    layout: Layout, rank: int, beat: Heartbeat | None, alive: bool, oldest: Mapping[int, float | None]
+) -> RankStatus:
+    renders = layout.role(rank) == "renderer"
+    region = layout.region(rank) if renders else None
+    return RankStatus(
+        rank=rank,
+        role=layout.role(rank),
+        panel=layout.wall.panels[region.panel].id if region is not None else "",
+        region=layout.describe(rank),
+        samples_per_s=beat.samples_per_s if beat else 0.0,
+        bytes_per_s=beat.bytes_per_s if beat else 0.0,
+        oldest_sample_s=oldest.get(region.layer) if region is not None else None,
+        dropped=sum(beat.dropped.values()) if beat else 0,
+        alive=alive and beat is not None,
+        memory_mb=(beat.peak_memory if beat else 0) / 2**20,
+    )
+
+
+def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
+    """Median, 95th and 99th percentile in milliseconds, 0 where nothing was measured."""
+    if not seconds:
+        return (0.0, 0.0, 0.0)
+    p50, p95, p99 = np.percentile(np.array(seconds), [50, 95, 99]) * 1000.0
+    return (round(float(p50), 3), round(float(p95), 3), round(float(p99), 3))
+
+
+def statistics_of(status: Status) -> Statistics:
+    """What an `overlay` node may show."""
+    return Statistics(
+        fps=round(status.refresh_hz, 1),
+        samples_per_s=float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
+        latency_ms=round(status.latency_ms[0]),
+        ranks=sum(rank.alive for rank in status.ranks),
+    )
+
+
+def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds: float, cores: float) -> dict[str, Any]:
+    """What summary.json holds. `seconds`: how long the run took; `cores`: how many the head's process used."""
+    layout, beats = plan.layout, manager.heartbeats
+    dropped = manager.dropped()
+    renderers = [beat for rank, beat in beats.items() if layout.role(rank) == "renderer"]
+    others = [beat for rank, beat in beats.items() if layout.role(rank) != "renderer"]
+    layers = compositor.composition.layers.values()
+    return {
+        "seconds": round(seconds, 3),
+        "ended": manager.ended or "interrupted",
+        "samples_traced": sum(beat.samples_traced for beat in beats.values()),
+        "samples_shown": sum(beat.samples_shown for beat in beats.values()),
+        "secondary_rays": sum(beat.secondary_rays for beat in beats.values()),
+        "packets": sum(beat.packets for beat in renderers),
+        "bytes": sum(beat.bytes for beat in renderers),
+        "framelet_bytes": sum(beat.bytes for beat in others),
+        "refreshes": compositor.refreshes,
+        "head_cores": round(cores, 3),
+        "reconstruction": {layer.panel.id: str(layer.reconstruction) for layer in layers if layer.reconstruction},
+        "dropped": dict(sorted(dropped.counts.items())),
+        "latency_ms": dict(zip(("p50", "p95", "p99"), compositor.latency.percentiles_ms(), strict=True)),
+        "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
+        "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
+        "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
+    }
+
+
+def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Member | None) -> dict[str, Any]:
+    a_second = 1.0 / max(beat.seconds, 1e-3) if beat and beat.seconds else 0.0
+    return {
+        "rank": rank,
+        "role": layout.role(rank),
+        "region": layout.describe(rank),
+        "host": member.host if member else "",
+        "samples_traced": beat.samples_traced if beat else 0,
+        "samples_per_s": round(beat.samples_traced * a_second) if beat else 0,
+        "bytes_per_s": round(beat.bytes * a_second) if beat else 0,
+        "peak_memory": beat.peak_memory if beat else 0,
+    }

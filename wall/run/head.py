@@ -1,0 +1,201 @@
+"""The head's process: the manager in a thread of its own, a compositor with the sinks and the page, the summary."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from itertools import starmap
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from wall.core.errors import WallError
+from wall.roles.compositor import Compositor
+from wall.roles.instructions import MANAGER, Died, End
+from wall.roles.manager import Manager
+from wall.roles.plan import HEAD, Plan
+from wall.roles.status import summary_of
+from wall.run.bootstrap import Bootstrap
+from wall.run.clock import HeadClock
+from wall.run.loop import Loop, Source
+from wall.run.ports import Ports
+from wall.run.ranks import compositor_loop, machine_id, open_data_hub, ways_of
+from wall.run.sinks import distinct, hands_of, make_sinks, notes_of
+from wall.run.usage import cpu_seconds
+
+INPUT_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+STOP_WAIT_S = 6.0  # for the manager to end the run in all its steps
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What the command line adds to a configuration."""
+
+    out: Path
+    seconds: float | None = None  # None: until stopped
+    headless: bool = False  # no browser page
+    until_complete: bool = False  # stop when the still picture has all its samples
+    still: bool = False  # begin paused
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of a run."""
+
+    summary: dict[str, Any]
+    failed: str  # why the run failed, "" if it did not
+
+
+class Closing(ExitStack):
+    """Closes what was opened, the newest first. What cannot be closed in order keeps nothing else from being closed."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.failures: list[str] = []
+
+    def later(self, close: Callable[[], object]) -> None:
+        """Call `close` at the end; its error is kept in `failures`."""
+        self.callback(self._close, close)
+
+    def _close(self, close: Callable[[], object]) -> None:
+        try:
+            close()
+        except (WallError, OSError) as error:
+            self.failures.append(str(error))
+
+
+class HeadProcess:
+    """Rank 0 of a run, from its hubs to its summary."""
+
+    def __init__(self, plan: Plan, bootstrap: Bootstrap, options: Options) -> None:
+        self._plan, self._bootstrap, self._options = plan, bootstrap, options
+        self._clock, self._cpu = HeadClock(), cpu_seconds()
+        self._began = self._clock.now()
+        self._ends: deque[End | Died] = deque()
+        self._manager: Manager | None = None
+        self._compositor: Compositor | None = None
+        self.failures: list[str] = []
+
+    def run(self, say: Say, opened: Say) -> None:
+        """Open everything, run both loops, close everything."""
+        with Closing() as closing:
+            self.failures = closing.failures
+            self._run(closing, say, opened)
+
+    def _run(self, closing: Closing, say: Say, opened: Say) -> None:
+        plan, options, clock = self._plan, self._options, self._clock
+        control = open_data_hub(plan)
+        manager_ways = Ports(MANAGER, clock, hub=control)
+        closing.later(manager_ways.close)
+        address = {"manager": control.endpoint, "machine": machine_id()}
+        self._bootstrap.broadcast(json.dumps(address))
+        data = open_data_hub(plan)
+        ways = ways_of(plan, HEAD, address, clock, data)
+        closing.later(ways.close)
+        closing.later(lambda: self._bootstrap.finish(1 if self._manager is None or self._manager.lost else 0))
+        sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
+        for sink in distinct(sinks):
+            closing.later(sink.close)
+        for note in notes_of(sinks):
+            say(f"note: {note}")
+        loop = compositor_loop(plan, HEAD, data, ways, clock, sinks)
+        assert isinstance(loop.role, Compositor)
+        self._compositor = loop.role
+        self._manager = Manager(
+            plan, clock.now(), still=options.still, seconds=options.seconds, until_complete=options.until_complete
+        )
+        sources: list[Source] = [hands_of(HEAD, sinks), self._take_ends, self._deaths]
+        managing = ManagerThread(Loop(self._manager, manager_ways, clock, sources=sources, longest_wait_s=INPUT_POLL_S))
+        with ended_by_signals(self._ends):
+            opened(browser.address if browser else "")
+            managing.start()
+            try:
+                loop.run(alive=managing.is_alive)
+            except BaseException:
+                self._ends += [Died(HEAD, "an error"), End("the head's compositor failed")]
+                raise
+            finally:
+                managing.join(STOP_WAIT_S)
+        if managing.failure is not None:
+            self.failures.append(f"the manager failed: {managing.failure!r}")
+
+    def _take_ends(self) -> list[End | Died]:
+        return [self._ends.popleft() for _ in range(len(self._ends))]
+
+    def _deaths(self) -> Iterator[Died]:
+        return starmap(Died, self._bootstrap.dead().items())
+
+    def outcome(self) -> Outcome | None:
+        """Write summary.json. None where the run did not even begin."""
+        if self._manager is None or self._compositor is None:
+            return None
+        seconds = self._clock.now() - self._began
+        cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
+        summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
+        try:
+            write_json(self._options.out / "summary.json", summary)
+        except OSError as error:
+            self.failures.append(f"summary.json: {error.strerror}")
+        lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.lost.items())]
+        return Outcome(summary=summary, failed="; ".join([*lost, *self.failures]))
+
+
+def lead(plan: Plan, bootstrap: Bootstrap, options: Options, say: Say, opened: Say) -> Outcome:
+    """Be the head. Whatever fails, everything is closed, and what came is written."""
+    head = HeadProcess(plan, bootstrap, options)
+    try:
+        head.run(say, opened)
+    except WallError as error:
+        head.failures.append(str(error))
+        outcome = head.outcome()
+        if outcome is None:
+            raise
+        return outcome
+    outcome = head.outcome()
+    assert outcome is not None
+    return outcome
+
+
+class ManagerThread(threading.Thread):
+    """The manager's loop beside the compositor's: events go out while pictures are made."""
+
+    def __init__(self, loop: Loop) -> None:
+        super().__init__(name="manager", daemon=True)
+        self._loop = loop
+        self.failure: BaseException | None = None
+
+    def run(self) -> None:
+        """Turn the loop until it is finished, and keep its failure."""
+        try:
+            self._loop.run()
+        except BaseException as failure:
+            self.failure = failure
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a file whole or not at all."""
+    temporary = path.with_suffix(".part")
+    temporary.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+
+
+@contextmanager
+def ended_by_signals(ends: deque[End | Died]) -> Iterator[None]:
+    """While inside, Ctrl-C and SIGTERM end the run in order instead of tearing it apart."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        ends.append(End("interrupted" if number == signal.SIGINT else "terminated"))
+
+    before = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for s, handler in before.items():
+            signal.signal(s, handler)

@@ -1,0 +1,124 @@
+"""The loop of every rank: give a role its messages and the time, carry out what it asks for, sleep until more is due.
+
+    while not finished:
+        role.on_message(each message that came)   -> instructions
+        role.on_tick(now)                         -> instructions
+        wait for a message, at most until role.due
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from itertools import chain
+
+from wall.core.clock import Clock
+from wall.core.errors import RunError
+from wall.display.base import Sink
+from wall.packets.control import Heartbeat, Message
+from wall.roles.instructions import (
+    Broadcast,
+    Connect,
+    Dropped,
+    Finish,
+    Input,
+    Instruction,
+    Instructions,
+    Offer,
+    Presented,
+    Restart,
+    Role,
+    Send,
+    Show,
+    Trace,
+)
+from wall.run.ports import Ports
+from wall.run.tracers import Tracers
+from wall.run.usage import peak_memory
+
+Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
+
+
+class Loop:
+    """Executes one role; belongs to one thread."""
+
+    def __init__(
+        self,
+        role: Role,
+        ports: Ports,
+        clock: Clock,
+        *,
+        tracers: Tracers | None = None,
+        sinks: Sequence[Sink | None] = (),
+        sources: Sequence[Source] = (),
+        longest_wait_s: float = 0.05,
+    ) -> None:
+        """`tracers` execute Trace, `sinks` take what is shown; `sources` are asked at least every `longest_wait_s`."""
+        self.role, self.finished = role, False
+        self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
+        self._sources, self._longest_wait_s = sources, longest_wait_s
+
+    def run(self, alive: Callable[[], bool] = lambda: True) -> None:
+        """Turn until the role finishes, or `alive` does not hold. Raises RunError where the role ends by a failure."""
+        self._ports.synchronise()
+        while not self.finished and alive():
+            self.turn()
+            wait_s = min(max(0.0, self.role.due - self._clock.now()), self._longest_wait_s)
+            if self._tracers is not None and self._tracers.running:
+                self._tracers.wait(wait_s)
+            elif wait_s > 0 and not self.finished:
+                self._ports.wait(wait_s)
+
+    def turn(self) -> None:
+        """Take in what came, do what is due."""
+        done = self._tracers.finished() if self._tracers is not None else ()
+        for message in chain(self._ports.receive(), done, *(source() for source in self._sources)):
+            self.tell(message)
+        self._execute(self.role.on_tick(self._clock.now()))
+
+    def tell(self, message: Input) -> None:
+        """Give the role one message."""
+        self._execute(self.role.on_message(message, self._clock.now()))
+
+    def _execute(self, instructions: Instructions) -> None:
+        for instruction in instructions:
+            for answer in self._answers(instruction):
+                self.tell(answer)
+
+    def _answers(self, instruction: Instruction) -> Sequence[Input]:
+        """Carry out one instruction. Returns what the role is to hear of it."""
+        match instruction:
+            case Send(to, message):
+                self._ports.send(to, self._completed(message))
+            case Broadcast(message):
+                self._ports.broadcast(message)
+            case Offer(to, packet):
+                return [Dropped(to, dropped) for dropped in self._ports.offer(to, packet)]
+            case Connect(rank, endpoint):
+                self._ports.connect(rank, endpoint)
+            case Trace():
+                assert self._tracers is not None
+                return self._tracers.start(instruction)
+            case Restart(sampler, compare):
+                assert self._tracers is not None
+                self._tracers.restart(sampler, compare)
+            case Show(pictures, status):
+                for sink, picture in zip(self._sinks, pictures, strict=True):
+                    if sink is not None:
+                        sink.show(picture, status)
+                return [Presented()]
+            case Finish(failure):
+                self.finished = True
+                if failure:
+                    raise RunError(failure)
+        return ()
+
+    def _completed(self, message: Message) -> Message:
+        """A heartbeat with what its role cannot know: this process's memory, and drops at links and sinks."""
+        if not isinstance(message, Heartbeat):
+            return message
+        dropped = self._ports.drops()
+        dropped.merge(message.dropped)
+        for sink in {id(sink): sink for sink in self._sinks if sink is not None}.values():
+            dropped.merge(sink.dropped())
+        return replace(message, peak_memory=peak_memory(), dropped=dropped.counts)

@@ -1,0 +1,145 @@
+"""A rank's ways to others: a link to the manager, a hub for those who send to it, links to those it sends to."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+
+from wall.core.data import Counters
+from wall.core.errors import RemoteProtocolError, RunError
+from wall.packets.control import Message, Ping, Pong, parse_control, serialise
+from wall.roles.instructions import MANAGER, Input, Packet
+from wall.run.clock import HeadClock
+from wall.transport.base import MAX_CONTROL, Hub, Link
+from wall.transport.factory import connect
+
+DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
+SYNCHRONISE_S = 30.0  # for the manager's first answer: its host may be slow to start
+FIRST_PING_S = 0.1  # between pings until one is answered
+
+
+class Ports:
+    """Bytes to messages and back. Belongs to the thread of its loop; `clock` learns the head's time from `manager`."""
+
+    def __init__(
+        self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None
+    ) -> None:
+        """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours."""
+        self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
+        self._counters = Counters()
+        self._links: dict[int, Link] = {}
+        self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
+        self._ping_due = 0.0
+        self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
+
+    def synchronise(self) -> None:
+        """Wait until the head's time is known. Raises RunError where nobody tells it."""
+        if self._manager is None or self._ping_s is None:
+            return
+        limit = time.monotonic() + SYNCHRONISE_S
+        while not self._clock.known:
+            if time.monotonic() > limit:
+                raise RunError(f"rank {self._rank}: no time from the head for {SYNCHRONISE_S:.0f} s; giving up")
+            self._ping(self._manager, FIRST_PING_S)
+            self._manager.wait(FIRST_PING_S)
+            self._backlog.extend(self._of_manager(self._manager))
+
+    def receive(self) -> Iterator[Input]:
+        """What came, from the manager first. A packet's credit goes back when the next message is asked for."""
+        if self._manager is not None:
+            if self._ping_s is not None:  # throughout: the clocks of two machines drift apart
+                self._ping(self._manager, self._ping_s)
+            while self._backlog:
+                yield self._backlog.popleft()
+            yield from self._of_manager(self._manager)
+        if self._hub is not None:
+            for peer, packet in self._hub.drain(DRAIN_BYTES):
+                yield Packet(packet)
+                self._hub.release(peer, len(packet))
+            yield from self._of_ranks(self._hub)
+
+    def send(self, to: int, message: Message) -> None:
+        """Send a message to the manager, or from it to a rank that has spoken."""
+        if to == MANAGER and self._manager is not None:
+            self._manager.send(serialise(message))
+        elif self._hub is not None and to in self._peers:
+            self._hub.send(self._peers[to], serialise(message))
+
+    def broadcast(self, message: Message) -> None:
+        """Send a message to every rank that has spoken."""
+        if self._hub is not None:
+            self._hub.broadcast(serialise(message))
+
+    def offer(self, to: int, packet: bytes) -> list[bytes]:
+        """Send a packet for credit. Returns those that gave way."""
+        link = self._links.get(to)
+        return link.offer(packet) if link is not None else [packet]
+
+    def connect(self, rank: int, endpoint: str) -> None:
+        """Open a link to a rank's hub, in place of an earlier one."""
+        if rank in self._links:
+            self._links.pop(rank).close()
+        self._links[rank] = connect(endpoint, rank=self._rank)
+
+    def ready(self, to: int) -> bool:
+        """Whether a packet to a rank would be sent at once."""
+        link = self._links.get(to)
+        return link is not None and link.ready()
+
+    def wait(self, seconds: float) -> None:
+        """Sleep until something comes or the time is over."""
+        blocked = next((link for link in self._links.values() if not link.ready()), None)
+        waiting = self._hub or blocked or self._manager
+        assert waiting is not None
+        waiting.wait(seconds)
+
+    def drops(self) -> Counters:
+        """What was dropped on all ways, by name."""
+        total = Counters(dict(self._counters.counts))
+        for way in (self._hub, self._manager, *self._links.values()):
+            if way is not None:
+                total.merge(way.counters.counts)
+        return total
+
+    def close(self) -> None:
+        """Close all of them, within a bounded time each."""
+        for way in (*self._links.values(), self._manager, self._hub):
+            if way is not None:
+                way.close()
+
+    def _ping(self, manager: Link, every: float) -> None:
+        now = time.monotonic()
+        if now >= self._ping_due:
+            self._ping_due = now + every
+            manager.send(serialise(Ping(sent=now)))
+
+    def _of_manager(self, manager: Link) -> Iterator[Message]:
+        for data in manager.receive():
+            message = self._parsed(data)
+            if isinstance(message, Pong):
+                self._clock.learn(message.sent, message.head_time)
+            elif message is not None:
+                yield message
+
+    def _of_ranks(self, hub: Hub) -> Iterator[Message]:
+        """Control messages at our hub: the manager's business; elsewhere they are strays."""
+        for peer, data in hub.messages():
+            if self._manager is not None:
+                self._counters.add("stray_message")
+                continue
+            message = self._parsed(data)
+            if isinstance(message, Ping):
+                hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
+            elif message is not None:
+                self._peers[getattr(message, "rank", MANAGER)] = peer
+                yield message
+
+    def _parsed(self, data: bytes) -> Message | None:
+        try:
+            return parse_control(data)
+        except RemoteProtocolError:
+            self._counters.add("bad_message")
+            return None
+
+

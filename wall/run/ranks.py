@@ -1,0 +1,115 @@
+"""What a process does as one rank of a wall: it makes a role and the ways to others, and runs the loop."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+
+from wall.display.base import Sink
+from wall.packets.control import Hello
+from wall.roles.composition import RunAll, one_by_one
+from wall.roles.compositor import Compositor
+from wall.roles.plan import Plan
+from wall.roles.renderer import Renderer
+from wall.run.bootstrap import Bootstrap
+from wall.run.bootstrap_local import LocalBootstrap
+from wall.run.clock import HeadClock
+from wall.run.loop import Loop, Source
+from wall.run.ports import Ports
+from wall.run.sinks import distinct, hands_of, make_sinks, notes_of
+from wall.run.tracers import Tracers
+from wall.tracing.tracer_scene import TracerScene
+from wall.transport.base import Hub
+from wall.transport.factory import connect, open_hub
+
+RENDERER_NICE = 5  # renderers share this machine's cores with the head: showing comes before tracing
+EVENT_POLL_S = 0.02  # how long an event may wait at a compositor, which sleeps until samples come
+
+
+def serve(plan: Plan, tracer_scene: TracerScene, bootstrap: Bootstrap, *, headless: bool) -> None:
+    """Be a rank other than the head, until the manager says stop."""
+    rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
+    if plan.layout.role(rank) == "renderer":
+        if isinstance(bootstrap, LocalBootstrap):
+            os.nice(RENDERER_NICE)
+        _render(plan, tracer_scene, rank, address)
+    else:
+        _compose(plan, rank, address, headless=headless)
+
+
+def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[str, str]) -> None:
+    clock = HeadClock()
+    with ExitStack() as closing:
+        ports = ways_of(plan, rank, address, clock, None)
+        closing.callback(ports.close)
+        tracers = Tracers(plan, tracer_scene, rank, clock)
+        closing.callback(tracers.close)
+        Loop(Renderer(plan, hello_of(rank, ""), ports.ready), ports, clock, tracers=tracers).run()
+
+
+def _compose(plan: Plan, rank: int, address: Mapping[str, str], *, headless: bool) -> None:
+    clock = HeadClock()
+    with ExitStack() as closing:
+        hub = open_data_hub(plan)
+        ports = ways_of(plan, rank, address, clock, hub)
+        closing.callback(ports.close)
+        sinks, _ = make_sinks(plan, rank, Path(), headless=headless)
+        for sink in distinct(sinks):
+            closing.callback(sink.close)
+        for note in notes_of(sinks):
+            print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
+        compositor_loop(plan, rank, hub, ports, clock, sinks, [hands_of(rank, sinks)]).run()
+
+
+def compositor_loop(
+    plan: Plan,
+    rank: int,
+    hub: Hub,
+    ports: Ports,
+    clock: HeadClock,
+    sinks: list[Sink | None],
+    sources: Sequence[Source] = (),
+) -> Loop:
+    """A compositor, at the head or elsewhere."""
+    run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
+    compositor = Compositor(plan, hello_of(rank, hub.endpoint), ports.ready, run_all)
+    return Loop(compositor, ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S)
+
+
+def ways_of(plan: Plan, rank: int, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
+    """A rank's ways to others. Processes of one machine share its monotonic clock and need no pings."""
+    manager = connect(address["manager"], rank=rank)
+    ping_s = None if address["machine"] == machine_id() else plan.layout.config.transport.heartbeat_s
+    return Ports(rank, clock, hub=hub, manager=manager, ping_s=ping_s)
+
+
+def hello_of(rank: int, endpoint: str) -> Hello:
+    """What this process says of itself; `endpoint`: where others send packets to."""
+    incarnation = int.from_bytes(os.urandom(6), "little")
+    return Hello(rank=rank, host=socket.gethostname(), endpoint=endpoint, incarnation=incarnation)
+
+
+def machine_id() -> str:
+    """Names this machine since it was started: processes that agree share one monotonic clock."""
+    return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+
+
+def open_data_hub(plan: Plan) -> Hub:
+    """A hub as the configuration wants it."""
+    transport = plan.layout.config.transport
+    return open_hub(transport.kind, transport.bind, credit_bytes=transport.credit_bytes)
+
+
+def in_threads(layers: int) -> RunAll:
+    """Refresh several layers at once, a core each: kernels release the GIL, and layers share no written array."""
+    workers = min(layers, len(os.sched_getaffinity(0)))
+    if workers < 2:
+        return one_by_one
+    pool = ThreadPoolExecutor(workers, thread_name_prefix="refresh")
+    return lambda refreshes: list(pool.map(lambda refresh: refresh(), refreshes))

@@ -1,0 +1,65 @@
+"""The workers of a renderer: one is stepped by the loop itself, several in a thread each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+
+from wall.core.clock import Clock
+from wall.packets.samples import decode
+from wall.roles.instructions import Trace, Traced
+from wall.roles.plan import Plan
+from wall.roles.worker import Worker, make_samplers
+from wall.tracing.tracer_scene import TracerScene
+
+
+class Tracers:
+    """Executes Trace and Restart for one rank."""
+
+    def __init__(self, plan: Plan, tracer_scene: TracerScene, rank: int, clock: Clock, *, threads: bool = True) -> None:
+        """`threads`: False steps all workers in the caller's."""
+        self._plan, self._region, self._clock = plan, plan.layout.region(rank), clock
+        samplers = make_samplers(plan, "", self._region, clock)
+        self.workers = [Worker(plan, tracer_scene, rank, clock, samplers, k) for k in range(len(samplers))]
+        self._pool = ThreadPoolExecutor(len(self.workers)) if threads and len(self.workers) > 1 else None
+        self._running: set[Future[Traced]] = set()
+
+    def start(self, trace: Trace) -> list[Traced]:
+        """Trace now and give the answer, or let a thread begin; then `finished` gives it."""
+        if self._pool is None:
+            return [self._step(trace)]
+        self._running.add(self._pool.submit(self._step, trace))
+        return []
+
+    def _step(self, trace: Trace) -> Traced:
+        worker = self.workers[trace.worker]
+        for lost in trace.lost:
+            worker.forget(decode(lost))
+        packet = worker.step(trace.event)
+        measured = worker.measure_tiles() if trace.measure else None
+        return Traced(trace.worker, trace.event, packet, worker.work, measured)
+
+    def finished(self) -> Iterator[Traced]:
+        """Answers of threads that are done."""
+        for future in [future for future in self._running if future.done()]:
+            self._running.discard(future)
+            yield future.result()
+
+    @property
+    def running(self) -> bool:
+        """Whether a thread is at work."""
+        return bool(self._running)
+
+    def wait(self, seconds: float) -> None:
+        """Sleep until a thread is done, or the time is over."""
+        wait(self._running, timeout=seconds, return_when=FIRST_COMPLETED)
+
+    def restart(self, sampler: str, compare: str) -> None:
+        """Make all samplers anew. Only while no thread is at work."""
+        samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare)
+        self.workers[0].samplers[:] = samplers
+
+    def close(self) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=True)
