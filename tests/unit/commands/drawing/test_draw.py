@@ -197,7 +197,7 @@ def test_command_takes_the_rate_of_a_rank(tmp_path: Path) -> None:
     target = tmp_path / "wall.svg"
     options = ["draw", str(CONFIGS / "demo.yaml"), "-o", str(target), "--samples-per-s", "500000"]
     assert CliRunner().invoke(cli.app, options).exit_code == 0
-    assert texts(ElementTree.parse(target).getroot()).count("3.5 MB/s") == 4  # 7 bytes a sample
+    assert texts(ElementTree.parse(target).getroot()).count("3.25 MB/s") == 4  # 6.5 bytes a sample
 
 
 @pytest.mark.parametrize(
