@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import Batch, Event, Float32, Float64, Rect, Samples
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.panels import Panel, Wall, expand

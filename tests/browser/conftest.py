@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wall.config.schema import METHODS, GridConfig, WallConfig
+from wall.config.sampling import METHODS
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import StatisticsImage
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.display.browser import Browser

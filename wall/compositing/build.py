@@ -18,11 +18,10 @@ from wall.compositing.ranks import number_ranks
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import check_structure, in_order
 from wall.compositing.windows import with_windows
-from wall.config.graph import MAX_NODES
+from wall.config.graph import MAX_NODES, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
 from wall.config.loading import Loaded
-from wall.config.schema import NodeConfig, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
 from wall.geometry.panels import Wall
-from wall.operators.base import Operator
+from wall.operators.base import Node, Operator
 
 
 def build(loaded: Loaded, wall: Wall) -> Graph:
@@ -111,7 +110,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
 
 
-def _with_area(node: NodeConfig, wall: Wall) -> NodeConfig:
+def _with_area(node: Node, wall: Wall) -> Node:
     """The same node; one that names a panel as its area gets the panel's pixels."""
     panel = getattr(node, "panel", None)
     if not isinstance(node, Operator) or panel is None:

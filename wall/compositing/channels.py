@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
-from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.config.graph import ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.core.data import CHANNELS, Channels
-from wall.operators.base import Operator
+from wall.operators.base import Node, Operator
 
 COLOUR: Channels = frozenset({"colour"})
 RECONSTRUCTED: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
 Interval = tuple[int, int]
 
 
-def find_channels(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, Channels]:
+def find_channels(order: Sequence[Node], refusals: Refusals) -> dict[str, Channels]:
     """What every node's framelet holds: what it can give, as far as somebody after it needs it."""
     given = _given(order, refusals)
     wanted = _wanted(order)
@@ -23,7 +23,7 @@ def find_channels(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, 
     return {name: given[name] & (wanted[name] | made[name] | COLOUR) for name in given}
 
 
-def _given(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, Channels]:
+def _given(order: Sequence[Node], refusals: Refusals) -> dict[str, Channels]:
     given: dict[str, Channels] = {}
     for node in order:
         if isinstance(node, ReconstructNode):
@@ -48,7 +48,7 @@ def _refuse(node: Operator, k: int, missing: list[str], channels: Channels, refu
     refusals.add(node, input_path(node, k), came, hint)
 
 
-def _wanted(order: Sequence[NodeConfig]) -> dict[str, Channels]:
+def _wanted(order: Sequence[Node]) -> dict[str, Channels]:
     wanted: dict[str, Channels] = {node.id: frozenset() for node in order}
     for node in reversed(order):
         if isinstance(node, SamplesNode):
@@ -60,14 +60,14 @@ def _wanted(order: Sequence[NodeConfig]) -> dict[str, Channels]:
     return wanted
 
 
-def find_encoded(order: Sequence[NodeConfig], channels: Mapping[str, Channels], refusals: Refusals) -> dict[str, bool]:
+def find_encoded(order: Sequence[Node], channels: Mapping[str, Channels], refusals: Refusals) -> dict[str, bool]:
     """Whether a node's colour is display bytes already: as soon as nothing after it computes with light.
 
     Nodes that only move values pass on what they get; so bytes are made before them, three a pixel instead of twelve.
     """
     by_id = {node.id: node for node in order}
     encoded = {node.id: not isinstance(node, SamplesNode | SinkNode) for node in order}
-    users: dict[str, list[NodeConfig]] = {node.id: [] for node in order}
+    users: dict[str, list[Node]] = {node.id: [] for node in order}
     for node in order:
         for name in node.sources:
             users[name].append(node)
@@ -91,22 +91,22 @@ def find_encoded(order: Sequence[NodeConfig], channels: Mapping[str, Channels], 
     return encoded
 
 
-def computes(node: NodeConfig, channels: Mapping[str, Channels]) -> bool:
+def computes(node: Node, channels: Mapping[str, Channels]) -> bool:
     """Whether an operator computes with light, so that bytes can only be made of what comes out."""
     if not isinstance(node, Operator) or _op(node) == "encode":
         return False
     return not node.sources or not node.moves([channels[name] for name in node.sources])
 
 
-def _takes_bytes(user: NodeConfig, moving: Mapping[str, bool], encoded: Mapping[str, bool]) -> bool:
+def _takes_bytes(user: Node, moving: Mapping[str, bool], encoded: Mapping[str, bool]) -> bool:
     return isinstance(user, SinkNode) or (moving[user.id] and encoded[user.id])
 
 
-def _op(node: NodeConfig) -> str:
+def _op(node: Node) -> str:
     return str(getattr(node, "op", ""))
 
 
-def find_orders(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, int]:
+def find_orders(order: Sequence[Node], refusals: Refusals) -> dict[str, int]:
     """The order of every framelet: its own, else the least of its inputs'. Inputs of `over` must have one each."""
     spans: dict[str, Interval | None] = {}
     for node in order:
@@ -122,7 +122,7 @@ def find_orders(order: Sequence[NodeConfig], refusals: Refusals) -> dict[str, in
     return {name: span[0] if span is not None else 0 for name, span in spans.items()}
 
 
-def _are_ordered(node: NodeConfig, inputs: Sequence[Interval | None], refusals: Refusals) -> None:
+def _are_ordered(node: Node, inputs: Sequence[Interval | None], refusals: Refusals) -> None:
     for k, span in enumerate(inputs):
         at, name = input_path(node, k), node.sources[k]
         if span is None:

@@ -8,13 +8,13 @@ from graphlib import CycleError, TopologicalSorter
 from wall.compositing.graph import Graph
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
+from wall.config.graph import FrameSync, NodeGraph, SinkNode
 from wall.config.loading import Loaded, nearest
-from wall.config.schema import FrameSync, NodeConfig, NodeGraph, SinkNode
 from wall.geometry.panels import Wall
-from wall.operators.base import Operator
+from wall.operators.base import Node, Operator
 
 
-def check_panels_exist(nodes: Sequence[NodeConfig], wall: Wall, refusals: Refusals) -> None:
+def check_panels_exist(nodes: Sequence[Node], wall: Wall, refusals: Refusals) -> None:
     """Panels that nodes name are panels of the wall."""
     panels = [panel.id for panel in wall.panels]
     for node in nodes:

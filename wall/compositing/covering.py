@@ -8,10 +8,10 @@ import numpy as np
 
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
-from wall.config.schema import NodeConfig, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.config.graph import ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
-from wall.operators.base import Operator
+from wall.operators.base import Node, Operator
 
 MOST_PIXELS = 1 << 28  # of a node, unless the wall has more: 3 GB of linear light, 1 GB a further channel
 Cover = tuple[Rect, ...]  # that do not meet each other
@@ -80,7 +80,7 @@ class Covering:
         self._twice = [both for a, b in pairs if (both := a.intersection(b))]
         self._shared = Rects(self._twice)
 
-    def find(self, order: Sequence[NodeConfig]) -> None:
+    def find(self, order: Sequence[Node]) -> None:
         """Find rectangle and cover of every node; inputs come first in `order`."""
         for node in order:
             if isinstance(node, SamplesNode | SkyNode):
@@ -107,7 +107,7 @@ class Covering:
                     found[panel] = there.join(found.get(panel, there))
         return found
 
-    def _set(self, node: NodeConfig, rect: Rect, cover: Cover, lies: dict[int, Rect]) -> None:
+    def _set(self, node: Node, rect: Rect, cover: Cover, lies: dict[int, Rect]) -> None:
         self.rect[node.id], self.cover[node.id], self._lies[node.id] = rect, cover, lies
 
     def _operator(self, node: Operator) -> None:
@@ -158,7 +158,7 @@ class Covering:
         """Whether several panels of the wall light those pixels."""
         return any(self._twice[k].contains(rect) for k in self._shared.meeting(rect))
 
-    def check_sinks(self, order: Sequence[NodeConfig]) -> None:
+    def check_sinks(self, order: Sequence[Node]) -> None:
         """Every panel is shown somewhere, and nowhere a part of one."""
         shown: set[str] = set()
         for node in order:
@@ -181,7 +181,7 @@ class Covering:
         return shown
 
 
-def _area_path(node: NodeConfig) -> list[str | int]:
+def _area_path(node: Node) -> list[str | int]:
     """Where in a node its rectangle, or what makes it, stands, as it was written."""
     written = node.model_fields_set
     return next(([name] for name in ("panel", "area", "size", "factor") if name in written), [])

@@ -8,10 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from wall.config.schema import FrameSync, NodeConfig, SinkNode
+from wall.config.graph import FrameSync, SinkNode
 from wall.core.data import CHANNELS, Channels, Rect
 from wall.geometry.regions import Source
-from wall.operators.base import Operator
+from wall.operators.base import Node, Operator
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class Step:
     """A planned node that gives a framelet or shows one."""
 
     index: int  # in Graph.steps: its name on the wire
-    node: NodeConfig
+    node: Node
     inputs: tuple[int, ...]  # indices of steps
     rank: int  # of the compositor that does it
     rect: Rect  # in the frame
@@ -50,7 +50,7 @@ class Step:
 class Graph:
     """A checked graph. Rank 0 is the head (a compositor); then come other compositors, then renderers."""
 
-    nodes: tuple[NodeConfig, ...]  # inputs before those who need them
+    nodes: tuple[Node, ...]  # inputs before those who need them
     steps: tuple[Step, ...]  # likewise; samples nodes are in layers
     layers: tuple[Layer, ...]  # in the order of the panels
     compositors: int  # the head among them

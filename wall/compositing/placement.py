@@ -11,8 +11,9 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from wall.compositing.refusals import Refusals
-from wall.config.schema import NodeConfig, NodeGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.config.graph import NodeGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.geometry.panels import Wall
+from wall.operators.base import Node
 
 HEAD = 0
 ACCEPTED = "head, panel, rank N, host NAME or compositor N"
@@ -34,7 +35,7 @@ class Placement:
                 self.hosts[rank] = panel.host
         self._named_hosts = {panel.host for panel in wall.panels if panel.host is not None}
 
-    def find(self, order: Sequence[NodeConfig], panels: Mapping[str, frozenset[int]]) -> dict[str, int]:
+    def find(self, order: Sequence[Node], panels: Mapping[str, frozenset[int]]) -> dict[str, int]:
         """The rank of every node but samples nodes. `order`: inputs first; `panels`: whose pixels a node holds."""
         found: dict[str, int] = {}
         asked = {node.id: self._asked(node, panels[node.id]) for node in order if node.on is not None}
@@ -47,7 +48,7 @@ class Placement:
         self._all_work(found)
         return found
 
-    def _chosen(self, node: NodeConfig, found: Mapping[str, int], panels: frozenset[int]) -> int:
+    def _chosen(self, node: Node, found: Mapping[str, int], panels: frozenset[int]) -> int:
         if isinstance(node, SinkNode) and node.kind != "window":
             return HEAD
         if isinstance(node, ReconstructNode | SkyNode):
@@ -58,7 +59,7 @@ class Placement:
         most = Counter(inputs).most_common()
         return min(rank for rank, times in most if times == most[0][1])
 
-    def _asked(self, node: NodeConfig, panels: frozenset[int]) -> int | None:
+    def _asked(self, node: Node, panels: frozenset[int]) -> int | None:
         assert node.on is not None
         match = _ON.fullmatch(node.on)
         if isinstance(node, SamplesNode):
@@ -74,7 +75,7 @@ class Placement:
             return self._of_panels(node, panels)
         return self._on_host(node, host) if host else self._numbered(node, kind, int(number))
 
-    def _numbered(self, node: NodeConfig, kind: str, number: int) -> int | None:
+    def _numbered(self, node: Node, kind: str, number: int) -> int | None:
         count = self._config.compositors
         if number < count:
             return number
@@ -87,7 +88,7 @@ class Placement:
         self._refusals.add(node, ["on"], what, f"{kind} 0 to {count - 1}, or more graph.compositors")
         return None
 
-    def _of_panels(self, node: NodeConfig, panels: frozenset[int]) -> int | None:
+    def _of_panels(self, node: Node, panels: frozenset[int]) -> int | None:
         ranks = {self.panel[panel] for panel in panels}
         if len(ranks) == 1:
             return ranks.pop()
@@ -95,7 +96,7 @@ class Placement:
         self._refusals.add(node, ["on"], f"this node holds pixels of {which}", "head or compositor N")
         return None
 
-    def _on_host(self, node: NodeConfig, host: str) -> int | None:
+    def _on_host(self, node: Node, host: str) -> int | None:
         known = [rank for rank, name in self.hosts.items() if name == host]
         if known:
             return min(known)
@@ -107,7 +108,7 @@ class Placement:
         self.hosts[free[0]] = host
         return free[0]
 
-    def _sinks_at_the_head(self, order: Sequence[NodeConfig], found: Mapping[str, int]) -> None:
+    def _sinks_at_the_head(self, order: Sequence[Node], found: Mapping[str, int]) -> None:
         for node in order:
             if isinstance(node, SinkNode) and node.kind != "window" and found[node.id] != HEAD:
                 self._refusals.add(node, ["on"], f"a {node.kind} sink runs on the head", "head, or kind: window")

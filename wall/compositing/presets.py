@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from wall.config.schema import NodeConfig, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
+from wall.config.graph import NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.geometry.panels import Panel, Wall
+from wall.operators.base import Node
 from wall.operators.depth import Depth
 from wall.operators.tile import Tile
 
 
 def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     """The nodes of a preset: each panel its own samples and framelet, one picture of all, its sinks."""
-    nodes: list[NodeConfig] = []
+    nodes: list[Node] = []
     for panel in wall.panels:
         nodes += (
             _sort_last(panel, preset.ranks_per_panel)
@@ -29,7 +30,7 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     return NodeGraph(compositors=preset.compositors, sync=preset.sync, nodes=tuple(nodes))
 
 
-def _sort_first(panel: Panel, ranks: int) -> list[NodeConfig]:
+def _sort_first(panel: Panel, ranks: int) -> list[Node]:
     k = panel.index
     return [
         SamplesNode(op="samples", id=f"s{k}", panel=panel.id, ranks=ranks),
@@ -37,9 +38,9 @@ def _sort_first(panel: Panel, ranks: int) -> list[NodeConfig]:
     ]
 
 
-def _sort_last(panel: Panel, ranks: int) -> list[NodeConfig]:
+def _sort_last(panel: Panel, ranks: int) -> list[Node]:
     """Each rank a part of the objects, the sky behind all of them."""
-    k, nodes = panel.index, list[NodeConfig]()
+    k, nodes = panel.index, list[Node]()
     for r in range(ranks):
         part = (r / ranks, (r + 1) / ranks)
         nodes.append(SamplesNode(op="samples", id=f"s{k}-{r}", panel=panel.id, range=part))

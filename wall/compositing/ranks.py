@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wall.compositing.refusals import Refusals
+from wall.config.graph import NodeGraph, SamplesNode
 from wall.config.loading import nearest
-from wall.config.schema import NodeConfig, NodeGraph, SamplesNode
+from wall.operators.base import Node
 
 
 def number_ranks(config: NodeGraph, order: Sequence[SamplesNode], refusals: Refusals) -> dict[str, tuple[int, ...]]:
@@ -50,7 +51,7 @@ def _each_once(
     config: NodeGraph, order: Sequence[SamplesNode], named: dict[str, tuple[int, ...] | None], refusals: Refusals
 ) -> set[int]:
     first = config.compositors
-    taken: dict[int, NodeConfig] = {}
+    taken: dict[int, Node] = {}
     for node in order:
         for rank in named[node.id] or ():
             at = ["rank"] if node.rank is not None else ["group"]

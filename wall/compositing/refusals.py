@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wall.config.loading import Loaded
-from wall.config.schema import NodeConfig
 from wall.core.errors import ConfigError
+from wall.operators.base import Node
 
 
 class Refusals:
     """Errors of a graph's nodes, collected so that a user sees all of them at once."""
 
-    def __init__(self, loaded: Loaded, nodes: Sequence[NodeConfig], *, written: bool) -> None:
+    def __init__(self, loaded: Loaded, nodes: Sequence[Node], *, written: bool) -> None:
         """`written`: the nodes stand in the file; else they come from a preset, and errors point to `graph`."""
         self._loaded, self._written = loaded, written
         self._index = {id(node): i for i, node in enumerate(nodes)}
         self._named = {node.id: i for i, node in enumerate(nodes)}
         self.found: list[ConfigError] = []
 
-    def add(self, node: NodeConfig | None, at: Sequence[str | int], message: str, accepted: str = "") -> None:
+    def add(self, node: Node | None, at: Sequence[str | int], message: str, accepted: str = "") -> None:
         """`at` leads from the node (from `graph` without one) to the culprit inside it."""
         if node is not None and self._written:
             index = self._index.get(id(node), self._named[node.id])
@@ -30,7 +30,7 @@ class Refusals:
             path = ("graph", *at)
         self.found.append(self._loaded.error(path, message, accepted))
 
-    def number(self, node: NodeConfig) -> str:
+    def number(self, node: Node) -> str:
         """A node as errors call it."""
         return f"nodes[{self._index[id(node)]}]"
 

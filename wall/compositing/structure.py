@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from graphlib import CycleError, TopologicalSorter
 
 from wall.compositing.refusals import Refusals
+from wall.config.graph import SamplesNode, SinkNode
 from wall.config.loading import nearest
-from wall.config.schema import NodeConfig, SamplesNode, SinkNode
+from wall.operators.base import Node
 
 WORDS = {"samples": "samples", "framelet": "a framelet", "nothing": "nothing"}
 
 
-def check_structure(nodes: Sequence[NodeConfig], refusals: Refusals) -> None:
+def check_structure(nodes: Sequence[Node], refusals: Refusals) -> None:
     """Refuse what is no typed acyclic graph."""
     by_id = _by_id(nodes, refusals)
     _inputs_exist_and_fit(nodes, by_id, refusals)
@@ -25,14 +26,14 @@ def check_structure(nodes: Sequence[NodeConfig], refusals: Refusals) -> None:
         _is_used(nodes, refusals)
 
 
-def in_order(nodes: Sequence[NodeConfig]) -> tuple[NodeConfig, ...]:
+def in_order(nodes: Sequence[Node]) -> tuple[Node, ...]:
     """Inputs before those who need them; else as they stand in the file."""
     by_id = {node.id: node for node in nodes}
     return tuple(by_id[name] for name in TopologicalSorter({n.id: n.sources for n in nodes}).static_order())
 
 
-def _by_id(nodes: Sequence[NodeConfig], refusals: Refusals) -> dict[str, NodeConfig]:
-    by_id: dict[str, NodeConfig] = {}
+def _by_id(nodes: Sequence[Node], refusals: Refusals) -> dict[str, Node]:
+    by_id: dict[str, Node] = {}
     for node in nodes:
         if node.id in by_id:
             refusals.add(node, ["id"], f"{refusals.number(by_id[node.id])} has this id already", "ids that differ")
@@ -41,13 +42,13 @@ def _by_id(nodes: Sequence[NodeConfig], refusals: Refusals) -> dict[str, NodeCon
     return by_id
 
 
-def input_path(node: NodeConfig, k: int) -> list[str | int]:
+def input_path(node: Node, k: int) -> list[str | int]:
     """Where input k stands in a node."""
     single = getattr(node, "input", None) is not None
     return ["input"] if single and k == 0 else ["inputs", k - single]
 
 
-def _inputs_exist_and_fit(nodes: Sequence[NodeConfig], by_id: dict[str, NodeConfig], refusals: Refusals) -> None:
+def _inputs_exist_and_fit(nodes: Sequence[Node], by_id: dict[str, Node], refusals: Refusals) -> None:
     for node in nodes:
         for k, name in enumerate(node.sources):
             at, giver = input_path(node, k), by_id.get(name)
@@ -62,11 +63,11 @@ def _inputs_exist_and_fit(nodes: Sequence[NodeConfig], by_id: dict[str, NodeConf
                 refusals.add(node, at, came, accepted)
 
 
-def _op(node: NodeConfig) -> str:
+def _op(node: Node) -> str:
     return str(getattr(node, "op", type(node).__name__))
 
 
-def _is_acyclic(nodes: Sequence[NodeConfig], by_id: dict[str, NodeConfig], refusals: Refusals) -> None:
+def _is_acyclic(nodes: Sequence[Node], by_id: dict[str, Node], refusals: Refusals) -> None:
     try:
         TopologicalSorter({node.id: node.sources for node in nodes}).prepare()
     except CycleError as error:
@@ -76,7 +77,7 @@ def _is_acyclic(nodes: Sequence[NodeConfig], by_id: dict[str, NodeConfig], refus
         refusals.add(node, at, f"needs its own result: {' -> '.join(circle)}", "a graph without cycles")
 
 
-def _is_used(nodes: Sequence[NodeConfig], refusals: Refusals) -> None:
+def _is_used(nodes: Sequence[Node], refusals: Refusals) -> None:
     users: dict[str, list[str]] = {node.id: [] for node in nodes}
     for node in nodes:
         for name in node.sources:

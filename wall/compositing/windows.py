@@ -9,9 +9,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from wall.compositing.covering import panel_rect
-from wall.config.schema import NodeConfig, NodeGraph, SinkNode, WarpFileConfig
+from wall.config.displays import WarpFileConfig
+from wall.config.graph import NodeGraph, SinkNode
 from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
+from wall.operators.base import Node
 from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour
 from wall.operators.crop import Crop
@@ -27,7 +29,7 @@ def with_windows(
 
     rects : of every node; shown : of every sink the panels that it shows whole
     """
-    nodes: list[NodeConfig] = []
+    nodes: list[Node] = []
     taken = {node.id for node in config.nodes}
     for node in config.nodes:
         if not isinstance(node, SinkNode) or node.kind != "window":
@@ -40,9 +42,9 @@ def with_windows(
     return config.model_copy(update={"nodes": tuple(nodes)})
 
 
-def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str]) -> list[NodeConfig]:
+def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str]) -> list[Node]:
     """What leads from the sink's input to the panel's window, and that."""
-    chain: list[NodeConfig] = []
+    chain: list[Node] = []
     stem, rect = name[:MAX_STEM], panel_rect(panel)
 
     def link(what: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import or_
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
@@ -91,7 +91,6 @@ class SinkNode(Node):
 
 
 _KINDS: list[type[Node]] = [SamplesNode, ReconstructNode, SkyNode, SinkNode, *OPERATORS.values(), *plugins().values()]
-NodeConfig: TypeAlias = Node
 _AnyNode: Any = Annotated[reduce(or_, _KINDS), Field(discriminator="op")]
 
 

@@ -15,7 +15,10 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from wall.config import json_schema, yaml_text
-from wall.config.schema import METHODS, CameraConfig, Config, OrbitPathConfig, SceneConfig
+from wall.config.sampling import METHODS
+from wall.config.scene import SceneConfig
+from wall.config.schema import Config
+from wall.config.views import CameraConfig, OrbitPathConfig
 from wall.config.yaml_text import Document, YamlPath
 from wall.core.errors import ConfigError
 

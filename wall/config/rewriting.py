@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from wall.config import yaml_text
 from wall.config.loading import Loaded, dump, load, loads
-from wall.config.schema import WallConfig
+from wall.config.screens import WallConfig
 from wall.core.errors import ConfigError
 
 

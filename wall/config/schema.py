@@ -1,4 +1,4 @@
-"""The model of a whole configuration; re-exports all models that it is made of."""
+"""The model of a whole configuration, of its transport and of its output; its other parts have files of their own."""
 
 from __future__ import annotations
 
@@ -7,109 +7,12 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.config.displays import (
-    BlendConfig,
-    ColourConfig,
-    SidesConfig,
-    WarpFileConfig,
-    WarpGridConfig,
-    WindowConfig,
-)
-from wall.config.graph import (
-    FrameSync,
-    GraphConfig,
-    NodeConfig,
-    NodeGraph,
-    PresetGraph,
-    ReconstructNode,
-    SamplesNode,
-    SinkNode,
-    SkyNode,
-)
-from wall.config.sampling import (
-    METHODS,
-    AdaptiveSampling,
-    AnySampling,
-    FramedSampling,
-    FramelessSampling,
-    HilbertSampling,
-    SamplingConfig,
-    switched,
-)
-from wall.config.scene import (
-    AnimationConfig,
-    DirectionalLightConfig,
-    KeyframeConfig,
-    KeyframesConfig,
-    LightConfig,
-    OrbitConfig,
-    PointLightConfig,
-    RotationConfig,
-    SceneConfig,
-    SkyConfig,
-    SpinConfig,
-)
-from wall.config.screens import CornersConfig, GridConfig, PanelConfig, WallConfig
-from wall.config.views import (
-    CameraConfig,
-    CameraKeyframeConfig,
-    KeyframesPathConfig,
-    OrbitPathConfig,
-    PathConfig,
-    ViewConfig,
-)
+from wall.config.graph import GraphConfig, PresetGraph
+from wall.config.sampling import AnySampling, FramelessSampling, SamplingConfig
+from wall.config.scene import SceneConfig
+from wall.config.screens import WallConfig
+from wall.config.views import ViewConfig
 from wall.core.fields import Flag, Model, Number, Text, Whole, refusal
-
-__all__ = [
-    "METHODS",
-    "AdaptiveSampling",
-    "AnimationConfig",
-    "AnySampling",
-    "BlendConfig",
-    "BrowserConfig",
-    "CameraConfig",
-    "CameraKeyframeConfig",
-    "ColourConfig",
-    "Config",
-    "CornersConfig",
-    "DirectionalLightConfig",
-    "FrameSync",
-    "FramedSampling",
-    "FramelessSampling",
-    "GraphConfig",
-    "GridConfig",
-    "HilbertSampling",
-    "KeyframeConfig",
-    "KeyframesConfig",
-    "KeyframesPathConfig",
-    "LightConfig",
-    "NodeConfig",
-    "NodeGraph",
-    "OrbitConfig",
-    "OrbitPathConfig",
-    "OutputConfig",
-    "PanelConfig",
-    "PathConfig",
-    "PointLightConfig",
-    "PresetGraph",
-    "ReconstructNode",
-    "RotationConfig",
-    "SamplesNode",
-    "SamplingConfig",
-    "SceneConfig",
-    "SidesConfig",
-    "SinkNode",
-    "SkyConfig",
-    "SkyNode",
-    "SpinConfig",
-    "TransportConfig",
-    "ViewConfig",
-    "WallConfig",
-    "WarpFileConfig",
-    "WarpGridConfig",
-    "WindowConfig",
-    "switched",
-]
 
 
 class TransportConfig(Model):

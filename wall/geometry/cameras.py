@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wall.config.loading import Loaded
-from wall.config.schema import KeyframesPathConfig, OrbitPathConfig, PathConfig
+from wall.config.views import KeyframesPathConfig, OrbitPathConfig, PathConfig
 from wall.core.data import Camera, Event, Float64
 from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.schema import SidesConfig
+from wall.config.displays import SidesConfig
 from wall.core.data import Float64
 
 PARALLEL = 1e-6  # sine: a hundredth of a pixel across 16,384 pixels

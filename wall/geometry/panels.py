@@ -11,18 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.schema import (
-    BlendConfig,
-    ColourConfig,
-    GridConfig,
-    PanelConfig,
-    SidesConfig,
-    WallConfig,
-    WarpFileConfig,
-    WarpGridConfig,
-    WindowConfig,
-)
-from wall.config.screens import Rotation, Stereo
+from wall.config.displays import BlendConfig, ColourConfig, SidesConfig, WarpFileConfig, WarpGridConfig, WindowConfig
+from wall.config.screens import GridConfig, PanelConfig, Rotation, Stereo, WallConfig
 from wall.core.data import Float64
 from wall.geometry.layout import Overlap, Placed, Placement, place
 from wall.geometry.shorthand import Eye, eyes, grid_panels, raster

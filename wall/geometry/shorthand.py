@@ -9,16 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wall.config.schema import (
-    BlendConfig,
-    CornersConfig,
-    GridConfig,
-    PanelConfig,
-    SidesConfig,
-    WallConfig,
-    WindowConfig,
-)
-from wall.config.screens import Stereo
+from wall.config.displays import BlendConfig, SidesConfig, WindowConfig
+from wall.config.screens import CornersConfig, GridConfig, PanelConfig, Stereo, WallConfig
 from wall.core.data import Float64
 
 

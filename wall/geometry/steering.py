@@ -10,7 +10,7 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wall.config.schema import METHODS
+from wall.config.sampling import METHODS
 from wall.core.data import Camera, Float64
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at

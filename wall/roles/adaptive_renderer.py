@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from wall.config.schema import AdaptiveSampling
+from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import Clock
 from wall.core.data import Event, Rect, Region, Samples
 from wall.core.errors import RunError

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
-from wall.config.schema import FrameSync, SkyNode
+from wall.config.graph import FrameSync, SkyNode
 from wall.core.data import Counters, Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE

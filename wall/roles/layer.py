@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.schema import AdaptiveSampling
+from wall.config.sampling import AdaptiveSampling
 from wall.core.data import Batch, Event, StatisticsImage
 from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from wall.compositing.graph import Graph
-from wall.config.schema import FrameSync
+from wall.config.graph import FrameSync
 from wall.core.data import Event
 from wall.roles.edges import NEVER, Number, RemoteFramelet
 from wall.roles.layer import PanelCompositor

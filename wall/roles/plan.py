@@ -11,8 +11,10 @@ from pathlib import Path
 
 from wall.compositing.build import build
 from wall.compositing.graph import Graph, Layer
+from wall.config.graph import NodeGraph, SinkNode
 from wall.config.loading import Loaded
-from wall.config.schema import AnySampling, Config, NodeGraph, SinkNode
+from wall.config.sampling import AnySampling
+from wall.config.schema import Config
 from wall.core.data import Event, Region
 from wall.core.errors import ConfigError, SceneError
 from wall.geometry.cameras import View, resolve_view

@@ -6,7 +6,7 @@ import numpy as np
 
 from wall.compositing.executor import Regions
 from wall.compositing.graph import Step
-from wall.config.schema import SkyNode
+from wall.config.graph import SkyNode
 from wall.core.data import Camera, Event
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.channels import blank_framelet, show_sky

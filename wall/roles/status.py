@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wall.config.schema import METHODS
+from wall.config.sampling import METHODS
 from wall.core.data import Event
 from wall.display.base import RankStatus, Status
 from wall.packets.control import Heartbeat, Member, Statistics

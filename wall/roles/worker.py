@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from wall.config.schema import AdaptiveSampling, FramedSampling, HilbertSampling, switched
+from wall.config.sampling import AdaptiveSampling, FramedSampling, HilbertSampling, switched
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region
 from wall.geometry.cameras import PanelView

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from wall.compositing.graph import Step
-from wall.config.schema import SinkNode
+from wall.config.graph import SinkNode
 from wall.display.base import Sink
 from wall.display.browser import Browser
 from wall.display.png import PngSink

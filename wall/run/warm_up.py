@@ -13,7 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from wall.config.schema import METHODS, SkyNode
+from wall.config.graph import SkyNode
+from wall.config.sampling import METHODS
 from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect

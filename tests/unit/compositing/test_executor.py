@@ -13,7 +13,7 @@ from small_graphs import PANEL0, PANEL1, WHOLE, built, nodes
 
 from wall.compositing.executor import Executor, merged, same_time
 from wall.compositing.graph import Graph, Step
-from wall.config.schema import SkyNode
+from wall.config.graph import SkyNode
 from wall.core.data import STILL, Camera, Event, Framelet, Rect
 from wall.operators.base import Operator
 from wall.operators.crop import Crop

@@ -6,8 +6,8 @@ import pytest
 
 from wall.compositing.build import build
 from wall.compositing.graph import Graph
+from wall.config.graph import PresetGraph
 from wall.config.loading import loads
-from wall.config.schema import PresetGraph
 from wall.core.errors import ConfigError
 from wall.geometry.panels import expand
 from wall.geometry.regions import Source, regions

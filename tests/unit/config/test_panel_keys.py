@@ -7,8 +7,9 @@ from typing import Any
 import pytest
 
 from wall.config import yaml_text
+from wall.config.displays import BlendConfig, SidesConfig, WarpFileConfig, WarpGridConfig
 from wall.config.loading import dump, loads
-from wall.config.schema import BlendConfig, Config, SidesConfig, WarpFileConfig, WarpGridConfig
+from wall.config.schema import Config
 from wall.core.errors import ConfigError
 
 CORNERS = {"lower_left": [0, 0, 0], "lower_right": [0.4, 0, 0], "upper_left": [0, 0.3, 0]}

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.geometry.panels import Wall, expand
 

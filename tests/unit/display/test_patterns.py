@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from wall.config.loading import load
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.colour import srgb_decoded
 from wall.display.patterns import KINDS, Kind, pattern
 from wall.display.patterns.draw import CYAN, FAINT, GREEN, PLAIN, fitting_size, size_of

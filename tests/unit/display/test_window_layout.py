@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.errors import RunError
 from wall.display.window_layout import TURNS, Box, Monitor, WindowRequest, lay_out, request_of
 from wall.geometry.panels import expand

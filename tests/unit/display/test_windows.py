@@ -19,7 +19,7 @@ from Xlib import XK, X
 from Xlib.display import Display
 
 from wall.config.displays import WindowConfig
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture
 from wall.display.window import WindowSink

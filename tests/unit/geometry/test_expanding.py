@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from wall.config.displays import BlendConfig, SidesConfig
 from wall.config.loading import loads
-from wall.config.schema import BlendConfig, SidesConfig
 from wall.config.yaml_text import write
 from wall.geometry.panels import Panel, Wall, expand, expanded_config
 

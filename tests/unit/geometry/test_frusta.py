@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from wall.config.schema import CornersConfig, GridConfig, PanelConfig, WallConfig
+from wall.config.screens import CornersConfig, GridConfig, PanelConfig, WallConfig
 from wall.core.data import Float64
 from wall.geometry.cameras import look_at
 from wall.geometry.frusta import cone_inside, distance_before, project, ray_frame

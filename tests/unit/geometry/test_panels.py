@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from wall.config.schema import CornersConfig, GridConfig, PanelConfig, SidesConfig, WallConfig
+from wall.config.displays import SidesConfig
+from wall.config.screens import CornersConfig, GridConfig, PanelConfig, WallConfig
 from wall.geometry.panels import Wall, expand
 
 ROUNDING = 1e-12  # metres; float64 sums of a few numbers near 1

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
 from wall.geometry.panels import Wall, expand

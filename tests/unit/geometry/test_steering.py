@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from wall.config.loading import loads
-from wall.config.schema import GridConfig, WallConfig
+from wall.config.screens import GridConfig, WallConfig
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import look_at, resolve_view
 from wall.geometry.frusta import project

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from wall.config.loading import loads
-from wall.config.schema import AdaptiveSampling
+from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import ManualClock
 from wall.core.data import Event
 from wall.roles.adaptive_renderer import AdaptiveRenderer

@@ -11,7 +11,7 @@ import numpy as np
 from wall.commands.drawing.model import TIMES, TO, Box, Diagram, Edge, Process, Role, Screen
 from wall.commands.drawing.traffic import bytes_a_sample, framelet_traffic, samples_traffic, si
 from wall.compositing.graph import Graph, Layer, Step
-from wall.config.schema import FrameSync, SinkNode
+from wall.config.graph import FrameSync, SinkNode
 from wall.core.data import Float64
 from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.panels import Panel

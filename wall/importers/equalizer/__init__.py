@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from wall.config.schema import WallConfig
+from wall.config.screens import WallConfig
 from wall.core.errors import ConfigError
 from wall.geometry.panels import expand
 from wall.importers.equalizer.canvases import drop_other_layouts, read_canvases

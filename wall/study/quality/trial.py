@@ -10,8 +10,8 @@ from pathlib import Path
 from wall.config.graph import PresetGraph
 from wall.config.loading import Loaded, load
 from wall.config.sampling import FramelessSampling
-from wall.config.schema import KeyframesPathConfig
 from wall.config.screens import GridConfig, WallConfig
+from wall.config.views import KeyframesPathConfig
 from wall.geometry.cameras import resolve_view
 from wall.geometry.panels import expand
 from wall.roles.plan import Plan, make_layout, make_plan

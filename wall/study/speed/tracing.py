@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from wall.config.loading import loads
-from wall.config.schema import HilbertSampling
+from wall.config.sampling import HilbertSampling
 from wall.core.data import SAMPLE, Event, Float32
 from wall.core.errors import RunError
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
