@@ -38,6 +38,7 @@ class Loaded:
 
     @property
     def folder(self) -> Path:
+        """Folder of the configuration file, against which its relative paths resolve."""
         return self.path.parent
 
     def error(self, yaml_path: YamlPath, message: str, accepted: str = "") -> ConfigError:

@@ -131,6 +131,7 @@ class GridConfig(Model):
         return self.bezel.across, self.bezel.down
 
     def panel_id(self, row: int, column: int) -> str:
+        """Returns the id of the panel at `row` and `column`, with the pattern's fields filled in."""
         return self.filled(self.id, row, column)
 
     @staticmethod

@@ -62,6 +62,7 @@ class Document:
         return None
 
     def refuse(self, node: Node, path: YamlPath, what: str, *, accepted: str = "") -> None:
+        """Adds a problem at `node`: what is wrong there, and what is accepted."""
         self.problems.append(Problem(position=_position(node.start_mark), path=path, what=what, accepted=accepted))
 
 

@@ -56,16 +56,20 @@ class Posed(Protocol):
     """What fixes where everything is: an Event, or a Batch that was traced under one."""
 
     @property
-    def camera(self) -> Camera: ...
+    def camera(self) -> Camera:
+        """The camera of the event."""
 
     @property
-    def scene_time(self) -> float: ...
+    def scene_time(self) -> float:
+        """Time of the scene's animation, in seconds."""
 
     @property
-    def camera_event(self) -> int: ...
+    def camera_event(self) -> int:
+        """Number of the camera event."""
 
     @property
-    def scene_event(self) -> int: ...
+    def scene_event(self) -> int:
+        """Number of the scene event."""
 
 
 class Poses:

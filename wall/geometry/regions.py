@@ -26,7 +26,8 @@ class HasSources(Protocol):
     """What `regions` needs to know of a compositing graph."""
 
     @property
-    def sources(self) -> Sequence[Source]: ...
+    def sources(self) -> Sequence[Source]:
+        """The sources of samples, in order."""
 
 
 def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:

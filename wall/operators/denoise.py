@@ -33,6 +33,7 @@ class Denoise(Operator):
         return inputs[0] - {"variance"}
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
+        """Returns the rectangle of the output that changes with input `k` in `rect`: the whole image, in pixels."""
         return inputs[0]
 
     def prepare(self, folder: Path, inputs: Sequence[Rect]) -> Denoiser:

@@ -27,17 +27,30 @@ class Reprojected(Protocol):
     rect: Rect
 
     @property
-    def nothing_moves(self) -> bool: ...
+    def nothing_moves(self) -> bool:
+        """True if neither camera nor objects moved since the last refresh."""
 
     @property
-    def radiance(self) -> Float32: ...
+    def radiance(self) -> Float32:
+        """The image, (h, w, 3) float32 linear RGB."""
 
-    def insert(self, samples: Samples, base_time: float, event: Posed) -> None: ...
-    def refresh(self, event: Event, now: float) -> None: ...
-    def clear(self) -> None: ...
-    def take_dirty(self) -> NDArray[np.bool_]: ...
-    def stored(self) -> StoredSamples: ...
-    def accumulated_counts(self) -> Float32: ...
+    def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
+        """Inserts samples whose times count from `base_time`, in seconds, posed by `event`."""
+
+    def refresh(self, event: Event, now: float) -> None:
+        """Reprojects the samples to `event` and reconstructs the image of time `now`, in seconds."""
+
+    def clear(self) -> None:
+        """Removes all samples."""
+
+    def take_dirty(self) -> NDArray[np.bool_]:
+        """Returns the tiles that changed since the last call, as a mask, and resets them."""
+
+    def stored(self) -> StoredSamples:
+        """Returns the stored samples."""
+
+    def accumulated_counts(self) -> Float32:
+        """Returns how many samples each pixel's mean has accumulated, (h, w) float32."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

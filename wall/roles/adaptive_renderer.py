@@ -41,6 +41,7 @@ class AdaptiveRenderer:
         self._event: Event | None = None  # that rays are traced under
 
     def choose(self, newest: Event) -> Targets | None:
+        """Returns the next batch's targets from the sampler; first refreshes the deep buffer if that is due."""
         now = self._clock.now()
         if now >= self._due:
             self.picture.refresh(self._panel_view(self._expected(newest, now)), now)
@@ -74,6 +75,7 @@ class AdaptiveRenderer:
         self.sampler.forget(samples)
 
     def restart(self) -> None:
+        """Removes all samples and makes the next refresh due at once."""
         self.picture.clear()
         self._due = float("-inf")
 

@@ -209,6 +209,7 @@ class Composition:
         return self._pictures.outlets.idle
 
     def samples_shown(self) -> int:
+        """Number of samples that the images of all layers show."""
         return sum(layer.samples_shown for layer in self.layers.values())
 
     def drops(self) -> Counters:
@@ -230,14 +231,17 @@ class Composition:
         return sources | {step: far.framelet for step, far in remote.items()}, remote
 
     def executor_of(self, sources: Mapping[int, Framelet]) -> Executor:
+        """Returns the executor of this rank's graph steps, which read the framelets `sources` by node."""
         graph, folder = self._plan.layout.graph, self._plan.layout.loaded.folder
         reproject = Timewarp(self._plan) if self.lockstep is None else None
         return Executor(graph, self._rank, sources, folder, reproject)
 
     def outlets_of(self, *, compared: bool) -> Outlets:
+        """Returns the outlets through which framelets leave this rank; `compared`: those of the second sampler."""
         return Outlets(self._plan.layout.graph, self._rank, self._ready, compared=compared)
 
     def shown_of(self) -> list[PanelCrops]:
+        """Returns the panel crops of each sink on this rank."""
         layout = self._plan.layout
         return [PanelCrops(layout.graph, sink, layout.wall) for sink in layout.graph.sinks_on(self._rank)]
 

@@ -58,6 +58,7 @@ class RemoteFramelet:
         return bool(self._changed)
 
     def take_changes(self) -> Regions:
+        """Returns the regions that changed since the last call, and resets them."""
         changed, self._changed = merged(self._changed), []
         return changed
 

@@ -41,10 +41,12 @@ class Layout:
 
     @property
     def config(self) -> Config:
+        """The loaded configuration."""
         return self.loaded.config
 
     @property
     def size(self) -> int:
+        """Number of ranks: compositors and renderers."""
         return self.graph.compositors + len(self.regions)
 
     @property
@@ -57,6 +59,7 @@ class Layout:
         return 0
 
     def role(self, rank: int) -> str:
+        """Returns "head", "compositor" or "renderer"."""
         if rank == HEAD:
             return "head"
         return "compositor" if rank < self.graph.compositors else "renderer"
@@ -66,9 +69,11 @@ class Layout:
         return self.graph.layers[self.region(rank).layer]
 
     def region(self, rank: int) -> Region:
+        """Returns the region that a renderer rank samples."""
         return self.regions[rank - self.graph.compositors]
 
     def panel(self, rank: int) -> Panel:
+        """Returns the panel in which a renderer rank's region lies."""
         return self.wall.panels[self.region(rank).panel]
 
     def target_of(self, rank: int) -> int:
@@ -76,6 +81,7 @@ class Layout:
         return self.layer(rank).compositor
 
     def renderers(self) -> range:
+        """The ranks that are renderers."""
         return range(self.graph.compositors, self.size)
 
     def describe(self, rank: int) -> str:

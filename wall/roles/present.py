@@ -56,6 +56,7 @@ class PanelCrops:
                 self._pictures[name] = replace(old, rgb=_bytes_of(framelet, rect), version=old.version + 1)
 
     def pictures(self) -> tuple[PanelPicture, ...]:
+        """The image of each panel of the sink."""
         return tuple(self._pictures.values())
 
 

@@ -14,6 +14,8 @@ from wall.roles.plan import Plan
 
 
 class SkyLayer:
+    """Layer that shows the scene's sky on one panel as seen by the newest camera."""
+
     def __init__(self, plan: Plan, step: Step) -> None:
         assert isinstance(step.node, SkyNode)
         self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)

@@ -73,6 +73,7 @@ class Due:
         self._next = float("-inf")
 
     def now(self, now: float) -> bool:
+        """True if a period has passed since the last True; `now` in seconds."""
         if now < self._next:
             return False
         self._next = now + STATISTICS_PERIOD_S

@@ -50,9 +50,11 @@ class Worker:
 
     @property
     def sampler(self) -> Sampler:
+        """The sampler that this worker uses."""
         return self.samplers[self.worker]
 
     def step(self, newest: Event) -> bytes | None:
+        """Traces and encodes one batch at the newest event; returns the packet, or None without targets."""
         while self._lost:
             lost = self._lost.popleft()
             _of_kind(self.sampler, lost.adaptive).forget(lost.samples, lost.base_time)

@@ -24,6 +24,7 @@ class LinkCredit:
         self._counters = counters
 
     def grant(self, limit: int, window: int) -> None:
+        """Takes the hub's grant: bytes allowed in all since the start, and the window, in bytes."""
         self._limit, self._window = max(limit, self._limit), window
 
     def allows(self, size: int) -> bool:
@@ -48,6 +49,7 @@ class LinkCredit:
         return dropped
 
     def flush(self, send: Callable[[bytes], bool]) -> None:
+        """Sends queued packets as far as the credit allows."""
         while self._queue and self.allows(len(self._queue[0])) and send(self._queue[0]):
             self.sent += len(self._queue.popleft())
 
@@ -66,6 +68,7 @@ class HubCredit:
         return True
 
     def consume(self, size: int) -> None:
+        """Counts `size` bytes as processed, which frees their credit."""
         size = min(size, self._held)  # what came before a reconnection was settled by resume()
         self._held -= size
         self._consumed += size

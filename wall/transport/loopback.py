@@ -35,6 +35,7 @@ class LoopbackHub(Hub):
         _hubs[self.endpoint] = self
 
     def welcome(self, link: LoopbackLink) -> bytes:
+        """Connects a link, grants its first credit and returns its peer id."""
         peer = b"%d" % next(_numbers)
         self._credits[peer] = HubCredit(self.window)
         self.links[peer] = link
@@ -42,6 +43,7 @@ class LoopbackHub(Hub):
         return peer
 
     def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
+        """Takes packets of up to `max_bytes` in all (the last may exceed it), each with its peer."""
         taken, size = [], 0
         while self.data and size < max_bytes:
             peer, packet = self.data.popleft()
@@ -51,14 +53,17 @@ class LoopbackHub(Hub):
         return taken
 
     def release(self, peer: bytes, size: int) -> None:
+        """Returns the credit of `size` processed bytes to a peer."""
         if peer in self.links:
             self._credits[peer].consume(size)
             self._grant(peer)
 
     def messages(self) -> list[tuple[bytes, bytes]]:
+        """Takes all control messages that arrived, each with its peer."""
         return _take_all(self.control, self.something)
 
     def send(self, peer: bytes, message: bytes) -> None:
+        """Sends a control message to one peer; counts it if the peer is gone."""
         link = self.links.get(peer)
         if link is None:
             self.counters.add("peer_gone")
@@ -66,15 +71,18 @@ class LoopbackHub(Hub):
         _keep(link.inbox, checked(message), link.counters, link.something)
 
     def broadcast(self, message: bytes) -> None:
+        """Sends a control message to every peer."""
         for peer in list(self.links):
             self.send(peer, message)
 
     def wait(self, seconds: float) -> None:
+        """Waits up to `seconds` for a packet or message."""
         with self.something:
             if not (self.data or self.control):
                 self.something.wait(seconds)
 
     def close(self) -> None:
+        """Disconnects all links and frees the endpoint."""
         self.links.clear()
         _hubs.pop(self.endpoint, None)
 
@@ -87,6 +95,8 @@ class LoopbackHub(Hub):
 
 
 class LoopbackLink(Link):
+    """Link to a hub in the same process."""
+
     def __init__(self, endpoint: str) -> None:
         self.counters = Counters()
         self.credit = LinkCredit(self.counters)
@@ -96,25 +106,31 @@ class LoopbackLink(Link):
         self._peer = self._hub.welcome(self)
 
     def offer(self, packet: bytes) -> list[bytes]:
+        """Sends a packet or queues it; returns the packets dropped for it."""
         return self.credit.offer(packet, self._put)
 
     def ready(self) -> bool:
+        """True if the credit allows another packet."""
         self.credit.flush(self._put)
         return self.credit.ready
 
     def send(self, message: bytes) -> None:
+        """Sends a control message to the hub."""
         _keep(self._hub.control, (self._peer, checked(message)), self._hub.counters, self._hub.something)
 
     def receive(self) -> list[bytes]:
+        """Takes all control messages that arrived."""
         self.credit.flush(self._put)
         return _take_all(self.inbox, self.something)
 
     def wait(self, seconds: float) -> None:
+        """Waits up to `seconds` for a control message."""
         with self.something:
             if not self.inbox:
                 self.something.wait(seconds)
 
     def close(self) -> None:
+        """Disconnects from the hub."""
         self._hub.links.pop(self._peer, None)
 
     def _put(self, packet: bytes) -> bool:

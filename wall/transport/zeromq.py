@@ -60,14 +60,17 @@ class ZmqLink(Link):
         self._ask()
 
     def offer(self, packet: bytes) -> list[bytes]:
+        """Sends a packet or queues it; returns the packets dropped for it."""
         self._pump()
         return self._credit.offer(packet, lambda data: self._put(DATA, data))
 
     def ready(self) -> bool:
+        """True if the credit allows another packet."""
         self._pump()
         return self._credit.ready
 
     def send(self, message: bytes) -> None:
+        """Sends a control message to the hub; the oldest waiting one is dropped if too many wait."""
         self._outgoing.append(checked(message))
         if len(self._outgoing) > MAX_CONTROL:
             self._outgoing.popleft()
@@ -75,16 +78,19 @@ class ZmqLink(Link):
         self._flush_control()
 
     def receive(self) -> list[bytes]:
+        """Takes all control messages that arrived."""
         self._pump()
         messages = list(self._messages)
         self._messages.clear()
         return messages
 
     def wait(self, seconds: float) -> None:
+        """Waits up to `seconds` for a control message."""
         if not self._messages:
             self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
 
     def close(self) -> None:
+        """Says goodbye to the hub and closes the socket."""
         if not self._socket.closed:
             self._flush_control()
             self._put(BYE, b"")
@@ -143,6 +149,7 @@ class ZmqHub(Hub):
         self._messages: deque[tuple[bytes, bytes]] = deque()
 
     def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
+        """Takes packets of up to `max_bytes` in all (the last may exceed it), each with its peer."""
         self._pump(max_bytes)
         taken, size = [], 0
         while self._data and size < max_bytes:
@@ -151,29 +158,35 @@ class ZmqHub(Hub):
         return taken
 
     def release(self, peer: bytes, size: int) -> None:
+        """Returns the credit of `size` processed bytes to a peer."""
         credit = self._peers.get(peer)
         if credit is not None:
             credit.consume(size)
             self._grant(peer, credit)
 
     def messages(self) -> list[tuple[bytes, bytes]]:
+        """Takes all control messages that arrived, each with its peer."""
         self._pump(MAX_MESSAGE_BYTES)
         messages = list(self._messages)
         self._messages.clear()
         return messages
 
     def send(self, peer: bytes, message: bytes) -> None:
+        """Sends a control message to one peer."""
         self._put(peer, CONTROL, checked(message))
 
     def broadcast(self, message: bytes) -> None:
+        """Sends a control message to every peer."""
         for peer in list(self._peers):
             self._put(peer, CONTROL, checked(message))
 
     def wait(self, seconds: float) -> None:
+        """Waits up to `seconds` for a packet or message."""
         if not (self._data or self._messages):
             self._socket.poll(max(0, round(seconds * 1000)), zmq.POLLIN)
 
     def close(self) -> None:
+        """Closes the socket."""
         if not self._socket.closed:
             self._socket.close()
             self._context.term()

@@ -92,6 +92,7 @@ class FramedMethod:
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
+        """Renders frames up to time `until`, in seconds, at the set rate or with `rays` in all."""
         rate = self._rate if rays is None else max(0, rays - self._allowed) / max(until - self._now, 1e-9)
         self._allowed = int(self._rate * until) if rays is None else rays
         while self._now < until:
@@ -112,6 +113,7 @@ class FramedMethod:
         self.rays += int(self._done + ROUNDING_RAYS) if self._event is not None else 0
 
     def show(self, time: float) -> Float32:
+        """Returns what the display shows at `time`, (h, w, 3) linear RGB."""
         return self._display.picture(self._inputs.event_at(time))
 
     def _finish(self, event: Event) -> None:
@@ -165,6 +167,7 @@ class FramelessMethod:
         self.rays = self.secondary = self.bytes = 0
 
     def advance(self, until: float, rays: int | None = None) -> None:
+        """Traces batches up to time `until`, in seconds, at the set rate or with `rays` in all."""
         rate = self._rate if rays is None else max(0, rays - self._allowed) / max(until - self._now, 1e-9)
         self._allowed = int(self._rate * until) if rays is None else rays
         while self._now < until:
@@ -181,6 +184,7 @@ class FramelessMethod:
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:
+        """Returns what the display shows at `time`, (h, w, 3) linear RGB."""
         return self._renderer.picture(self._inputs.event_at(time), time)
 
 

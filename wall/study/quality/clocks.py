@@ -25,6 +25,8 @@ Timer = Callable[[], float]  # seconds of CPU time that this process has used, a
 
 
 class Clock(Protocol):
+    """Decides how far a method gets between two refreshes."""
+
     spent: float  # CPU seconds of advance() and show()
     shown: int
 
@@ -40,6 +42,7 @@ class VirtualClock:
         self.spent, self.shown = 0.0, 0
 
     def refresh(self, method: Method, begin: float, end: float) -> Float32:
+        """Lets the method trace the rays of its set rate, then returns its image at `end`."""
         started = time.process_time()
         method.advance(end)
         picture = method.show(end)
@@ -63,6 +66,7 @@ class CpuClock:
         self._rays, self._rays_s = weight, weight * ray_s  # used so far and what they cost, the guess among them
 
     def refresh(self, method: Method, begin: float, end: float) -> Float32:
+        """Lets the method trace what the cores' CPU time allows, then returns its image at `end`."""
         earned = self._cores * (end - begin)
         repaid = REPAID * self._mispriced
         self._mispriced -= repaid

@@ -38,6 +38,7 @@ class Setup:
 
     @property
     def panel(self) -> Panel:
+        """The only panel of the wall."""
         return self.plan.layout.wall.panels[0]
 
     @property
@@ -47,10 +48,12 @@ class Setup:
 
     @property
     def rect(self) -> Rect:
+        """The image's rectangle, in pixels."""
         width, height = self.size
         return Rect(x=0, y=0, width=width, height=height)
 
     def tracer(self, *, coherent: bool) -> Tracer:
+        """Returns a tracer of the scene; `coherent` if the pixels of a batch lie close together."""
         return Tracer(self.tracer_scene, self.panel, self.plan.view.eye, coherent=coherent)
 
 
@@ -63,6 +66,7 @@ class Inputs:
         self._moment: Moment | None = None
 
     def event_at(self, time: float) -> Event:
+        """Returns the event of `time`, in seconds; its numbers grow where the camera or the scene moved."""
         plan, last, was = self._plan, self._event, self._moment
         camera, moment = plan.view.camera_at(time), plan.scene.at(time)
         cameras, scenes = (0, 0) if last is None else last.number

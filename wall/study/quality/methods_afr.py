@@ -152,6 +152,7 @@ class AdaptiveFrameless:
 
 
 def afr2005(follow_objects: bool, setup: Setup) -> FramelessMethod:
+    """Returns adaptive frameless rendering as published in 2005."""
     return FramelessMethod(setup, AdaptiveFrameless(setup, follow_objects=follow_objects))
 
 

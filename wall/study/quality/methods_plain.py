@@ -58,6 +58,7 @@ class SamplerMethod:
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:
+        """Returns the pixel buffer's image, (h, w, 3) linear RGB."""
         return self._buffer.radiance
 
     def _trace(self, targets: Targets) -> None:

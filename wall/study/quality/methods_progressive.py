@@ -17,6 +17,8 @@ from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, cent
 
 
 class ProgressiveMethod:
+    """Accumulates samples while nothing moves, and starts again at each event."""
+
     def __init__(self, setup: Setup) -> None:
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._tracer = MeteredTracer(setup, coherent=True)
@@ -46,6 +48,7 @@ class ProgressiveMethod:
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:
+        """Returns the means so far; pixels without a sample keep the image before the event."""
         if self._sampler is None:
             return self._before
         return np.where(self._sampler.counts[:, :, None] > 0, self._sampler.mean(), self._before).astype(np.float32)

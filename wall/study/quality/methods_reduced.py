@@ -31,9 +31,11 @@ class EnlargingDisplay:
         self._picture: Float32 | None = None
 
     def take(self, raster: Samples, event: Event) -> None:
+        """Takes a small frame, (h, w) samples, in place of the last."""
         self._frame[:], self._picture = raster["radiance"], None
 
     def picture(self, event: Event) -> Float32:
+        """Returns the frame enlarged bilinearly to the display's size, (h, w, 3) linear RGB."""
         if self._picture is None:
             (first, second, share), (left, right, part) = self._rows, self._columns
             rows = self._frame[first] * (1 - share)[:, None, None] + self._frame[second] * share[:, None, None]

@@ -28,6 +28,8 @@ AGE_AT_TURN = 128.0  # reached by an undisturbed point when its turn comes again
 
 
 class RenderCache:
+    """Render cache: reprojects cached points and samples where they are old or missing."""
+
     coherent = False  # pixels of a batch lie anywhere
 
     def __init__(self, setup: Setup, *, follow_objects: bool) -> None:
@@ -48,6 +50,7 @@ class RenderCache:
         self._since = 0  # rays since the last refresh
 
     def choose(self, count: int, event: Event, now: float) -> Float32:
+        """Returns up to `count` pixel centres to trace next, (n, 2) float32."""
         if self._at >= self._count:
             self._plan()
         pixels = self._chosen[self._at : min(self._at + count, self._count)]
@@ -56,10 +59,12 @@ class RenderCache:
         return xy
 
     def take(self, samples: Samples, event: Event, now: float) -> None:
+        """Stores traced samples in the cache, over the oldest entries."""
         self._since += len(samples) if now > 0.0 else 0  # the free picture says nothing of the rate
         self._cursor = kernels.store(samples, self._maps.of(event), self._cache, self._cursor)
 
     def picture(self, event: Event, now: float) -> Float32:
+        """Returns the image of the reprojected points, (h, w, 3) linear RGB."""
         cache = self._cache
         turn = self._since / cache.owner.size  # how much of the picture was sampled since
         np.minimum(cache.age + np.float32(AGE_AT_TURN * turn), kernels.OLDEST, out=cache.age)
@@ -83,6 +88,7 @@ class RenderCache:
 
 
 def render_cache(follow_objects: bool, setup: Setup) -> FramelessMethod:
+    """Returns the render cache as a frameless method."""
     return FramelessMethod(setup, RenderCache(setup, follow_objects=follow_objects))
 
 

@@ -50,6 +50,7 @@ class StreamMethod:
         self.rays, self.secondary = self._method.rays, self._method.secondary
 
     def show(self, time: float) -> Float32:
+        """Returns the method's image at `time` as the receiver decodes it, (h, w, 3) linear RGB."""
         update_display(self._method.show(time), self._everywhere, self._edge, self._codes)
         if self._sent is None or not np.array_equal(self._sent, self._codes):
             message = self._stream.encode(self._codes)
@@ -71,18 +72,22 @@ def light_of_codes() -> Float32:
 
 
 def raw(setup: Setup) -> StreamMethod:
+    """Returns the stream of uncompressed images."""
     return StreamMethod(setup, Raw(setup.size))
 
 
 def lossless(setup: Setup) -> StreamMethod:
+    """Returns the stream of changed tiles, compressed by zstd."""
     return StreamMethod(setup, Tiles(setup.size, zstd_tiles()))
 
 
 def jpeg(setup: Setup) -> StreamMethod:
+    """Returns the stream of whole JPEG images."""
     return StreamMethod(setup, Jpeg(JPEG_QUALITY))
 
 
 def dirty_jpeg(setup: Setup) -> StreamMethod:
+    """Returns the stream of changed tiles as JPEG."""
     return StreamMethod(setup, Tiles(setup.size, jpeg_tiles(JPEG_QUALITY)))
 
 

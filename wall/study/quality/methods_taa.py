@@ -47,6 +47,7 @@ class TemporalDisplay:
         self._pose: PointMaps | None = None
 
     def take(self, raster: Samples, event: Event) -> None:
+        """Blends a frame, (h, w) samples, into the reprojected history."""
         still = self._event is not None and event.number == self._event.number and self._keep
         pose = self._pose if still and self._pose is not None else object_maps(self._setup, event)
         frame = kernels_taa.Frame(
@@ -63,6 +64,7 @@ class TemporalDisplay:
         self._event, self._pose = event, pose
 
     def picture(self, event: Event) -> Float32:
+        """Returns the history, warped to `event` where asked for, (h, w, 3) linear RGB."""
         if not self._warp or self._event is None or event.number == self._event.number:
             return self._shown[:, :, :3]
         table = object_maps(self._setup, event).panel_from_object

@@ -57,10 +57,12 @@ class Score:
 
     @property
     def rmse(self) -> float:
+        """Root mean square error in linear RGB, over all refreshes."""
         return math.sqrt(self._linear / max(len(self.over_time), 1))
 
     @property
     def rmse_display(self) -> float:
+        """Root mean square error in display codes, over all refreshes."""
         return math.sqrt(self._display / max(len(self.over_time), 1))
 
     @property

@@ -43,6 +43,8 @@ FAMILIES = {"best TAA": "taa_", "best reduced": "reduced_", "render cache": "ren
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Theme:
+    """Colours of a plot's text, background and grid."""
+
     ink: str
     paper: str
     grid: str
@@ -61,10 +63,12 @@ class Line:
 
     @property
     def colour(self) -> str:
+        """Colour of the method's line."""
         return {**COLOURS, **STREAMED}.get(self.name, "#7f7f7f")
 
     @property
     def width(self) -> float:
+        """Width of the line, in points; our method's is wider."""
         return 2.6 if self.name == OURS else 1.4
 
 

@@ -62,6 +62,7 @@ class Row:
         return (self.scene, self.method, rate, self.width, self.height, self.seed, *how)
 
     def json_line(self) -> str:
+        """Returns the row as one line of JSON."""
         return json.dumps({name: _plain(value) for name, value in asdict(self).items()}, allow_nan=False)
 
 

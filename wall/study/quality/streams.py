@@ -27,6 +27,8 @@ ENDLESS = 1 << 24  # pictures between two that stand alone: nothing is lost here
 
 
 class Stream(Protocol):
+    """Codec of a sequence of images of 8-bit RGB."""
+
     def encode(self, picture: Bytes) -> bytes:
         """The sender's side: the message that a picture needs after those before it."""
         ...
@@ -43,9 +45,11 @@ class Raw:
         self._shape = (size[1], size[0], 3)
 
     def encode(self, picture: Bytes) -> bytes:
+        """Returns the image's bytes."""
         return picture.tobytes()
 
     def decode(self, message: bytes) -> Bytes:
+        """Returns the image, (h, w, 3) uint8."""
         return np.frombuffer(message, np.uint8).reshape(self._shape)
 
 
@@ -56,9 +60,11 @@ class Jpeg:
         self._quality = quality
 
     def encode(self, picture: Bytes) -> bytes:
+        """Returns the image as JPEG, with chroma at half resolution."""
         return bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(picture), self._quality, "RGB", "420", False))
 
     def decode(self, message: bytes) -> Bytes:
+        """Returns the image, (h, w, 3) uint8."""
         found: Bytes = simplejpeg.decode_jpeg(message, "RGB")
         return found
 
@@ -81,6 +87,7 @@ class Tiles:
         self._shown = np.zeros((self._rows * self._columns, TILE, TILE, 3), np.uint8)  # by the receiver
 
     def encode(self, picture: Bytes) -> bytes:
+        """Returns a bit mask of the changed tiles and their pixels; no bytes if none changed."""
         tiles = self._cut(picture)
         changed = np.ones(len(tiles), np.bool_)
         if self._sent is not None:
@@ -91,6 +98,7 @@ class Tiles:
         return np.packbits(changed).tobytes() + self._codec.pack(tiles[changed])
 
     def decode(self, message: bytes) -> Bytes:
+        """Updates the changed tiles and returns the image, (h, w, 3) uint8."""
         if message:
             mask = -(-len(self._shown) // 8)
             changed = np.unpackbits(np.frombuffer(message, np.uint8, mask), count=len(self._shown)).astype(np.bool_)
@@ -178,6 +186,7 @@ class H264:
         self._receiver.thread_count = 1
 
     def encode(self, picture: Bytes) -> bytes:
+        """Returns the encoder's packet of the image, padded to even sizes."""
         (width, height), sender = self._size, self._sender
         even = np.pad(picture, ((0, sender.height - height), (0, sender.width - width), (0, 0)), mode="edge")
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
@@ -185,6 +194,7 @@ class H264:
         return b"".join(bytes(packet) for packet in sender.encode(frame))
 
     def decode(self, message: bytes) -> Bytes:
+        """Returns the image of one packet, (h, w, 3) uint8."""
         frames: list[Any] = self._receiver.decode(self._av.Packet(message))
         if len(frames) != 1:
             raise RemoteProtocolError(f"H.264: {len(frames)} pictures came of one message of {len(message)} bytes")

@@ -54,6 +54,7 @@ class EqualError:
 
 
 def spending(row: Row) -> float:
+    """Returns what a row spends: samples a second on the virtual clock, else cores."""
     return row.rate if row.clock == "virtual" else row.cores
 
 
@@ -136,6 +137,7 @@ def rate_for(curve: Mapping[float, float], error: float) -> tuple[float, bool]:
 
 
 def geometric(values: Iterable[float]) -> float:
+    """Returns the geometric mean of positive values."""
     logs = [math.log(value) for value in values]
     return math.exp(sum(logs) / len(logs))
 
@@ -158,6 +160,7 @@ def scenes(rows: Iterable[Row]) -> list[str]:
 
 
 def spendings(rows: Iterable[Row]) -> list[float]:
+    """Returns the distinct spendings of the rows, ascending."""
     return sorted({spending(row) for row in rows})
 
 

@@ -67,6 +67,7 @@ class Wanted:
         return (row.clock, (row.width, row.height), row.refresh_hz) == (self.clock, self.size, self.refresh_hz)
 
     def check(self) -> None:
+        """Raises ConfigError if an option is unknown or does not suit another."""
         for method in self.methods:
             check_method(method)
             if self.clock == "cpu" and method in NO_RATE_OF_ITS_OWN:

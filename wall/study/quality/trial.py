@@ -38,6 +38,7 @@ class Trial:
 
     @property
     def scene(self) -> str:
+        """Name of the scene: the configuration's file name without ending."""
         return self.config.stem
 
 

@@ -60,6 +60,7 @@ class Session:
         self._now = 0.0
 
     def new_picture(self, *, detects_change: bool) -> Reconstruction:
+        """Returns an empty reconstruction of the session's panel."""
         panel, eye = self.plan.layout.wall.panels[0], self.plan.view.eye
         return Reconstruction(panel, eye, self.plan.scene, detects_change=detects_change, samples_per_pixel=self._kept)
 

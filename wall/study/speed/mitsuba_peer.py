@@ -123,6 +123,8 @@ def _one_mesh(plan: Plan) -> Plan:
 
 
 class Ours:
+    """The tracer of `wall`, on one scene."""
+
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
         layout = plan.layout
@@ -132,18 +134,22 @@ class Ours:
         self._samples = np.zeros(len(self._xy), SAMPLE)
 
     def rate(self) -> float:
+        """Traces one batch and returns samples a second."""
         arguments = self._tracer.arguments(self._xy, self._samples)
         began = time.perf_counter()
         kernels.trace(*arguments)
         return len(self._xy) / (time.perf_counter() - began)
 
     def picture(self) -> Float32:
+        """Returns the rendered image, (h, w, 3) linear RGB."""
         picture = render_plan(self._plan, spp=COMPARE_SPP, seed=1, at=0.0)
         assert picture is not None  # there is one rank
         return picture
 
 
 class Theirs:
+    """Mitsuba 3 on the LLVM backend, on the same scene."""
+
     def __init__(self, plan: Plan, folder: Path) -> None:
         import drjit
         import mitsuba
@@ -191,6 +197,7 @@ class Theirs:
         }  # fmt: skip
 
     def rate(self) -> float:
+        """Renders one sample for each pixel and returns samples a second."""
         width, height = self._size
         began = time.perf_counter()
         self._dr.eval(self._mi.render(self._scene, spp=1, seed=self._mi.UInt32(1)))
@@ -198,6 +205,7 @@ class Theirs:
         return width * height / (time.perf_counter() - began)
 
     def picture(self) -> Float32:
+        """Returns the rendered image, (h, w, 3) linear RGB."""
         return np.array(self._mi.render(self._scene, spp=COMPARE_SPP, seed=self._mi.UInt32(2)), np.float32)[:, :, :3]
 
 

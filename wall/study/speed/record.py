@@ -34,6 +34,7 @@ class Row:
     more: dict[str, Any] = field(default_factory=dict)
 
     def json_line(self) -> str:
+        """Returns the row as one line of JSON, with command, machine, seed and commit."""
         row = asdict(self)
         more = row.pop("more")
         about = {"command": command(), "machine": machine(), "seed": SEED, "commit": commit()}
@@ -69,6 +70,7 @@ def reported(metric: str, value: float, *, unit: str, note: str = "", **more: An
 
 
 def skipped(metric: str, unit: str, bar: str, why: str) -> Row:
+    """Returns the row of a metric that was not measured, and why."""
     return Row(metric=metric, value=None, unit=unit, limit=None, ratio=None, bar=bar, met=None, note=f"skipped: {why}")
 
 
@@ -80,6 +82,7 @@ def failed(metric: str, why: str) -> Row:
 
 
 def median(values: list[float]) -> float:
+    """Returns the median."""
     ordered = sorted(values)
     middle = len(ordered) // 2
     return ordered[middle] if len(ordered) % 2 else (ordered[middle - 1] + ordered[middle]) / 2
@@ -112,4 +115,5 @@ def commit() -> str:
 
 
 def command() -> str:
+    """Returns the command line that measures."""
     return " ".join(["wall", *sys.argv[1:]])

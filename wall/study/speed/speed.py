@@ -90,6 +90,7 @@ def _ordered(rows: list[Row]) -> list[Row]:
 
 
 def table(rows: list[Row]) -> Table:
+    """Returns the rows as a table for the terminal."""
     found = Table(title_justify="left")
     for column, right in (("metric", 0), ("value", 1), ("unit", 0), ("limit", 1), ("ratio", 1), ("bar", 0), ("met", 0)):
         found.add_column(column, justify="right" if right else "left", no_wrap=column == "metric")

@@ -36,6 +36,7 @@ class Source:
         self._event = first_event(plan, 0.0)
 
     def packet(self) -> bytes:
+        """Returns the worker's next packet; starts the sampler again when it is done."""
         while (packet := self.worker.step(self._event)) is None:
             self.worker.sampler.restart()
         return packet
