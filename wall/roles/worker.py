@@ -20,7 +20,6 @@ from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
 from wall.sampling.split import SplitSampler
 from wall.sampling.tiles import Measured
-from wall.scene.parts import objects_in
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
@@ -37,7 +36,7 @@ class Worker:
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
         self._codec = Codec.named(layout.config.transport.codec)
         share = layout.layer(rank).range
-        seen = objects_in(plan.scene, share) if share is not None else None
+        seen = plan.scene.objects_in(share) if share is not None else None
         self._panel_view = PanelView(plan.view_of(layout.panel(rank)), layout.panel(rank))
         self._tracers = {
             coherent: Tracer(tracer_scene, layout.panel(rank), self._panel_view.eye, coherent=coherent, seen=seen)

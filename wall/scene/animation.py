@@ -4,9 +4,8 @@ A *body* is anything with a pose: an instance, a point light (a body at its posi
 that far from the origin in its direction). A motion gives a rigid matrix M(t) in the world that is applied on top
 of the body's pose at rest; several motions on one body chain, the first listed innermost.
 
-A turn by angle a about axis k (unit, cross-product matrix K) is I + sin a K + (1 - cos a) K^2 (Rodrigues), so all
-turns of a layer are two weighted sums of matrices that were laid out once. Rotations between keyframes follow the
-shorter great arc (Shoemake 1985, slerp); positions between keyframes are linear.
+Rotations between keyframes follow the shorter great arc at constant speed (Shoemake 1985, slerp); positions between
+keyframes are linear.
 """
 
 from __future__ import annotations
@@ -18,29 +17,11 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from wall.core.data import Float64
 
 Vector: TypeAlias = tuple[float, float, float]
-
-NEARLY_PARALLEL = 1e-9  # rad between two quaternions; less is drawn as this much
-
-
-def _rotation_of_products() -> Float64:
-    """(16, 9): every entry of a rotation is a quadratic form of its quaternion, so one product gives all of them."""
-    table = np.zeros((4, 4, 9))
-    w, x, y, z = range(4)
-    for entry, signs in ((0, (1, 1, -1, -1)), (4, (1, -1, 1, -1)), (8, (1, -1, -1, 1))):
-        table[range(4), range(4), entry] = signs
-    for entry, a, b, c in ((1, x, y, z), (5, y, z, x), (6, z, x, y)):  # 2 (ab - wc), mirrored 2 (ab + wc)
-        mirrored = 3 * (entry % 3) + entry // 3
-        table[a, b, [entry, mirrored]] = 2.0
-        table[w, c, [entry, mirrored]] = -2.0, 2.0
-    return table.reshape(16, 9)
-
-
-ROTATION_OF_PRODUCTS = _rotation_of_products()
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spin:
@@ -84,20 +65,20 @@ class Moving:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turns:
-    """Spins and orbits of one layer: M(t) = I + sin(a) sine + (1 - cos(a)) versine, a = 2 pi t / period."""
+    """Spins and orbits of one layer: turns by 2 pi t / period; a body travels as the tip of its arm does."""
 
     rows: NDArray[np.intp]  # (n,) bodies
     periods: Float64  # (n,) seconds
-    sine: Float64  # (n, 4, 4)
-    versine: Float64  # (n, 4, 4)
+    axes: Float64  # (n, 3) unit
+    arms: Float64  # (n, 3) from the centre of the turn: of a spin to the origin, of an orbit to the body
+    keeps: NDArray[np.bool_]  # (n,) the orientation, as an orbit does
 
     def at(self, time: float) -> Float64:
         """(n, 4, 4) rigid matrices at a time in seconds. Whole turns are taken off first, so any time is exact."""
         angle = 2.0 * np.pi * np.fmod(time, self.periods) / self.periods
-        weighted = np.sin(angle)[:, None, None] * self.sine
-        weighted += (1.0 - np.cos(angle))[:, None, None] * self.versine
-        weighted[:, (0, 1, 2, 3), (0, 1, 2, 3)] += 1.0
-        return weighted
+        turn = Rotation.from_rotvec(angle[:, None] * self.axes).as_matrix()
+        moved = (turn @ self.arms[:, :, None])[:, :, 0] - self.arms
+        return _rigid(np.where(self.keeps[:, None, None], np.eye(3), turn), moved)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +88,7 @@ class Paths:
     rows: NDArray[np.intp]  # (n,) bodies
     times: Float64  # (n, k) seconds; padded with inf
     positions: Float64  # (n, k, 3) world
-    rotations: Float64  # (n, k, 4) unit quaternions, neighbours in one half space
+    rotations: Float64  # (n, k, 4) unit quaternions (w, x, y, z)
     first: Float64  # (n,) seconds
     length: Float64  # (n,) seconds from the first to the last key
     loop: NDArray[np.bool_]  # (n,)
@@ -125,9 +106,10 @@ class Paths:
         start, end = self.times[each, left], self.times[each, right]
         held = ~np.isfinite(end)  # past a short row's last key
         share = np.where(held, 0.0, (local - start) / np.where(held, 1.0, end - start))[:, None]
-        rotation = slerp(self.rotations[each, left], self.rotations[each, right], share)
+        begin, target = (Rotation.from_quat(self.rotations[each, k], scalar_first=True) for k in (left, right))
+        rotation = (begin * Rotation.from_rotvec(share * (begin.inv() * target).as_rotvec())).as_matrix()
         position = (1.0 - share) * self.positions[each, left] + share * self.positions[each, right]
-        return _placed(quaternion_matrices(rotation), self.center, position)
+        return _rigid(rotation, position - (rotation @ self.center[:, :, None])[:, :, 0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,51 +146,32 @@ def compile_tracks(motions: Sequence[Moving]) -> Tracks:
     return Tracks(layers=tuple(layers))
 
 
-def slerp(start: Float64, end: Float64, share: Float64) -> Float64:
-    """Unit quaternions (n, 4) between two in one half space; share (n, 1) in 0..1. After Shoemake 1985."""
-    angle = np.arccos(np.minimum((start * end).sum(axis=1, keepdims=True), 1.0))
-    angle = np.maximum(angle, NEARLY_PARALLEL)  # sin(x) / x is 1 there to the last digit: a straight blend
-    return np.asarray((np.sin((1.0 - share) * angle) * start + np.sin(share * angle) * end) / np.sin(angle), np.float64)
-
-
 def quaternion(axis: Vector, degrees: float) -> tuple[float, float, float, float]:
     """Unit quaternion (w, x, y, z) of a turn about an axis (any length but zero), right-handed."""
     unit = np.asarray(axis, np.float64) / np.linalg.norm(axis)
-    half = np.radians(degrees) / 2.0
-    x, y, z = (np.sin(half) * unit).tolist()
-    return (float(np.cos(half)), x, y, z)
+    w, x, y, z = Rotation.from_rotvec(degrees * unit, degrees=True).as_quat(scalar_first=True).tolist()
+    return (w, x, y, z)
 
 
-def quaternion_matrices(quaternions: Float64) -> Float64:
-    """(n, 3, 3) rotations of (n, 4) unit quaternions (w, x, y, z)."""
-    products = quaternions[:, :, None] * quaternions[:, None, :]
-    return (products.reshape(-1, 16) @ ROTATION_OF_PRODUCTS).reshape(-1, 3, 3)
-
-
-def _placed(rotation: Float64, center: Float64, position: Float64) -> Float64:
-    """(n, 4, 4) matrices that turn about `center` and carry it to `position`; both (n, 3)."""
+def _rigid(rotation: Float64, moved: Float64) -> Float64:
+    """(n, 4, 4) matrices of rotations (n, 3, 3) and translations (n, 3)."""
     matrices = np.zeros((len(rotation), 4, 4))
-    matrices[:, :3, :3] = rotation
-    matrices[:, :3, 3] = position - (rotation @ center[:, :, None])[:, :, 0]
-    matrices[:, 3, 3] = 1.0
+    matrices[:, :3, :3], matrices[:, :3, 3], matrices[:, 3, 3] = rotation, moved, 1.0
     return matrices
 
 
 def _turns(motions: list[tuple[Moving, Spin | Orbit]]) -> Turns:
-    rows = np.array([moving.body for moving, _ in motions], np.intp)
-    sine, versine = np.zeros((2, len(rows), 4, 4))
-    for row, (moving, motion) in enumerate(motions):
-        x, y, z = np.asarray(motion.axis, np.float64) / np.linalg.norm(motion.axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        own = np.asarray(moving.center, np.float64)
-        about = own if motion.center is None else np.asarray(motion.center, np.float64)
-        for matrix, part in ((sine[row], cross), (versine[row], cross @ cross)):
-            if isinstance(motion, Orbit):
-                matrix[:3, 3] = part @ (own - about)
-            else:
-                matrix[:3, :3] = part
-                matrix[:3, 3] = -part @ about
-    return Turns(rows=rows, periods=np.array([motion.period_s for _, motion in motions]), sine=sine, versine=versine)
+    own = np.array([moving.center for moving, _ in motions])
+    about = np.array([moving.center if motion.center is None else motion.center for moving, motion in motions])
+    axes = np.array([motion.axis for _, motion in motions])
+    keeps = np.array([isinstance(motion, Orbit) for _, motion in motions])
+    return Turns(
+        rows=np.array([moving.body for moving, _ in motions], np.intp),
+        periods=np.array([motion.period_s for _, motion in motions]),
+        axes=axes / np.linalg.norm(axes, axis=1, keepdims=True),
+        arms=np.where(keeps[:, None], own - about, -about),
+        keeps=keeps,
+    )
 
 
 def _paths(motions: list[tuple[Moving, Keyframes]]) -> Paths:
@@ -221,9 +184,6 @@ def _paths(motions: list[tuple[Moving, Keyframes]]) -> Paths:
         times[row, :count] = motion.times
         positions[row, :count], positions[row, count:] = motion.positions, motion.positions[-1]
         rotations[row, :count], rotations[row, count:] = motion.rotations, motion.rotations[-1]
-        for key in range(1, keys):  # q and -q are one rotation: take the nearer
-            if rotations[row, key] @ rotations[row, key - 1] < 0.0:
-                rotations[row, key] *= -1.0
     first = times[:, 0].copy()
     length = np.array([motion.times[-1] - motion.times[0] for _, motion in motions])
     loop = np.array([motion.loop for _, motion in motions]) & (length > 0.0)

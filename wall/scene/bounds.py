@@ -19,10 +19,9 @@ def world_boxes(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> Float6
 
 def framing_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tuple[Float64, float]:
     """Middle of the whole bounding box (3,) and the largest distance of a point from it, world."""
-    boxes = world_boxes(meshes, instances)
-    center: Float64 = (boxes[:, 0].min(axis=0) + boxes[:, 1].max(axis=0)) / 2.0
-    outlines = _outlines(meshes, instances)
-    return center, max(float(np.linalg.norm(points - center, axis=1).max()) for points in outlines)
+    center = middle(world_boxes(meshes, instances))
+    distances = (np.linalg.norm(points - center, axis=1).max() for points in _outlines(meshes, instances))
+    return center, float(max(distances))
 
 
 def middle(boxes: Float64) -> Float64:

@@ -9,6 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.config.scene import SceneConfig
 from wall.core.data import Float64
@@ -67,6 +68,17 @@ class Scene:
     def animated(self) -> bool:
         """Whether anything moves."""
         return bool(self.tracks)
+
+    def objects_in(self, share: tuple[float, float]) -> NDArray[np.bool_]:
+        """(n,) bool, for sort-last: instances whose middle triangle lies in [from, to) of all, object after object.
+
+        Shares that follow each other hold every object once. An object is never cut, so shares are as equal as
+        objects allow.
+        """
+        sizes = np.array([len(self.meshes[instance.mesh].triangles) for instance in self.instances], np.float64)
+        middles = (np.cumsum(sizes) - sizes / 2) / max(sizes.sum(), 1.0)
+        found: NDArray[np.bool_] = (share[0] <= middles) & (middles < share[1])
+        return found
 
     def at(self, time: float) -> Moment:
         """Everything that moves, at a scene time in seconds: read-only, the same object for one of the newest times."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from wall.config.scene import (
@@ -13,7 +12,8 @@ from wall.config.scene import (
     PointLightConfig,
     SceneConfig,
 )
-from wall.scene.animation import Keyframes, Motion, Orbit, Spin, Vector, quaternion
+from wall.scene.animation import Keyframes, Motion, Orbit, Spin, quaternion
+from wall.scene.lights import unit
 from wall.scene.model import DirectionalLight, Light, PointLight, Sky, Source, Track
 
 AT_REST = (1.0, 0.0, 0.0, 0.0)
@@ -35,13 +35,6 @@ def _light(config: LightConfig) -> Light:
     if isinstance(config, PointLightConfig):
         return PointLight(position=config.position, intensity=config.intensity)
     return DirectionalLight(direction=unit(config.direction), irradiance=config.irradiance)
-
-
-def unit(vector: Vector) -> Vector:
-    """The same direction with length 1; the configuration refuses zero."""
-    length = math.hypot(*vector)
-    x, y, z = vector
-    return (x / length, y / length, z / length)
 
 
 def _track(config: AnimationConfig) -> Track:

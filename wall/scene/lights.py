@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from wall.scene.animation import Vector
 from wall.scene.model import DirectionalLight, Sky
 
 KEY_DIRECTION = (0.45, 0.75, 0.48)  # right, above, towards a viewer who looks along -z
@@ -17,9 +18,19 @@ KEY_SHARE = (0.66, 0.63, 0.58)  # irradiance / pi: slightly warm against the coo
 STUDIO_SKY = Sky(zenith=(0.20, 0.215, 0.245), horizon=(0.25, 0.265, 0.29), ground=(0.07, 0.067, 0.065))
 
 
+def unit(vector: Vector) -> Vector:
+    """The same direction with length 1; the vector must not be zero."""
+    length = math.hypot(*vector)
+    x, y, z = (part / length for part in vector)
+    return (x, y, z)
+
+
+def directional_light(direction: Vector, share: Vector) -> DirectionalLight:
+    """A light from a direction of any length; `share`: its irradiance / pi."""
+    r, g, b = (math.pi * part for part in share)
+    return DirectionalLight(direction=unit(direction), irradiance=(r, g, b))
+
+
 def default_lights() -> tuple[DirectionalLight, ...]:
     """The key light alone; the studio sky fills the shadows. The world's up is +y."""
-    length = math.hypot(*KEY_DIRECTION)
-    x, y, z = (part / length for part in KEY_DIRECTION)
-    r, g, b = (math.pi * share for share in KEY_SHARE)
-    return (DirectionalLight(direction=(x, y, z), irradiance=(r, g, b)),)
+    return (directional_light(KEY_DIRECTION, KEY_SHARE),)

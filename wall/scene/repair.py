@@ -7,7 +7,8 @@ comfortable range, in its own unit; the instance's float64 matrix puts it back.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,12 @@ class RawMesh:
     normals: Float64 | None = None  # (v, 3)
     uvs: Float64 | None = None  # (v, 2), v up
     colors: Float32 | None = None  # (v, 3) linear RGB
+
+    def taken(self, rows: NDArray[np.int64], triangles: NDArray[np.int64]) -> RawMesh:
+        """The mesh of some of its vertices, which `triangles` count by their places in `rows`."""
+        values = {name: getattr(self, name) for name in ("vertices", "normals", "uvs", "colors")}
+        taken: dict[str, Any] = {name: value[rows] for name, value in values.items() if value is not None}
+        return replace(self, triangles=triangles, **taken)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,14 +112,7 @@ def _without_slivers(raw: RawMesh, notes: list[str]) -> RawMesh:
         return raw
     notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~solid)} triangles without area dropped")
     used, flat = np.unique(raw.triangles[solid], return_inverse=True)
-    return RawMesh(
-        name=raw.name,
-        vertices=raw.vertices[used],
-        triangles=flat.reshape(-1, 3),
-        normals=None if raw.normals is None else raw.normals[used],
-        uvs=None if raw.uvs is None else raw.uvs[used],
-        colors=None if raw.colors is None else raw.colors[used],
-    )
+    return raw.taken(used, flat.reshape(-1, 3))
 
 
 def _given_normals(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> Float64 | None:
@@ -142,28 +142,21 @@ def _given_uvs(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> Float
 
 def _shaded(raw: RawMesh, material: int, origin: tuple[float, float, float]) -> Mesh:
     """With the file's normals, or else smooth ones by the crease rule."""
-    rows, triangles, normals = np.arange(len(raw.vertices)), raw.triangles, raw.normals
-    if normals is None:
-        if raw.uvs is None and raw.colors is None:
-            raw = _welded(raw)
-            rows, triangles = np.arange(len(raw.vertices)), raw.triangles
-        smoothed = crease_normals(raw.vertices, triangles)
+    if raw.normals is None:
+        if raw.uvs is None and raw.colors is None:  # equal positions once: an STL repeats each about six times
+            places = same_position(raw.vertices)
+            raw = raw.taken(np.unique(places, return_index=True)[1], places[raw.triangles])
+        smoothed = crease_normals(raw.vertices, raw.triangles)
         if smoothed is not None:
-            rows, triangles, normals = smoothed.source, smoothed.triangles.astype(np.int64), smoothed.normals
+            raw = replace(raw.taken(smoothed.source, smoothed.triangles.astype(np.int64)), normals=smoothed.normals)
+    normals, uvs, colors = (None if a is None else a.astype(np.float32) for a in (raw.normals, raw.uvs, raw.colors))
     return Mesh(
         name=raw.name,
-        vertices=raw.vertices[rows].astype(np.float32),
-        triangles=triangles.astype(np.uint32),
+        vertices=raw.vertices.astype(np.float32),
+        triangles=raw.triangles.astype(np.uint32),
         material=material,
         origin=origin,
-        normals=None if normals is None else normals.astype(np.float32),
-        uvs=None if raw.uvs is None else raw.uvs[rows].astype(np.float32),
-        colors=None if raw.colors is None else raw.colors[rows].astype(np.float32),
+        normals=normals,
+        uvs=uvs,
+        colors=colors,
     )
-
-
-def _welded(raw: RawMesh) -> RawMesh:
-    """Bitwise equal positions stored once (an STL repeats each about six times); the surface stays the same."""
-    places = same_position(raw.vertices)
-    _, first = np.unique(places, return_index=True)
-    return RawMesh(name=raw.name, vertices=raw.vertices[first], triangles=places[raw.triangles])

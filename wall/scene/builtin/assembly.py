@@ -5,16 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.data import Float64
-from wall.scene.animation import Motion
+from wall.scene.animation import Motion, Vector
 from wall.scene.builtin.shapes import Shape, placed
 from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, Track
 
 
 @dataclass(slots=True)
 class Assembly:
-    """Collects the parts of a Source; every verb returns the number of what it added."""
+    """Collects the parts of a Source; materials and meshes are named by the numbers that are returned."""
 
     meshes: list[Mesh] = field(default_factory=list)
     materials: list[Material] = field(default_factory=list)
@@ -27,10 +28,14 @@ class Assembly:
         self.materials.append(material)
         return len(self.materials) - 1
 
-    def texture(self, texture: Texture) -> int:
-        """Adds a texture."""
-        self.textures.append(texture)
-        return len(self.textures) - 1
+    def plain(self, name: str, color: Vector, mirror: float = 0.0) -> int:
+        """Adds a material of one colour."""
+        return self.material(Material(name=name, base_color=color, mirror=mirror))
+
+    def textured(self, name: str, texels: NDArray[np.uint8]) -> int:
+        """Adds a material that shows a texture, (h, w, 3) sRGB."""
+        self.textures.append(Texture(name=name, texels=texels))
+        return self.material(Material(name=name, base_color=(1.0, 1.0, 1.0), texture=len(self.textures) - 1))
 
     def mesh(self, name: str, shape: Shape, material: int) -> int:
         """Adds a shape as a mesh of a material, with texture coordinates where the material has a texture."""
@@ -38,15 +43,13 @@ class Assembly:
         self.meshes.append(shape.mesh(name, material, textured=textured))
         return len(self.meshes) - 1
 
-    def place(self, name: str, mesh: int, world_from_object: Float64 | None = None) -> int:
+    def place(self, name: str, mesh: int, world_from_object: Float64) -> None:
         """Adds an instance of a mesh."""
-        matrix = np.eye(4) if world_from_object is None else world_from_object
-        self.instances.append(Instance(name=name, mesh=mesh, world_from_object=matrix))
-        return len(self.instances) - 1
+        self.instances.append(Instance(name=name, mesh=mesh, world_from_object=world_from_object))
 
-    def put(self, name: str, shape: Shape, material: int) -> int:
-        """A mesh that stands once, where its shape is."""
-        return self.place(name, self.mesh(name, shape, material), placed(0.0, 0.0, 0.0))
+    def put(self, name: str, shape: Shape, material: int, at: Vector = (0.0, 0.0, 0.0)) -> None:
+        """Adds a mesh that stands once."""
+        self.place(name, self.mesh(name, shape, material), placed(*at))
 
     def move(self, objects: str, *motions: Motion) -> None:
         """Motions of the objects whose names match, the first innermost."""

@@ -15,7 +15,8 @@ from wall.core.data import Float64
 from wall.scene.animation import Orbit, Spin, Vector
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import Shape, join, lathe, placed, sheet, sphere, torus, torus_knot
-from wall.scene.model import DirectionalLight, Material, PointLight, Sky, Source, Texture, Track
+from wall.scene.lights import directional_light
+from wall.scene.model import Material, PointLight, Sky, Source, Track
 
 UP: Vector = (0.0, 1.0, 0.0)
 ON_AXIS: Vector = (0.0, 0.0, 0.0)
@@ -48,23 +49,14 @@ def courtyard() -> Source:
     _carousel(parts)
     _garden(parts)
     lights = _lanterns(parts)
-    length = math.hypot(*SUN_DIRECTION)
-    x, y, z = (part / length for part in SUN_DIRECTION)
-    r, g, b = (math.pi * share for share in SUN_SHARE)
-    sun = DirectionalLight(direction=(x, y, z), irradiance=(r, g, b))
-    return parts.source((*lights, sun), EVENING)
-
-
-def _plain(parts: Assembly, name: str, color: Vector, mirror: float = 0.0) -> int:
-    return parts.material(Material(name=name, base_color=color, mirror=mirror))
+    return parts.source((*lights, directional_light(SUN_DIRECTION, SUN_SHARE)), EVENING)
 
 
 def _terrace(parts: Assembly) -> None:
     """A floating disc of stone with steps at its rim, rock below, a mosaic on top."""
-    mosaic = parts.texture(Texture(name="mosaic", texels=_mosaic(1024)))
-    floor = parts.material(Material(name="mosaic", base_color=(1.0, 1.0, 1.0), texture=mosaic))
-    stone = _plain(parts, "limestone", LIMESTONE)
-    rock = _plain(parts, "rock", (0.25, 0.19, 0.17))
+    floor = parts.textured("mosaic", _mosaic(1024))
+    stone = parts.plain("limestone", LIMESTONE)
+    rock = parts.plain("rock", (0.25, 0.19, 0.17))
     disc = lathe([(4.9, 0.0), (2.5, 0.0), (0.0, 0.0)], 96)
     flat = disc.vertices[:, [0, 2]] / 9.8 + 0.5
     parts.put("floor", Shape(vertices=disc.vertices, triangles=disc.triangles, uvs=flat * [1, -1] + [0, 1]), floor)
@@ -126,7 +118,7 @@ def _mosaic(size: int) -> NDArray[np.uint8]:
 
 def _colonnade(parts: Assembly) -> None:
     """Fluted columns on the rim, each with a jewel on its capital, low walls between some of them."""
-    ivory = _plain(parts, "ivory", IVORY)
+    ivory = parts.plain("ivory", IVORY)
     profile = [(0.30, 0.0), (0.30, 0.10), (0.26, 0.12), (0.24, 0.20), (0.20, 0.24)]
     shaft = [(0.19, 0.26), (0.188, 0.9), (0.175, 1.6), (0.155, 2.2)]
     capital = [(0.18, 2.22), (0.20, 2.28), (0.24, 2.34), (0.28, 2.36), (0.28, 2.46), (0.0, 2.46)]
@@ -134,7 +126,7 @@ def _colonnade(parts: Assembly) -> None:
     column = parts.mesh("column", join(stones), ivory)
     polish = (("coral", CORAL, 0.06), ("teal", TEAL, 0.10), ("saffron", SAFFRON, 0.06), ("indigo", INDIGO, 0.12))
     jewels = [
-        parts.mesh(f"jewel {name}", sphere(0.23, segments=40), _plain(parts, name, color, mirror))
+        parts.mesh(f"jewel {name}", sphere(0.23, segments=40), parts.plain(name, color, mirror))
         for name, color, mirror in polish
     ]
     for k in range(COLUMNS):
@@ -145,7 +137,7 @@ def _colonnade(parts: Assembly) -> None:
 
 def _bunting(parts: Assembly) -> None:
     """Strings of little flags from column to column, each flag its own colour at its corners."""
-    cloth = _plain(parts, "cloth", (1.0, 1.0, 1.0))
+    cloth = parts.plain("cloth", (1.0, 1.0, 1.0))
     colors = np.array([CORAL, IVORY, TEAL, SAFFRON, INDIGO])
     flags: list[Shape] = []
     hang = np.linspace(0.0, 1.0, FLAGS + 1)
@@ -168,7 +160,7 @@ def _on_circle(radius: float, turn: float, height: float = 0.0) -> Float64:
 
 def _fountain(parts: Assembly) -> None:
     """Two basins of water, a golden knot above, three moons around it."""
-    stone, water = _plain(parts, "basin", IVORY), _plain(parts, "water", (0.03, 0.16, 0.18), 0.45)
+    stone, water = parts.plain("basin", IVORY), parts.plain("water", (0.03, 0.16, 0.18), 0.45)
     low = [(1.55, 0.0), (1.55, 0.10), (1.45, 0.14), (1.42, 0.40), (1.50, 0.44), (1.50, 0.50)]
     low += [(1.36, 0.50), (1.34, 0.36)]
     stem = [(0.34, 0.30), (0.30, 0.44), (0.16, 0.60), (0.15, 0.80), (0.24, 0.92), (0.62, 1.06)]
@@ -176,20 +168,20 @@ def _fountain(parts: Assembly) -> None:
     parts.put("basin", join([lathe(low, 72), lathe(stem, 56)]), stone)
     parts.put("water", join([lathe([(1.36, 0.42), (0.0, 0.42)], 72), lathe([(0.63, 1.16), (0.0, 1.16)], 48)]), water)
     knot = torus_knot(2, 3, radius=0.74, thickness=0.17, steps=360, sides=24)
-    parts.place("knot", parts.mesh("knot", knot, _plain(parts, "gold", GOLD, 0.12)), placed(0.0, 2.25, 0.0))
+    parts.place("knot", parts.mesh("knot", knot, parts.plain("gold", GOLD, 0.12)), placed(0.0, 2.25, 0.0))
     parts.move("knot", Spin(axis=UP, period_s=9.0))
     moon = sphere(0.13, segments=36)
     for k, (color, period) in enumerate(((CORAL, 5.0), (TEAL, 7.0), (IVORY, 11.0))):
-        mesh = parts.mesh(f"moon {k}", moon, _plain(parts, f"moon {k}", color, 0.05))
+        mesh = parts.mesh(f"moon {k}", moon, parts.plain(f"moon {k}", color, 0.05))
         parts.place(f"moon {k}", mesh, _on_circle(1.5 + 0.12 * k, k / 3.0, 2.25))
         parts.move(f"moon {k}", Orbit(center=(0.0, 2.25, 0.0), axis=(0.35 - 0.3 * k, 1.0, 0.2 * k), period_s=period))
 
 
 def _carousel(parts: Assembly) -> None:
     """Eight toys on little poles that circle the fountain; each also turns on its own pole."""
-    pole = _plain(parts, "pole", (0.55, 0.36, 0.14), 0.15)
+    pole = parts.plain("pole", (0.55, 0.36, 0.14), 0.15)
     colors = (CORAL, TEAL, SAFFRON, PLUM)
-    paints = [_plain(parts, f"paint {k}", color) for k, color in enumerate(colors)]
+    paints = [parts.plain(f"paint {k}", color) for k, color in enumerate(colors)]
     toys = [
         torus(0.27, 0.11).moved(_tilted()),
         lathe([(0.0, -0.40), (0.34, 0.0), (0.0, 0.40)], 6),
@@ -213,8 +205,8 @@ def _tilted() -> Float64:
 
 def _garden(parts: Assembly) -> None:
     """Cypresses and round bushes in terracotta pots, between the columns."""
-    clay, leaf = _plain(parts, "clay", TERRACOTTA), _plain(parts, "sage", SAGE)
-    dark = _plain(parts, "cypress", (0.07, 0.17, 0.08))
+    clay, leaf = parts.plain("clay", TERRACOTTA), parts.plain("sage", SAGE)
+    dark = parts.plain("cypress", (0.07, 0.17, 0.08))
     pot_profile = [(0.16, 0.0), (0.25, 0.34), (0.29, 0.36), (0.29, 0.44), (0.24, 0.44), (0.23, 0.38), (0.0, 0.38)]
     pot = parts.mesh("pot", lathe(pot_profile, 36), clay)
     slim = [(0.05, 0.36), (0.22, 0.5), (0.27, 0.85), (0.22, 1.4), (0.12, 1.9), (0.0, 2.2)]

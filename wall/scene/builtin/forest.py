@@ -15,8 +15,8 @@ from wall.core.data import Float64
 from wall.scene.animation import Spin, Vector
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import Shape, join, lathe, placed, sheet, sphere
-from wall.scene.configured import unit
-from wall.scene.model import DirectionalLight, Material, Sky, Source
+from wall.scene.lights import directional_light
+from wall.scene.model import Material, Sky, Source
 
 REACH = 30.0  # radius of the round
 LAKE_LEVEL = -0.9
@@ -44,8 +44,7 @@ def forest() -> Source:
     parts.put("lake", lake, water)
     _plant(parts, paint)
     _balloons(parts, paint)
-    r, g, b = (math.pi * share for share in SUN_SHARE)
-    return parts.source((DirectionalLight(direction=unit(SUN_DIRECTION), irradiance=(r, g, b)),), MORNING)
+    return parts.source((directional_light(SUN_DIRECTION, SUN_SHARE),), MORNING)
 
 
 def height(x: Float64, z: Float64) -> Float64:

@@ -15,7 +15,7 @@ from wall.core.colour import srgb_encoded
 from wall.scene.animation import Vector
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import Shape, box, join, lathe, placed, sphere, torus, torus_knot
-from wall.scene.model import Material, PointLight, Sky, Source, Texture
+from wall.scene.model import Material, PointLight, Sky, Source
 
 HALF_FLOOR = 6.0
 POINT_LIGHT = PointLight(position=(2.5, 5.0, 1.5), intensity=(62.0, 58.0, 50.0))
@@ -39,37 +39,24 @@ def _gallery(*, mirrors: bool) -> Source:
     parts = Assembly()
     _floor(parts)
     _fixtures(parts)
-    stripes = _textured(parts, "stripes", _stripes(256))
-    dots = _textured(parts, "dots", _dots(256))
-    bricks = _textured(parts, "bricks", _bricks(256))
-    red, blue = _plain(parts, "red", (0.62, 0.12, 0.08)), _plain(parts, "blue", (0.08, 0.16, 0.5))
+    stripes = parts.textured("stripes", _stripes(256))
+    dots = parts.textured("dots", _dots(256))
+    bricks = parts.textured("bricks", _bricks(256))
+    red, blue = parts.plain("red", (0.62, 0.12, 0.08)), parts.plain("blue", (0.08, 0.16, 0.5))
     silver = parts.material(Material(name="silver", base_color=SILVER, mirror=0.85)) if mirrors else red
     ball, vase = sphere(0.7, segments=64), lathe(VASE, 64)
     knot = torus_knot(2, 3, radius=0.5, thickness=0.16)
-    _stand(parts, "globe", sphere(0.5, segments=64), dots, (-1.35, 0.5, 0.65))
-    _stand(parts, "ball", ball, silver if mirrors else stripes, (2.0, 0.7, 1.95))
-    _stand(parts, "knot", knot, silver if mirrors else blue, (0.0, 1.15, 0.0))
-    _stand(parts, "vase", vase, silver if mirrors else bricks, (-0.6, 0.0, 2.4))
-    _stand(parts, "crate", box(0.9, 0.9, 0.9), bricks, (2.4, 0.0, -1.2))
-    _stand(parts, "ring", torus(0.6, 0.17), silver if mirrors else red, (-2.55, 0.85, -1.45))
+    parts.put("globe", sphere(0.5, segments=64), dots, (-1.35, 0.5, 0.65))
+    parts.put("ball", ball, silver if mirrors else stripes, (2.0, 0.7, 1.95))
+    parts.put("knot", knot, silver if mirrors else blue, (0.0, 1.15, 0.0))
+    parts.put("vase", vase, silver if mirrors else bricks, (-0.6, 0.0, 2.4))
+    parts.put("crate", box(0.9, 0.9, 0.9), bricks, (2.4, 0.0, -1.2))
+    parts.put("ring", torus(0.6, 0.17), silver if mirrors else red, (-2.55, 0.85, -1.45))
     return parts.source((POINT_LIGHT,), DUSK)
 
 
-def _stand(parts: Assembly, name: str, shape: Shape, material: int, at: Vector) -> None:
-    parts.place(name, parts.mesh(name, shape, material), placed(*at))
-
-
-def _plain(parts: Assembly, name: str, color: Vector) -> int:
-    return parts.material(Material(name=name, base_color=color))
-
-
-def _textured(parts: Assembly, name: str, texels: NDArray[np.uint8]) -> int:
-    texture = parts.texture(Texture(name=name, texels=texels))
-    return parts.material(Material(name=name, base_color=(1.0, 1.0, 1.0), texture=texture))
-
-
 def _floor(parts: Assembly) -> None:
-    material = _textured(parts, "tiles", _tiles(1024))
+    material = parts.textured("tiles", _tiles(1024))
     a = HALF_FLOOR
     corners = np.array([[-a, 0.0, a], [a, 0.0, a], [a, 0.0, -a], [-a, 0.0, -a]])
     uvs = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -79,14 +66,14 @@ def _floor(parts: Assembly) -> None:
 
 def _fixtures(parts: Assembly) -> None:
     """Four columns and, behind them, a railing of thin rods."""
-    stone = _plain(parts, "stone", (0.66, 0.62, 0.55))
+    stone = parts.plain("stone", (0.66, 0.62, 0.55))
     mesh = parts.mesh("column", lathe(COLUMN, 32), stone)
     for k, (x, z) in enumerate([(-3.4, -3.2), (-1.2, -3.6), (1.2, -3.6), (3.4, -3.2)]):
         parts.place(f"column {k}", mesh, placed(x, 0.0, z))
-    iron = _plain(parts, "iron", (0.06, 0.06, 0.07))
+    iron = parts.plain("iron", (0.06, 0.06, 0.07))
     rods = [box(0.03, 1.0, 0.03).moved(placed(x, 0.0, 0.0)) for x in np.linspace(-4.5, 4.5, 31)]
     rails = [box(9.06, 0.05, 0.06).moved(placed(0.0, y, 0.0)) for y in (0.12, 1.0)]
-    _stand(parts, "railing", join([*rods, *rails]), iron, (0.0, 0.0, -4.8))
+    parts.put("railing", join([*rods, *rails]), iron, (0.0, 0.0, -4.8))
 
 
 def _srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:

@@ -25,7 +25,6 @@ from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.roles.edges import Outlets, RemoteFramelet, needed_from_others
 from wall.roles.plan import Plan, first_event, make_layout
-from wall.scene.parts import objects_in
 from wall.study.speed.record import Row, median, reported
 from wall.study.speed.tracing import plan_of
 from wall.tracing.tracer import Tracer
@@ -83,7 +82,7 @@ def _layers() -> list[Framelet]:
     panel, tracer_scene = plan.layout.wall.panels[0], make_tracer_scene(plan.scene)
     layers = []
     for k in range(SOURCES):
-        seen = objects_in(plan.scene, (k / SOURCES, (k + 1) / SOURCES))
+        seen = plan.scene.objects_in((k / SOURCES, (k + 1) / SOURCES))
         layers.append(_traced(plan, panel, Tracer(tracer_scene, panel, plan.view.eye, coherent=True, seen=seen)))
     return layers
 
