@@ -17,12 +17,12 @@ from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Stati
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.steering import parse
 from wall.packets.control import (
-    Hands,
     Heartbeat,
     Hello,
     Message,
     Ping,
     Statistics,
+    WindowInput,
     commands_of,
     parse_control,
     serialise,
@@ -52,7 +52,7 @@ CONTROL = [
     serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
     serialise(Ping(sent=1.0)),
     serialise(Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4)),
-    serialise(Hands(rank=1, commands='[{"kind": "orbit", "x": 0.25, "y": -1e-3}, {"kind": "pause"}]', closed=True)),
+    serialise(WindowInput(rank=1, commands='[{"kind": "orbit", "x": 0.25, "y": -1e-3}]', closed=True)),
     framelet(encoded=True),
     framelet("depth", "alpha", encoded=False),
     framelet(*CHANNELS, encoded=False),
@@ -105,7 +105,7 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
         check_sane(value)
     elif isinstance(value, FrameletPart):
         with_pixels(value)
-    elif isinstance(value, Hands):
+    elif isinstance(value, WindowInput):
         with contextlib.suppress(RemoteProtocolError):
             steered(commands_of(value))
     elif isinstance(value, StatisticsImage):

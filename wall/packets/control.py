@@ -22,12 +22,12 @@ from wall.packets.statistics_image import parse_statistics_image, statistics_ima
 
 MAGIC, VERSION = b"WALL", 5
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
-KIND_STATISTICS_IMAGE, KIND_HANDS, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
+KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
-MAX_COMMANDS = 64  # of Hands; more go in several
+MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
@@ -108,13 +108,13 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hands:
-    """What hands did at the windows of a compositor beside the head: steering since the last word, and the end."""
+class WindowInput:
+    """Input at a compositor's windows or page since its last message: steering commands, and how the run was ended."""
 
     rank: int
-    commands: str = "[]"  # a JSON list of what a page might send; `commands_of` reads it
-    escape: str = ""  # how one of them ended the run
-    closed: bool = False  # no window is left there
+    commands: str = "[]"  # a JSON list of commands as a page sends them; `commands_of` reads it
+    escape: str = ""  # where Escape was pressed, in words; it ends the run
+    closed: bool = False  # no window of that rank is left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,15 +128,16 @@ class Statistics:
 
 
 Message: TypeAlias = (
-    Event | FrameletPart | Hands | Hello | Heartbeat | Membership | Ping | Pong | Statistics | Stop | StatisticsImage
-)
+    Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
+    | Stop | WindowInput
+)  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
     KIND_HEARTBEAT: Heartbeat,
     KIND_PING: Ping,
     KIND_PONG: Pong,
     KIND_STOP: Stop,
-    KIND_HANDS: Hands,
+    KIND_WINDOW_INPUT: WindowInput,
     KIND_STATISTICS: Statistics,
     KIND_MEMBERSHIP: Membership,
 }
@@ -168,14 +169,14 @@ def parse_control(data: bytes | memoryview) -> Message:
     return _parse_body(kind, body)
 
 
-def commands_of(hands: Hands) -> list[Any]:
-    """Its commands, none of them looked into. Raises RemoteProtocolError for anything but a short JSON list."""
+def commands_of(message: WindowInput) -> list[Any]:
+    """The commands of a message, unchecked. Raises RemoteProtocolError for anything but a short JSON list."""
     try:
-        commands = json.loads(hands.commands)
+        commands = json.loads(message.commands)
     except (ValueError, RecursionError) as error:
-        raise RemoteProtocolError(f"commands of rank {hands.rank} that are not JSON ({error})") from error
+        raise RemoteProtocolError(f"commands of rank {message.rank} that are not JSON ({error})") from error
     if not isinstance(commands, list) or len(commands) > MAX_COMMANDS:
-        raise RemoteProtocolError(f"commands of rank {hands.rank}: wanted a list of at most {MAX_COMMANDS}")
+        raise RemoteProtocolError(f"commands of rank {message.rank}: wanted a list of at most {MAX_COMMANDS}")
     return commands
 
 

@@ -14,7 +14,7 @@ from wall.core.data import Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.display.base import Status, WallPicture
 from wall.operators.overlay import Overlay
-from wall.packets.control import Hands, Heartbeat, Hello, Membership, Statistics, Stop, serialise
+from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput, serialise
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import NEVER, Number, needed_from_others, targets_of
 from wall.roles.instructions import (
@@ -54,7 +54,7 @@ class Compositor:
         self._sees_samples = bool(graph.layers_on(HEAD) or needed_from_others(graph, HEAD))
         self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
         self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
-        self._hands: Hands | None = None  # the newest that says how hands ended the run, at windows here
+        self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
         self._statistics_images: tuple[StatisticsImage, ...] = ()
@@ -80,8 +80,8 @@ class Compositor:
             self.composition.lose(message.to, message.packet)
         elif isinstance(message, Presented):
             self.latency.shown(self.composition.newest_event, now)
-        elif isinstance(message, Hands):
-            self._hands = message if message.escape or message.closed else None
+        elif isinstance(message, WindowInput):
+            self._ending = message if message.escape or message.closed else None
             yield Send(MANAGER, message)
         else:
             self._standing.hear(now)
@@ -209,8 +209,8 @@ class Compositor:
 
     def _beat(self, now: float) -> Iterator[Instruction]:
         yield from self._standing.beat(self._heartbeat(now), now)
-        if self._hands is not None:
-            yield Send(MANAGER, self._hands)
+        if self._ending is not None:
+            yield Send(MANAGER, self._ending)
 
     def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
         composition = self.composition

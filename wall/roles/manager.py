@@ -15,7 +15,7 @@ from wall.core.data import Counters
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Hands, Heartbeat, Hello, Member, Statistics, Stop, commands_of
+from wall.packets.control import Heartbeat, Hello, Member, Statistics, Stop, WindowInput, commands_of
 from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
 from wall.roles.membership import Register
@@ -49,7 +49,7 @@ class Manager:
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
-        self.escape = ""  # where a hand ended the run
+        self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
         self.counters = Counters()
         self._layout, self._seconds, self._until_complete = layout, seconds, until_complete
@@ -74,7 +74,7 @@ class Manager:
         return self._register.members
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
-        """Take in what a rank says, what hands did, what the launcher knows."""
+        """Take in messages of ranks, input of users, news of the launcher."""
         try:
             if isinstance(message, Hello):
                 self._check_rank(message.rank)
@@ -87,8 +87,8 @@ class Manager:
                 self._check_rank(message.rank)
                 self.heartbeats[message.rank], self._heard[message.rank] = message, now
                 yield Send(HEAD, message)
-            elif isinstance(message, Hands):
-                self._take_hands(message)
+            elif isinstance(message, WindowInput):
+                self._take_input(message)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
             elif isinstance(message, Died):
@@ -105,13 +105,13 @@ class Manager:
         if not 0 <= rank < self._layout.size:
             raise RemoteProtocolError(f"rank {rank}; wanted: 0 to {self._layout.size - 1}")
 
-    def _take_hands(self, hands: Hands) -> None:
-        """What was done at a compositor's windows. Raises RemoteProtocolError for that of a rank without any."""
-        if hands.rank not in self._window_ranks | {HEAD}:
-            raise RemoteProtocolError(f"rank {hands.rank} has no windows; wanted: {sorted(self._window_ranks)}")
-        self._commands += self._parsed(commands_of(hands))
-        self.escape = self.escape or hands.escape
-        self._closed |= {hands.rank} if hands.closed else set()
+    def _take_input(self, message: WindowInput) -> None:
+        """Take in steering and ends of the run. Raises RemoteProtocolError for a rank that has no windows."""
+        if message.rank not in self._window_ranks | {HEAD}:
+            raise RemoteProtocolError(f"rank {message.rank} has no windows; wanted: {sorted(self._window_ranks)}")
+        self._commands += self._parsed(commands_of(message))
+        self.escape = self.escape or message.escape
+        self._closed |= {message.rank} if message.closed else set()
 
     def _parsed(self, raw: list[Any]) -> list[Command]:
         commands = []

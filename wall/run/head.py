@@ -26,7 +26,7 @@ from wall.run.clock import HeadClock
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, machine_id, open_data_hub, ways_of
-from wall.run.sinks import distinct, hands_of, make_sinks, notes_of
+from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
 from wall.run.usage import cpu_seconds
 
 INPUT_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
@@ -111,7 +111,7 @@ class HeadProcess:
         self._manager = Manager(
             plan, clock.now(), still=options.still, seconds=options.seconds, until_complete=options.until_complete
         )
-        sources: list[Source] = [hands_of(HEAD, sinks), self._take_ends, self._deaths]
+        sources: list[Source] = [window_input_of(HEAD, sinks), self._take_ends, self._deaths]
         managing = ManagerThread(Loop(self._manager, manager_ways, clock, sources=sources, longest_wait_s=INPUT_POLL_S))
         with ended_by_signals(self._ends):
             opened(browser.address if browser else "")

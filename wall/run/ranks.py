@@ -22,7 +22,7 @@ from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.clock import HeadClock
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
-from wall.run.sinks import distinct, hands_of, make_sinks, notes_of
+from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
 from wall.run.tracers import Tracers
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Hub
@@ -64,7 +64,7 @@ def _compose(plan: Plan, rank: int, address: Mapping[str, str], *, headless: boo
             closing.callback(sink.close)
         for note in notes_of(sinks):
             print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
-        compositor_loop(plan, rank, hub, ports, clock, sinks, [hands_of(rank, sinks)]).run()
+        compositor_loop(plan, rank, hub, ports, clock, sinks, [window_input_of(rank, sinks)]).run()
 
 
 def compositor_loop(

@@ -13,7 +13,7 @@ from wall.display.browser import Browser
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
-from wall.packets.control import MAX_COMMANDS, Hands
+from wall.packets.control import MAX_COMMANDS, WindowInput
 from wall.roles.plan import Plan, window_panels
 
 
@@ -65,22 +65,20 @@ def _folder(plan: Plan, step: Step, folder: Path) -> Path:
     return folder if first is step.node else folder / step.node.id
 
 
-def hands_of(rank: int, sinks: list[Sink | None]) -> Callable[[], list[Hands]]:
-    """What hands did at the page and at the windows of a rank since it was asked last: commands, and the end."""
-    places = [sink for sink in distinct(sinks) if isinstance(sink, Browser | WindowSink)]
-    windows = [sink for sink in places if isinstance(sink, WindowSink)]
-    told = ("", False)
+def window_input_of(rank: int, sinks: list[Sink | None]) -> Callable[[], list[WindowInput]]:
+    """Make a source of messages: what users did at the page and the windows of a rank since it was last asked."""
+    inputs = [sink for sink in distinct(sinks) if isinstance(sink, Browser | WindowSink)]
+    windows = [sink for sink in inputs if isinstance(sink, WindowSink)]
+    told = ("", False)  # how the run was ended, as last said
 
-    def ask() -> list[Hands]:
+    def ask() -> list[WindowInput]:
         nonlocal told
-        commands = [command for place in places for command in place.commands()]
+        commands = [command for sink in inputs for command in sink.commands()]
         ended = next((w.escape for w in windows if w.escape), ""), bool(windows) and all(w.gone for w in windows)
         if not commands and ended == told:
             return []
         told = ended
-        return [
-            Hands(rank=rank, commands=json.dumps(commands[k : k + MAX_COMMANDS]), escape=ended[0], closed=ended[1])
-            for k in range(0, len(commands) or 1, MAX_COMMANDS)
-        ]
+        parts = [json.dumps(commands[k : k + MAX_COMMANDS]) for k in range(0, len(commands) or 1, MAX_COMMANDS)]
+        return [WindowInput(rank=rank, commands=part, escape=ended[0], closed=ended[1]) for part in parts]
 
     return ask

@@ -20,7 +20,6 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import control
 from wall.packets.control import (
     MAX_COMMANDS,
-    Hands,
     Heartbeat,
     Hello,
     Member,
@@ -30,6 +29,7 @@ from wall.packets.control import (
     Pong,
     Statistics,
     Stop,
+    WindowInput,
     commands_of,
     parse_control,
     serialise,
@@ -56,7 +56,7 @@ MEMBERS = st.builds(Member, rank=WORD, host=TEXT, endpoint=TEXT, incarnation=COU
 MESSAGES = st.one_of(
     EVENTS, HEARTBEATS, st.builds(Hello, rank=WORD, host=TEXT, endpoint=TEXT, incarnation=COUNT),
     st.builds(Membership, members=st.lists(MEMBERS, max_size=3).map(tuple)),
-    st.builds(Hands, rank=WORD, commands=TEXT, escape=TEXT, closed=st.booleans()),
+    st.builds(WindowInput, rank=WORD, commands=TEXT, escape=TEXT, closed=st.booleans()),
     st.builds(Statistics, fps=FINITE, samples_per_s=FINITE, latency_ms=FINITE, ranks=COUNT),
     st.builds(Ping, sent=FINITE), st.builds(Pong, sent=FINITE, head_time=FINITE), st.builds(Stop, reason=TEXT),
 )  # fmt: skip
@@ -75,7 +75,7 @@ EXAMPLES: list[Message] = [
     Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4),
     Pong(sent=1.5, head_time=9.25),
     Stop(reason="time is up"),
-    Hands(rank=2, commands='[{"kind": "pause"}]', escape="Escape was pressed", closed=True),
+    WindowInput(rank=2, commands='[{"kind": "pause"}]', escape="Escape was pressed", closed=True),
 ]
 
 
@@ -187,8 +187,8 @@ def test_a_heartbeat_with_a_value_of_another_type_is_refused(key: str, value: An
     ids=lambda text: text[:8],
 )  # fmt: skip
 def test_commands_that_are_not_a_short_list_are_refused(text: str) -> None:
-    came = parse_control(serialise(Hands(rank=3, commands=text)))
-    assert isinstance(came, Hands)
+    came = parse_control(serialise(WindowInput(rank=3, commands=text)))
+    assert isinstance(came, WindowInput)
     with pytest.raises(RemoteProtocolError, match="commands of rank 3"):
         commands_of(came)
 

@@ -13,7 +13,7 @@ from flat_batches import TEXT as ONE_PANEL
 from wall.config.loading import loads
 from wall.core.data import Event
 from wall.operators.overlay import PLACEHOLDERS, Overlay
-from wall.packets.control import Hands, Heartbeat, Statistics, Stop, parse_control
+from wall.packets.control import Heartbeat, Statistics, Stop, WindowInput, parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
 from wall.roles.compositor import LAST_S, Compositor
@@ -178,9 +178,9 @@ def test_away_from_the_head_the_end_is_a_last_word() -> None:
     assert asked[-1] == Finish()
 
 
-def test_what_hands_did_is_told_and_how_they_ended_the_run_again_and_again(alone: Plan) -> None:
-    rank, wish = Rank(alone), Hands(rank=HEAD, commands='[{"kind": "reset"}]')
-    end, beat_s = Hands(rank=HEAD, closed=True), alone.layout.config.transport.heartbeat_s
+def test_window_input_is_forwarded_and_an_end_of_the_run_is_repeated(alone: Plan) -> None:
+    rank, wish = Rank(alone), WindowInput(rank=HEAD, commands='[{"kind": "reset"}]')
+    end, beat_s = WindowInput(rank=HEAD, closed=True), alone.layout.config.transport.heartbeat_s
     assert Send(MANAGER, wish) in rank.tell(wish)
     assert Send(MANAGER, wish) not in rank.tell(after=beat_s)
     assert Send(MANAGER, end) in rank.tell(end)

@@ -14,7 +14,7 @@ from wall.config.loading import loads
 from wall.core.data import Event
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Hands, Heartbeat, Hello, Membership, Message, Statistics, Stop
+from wall.packets.control import Heartbeat, Hello, Membership, Message, Statistics, Stop, WindowInput
 from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Packet, Send
 from wall.roles.manager import HOLD_S, SETTLED_S, Manager
@@ -36,6 +36,8 @@ graph:
     - {id: panel, op: reconstruct, input: samples, on: compositor 1}
     - {id: window, op: sink, kind: window, input: panel}
 """
+
+
 @pytest.fixture(scope="module")
 def plan() -> Plan:
     return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
@@ -259,30 +261,30 @@ def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewh
     assert run.manager.lost == {1: f"died (signal 9) after {limit + 1.0:.1f} s"}
 
 
-def test_hands_at_another_compositor_s_windows_steer_and_end_the_run(elsewhere: Plan) -> None:
+def test_input_at_windows_of_a_remote_compositor_steers_and_ends_the_run(elsewhere: Plan) -> None:
     run = Run(elsewhere, still=False)
     manager = run.manager
     wishes = [{"kind": "pause"}, {"kind": "zoom", "x": "much"}, 7, {"kind": "statistics", "value": "on"}]
-    run.tell(*(Hands(rank=1, commands=commands) for commands in (json.dumps(wishes), "no list")))
-    run.tell(Hands(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True))
+    run.tell(*(WindowInput(rank=1, commands=commands) for commands in (json.dumps(wishes), "no list")))
+    run.tell(WindowInput(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True))
     event = manager._directors[0].event
     assert (event.paused, event.statistics) == (True, True)
     assert manager.counters.counts == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
     assert manager.ended == ""
-    run.tell(Hands(rank=1, escape="Escape was pressed"))
+    run.tell(WindowInput(rank=1, escape="Escape was pressed"))
     assert manager.ended == "Escape was pressed"
 
 
 def test_the_end_of_the_last_window_ends_the_run(elsewhere: Plan) -> None:
     run = Run(elsewhere)
-    run.tell(Hands(rank=1, closed=True))
+    run.tell(WindowInput(rank=1, closed=True))
     assert run.manager.ended == ALL_CLOSED
 
 
 def test_the_last_window_of_one_compositor_leaves_those_of_others_open() -> None:
     graph = ELSEWHERE + "    - {id: two, op: sink, kind: window, input: panel, on: head}\n"
     run = Run(make_plan(make_layout(loads(f"{TEXT}{graph}", path=Path("wall.yaml")))))
-    run.tell(Hands(rank=1, closed=True))
+    run.tell(WindowInput(rank=1, closed=True))
     assert run.manager.ended == ""
 
 

@@ -1,4 +1,4 @@
-"""Hands at a window away from the head: keys steer, Escape ends the run, a lost display is told and counted."""
+"""Input at a window away from the head: keys steer, Escape ends the run, a lost display is told and counted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from Xlib import XK
 
 from wall.config.loading import loads
 from wall.display.window import WindowSink
-from wall.packets.control import Hands, Heartbeat, parse_control
+from wall.packets.control import Heartbeat, WindowInput, parse_control
 from wall.roles.instructions import MANAGER, End
 from wall.roles.manager import Manager
 from wall.roles.plan import Plan, make_layout, make_plan
@@ -20,7 +20,7 @@ from wall.run.clock import HeadClock
 from wall.run.loop import Loop
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop
-from wall.run.sinks import hands_of, make_sinks
+from wall.run.sinks import make_sinks, window_input_of
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 RANK = 1
@@ -56,7 +56,7 @@ def remote(plan: Plan, control: LoopbackHub) -> Iterator[tuple[Loop, WindowSink]
     hub, clock = LoopbackHub(credit_bytes=1 << 20), HeadClock()
     ports = Ports(RANK, clock, hub=hub, manager=LoopbackLink(control.endpoint))
     try:
-        yield compositor_loop(plan, RANK, hub, ports, clock, [sink], [hands_of(RANK, [sink])]), sink
+        yield compositor_loop(plan, RANK, hub, ports, clock, [sink], [window_input_of(RANK, [sink])]), sink
     finally:
         sink.close()
         ports.close()
@@ -91,6 +91,6 @@ def test_a_display_that_a_compositor_lost_is_told_and_counted() -> None:
         assert comes_true(lambda: window.gone)
         loop.turn()
         said = [parse_control(data) for _, data in control.messages()]
-    assert Hands(rank=RANK, closed=True) in said
+    assert WindowInput(rank=RANK, closed=True) in said
     (beat,) = (message for message in said if isinstance(message, Heartbeat))
     assert beat.dropped.items() >= window.dropped().items() > set()
