@@ -12,7 +12,7 @@ from wall.core.errors import ConfigError
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
 
-OK, FAILED, REFUSED = 0, 1, 2  # exit codes
+FAILED, REFUSED = 1, 2  # exit codes
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 console = Console(highlight=False)

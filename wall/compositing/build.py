@@ -16,7 +16,7 @@ from wall.compositing.placement import Placement
 from wall.compositing.presets import expanded
 from wall.compositing.ranks import number_ranks
 from wall.compositing.refusals import Refusals
-from wall.compositing.structure import check_structure, in_order
+from wall.compositing.structure import check_structure, in_order, users_of
 from wall.compositing.windows import with_windows
 from wall.config.graph import MAX_NODES, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
 from wall.config.loading import Loaded
@@ -83,10 +83,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     refusals.raise_any()
     makers = [node for node in order if not isinstance(node, SamplesNode)]
     number = {node.id: k for k, node in enumerate(makers)}
-    users: dict[str, list[int]] = {node.id: [] for node in order}
-    for node in makers:
-        for name in node.sources:
-            users[name].append(number[node.id])
+    users = users_of(order)
     steps = tuple(
         Step(
             index=number[node.id],
@@ -101,7 +98,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
             panels=tuple(p.index for p in panels_shown(wall, covering.cover[node.id]))
             if isinstance(node, SinkNode)
             else tuple(sorted(covering.panels[node.id])),
-            users=tuple(users[node.id]),
+            users=tuple(number[user.id] for user in users[node.id]),
         )
         for node in makers
     )
@@ -149,8 +146,4 @@ def _layers(
 
 def _compared(step: Step, steps: Sequence[Step]) -> bool:
     """Whether an operator after it compares values, which must show the same time."""
-    for k in step.users:
-        node = steps[k].node
-        if (isinstance(node, Operator) and node.COMMON_TIME) or _compared(steps[k], steps):
-            return True
-    return False
+    return any(steps[k].node.COMMON_TIME or _compared(steps[k], steps) for k in step.users)

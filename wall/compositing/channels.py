@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from wall.compositing.refusals import Refusals
-from wall.compositing.structure import input_path
+from wall.compositing.structure import input_path, users_of
 from wall.config.graph import ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.core.data import CHANNELS, Channels
 from wall.operators.base import Node, Operator
@@ -19,8 +19,7 @@ def find_channels(order: Sequence[Node], refusals: Refusals) -> dict[str, Channe
     """What every node's framelet holds: what it can give, as far as somebody after it needs it."""
     given = _given(order, refusals)
     wanted = _wanted(order)
-    made = {node.id: node.MAKES if isinstance(node, Operator) else frozenset() for node in order}
-    return {name: given[name] & (wanted[name] | made[name] | COLOUR) for name in given}
+    return {node.id: given[node.id] & (wanted[node.id] | node.MAKES | COLOUR) for node in order if node.id in given}
 
 
 def _given(order: Sequence[Node], refusals: Refusals) -> dict[str, Channels]:
@@ -67,43 +66,35 @@ def find_encoded(order: Sequence[Node], channels: Mapping[str, Channels], refusa
     """
     by_id = {node.id: node for node in order}
     encoded = {node.id: not isinstance(node, SamplesNode | SinkNode) for node in order}
-    users: dict[str, list[Node]] = {node.id: [] for node in order}
-    for node in order:
-        for name in node.sources:
-            users[name].append(node)
-    moving = {
-        node.id: isinstance(node, Operator) and _op(node) != "encode" and not computes(node, channels) for node in order
-    }
+    users = users_of(order)
+    light = {node.id for node in order if not isinstance(node, Operator) or node.op_name == "encode"}
+    moving = {node.id: node.id not in light and not computes(node, channels) for node in order}
     changed = True
     while changed:
         before = dict(encoded)
         for node in order:
-            if not encoded[node.id] or _op(node) == "encode":
+            if not encoded[node.id] or node.op_name == "encode":
                 continue
             fed = not moving[node.id] or not node.sources or all(encoded[name] for name in node.sources)
             encoded[node.id] = fed and all(_takes_bytes(user, moving, encoded) for user in users[node.id])
         changed = encoded != before
     for node in order:
         for k, name in enumerate(node.sources):
-            if _op(by_id[name]) == "encode" and not _takes_bytes(node, moving, encoded):
-                came = f"{_op(node)} computes with light, and {name} gives display bytes"
+            if by_id[name].op_name == "encode" and not _takes_bytes(node, moving, encoded):
+                came = f"{node.op_name} computes with light, and {name} gives display bytes"
                 refusals.add(node, input_path(node, k), came, "the node before encode")
     return encoded
 
 
 def computes(node: Node, channels: Mapping[str, Channels]) -> bool:
     """Whether an operator computes with light, so that bytes can only be made of what comes out."""
-    if not isinstance(node, Operator) or _op(node) == "encode":
+    if not isinstance(node, Operator) or node.op_name == "encode":
         return False
     return not node.sources or not node.moves([channels[name] for name in node.sources])
 
 
 def _takes_bytes(user: Node, moving: Mapping[str, bool], encoded: Mapping[str, bool]) -> bool:
     return isinstance(user, SinkNode) or (moving[user.id] and encoded[user.id])
-
-
-def _op(node: Node) -> str:
-    return str(getattr(node, "op", ""))
 
 
 def find_orders(order: Sequence[Node], refusals: Refusals) -> dict[str, int]:
@@ -113,7 +104,7 @@ def find_orders(order: Sequence[Node], refusals: Refusals) -> dict[str, int]:
         own = getattr(node, "order", None)
         inputs = [spans.get(name) for name in node.sources]
         known = [span for span in inputs if span is not None]
-        if _op(node) == "over":
+        if node.op_name == "over":
             _are_ordered(node, inputs, refusals)
         if own is not None:
             spans[node.id] = (own, own)

@@ -11,7 +11,7 @@ from wall.compositing.structure import input_path
 from wall.config.graph import FrameSync, NodeGraph, SinkNode
 from wall.config.loading import Loaded, nearest
 from wall.geometry.panels import Wall
-from wall.operators.base import Node, Operator
+from wall.operators.base import Node
 
 
 def check_panels_exist(nodes: Sequence[Node], wall: Wall, refusals: Refusals) -> None:
@@ -75,7 +75,7 @@ def check_compares_panels(graph: Graph, refusals: Refusals) -> None:
     """Without lock step, framelets are reprojected to a common time, which works for single panels only."""
     followed = graph.panels_followed()
     for step in graph.steps:
-        if graph.sync == "none" and isinstance(step.node, Operator) and step.node.COMMON_TIME:
+        if graph.sync == "none" and step.node.COMMON_TIME:
             for k, source in enumerate(step.inputs):
                 held = graph.steps[source].panels
                 if held and followed[source] is None:
@@ -92,7 +92,7 @@ def check_compares_times(graph: Graph, refusals: Refusals) -> None:
     for step in graph.steps:
         panels.append(frozenset(step.panels).union(*(panels[k] for k in step.inputs)))
         ranks.append(frozenset({step.rank}).union(*(ranks[k] for k in step.inputs)))
-        if graph.sync != "none" or not isinstance(step.node, Operator) or not step.node.COMMON_TIME:
+        if graph.sync != "none" or not step.node.COMMON_TIME:
             continue
         for k, source in enumerate(step.inputs):
             if len(graph.steps[source].panels) == 1 < min(len(panels[source]), len(ranks[source])):

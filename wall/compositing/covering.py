@@ -117,10 +117,9 @@ class Covering:
         if not inputs:
             covers = [(rect,)]
         self._is_small_enough(node, inputs, rect)
-        op = getattr(node, "op", "")
-        if op == "tile":
+        if node.op_name == "tile":
             self._once(node, covers)
-        if op == "crop" and not inputs[0].contains(rect):
+        if node.op_name == "crop" and not inputs[0].contains(rect):
             came = f"{said(rect)} reaches outside what it is cut from, {said(inputs[0])}"
             self._refusals.add(node, _area_path(node), came, f"a rectangle inside {said(inputs[0])}")
         elif not inputs and not Rect(x=0, y=0, width=self._wall.width, height=self._wall.height).contains(rect):

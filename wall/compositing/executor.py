@@ -96,7 +96,6 @@ class Executor:
 
     def _shows_another_time(self, s: Step, event: Event | None) -> bool:
         """Whether all of a step must be recomputed: it shows another time, or was made of reprojected inputs."""
-        assert isinstance(s.node, Operator)
         if not s.node.COMMON_TIME or self._reproject is None or event is None:
             return False
         shown = self.framelets[s.index].event

@@ -11,7 +11,7 @@ from typing import Literal
 from wall.config.graph import FrameSync, SinkNode
 from wall.core.data import CHANNELS, Channels, Rect
 from wall.geometry.regions import Source
-from wall.operators.base import Node, Operator
+from wall.operators.base import Node
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,8 +94,7 @@ class Graph:
         """Of every step, the panel whose rays its pixels follow; None: several panels', or turned, scaled or bent."""
         kept: list[bool] = []
         for step in self.steps:
-            own = not isinstance(step.node, Operator) or step.node.KEEPS_RAYS
-            kept.append(own and all(kept[k] for k in step.inputs))
+            kept.append(step.node.KEEPS_RAYS and all(kept[k] for k in step.inputs))
         return tuple(s.panels[0] if kept[s.index] and len(s.panels) == 1 else None for s in self.steps)
 
     def beyond_bytes(self, layer: Layer) -> tuple[str, ...]:
@@ -127,7 +126,7 @@ class Graph:
     @property
     def plain(self) -> bool:
         """Whether every panel's samples are its picture, and the sinks show just those."""
-        ops = {getattr(step.node, "op", "") for step in self.steps}
+        ops = {step.node.op_name for step in self.steps}
         return ops <= {"reconstruct", "tile", "sink"} and len({layer.panel for layer in self.layers}) == len(
             self.layers
         )

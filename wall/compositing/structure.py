@@ -42,6 +42,15 @@ def _by_id(nodes: Sequence[Node], refusals: Refusals) -> dict[str, Node]:
     return by_id
 
 
+def users_of(nodes: Sequence[Node]) -> dict[str, list[Node]]:
+    """By id the nodes that take from each node, once for each input."""
+    users: dict[str, list[Node]] = {node.id: [] for node in nodes}
+    for node in nodes:
+        for name in node.sources:
+            users[name].append(node)
+    return users
+
+
 def input_path(node: Node, k: int) -> list[str | int]:
     """Where input k stands in a node."""
     single = getattr(node, "input", None) is not None
@@ -59,12 +68,8 @@ def _inputs_exist_and_fit(nodes: Sequence[Node], by_id: dict[str, Node], refusal
             if giver is None:
                 refusals.add(node, at, "there is no such node", accepted + nearest(name, fitting))
             else:
-                came = f"{_op(node)} needs {WORDS[node.TAKES]}, {_op(giver)} gives {WORDS[giver.GIVES]}"
+                came = f"{node.op_name} needs {WORDS[node.TAKES]}, {giver.op_name} gives {WORDS[giver.GIVES]}"
                 refusals.add(node, at, came, accepted)
-
-
-def _op(node: Node) -> str:
-    return str(getattr(node, "op", type(node).__name__))
 
 
 def _is_acyclic(nodes: Sequence[Node], by_id: dict[str, Node], refusals: Refusals) -> None:
@@ -78,18 +83,14 @@ def _is_acyclic(nodes: Sequence[Node], by_id: dict[str, Node], refusals: Refusal
 
 
 def _is_used(nodes: Sequence[Node], refusals: Refusals) -> None:
-    users: dict[str, list[str]] = {node.id: [] for node in nodes}
-    for node in nodes:
-        for name in node.sources:
-            users[name].append(node.id)
+    users = users_of(nodes)
     for node in nodes:
         if isinstance(node, SinkNode):
             continue
         if not users[node.id]:
-            work = (
-                "its ranks would work for nothing" if isinstance(node, SamplesNode) else f"{_op(node)} is done in vain"
-            )
+            rendered = isinstance(node, SamplesNode)
+            work = "its ranks would work for nothing" if rendered else f"{node.op_name} is done in vain"
             refusals.add(node, ["id"], f"nobody uses what this node gives: {work}", f"a node with input: {node.id}")
         elif isinstance(node, SamplesNode) and len(users[node.id]) > 1:
-            several = ", ".join(users[node.id])
+            several = ", ".join(user.id for user in users[node.id])
             refusals.add(node, ["id"], f"samples are used more than once ({several})", "one reconstruct node")

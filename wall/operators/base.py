@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import reduce
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field, model_validator
@@ -43,6 +43,14 @@ class Node(Model):
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "framelet"
     GIVES: ClassVar[Literal["nothing", "samples", "framelet"]] = "framelet"
+    MAKES: ClassVar[Channels] = frozenset()  # that its output always holds: it needs them for its own work
+    KEEPS_RAYS: ClassVar[bool] = True  # a pixel keeps the ray of its panel's pixel: no turning, scaling or warping
+    COMMON_TIME: ClassVar[bool] = False  # it compares values, so all inputs must show the same time
+
+    @property
+    def op_name(self) -> str:
+        """The word that `op:` has in the YAML."""
+        return str(getattr(self, "op", type(self).__name__))
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -56,10 +64,18 @@ class Operator(Node):
 
     NEEDS: ClassVar[Channels] = frozenset({"colour"})  # of every input
     USES: ClassVar[Channels] = frozenset()  # of any input that has them
-    MAKES: ClassVar[Channels] = frozenset()  # that its output always holds: it needs them for its own work
+    LOSES: ClassVar[Channels] = frozenset()  # that its output cannot have: variance, where it is not linear
     MOVES: ClassVar[bool] = False  # it copies values unchanged, so it takes linear and encoded colour alike
-    KEEPS_RAYS: ClassVar[bool] = True  # a pixel keeps the ray of its panel's pixel: no turning, scaling or warping
-    COMMON_TIME: ClassVar[bool] = False  # it compares values, so all inputs must show the same time
+    ONE_OF: ClassVar[tuple[str, str, str] | None] = None  # two keys of which it has exactly one, and what that may be
+
+    @model_validator(mode="after")
+    def _has_one_of_two(self) -> Self:
+        if self.ONE_OF is not None:
+            one, other, accepted = self.ONE_OF
+            if (getattr(self, one) is None) == (getattr(self, other) is None):
+                article = "an" if one[0] in "aeiou" else "a"
+                raise refusal(f"needs either {article} {one} or a {other}", accepted=accepted)
+        return self
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:
         """The rectangle of its output in the frame."""
@@ -67,7 +83,7 @@ class Operator(Node):
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
         """The channels of its output, for inputs with these channels."""
-        return frozenset.intersection(*inputs)
+        return (frozenset.intersection(*inputs) | self.MAKES) - self.LOSES
 
     def moves(self, inputs: Sequence[Channels]) -> bool:
         """MOVES, for inputs with these channels."""
@@ -102,20 +118,10 @@ class AreaOperator(Operator):
     area: Area | None = Field(default=None, description="x, y, width, height in the frame, pixels")
     panel: Name | None = Field(default=None, description="id of the panel whose pixels it covers, instead of an area")
 
-    @model_validator(mode="after")
-    def _area_or_panel(self) -> AreaOperator:
-        check_one_of(self, "area", "panel", accepted="area: [x, y, width, height] or panel: ID")
-        return self
+    ONE_OF: ClassVar[tuple[str, str, str] | None] = ("area", "panel", "area: [x, y, width, height] or panel: ID")
 
 
 def area_rect(area: Area) -> Rect:
     """The rectangle of an area."""
     x, y, width, height = area
     return Rect(x=x, y=y, width=width, height=height)
-
-
-def check_one_of(node: Operator, one: str, other: str, *, accepted: str) -> None:
-    """Refuse a node that has both or neither of two keys."""
-    if (getattr(node, one) is None) == (getattr(node, other) is None):
-        article = "an" if one[0] in "aeiou" else "a"
-        raise refusal(f"needs either {article} {one} or a {other}", accepted=accepted)

@@ -14,7 +14,7 @@ with another ramp. Black that glows cannot be taken away: overlaps are brighter 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -40,15 +40,13 @@ class BlendEdges(Operator):
     bottom: Ramp = Field(default=0, description="likewise")
     gamma: Annotated[Number, Ge(0.1), Le(10.0)] = Field(default=2.2, description="of the display: light is value^gamma")
 
+    LOSES: ClassVar[Channels] = frozenset({"variance"})  # the ramps are not linear
+
     @model_validator(mode="after")
     def _some_ramp(self) -> BlendEdges:
         if not (self.left or self.right or self.top or self.bottom):
             raise refusal("has no ramp", accepted="left, right, top or bottom: pixels")
         return self
-
-    def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """Without variance: the ramps are not linear."""
-        return inputs[0] - {"variance"}
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
         """Copy a region, darkened by the ramps."""

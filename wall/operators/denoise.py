@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -28,9 +28,7 @@ class Denoise(Operator):
     input: Input
     quality: Literal["fast", "balanced", "high"] = Field(default="balanced", description="the faster, the coarser")
 
-    def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """Without variance: that of the estimate is unknown."""
-        return inputs[0] - {"variance"}
+    LOSES: ClassVar[Channels] = frozenset({"variance"})  # that of the estimate is unknown
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
         """Returns the rectangle of the output that changes with input `k` in `rect`: the whole image, in pixels."""

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from wall.core.data import BLANK, Channels, Float32, Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.fields import Flag, Text
-from wall.operators.base import Area, Input, Operator, area_rect, check_one_of
+from wall.operators.base import Area, Input, Operator, area_rect
 from wall.operators.image_file import read_image
 from wall.operators.regions import bands, copy, pixels_of
 
@@ -30,10 +30,7 @@ class Mask(Operator):
     file: Text | None = Field(default=None, description="PNG or EXR: what is kept, instead of an area")
     invert: Flag = Field(default=False, description="keep the rest instead")
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Mask:
-        check_one_of(self, "area", "file", accepted="area: [x, y, width, height] or file: NAME")
-        return self
+    ONE_OF: ClassVar[tuple[str, str, str] | None] = ("area", "file", "area: [x, y, width, height] or file: NAME")
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
         """With alpha: what is removed becomes transparent."""

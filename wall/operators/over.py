@@ -30,10 +30,6 @@ class Over(Operator):
     NEEDS: ClassVar[Channels] = frozenset({"colour", "alpha"})
     MAKES: ClassVar[Channels] = frozenset({"alpha"})
 
-    def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """What all inputs have, and alpha."""
-        return super().gives(inputs) | {"alpha"}
-
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
         """Write the composited pixels of a region."""
         ordered = sorted(inputs, key=lambda framelet: framelet.order)

@@ -18,11 +18,11 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from wall.core.data import Float32, Float64, Framelet, Rect
 from wall.core.fields import Number
-from wall.operators.base import Extent, Input, Operator, check_one_of
+from wall.operators.base import Extent, Input, Operator
 from wall.operators.kernels import resample as kernels
 from wall.operators.regions import corner_of, pixels_of, timed
 
@@ -44,12 +44,8 @@ class Scale(Operator):
     size: tuple[Extent, Extent] | None = Field(default=None, description="width and height, pixels; or a factor")
     filter: Filter = Field(description="box, triangle, catmull_rom or lanczos3")
 
+    ONE_OF: ClassVar[tuple[str, str, str] | None] = ("factor", "size", "factor: 0.5 or size: [width, height]")
     KEEPS_RAYS: ClassVar[bool] = False
-
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Scale:
-        check_one_of(self, "factor", "size", accepted="factor: 0.5 or size: [width, height]")
-        return self
 
     def rect(self, inputs: Sequence[Rect]) -> Rect:
         """The scaled rectangle, rounded to whole pixels."""

@@ -39,6 +39,13 @@ class Source(AreaOperator):
         """Colour and alpha, and depth where the node has one."""
         return frozenset({"colour", "alpha"} | ({"depth"} if getattr(self, "depth", None) is not None else set()))
 
+    def _fill(self, out: Framelet, region: Rect, colour: Any, alpha: Any, depth: Any) -> None:
+        """Write values, or arrays of them, to the channels that the output has; depth may be None."""
+        blank(out, region)
+        for name, values in (("colour", colour), ("alpha", alpha), ("depth", depth)):
+            if name in out.channels and values is not None:
+                pixels_of(out, name, region)[...] = values
+
 
 class Constant(Source):
     """One colour."""
@@ -50,12 +57,7 @@ class Constant(Source):
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
         """Write the pixels of a region."""
-        blank(out, region)
-        pixels_of(out, "colour", region)[...] = [self.alpha * c for c in self.colour]
-        if out.alpha is not None:
-            pixels_of(out, "alpha", region)[...] = self.alpha
-        if out.depth is not None and self.depth is not None:
-            pixels_of(out, "depth", region)[...] = self.depth
+        self._fill(out, region, [self.alpha * c for c in self.colour], self.alpha, self.depth)
 
 
 class ImageSource(Source):
@@ -81,10 +83,5 @@ class ImageSource(Source):
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: ImageFile) -> None:
         """Write the pixels of a region."""
         there = region.inside(out.rect)
-        blank(out, region)
-        pixels_of(out, "colour", region)[...] = prepared.colour[there]
-        if out.alpha is not None:
-            pixels_of(out, "alpha", region)[...] = prepared.alpha[there]
-        if out.depth is not None and self.depth is not None:
-            distance = prepared.depth[there] if self.depth == "file" and prepared.depth is not None else self.depth
-            pixels_of(out, "depth", region)[...] = distance
+        distance = prepared.depth[there] if self.depth == "file" and prepared.depth is not None else self.depth
+        self._fill(out, region, prepared.colour[there], prepared.alpha[there], distance)

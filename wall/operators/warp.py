@@ -18,7 +18,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from wall.core.data import Float64, Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.fields import Model, Number, Text, Whole, refusal
-from wall.operators.base import Input, Operator, check_one_of
+from wall.operators.base import Input, Operator
 from wall.operators.kernels import resample as kernels
 from wall.operators.regions import blank, pixels_of, timed
 
@@ -81,12 +81,8 @@ class Warp(Operator):
     mesh: Mesh | None = Field(default=None, description="grid of display positions")
     file: Text | None = Field(default=None, description="YAML or JSON with columns, rows and points, instead of a mesh")
 
+    ONE_OF: ClassVar[tuple[str, str, str] | None] = ("mesh", "file", "mesh: {columns, rows, points} or file: NAME")
     KEEPS_RAYS: ClassVar[bool] = False
-
-    @model_validator(mode="after")
-    def _mesh_or_file(self) -> Warp:
-        check_one_of(self, "mesh", "file", accepted="mesh: {columns, rows, points} or file: NAME")
-        return self
 
     @cached_property
     def _tables(self) -> WarpTables | None:
@@ -106,9 +102,8 @@ class Warp(Operator):
         positions = np.ascontiguousarray(prepared.table(source.rect)[region.inside(out.rect)])
         blank(out, region)
         for name in out.channels & {"colour", "alpha", "variance"}:
-            values, here = source.channel(name), pixels_of(out, name, region)
-            warped = here[..., None].copy() if values.ndim == 2 else here.copy()
-            planes = values[..., None] if values.ndim == 2 else values
+            here = pixels_of(out, name, region)
+            planes, warped = (a.reshape(*a.shape[:2], -1) for a in (source.channel(name), here.copy()))
             kernels.look_up_bilinear(planes, positions, name == "variance", warped)
             here[...] = warped.reshape(here.shape)
         inside = positions[..., 0] != kernels.NOWHERE

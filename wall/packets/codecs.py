@@ -19,11 +19,6 @@ class Codec(IntEnum):
     LZ4 = 1
     ZSTD = 2
 
-    @classmethod
-    def named(cls, name: str) -> Codec:
-        """The codec of a configuration's `transport.codec`."""
-        return cls[name.upper()]
-
 
 def compress(body: memoryview, codec: Codec) -> bytes:
     """The compressed bytes of a body; zstd frames state their size."""

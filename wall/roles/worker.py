@@ -34,7 +34,7 @@ class Worker:
         self.samplers, self.worker = samplers, worker
         self.work = Work()
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
-        self._codec = Codec.named(layout.config.transport.codec)
+        self._codec = Codec[layout.config.transport.codec.upper()]
         share = layout.layer(rank).range
         seen = plan.scene.objects_in(share) if share is not None else None
         self._panel_view = PanelView(plan.view_of(layout.panel(rank)), layout.panel(rank))

@@ -146,7 +146,7 @@ def _step_box(step: Step) -> Box:
     if isinstance(node, SinkNode):
         return Box(id=node.id, op=f"{node.kind} sink", detail="", process=process, sink=True)
     size = f"{step.rect.width} {TIMES} {step.rect.height} px"
-    return Box(id=node.id, op=str(getattr(node, "op", "")), detail=size, process=process, source=not node.sources)
+    return Box(id=node.id, op=node.op_name, detail=size, process=process, source=not node.sources)
 
 
 def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Edge]:

@@ -12,7 +12,6 @@ from wall.packets.kernels.plain_body import INFINITY_BITS, LARGEST_FINITE_BITS, 
 POSITION, LUMA, ORANGE, GREEN, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, VISIBILITY = range(10)  # columns
 COLUMNS, RELIGHTABLE_COLUMNS = 7, 10  # without and with normals and light visibility masks
 SUBPIXEL_BITS = 3
-SUBPIXEL_MASK = (1 << SUBPIXEL_BITS) - 1
 DEPTH_BITS = 11  # mantissa bits of a depth code
 TIME_STEPS, CHANGE_STEPS = 63, 15
 DIGIT_BITS, DIGITS = 8, 256  # of the radix sort
