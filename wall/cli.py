@@ -92,12 +92,13 @@ def render(
     from wall.commands.progress import progress_bar
     from wall.commands.render import render as render_image
     from wall.display.image_file import check_suffix, write_image
+    from wall.roles.plan import make_layout, make_plan
 
     check_suffix(output)
     loaded = load_config(what)
     with progress_bar("rendering") as update:
         picture = render_image(
-            loaded,
+            make_plan(make_layout(loaded)),
             spp=spp,
             seed=seed,
             size=parse_size(size),

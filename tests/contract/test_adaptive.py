@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from running import write_config
 
-from wall.commands.render import render_plan
+from wall.commands.render import render
 from wall.config.loading import load
 from wall.core.data import Float32
 from wall.roles.plan import Plan, aimed, make_layout
@@ -42,7 +42,7 @@ def test_a_still_view_ends_and_equals_the_reference(
     tmp_path: Path, tiny_scene: Scene, threads: int, ranks: int, tiling: str
 ) -> None:
     plan = plan_of(tmp_path, tiny_scene, threads=threads, ranks=ranks, tiling=tiling)
-    reference = render_plan(plan, spp=REFERENCE_SPP, seed=7, at=0.0)
+    reference = render(plan, spp=REFERENCE_SPP, seed=7, at=0.0)
     assert reference is not None
 
     single = SingleProcess(plan, make_tracer_scene(tiny_scene))

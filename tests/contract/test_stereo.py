@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wall.commands.render import render_plan
+from wall.commands.render import render
 from wall.config.loading import load
 from wall.core.data import Float32
 from wall.geometry.cameras import look_at, seen_from
@@ -46,7 +46,7 @@ def display(radiance: Float32) -> Float32:
 
 def references(plan: Plan) -> list[Float32]:
     """Of the left and the right eye: they lie beside each other in the virtual screen."""
-    both = render_plan(plan, spp=64, seed=7, at=0.0)
+    both = render(plan, spp=64, seed=7, at=0.0)
     assert both is not None
     assert both.shape == (15, 40, 3)
     return [display(both[:, :20]), display(both[:, 20:])]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from running import panels, wall, write_config
 
-from wall.commands.render import render_plan
+from wall.commands.render import render
 from wall.config.loading import load
 from wall.roles.plan import make_layout, make_plan
 from wall.study.quality.metrics import display_values
@@ -29,7 +29,7 @@ def test_last_picture_of_a_moving_wall_is_of_one_moment_at_all_compositors(tmp_p
     moments = np.arange(STARTED_S, SECONDS + 1.5, STEP_S)
     errors = np.zeros((2, len(moments)))
     for k, moment in enumerate(moments):
-        ideal = render_plan(plan, spp=4, seed=1, at=float(moment))
+        ideal = render(plan, spp=4, seed=1, at=float(moment))
         assert ideal is not None
         for j, (panel, shown) in enumerate(zip(plan.layout.wall.panels, panels(tmp_path / "out"), strict=True)):
             x, y = panel.screen

@@ -7,9 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from wall.commands.offline import Band, OfflineRenderer, bands_of, event_at, image_size, panels_of, tiles_of
-from wall.config.loading import Loaded
 from wall.core.data import Float32
-from wall.roles.plan import Plan, make_layout, make_plan
+from wall.roles.plan import Plan
 from wall.run.bootstrap import under_mpi
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -17,18 +16,6 @@ Progress = Callable[[int, int], None]  # is told the work done, and all there is
 
 
 def render(
-    loaded: Loaded, *, spp: int, seed: int, size: tuple[int, int] | None, at: float, progress: Progress
-) -> Float32 | None:
-    """Render the image at scene time `at`, seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
-
-    A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
-    panel by panel at their own pixels. Raises ConfigError.
-    """
-    plan = make_plan(make_layout(loaded))
-    return render_plan(plan, spp=spp, seed=seed, size=size, at=at, progress=progress)
-
-
-def render_plan(
     plan: Plan,
     *,
     spp: int,
@@ -37,7 +24,11 @@ def render_plan(
     size: tuple[int, int] | None = None,
     progress: Progress = lambda done, total: None,
 ) -> Float32 | None:
-    """Render the same image for a plan whose scene is loaded."""
+    """Render the image at scene time `at`, seconds: (h, w, 3) float32 linear RGB at rank 0, None at other MPI ranks.
+
+    A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
+    panel by panel at their own pixels. Raises ConfigError.
+    """
     panels = panels_of(plan.layout, size)
     bands = [band for tile in tiles_of(panels, seed=seed) for band in bands_of(tile)]
     renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, at), spp=spp)

@@ -45,10 +45,12 @@ class Executor:
         """
         self._graph, self._reproject = graph, reproject
         self._steps = [s for s in graph.steps if s.rank == rank and isinstance(s.node, Operator)]
-        self._prepared: dict[int, Any] = {s.index: self._prepare(s, folder) for s in self._steps}
+        self._prepared: dict[int, Any] = {}  # by step
         self.framelets: dict[int, Framelet] = dict(sources)
         self._light: dict[int, Framelet] = {}  # of nodes that compute with light, and give display bytes
         for s in self._steps:
+            assert isinstance(s.node, Operator)
+            self._prepared[s.index] = s.node.prepare(folder, [graph.steps[k].rect for k in s.inputs])
             self.framelets[s.index] = shown = Framelet.blank(s.rect, s.channels, encoded=s.encoded, order=s.order)
             if s.encoded and s.computes:
                 light = np.zeros((s.rect.height, s.rect.width, 3), np.float32)
@@ -71,10 +73,6 @@ class Executor:
                 self._apply(s, regions, event)
                 found[s.index] = regions
         return found
-
-    def _prepare(self, s: Step, folder: Path) -> Any:
-        assert isinstance(s.node, Operator)
-        return s.node.prepare(folder, [self._graph.steps[k].rect for k in s.inputs])
 
     def _regions(self, s: Step, found: Changes, event: Event | None) -> Regions:
         if s.index in self._fresh:

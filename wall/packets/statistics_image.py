@@ -28,16 +28,8 @@ def statistics_image_body(image: StatisticsImage) -> bytes:
             f"{image.rects.shape}, error_reduction {image.error_reduction.shape}; wanted twice the same, (n, 4), (n,)"
         )
     head = _HEAD.pack(image.rank, image.panel, image.compared, rows, columns, n)
-    rects = np.ascontiguousarray(image.rects, "<u2")
-    return b"".join(
-        (
-            head,
-            image.age.tobytes(),
-            image.density.tobytes(),
-            rects.tobytes(),
-            image.error_reduction.tobytes(),
-        )
-    )
+    arrays = (image.age, image.density, image.rects.astype("<u2"), image.error_reduction)
+    return head + b"".join(array.tobytes() for array in arrays)
 
 
 def parse_statistics_image(body: bytes) -> StatisticsImage:

@@ -20,7 +20,7 @@ from wall.core.errors import ConfigError
 from wall.display.image_file import display_values
 from wall.display.png import BEZEL_RGB
 from wall.display.strip_file import STRIP_ROWS
-from wall.roles.plan import make_layout
+from wall.roles.plan import make_layout, make_plan
 
 FLAT = """\
 version: 1
@@ -66,7 +66,7 @@ def shoot(config: Path, name: str, **changes: Any) -> list[Written]:
 
 
 def rendered(config: Path, size: tuple[int, int] | None = None) -> Float32:
-    picture = render(load(config), spp=2, seed=3, size=size, at=0.5, progress=quiet)
+    picture = render(make_plan(make_layout(load(config))), spp=2, seed=3, size=size, at=0.5, progress=quiet)
     assert picture is not None
     return picture
 
@@ -112,7 +112,8 @@ def test_tiles_change_nothing_before_the_first_cut_and_go_on_after_it(
     others = np.abs(parts - whole)[32:, 32:]
     assert 0 < others.mean() < 0.005  # other samples of the same light
     assert len(offline.tiles_of(offline.panels_of(make_layout(load(flat)), (96, 80)), seed=3)) == 9
-    np.testing.assert_array_equal(parts, render(load(flat), spp=64, seed=3, size=(96, 80), at=0.5, progress=quiet))
+    whole = render(make_plan(make_layout(load(flat))), spp=64, seed=3, size=(96, 80), at=0.5, progress=quiet)
+    np.testing.assert_array_equal(parts, whole)
 
 
 def test_each_panel_can_have_a_file_of_its_own(corner: Path, compiled_only: None) -> None:

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from wall import cli
-from wall.commands.render import render_plan
+from wall.commands.render import render
 from wall.config.loading import loads
 from wall.core.data import Float32
 from wall.core.errors import ConfigError, RunError
@@ -76,7 +76,7 @@ def test_every_second_refresh_has_an_reference_picture_and_every_eighth_of_large
 def test_reference_picture_is_what_wall_render_gives_rounded_to_half_precision(setup: Setup) -> None:
     reference = Reference(setup.plan, setup.tracer_scene, [0.0, 0.5], spp=4)
     reference.make(reference.missing())
-    rendered = render_plan(setup.plan, spp=4, seed=SEED, at=0.5)
+    rendered = render(setup.plan, spp=4, seed=SEED, at=0.5)
     assert rendered is not None
     assert reference.picture(1) == pytest.approx(rendered, rel=HALF_WAY, abs=1e-7)
 
@@ -159,7 +159,7 @@ def test_progressive_method_converges_to_the_reference_after_a_stop(config: Path
     assert method.rays == 0
     assert np.array_equal(method.show(0.09), first)
     method.advance(0.7)
-    reference = render_plan(setup.plan, spp=64, seed=SEED, at=0.7)
+    reference = render(setup.plan, spp=64, seed=SEED, at=0.7)
     assert reference is not None
     assert np.sqrt(np.mean((method.show(0.7) - reference) ** 2)) < 0.1 * np.sqrt(np.mean((first - reference) ** 2))
     assert 60 * 768 <= method.rays <= 100 * 768

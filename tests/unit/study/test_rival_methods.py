@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wall.commands.render import render_plan
+from wall.commands.render import render
 from wall.config.loading import load
 from wall.core.data import Camera, Float32, Float64
 from wall.deepbuffer.kernels.reproject import pixel_of, position_of
@@ -76,7 +76,7 @@ def run(method: Method, seconds: float) -> Float32:
 
 def error(setup: Setup, shown: Float32, at: float) -> float:
     """RMSE of linear radiance, clipped at 1, against 64 samples a pixel."""
-    reference = render_plan(setup.plan, spp=64, seed=7, at=at)
+    reference = render(setup.plan, spp=64, seed=7, at=at)
     assert reference is not None
     return float(np.sqrt(np.mean((np.minimum(shown, 1.0) - np.minimum(reference, 1.0)) ** 2)))
 

@@ -15,6 +15,7 @@ from wall.config.loading import load
 from wall.core.data import Float32
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.panels import Wall
+from wall.roles.plan import make_layout, make_plan
 from wall.scene.build import Scene
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -65,7 +66,8 @@ views: [{id: main}]
 
 
 def rendered(path: Path, *, seed: int = 3) -> Float32:
-    drawn = render(load(path), spp=2, seed=seed, size=(45, 37), at=0.5, progress=lambda done, of: None)
+    plan = make_plan(make_layout(load(path)))
+    drawn = render(plan, spp=2, seed=seed, size=(45, 37), at=0.5)
     assert drawn is not None
     return drawn
 

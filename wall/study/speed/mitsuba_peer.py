@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from wall.commands.render import render_plan
+from wall.commands.render import render
 from wall.core.data import SAMPLE, Float32
 from wall.core.errors import RunError
 from wall.roles.plan import Plan, first_event
@@ -142,7 +142,7 @@ class Ours:
 
     def picture(self) -> Float32:
         """Returns the rendered image, (h, w, 3) linear RGB."""
-        picture = render_plan(self._plan, spp=COMPARE_SPP, seed=1, at=0.0)
+        picture = render(self._plan, spp=COMPARE_SPP, seed=1, at=0.0)
         assert picture is not None  # there is one rank
         return picture
 
