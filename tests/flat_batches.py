@@ -51,10 +51,10 @@ def grey(picture: PanelPicture | None) -> float:
 
 def second(panel: PanelCompositor) -> PanelPicture:
     assert panel.compared is not None
-    return panel.compared.picture()
+    return panel.compared.image.picture()
 
 
 def refresh(panel: PanelCompositor, event: Event) -> None:
     panel.refresh(event, 1.0)
     if panel.compared is not None:
-        panel.compared.refresh()
+        panel.compared.refresh(1.0)

@@ -21,8 +21,8 @@ from wall.scene.build import Scene
 Wish = Literal["auto", "cpu", "gpu"]
 
 
-class Reprojected(Protocol):
-    """An image of reprojected samples, made on the CPU or on a GPU; see Reconstruction."""
+class AnyReconstruction(Protocol):
+    """What Reconstruction (CPU) and GpuReconstruction have in common: samples in, an image of them out."""
 
     rect: Rect
 
@@ -83,7 +83,7 @@ def choose(wish: Wish) -> Choice:
 
 def make_reconstruction(
     wish: Wish, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float
-) -> tuple[Reprojected, Choice]:
+) -> tuple[AnyReconstruction, Choice]:
     """Make a panel's reconstruction where the wish says. Raises GpuError if `gpu` is asked for and cannot do it."""
     choice = choose(wish)
     if choice.on == "gpu":
@@ -96,7 +96,7 @@ def make_reconstruction(
     return Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel), choice
 
 
-def display(image: Reprojected, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
+def display(image: AnyReconstruction, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
     """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from an image. Raises GpuError if its GPU is lost."""
     if isinstance(image, GpuReconstruction):
         image.display(dirty, rgb)

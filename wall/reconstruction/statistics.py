@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.reconstruction.choice import Reprojected
+from wall.reconstruction.choice import AnyReconstruction
 from wall.reconstruction.kernels import statistics as kernels
 
 Codes = NDArray[np.uint8]
@@ -45,7 +45,7 @@ def values_of(codes: Codes, scale: Scale) -> Float64:
     return values
 
 
-def statistics_of_store(image: Reprojected, now: float) -> tuple[Codes, Float64]:
+def statistics_of_store(image: AnyReconstruction, now: float) -> tuple[Codes, Float64]:
     """Median age of the samples kept, (rows, columns) codes, and samples a pixel, (rows, columns).
 
     `now`: seconds of the samples' clock. A pixel at rest counts the samples whose mean it shows, if those are more than

@@ -108,7 +108,7 @@ class Composition:
         """Keep a renderer's tiles for its layer, another compositor's image for the head."""
         if statistics_image.rank != HEAD:
             layer = self._layer_of(statistics_image.rank, statistics_image.panel, statistics_image.bounds)
-            layer.tiles_of[statistics_image.rank] = statistics_image
+            layer.reprojected.tiles_of[statistics_image.rank] = statistics_image
             return
         panels = self._plan.layout.wall.panels
         if self._rank != HEAD or statistics_image.panel >= len(panels):
@@ -132,7 +132,7 @@ class Composition:
             counted = len(self.counters.counts) < MOST_NAMES or f"late {name}" in self.counters.counts
             self.counters.add(f"late {name}" if counted else "late others")
         layers = list(self.layers.values())
-        on_gpu = any(layer.on_gpu for layer in layers)  # such an image belongs to the thread that inserts
+        on_gpu = any(layer.reprojected.on_gpu for layer in layers)  # such an image belongs to the thread that inserts
         refreshed = (one_by_one if on_gpu else self._run_all)([partial(layer.refresh, event, now) for layer in layers])
         fresh: Changes = {}
         for layer, dirty in zip(self.layers.values(), refreshed, strict=True):
@@ -141,14 +141,14 @@ class Composition:
         for step, sky in self._skies.items():
             fresh[step] = sky.refresh(event, now)
         if self._compared is not None:
-            self._compared.step(self._compared_changes(), event)
+            self._compared.step(self._compared_changes(now), event)
         return self._pictures.step(fresh, event)
 
-    def _compared_changes(self) -> Changes:
+    def _compared_changes(self, now: float) -> Changes:
         found: Changes = {}
         for layer in self.layers.values():
             if layer.compared is not None:
-                dirty = layer.compared.refresh()
+                dirty = layer.compared.refresh(now)
                 found[self._source_of[layer.layer.index]] = (
                     tiles_to_regions(dirty, TILE, layer.framelet.rect) if dirty.any() else []
                 )
@@ -216,7 +216,7 @@ class Composition:
         """What was dropped here, by name."""
         total = Counters(dict(self.counters.counts))
         for layer in self.layers.values():
-            total.merge(layer.buffer.counters.counts)
+            total.merge(layer.counters.counts)
         return total
 
     def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
@@ -227,7 +227,7 @@ class Composition:
         for index, layer in self.layers.items():
             second = layer.compared
             if not compared or second is not None:
-                sources[self._source_of[index]] = second.framelet if compared and second else layer.framelet
+                sources[self._source_of[index]] = second.image.framelet if compared and second else layer.framelet
         return sources | {step: far.framelet for step, far in remote.items()}, remote
 
     def executor_of(self, sources: Mapping[int, Framelet]) -> Executor:

@@ -8,7 +8,7 @@ import numpy as np
 
 from wall.core.data import StatisticsImage
 from wall.deepbuffer.pixel_buffer import PixelBuffer
-from wall.reconstruction.choice import Reprojected
+from wall.reconstruction.choice import AnyReconstruction
 from wall.reconstruction.statistics import (
     DENSITY,
     ERROR_REDUCTION,
@@ -24,7 +24,7 @@ STATISTICS_PERIOD_S = 0.2  # eyes follow colours of tiles no faster
 
 
 def statistics_image_of(
-    store: Reprojected | PixelBuffer, tiles: list[StatisticsImage], panel: int, *, compared: bool, now: float
+    store: AnyReconstruction | PixelBuffer, tiles: list[StatisticsImage], panel: int, *, compared: bool, now: float
 ) -> StatisticsImage:
     """A panel's statistics image at `now`, seconds of the samples' clock.
 

@@ -139,7 +139,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "framelet_bytes": sum(beat.bytes for beat in others),
         "refreshes": compositor.refreshes,
         "head_cores": round(cores, 3),
-        "reconstruction": {layer.panel.id: str(layer.reconstruction) for layer in layers if layer.reconstruction},
+        "reconstruction": {layer.panel.id: str(choice) for layer in layers if (choice := layer.reprojected.choice)},
         "dropped": dict(sorted(dropped.counts.items())),
         "latency_ms": dict(zip(("p50", "p95", "p99"), compositor.latency.percentiles_ms(), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},

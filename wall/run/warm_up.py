@@ -65,7 +65,7 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
         clock.advance(0.1)  # so that the picture beneath the rays is refreshed as well
         worker.step(event)
     worker.measure_tiles()
-    panel.buffer.oldest_sample(0.0)
+    panel.newest.buffer.oldest_sample(0.0)
     panel.statistics_images(0.0)
 
 

@@ -19,7 +19,7 @@ from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletP
 from wall.packets.kernels import compact_body as kernels
 from wall.packets.plain_body import BYTES_A_SAMPLE
 from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, RELIGHTABLE, Channel, decode, encode
-from wall.roles.layer import EARLY_BATCHES
+from wall.roles.sample_routing import EARLY_BATCHES
 
 PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
 

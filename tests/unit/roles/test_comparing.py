@@ -37,7 +37,7 @@ def tracer_scene(plan: Plan) -> TracerScene:
 def test_tiles_of_a_statistics_image_are_those_that_the_adaptive_sampler_goes_by_else_a_grid(plan: Plan) -> None:
     panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
     one = np.ones(1, np.float32)
-    panel.tiles_of[1] = tiles_of(1, 0, [Measured(np.array([[0, 0, 40, 24]], np.uint16), one, one)])
+    panel.reprojected.tiles_of[1] = tiles_of(1, 0, [Measured(np.array([[0, 0, 40, 24]], np.uint16), one, one)])
     panel.insert(flat(1.0, event, adaptive=True))
     refresh(panel, event)
     assert panel.statistics_images(1.0)[0].rects.tolist() == [[0, 0, 40, 24]]
@@ -77,7 +77,7 @@ def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) 
 
     assert panel.compared is None
     assert grey(panel.picture()) == before == pytest.approx(255, abs=1)
-    assert panel.buffer.counters.counts["late"] == RECT.area
+    assert panel.counters.counts["late"] == RECT.area
     chosen = replace(alone, sampler="frameless", camera_event=3)
     panel.follow(chosen)
     panel.insert(flat(0.0, chosen, adaptive=False, sequence=4))

@@ -78,7 +78,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
         plan = plan_of(wish)
         chain = SingleProcess(plan, make_tracer_scene(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
-        assert str(chain.composition.layers[0].reconstruction).startswith(wish)
+        assert str(chain.composition.layers[0].reprojected.choice).startswith(wish)
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 
@@ -95,7 +95,7 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
                 panel.insert(batch_of(plan, moved(event, number), index))
             compositor.refresh(moved(event, number), 0.02 * number)
         assert len(compositor.statistics_images(0.1, comparing=False)) == 2
-        assert {panel.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
+        assert {panel.reprojected.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
         shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.shown()[0].pictures()])
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
@@ -105,16 +105,16 @@ def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
     opengl: Device, anything_is_a_gpu: None, compiled_only: None
 ) -> None:
     plan, panel, event = shown_on_gpu()
-    assert panel.reconstruction is not None
-    assert panel.reconstruction.on == "gpu"
+    assert panel.reprojected.choice is not None
+    assert panel.reprojected.choice.on == "gpu"
     assert panel.picture().rgb.any()
 
     lose(opengl)
     panel.refresh(moved(event, 1), 0.01)
 
-    assert panel.reconstruction.on == "cpu"
-    assert "GL_INVALID_ENUM" in panel.reconstruction.why
-    assert panel.buffer.counters.counts["gpu_lost"] == 1
+    assert panel.reprojected.choice.on == "cpu"
+    assert "GL_INVALID_ENUM" in panel.reprojected.choice.why
+    assert panel.counters.counts["gpu_lost"] == 1
     assert not panel.picture().rgb.any(), "the samples were the GPU's: the CPU's deep buffer starts empty"
     panel.insert(batch_of(plan, moved(event, 2)))
     panel.refresh(moved(event, 2), 0.2)
@@ -124,7 +124,7 @@ def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
     on_cpu.insert(batch_of(plan, moved(event, 2)))
     on_cpu.refresh(moved(event, 2), 0.2)
     assert np.abs(panel.picture().rgb.astype(int) - on_cpu.picture().rgb).max() <= 1
-    assert panel.buffer.counters.counts["gpu_lost"] == 1
+    assert panel.counters.counts["gpu_lost"] == 1
 
 
 def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_picture_to_the_cpu(
@@ -136,9 +136,9 @@ def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_pic
     lose(opengl)
     on_cpu = panel.statistics_images(0.1)[0]
 
-    assert panel.reconstruction is not None
-    assert panel.reconstruction.on == "cpu"
-    assert panel.buffer.counters.counts["gpu_lost"] == 1
+    assert panel.reprojected.choice is not None
+    assert panel.reprojected.choice.on == "cpu"
+    assert panel.counters.counts["gpu_lost"] == 1
     assert not on_cpu.age.any(), "the samples were the GPU's"
     assert not on_cpu.density.any()
 

@@ -131,7 +131,7 @@ def test_a_panel_keeps_the_newest_tiles_of_every_rank() -> None:
     small = replace(plan_of().layout.region(FIRST).rect, height=4)
     for image in (image_of(), image_of(SECOND), image_of(rect=small)):
         compositor.insert(serialise(image))
-    kept = compositor.layers[0].tiles_of
+    kept = compositor.layers[0].reprojected.tiles_of
     assert {rank: image.bounds.height for rank, image in kept.items()} == {
         FIRST: 4,
         SECOND: image_of(SECOND).bounds.height,
@@ -153,4 +153,4 @@ def test_tiles_that_are_not_of_their_ranks_region_are_refused(
     compositor = Composition(plan_of(), 0)
     with pytest.raises(RemoteProtocolError, match="wanted: inside"):
         compositor.insert(serialise(wrong(image_of())))
-    assert not compositor.layers[0].tiles_of
+    assert not compositor.layers[0].reprojected.tiles_of

@@ -1,0 +1,130 @@
+"""Show the samples of a deep buffer as they look under another camera, on the CPU or a GPU that may be lost."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.compositing.graph import Layer
+from wall.config.sampling import AdaptiveSampling
+from wall.core.data import Batch, Counters, Event, StatisticsImage
+from wall.deepbuffer.arrivals import Arrivals
+from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
+from wall.geometry.cameras import PanelView
+from wall.reconstruction.channels import Coverage, show_reprojected
+from wall.reconstruction.choice import AnyReconstruction, Choice, Wish, choose, display, make_reconstruction
+from wall.reconstruction.gpu.device import GpuError
+from wall.reconstruction.gpu.reconstruction import GpuReconstruction
+from wall.reconstruction.reconstruction import Reconstruction
+from wall.roles.layer_image import LayerImage
+from wall.roles.plan import Plan
+from wall.roles.statistics import statistics_image_of
+
+
+class ReprojectedLayer:
+    """A deep buffer with its reconstruction, made when the first batch comes, and the image that it is shown in.
+
+    A GPU that is lost takes its samples with it: the CPU goes on from an empty deep buffer. Where a GPU was insisted
+    on, GpuError is raised instead and `given_up` is set.
+    """
+
+    def __init__(self, plan: Plan, layer: Layer, image: LayerImage, counters: Counters, wish: Wish | None) -> None:
+        """`wish` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
+        self._plan, self._layer, self._image, self._counters = plan, layer, image, counters
+        self._panel_view = PanelView(plan.view_of(image.panel), image.panel)
+        self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
+        self._wish: Wish = (wish or plan.layout.config.reconstruction) if self._display_bytes_only else "cpu"
+        self.choice: Choice | None = choose("gpu") if self._wish == "gpu" else None  # else when samples come
+        self.reconstruction: AnyReconstruction | None = None
+        self._coverage: Coverage | None = None  # of a transparent layer
+        self.arrivals = Arrivals(*image.panel.pixels)
+        self.given_up = False
+        self.show_all = False  # at the next refresh, not only what changed
+        self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
+        self._refreshed = False
+
+    @property
+    def on_gpu(self) -> bool:
+        """Whether a GPU reconstructs: then only the thread that inserts may refresh."""
+        return isinstance(self.reconstruction, GpuReconstruction)
+
+    def insert(self, batch: Batch) -> None:
+        """Store a batch in the deep buffer. Raises GpuError if a GPU was insisted on and is lost."""
+        self._counters.add("outside", self.arrivals.note(batch))
+        reconstruction = self.reconstruction or self._make()
+        samples = batch.samples
+        if self._coverage is not None:
+            samples, covered = self._coverage.split(samples)
+            self._coverage.insert(covered, batch.base_time, batch)
+        try:
+            reconstruction.insert(samples, batch.base_time, batch)
+        except GpuError as error:
+            self._give_up(error)
+
+    def _make(self) -> AnyReconstruction:
+        sampling, eye, panel, scene = (
+            self._plan.layout.sampling,
+            self._panel_view.eye,
+            self._image.panel,
+            self._plan.scene,
+        )
+        kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        if self._layer.transparent:
+            self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
+        self.reconstruction, choice = make_reconstruction(self._wish, panel, eye, scene, samples_per_pixel=kept)
+        why = Choice(on="cpu", why="the graph needs more of it than display bytes")
+        self.choice = choice if self._display_bytes_only else why
+        return self.reconstruction
+
+    def _give_up(self, error: GpuError) -> None:
+        self._counters.add("gpu_lost")
+        if self._wish == "gpu":
+            self.reconstruction, self.given_up = None, True
+            raise error
+        self._wish = "cpu"
+        self._make()
+        self.choice = Choice(on="cpu", why=error.problem)
+
+    def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
+        """Reproject the samples to `event` and write what changed to the framelet.
+
+        Returns the 16-pixel tiles that changed, (rows, columns) bool. Raises GpuError if a GPU was insisted on and is
+        lost.
+        """
+        assert self.reconstruction is not None
+        self._refreshed = True
+        try:
+            dirty = self._show(self.reconstruction, self._panel_view(event), now)
+        except GpuError as error:
+            self._give_up(error)
+            return self.refresh(event, now)
+        self._image.version += int(dirty.any())
+        return dirty
+
+    def _show(self, reconstruction: AnyReconstruction, event: Event, now: float) -> NDArray[np.bool_]:
+        reconstruction.refresh(event, now)
+        dirty = reconstruction.take_dirty() | self.show_all
+        if self._coverage is not None:
+            dirty |= self._coverage.refresh(event, now)
+        self.show_all = False
+        framelet = self._image.framelet
+        if dirty.any() and isinstance(reconstruction, Reconstruction) and not self._display_bytes_only:
+            framelet.stamp(now)
+            show_reprojected(reconstruction, self._coverage, dirty, framelet)
+        elif dirty.any():
+            display(reconstruction, dirty, framelet.colour)
+        return dirty
+
+    def statistics_image(self, now: float) -> StatisticsImage | None:
+        """Age and density of its samples, for the renderers' tiles; None before it was first refreshed.
+
+        Raises GpuError if a GPU was insisted on and is lost.
+        """
+        if self.reconstruction is None or not self._refreshed:
+            return None
+        try:
+            tiles = list(self.tiles_of.values())
+            return statistics_image_of(self.reconstruction, tiles, self._image.panel.index, compared=False, now=now)
+        except GpuError as error:
+            self._give_up(error)
+            return self.statistics_image(now)
