@@ -56,7 +56,6 @@ class ReconstructNode(Node):
 
     op: Literal["reconstruct"] = Field(description="samples to a framelet of the panel")
     input: Input
-    filter: Literal["newest"] = Field(default="newest", description="newest: what came last is what is seen")
     background: Literal["keep", "transparent"] = Field(
         default="keep", description="transparent: the sky has alpha 0, and colours are times alpha"
     )
@@ -99,9 +98,8 @@ class FrameSync(Model):
 
     mode: Literal["frame"] = Field(description="frame: in lock step")
     timeout_s: Annotated[Number, Ge(0.01), Le(60.0)] = Field(
-        default=0.5, description="seconds that a frame waits for its last part"
+        default=0.5, description="seconds that a frame waits for its last part; a part that is late is shown as it was"
     )
-    late: Literal["hold"] = Field(default="hold", description="hold: a part that is late is shown as it was before")
 
 
 def _mode_alone(value: Any) -> Any:

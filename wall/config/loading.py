@@ -15,7 +15,6 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from wall.config import json_schema, yaml_text
-from wall.config.sampling import METHODS
 from wall.config.scene import SceneConfig
 from wall.config.schema import Config
 from wall.config.views import CameraConfig, OrbitPathConfig
@@ -254,9 +253,7 @@ def _untagged(document: Document, path: YamlPath, details: ErrorDetails) -> tupl
     value = _value_at(document.values, path)
     if not isinstance(value, dict):
         return path, "is not a mapping", [json_schema.accepted(part)]
-    key = str(details["ctx"]["discriminator"]).strip("'")
-    key = key if key in ("type", "op") else "method"  # sampling's discriminator is a function
-    kinds = part.get(json_schema.KINDS) or list(METHODS)
+    key, kinds = str(details["ctx"]["discriminator"]).strip("'"), part[json_schema.KINDS]
     return ((*path, key), "is not known", kinds) if key in value else (path, f"{key} is missing", kinds)
 
 

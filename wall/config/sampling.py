@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 from annotated_types import Ge, Gt, Le
-from pydantic import Discriminator, Field, Tag
+from pydantic import BeforeValidator, Field
 
 from wall.core.fields import Model, Number, Whole
-
-METHODS = ("adaptive", "framed", "frameless", "hilbert")
 
 
 class _Common(Model):
@@ -64,32 +62,20 @@ class HilbertSampling(_Common):
     )
 
 
-def _method_of(value: Any) -> Any:
-    if isinstance(value, dict):
-        return value.get("method", "frameless")
-    return getattr(value, "method", "frameless")
-
-
-SamplingConfig = Annotated[
-    Annotated[AdaptiveSampling, Tag("adaptive")]
-    | Annotated[FramedSampling, Tag("framed")]
-    | Annotated[FramelessSampling, Tag("frameless")]
-    | Annotated[HilbertSampling, Tag("hilbert")],
-    Discriminator(_method_of),
-]
-
-
 AnySampling: TypeAlias = AdaptiveSampling | FramedSampling | FramelessSampling | HilbertSampling
+_KINDS: dict[str, type[AnySampling]] = {kind.model_fields["method"].default: kind for kind in get_args(AnySampling)}
+METHODS = tuple(_KINDS)
+
+
+def _with_method(value: Any) -> Any:
+    return {"method": "frameless", **value} if isinstance(value, dict) else value
+
+
+SamplingConfig = Annotated[Annotated[AnySampling, Field(discriminator="method")], BeforeValidator(_with_method)]
 
 
 def switched(sampling: AnySampling, method: str) -> AnySampling:
     """The same threads, batch and seed under another method of METHODS; hilbert takes its own defaults."""
     if method == sampling.method:
         return sampling
-    kinds: dict[str, type[AnySampling]] = {
-        "adaptive": AdaptiveSampling,
-        "framed": FramedSampling,
-        "frameless": FramelessSampling,
-        "hilbert": HilbertSampling,
-    }
-    return kinds[method](threads=sampling.threads, samples_per_batch=sampling.samples_per_batch, seed=sampling.seed)
+    return _KINDS[method](threads=sampling.threads, samples_per_batch=sampling.samples_per_batch, seed=sampling.seed)

@@ -141,6 +141,12 @@ class Camera:
     position: tuple[float, float, float]  # world units, float64
     world_from_wall: tuple[float, ...]  # 9 numbers, row major rotation
 
+    @classmethod
+    def of(cls, position: Float64, rotation: Float64) -> Camera:
+        """The camera at a position (3,), world units, with world_from_wall as a (3, 3) array."""
+        x, y, z = position.tolist()
+        return cls(position=(x, y, z), world_from_wall=tuple(rotation.ravel().tolist()))
+
     def rotation(self) -> Float64:
         """(3, 3) world_from_wall."""
         return np.array(self.world_from_wall, dtype=np.float64).reshape(3, 3)

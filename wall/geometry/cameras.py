@@ -17,6 +17,7 @@ from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.frusta import cone_inside
 from wall.geometry.outlines import window_ahead
 from wall.geometry.panels import Panel, Wall
+from wall.geometry.twist import rotation_by
 
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides
 AUTO_ELEVATION = math.radians(20.0)
@@ -76,8 +77,8 @@ def seen_from(event: Event, offset: Float64) -> Event:
     """
     if not offset.any():
         return event
-    x, y, z = (float(v) for v in event.camera.origin() + event.camera.rotation() @ offset)
-    return replace(event, camera=replace(event.camera, position=(x, y, z)))
+    rotation = event.camera.rotation()
+    return replace(event, camera=Camera.of(event.camera.origin() + rotation @ offset, rotation))
 
 
 class PanelView:
@@ -112,7 +113,7 @@ def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike) -> Camera:
         right = np.cross(forward, np.eye(3)[int(np.argmin(np.abs(forward)))])
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(right, forward), -forward], axis=1)
-    return _camera(eye, rotation)
+    return Camera.of(eye, rotation)
 
 
 def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *, view: int = 0) -> View:
@@ -173,7 +174,7 @@ def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Floa
     level = math.sin(AUTO_AZIMUTH) * right - math.cos(AUTO_AZIMUTH) * ahead
     towards_eye = math.cos(AUTO_ELEVATION) * level + math.sin(AUTO_ELEVATION) * up
     rotation = look_at(towards_eye, np.zeros(3), up).rotation()
-    return _camera(center - distance * (rotation @ axis), rotation)
+    return Camera.of(center - distance * (rotation @ axis), rotation)
 
 
 def _spread(corners: Float64, eye: Float64) -> float:
@@ -202,27 +203,14 @@ def _ground_axes(up: Float64) -> tuple[Float64, Float64]:
 
 
 def _orbited(camera: Camera, target: Float64, up: Float64, *, turns: float) -> Camera:
-    turn = rotation_about(up, 2 * math.pi * (turns % 1.0))
-    return _camera(target + turn @ (camera.origin() - target), turn @ camera.rotation())
+    turn = rotation_by(2 * math.pi * (turns % 1.0) * up)
+    return Camera.of(target + turn @ (camera.origin() - target), turn @ camera.rotation())
 
 
 def _keyframed(path: KeyframesPathConfig, time: float) -> tuple[Float64, Float64]:
     times = [k.time for k in path.keyframes]
     position = catmull_rom(times, [k.position for k in path.keyframes], time, loop=path.loop)
     return position, catmull_rom(times, [k.target for k in path.keyframes], time, loop=path.loop)
-
-
-def rotation_about(axis: Float64, angle: float) -> Float64:
-    """(3, 3): the turn by `angle` radians about a unit axis, counterclockwise from its tip (Rodrigues)."""
-    x, y, z = axis
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: Float64 = np.eye(3) + math.sin(angle) * skew + (1.0 - math.cos(angle)) * (skew @ skew)
-    return turn
-
-
-def _camera(position: Float64, rotation: Float64) -> Camera:
-    x, y, z = (float(v) for v in position)
-    return Camera(position=(x, y, z), world_from_wall=tuple(float(v) for v in rotation.ravel()))
 
 
 def _unit(vector: Float64, *, otherwise: tuple[float, float, float]) -> Float64:

@@ -84,14 +84,7 @@ class Panel:
     @property
     def lit(self) -> Float64:
         """(3, 3) float64, as `corners`, of what shines: without bezels where its pixels span them."""
-        if not self.skip:
-            return self.corners
-        right = (self.corners[1] - self.corners[0]) / np.linalg.norm(self.corners[1] - self.corners[0])
-        up = (self.corners[2] - self.corners[0]) / np.linalg.norm(self.corners[2] - self.corners[0])
-        inwards = [(self.bezel.left, self.bezel.bottom), (-self.bezel.right, self.bezel.bottom)]
-        inwards.append((self.bezel.left, -self.bezel.top))
-        lit: Float64 = self.corners + np.array([x * right + y * up for x, y in inwards])
-        return lit
+        return _widened(self.corners, self.bezel, -1.0) if self.skip else self.corners
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -152,7 +145,8 @@ def expand(config: WallConfig) -> Wall:
 
 def _placement(config: PanelConfig, *, skip: bool) -> Placement:
     """A panel's configuration as layout.place takes it."""
-    lower_left, lower_right, upper_left = _spanned(config, skip=skip)
+    corners = np.array([config.corners.lower_left, config.corners.lower_right, config.corners.upper_left])
+    lower_left, lower_right, upper_left = _widened(corners, config.bezel, 1.0) if skip else corners
     w, h = config.pixels
     return Placement(
         upper_left=upper_left,
@@ -165,14 +159,10 @@ def _placement(config: PanelConfig, *, skip: bool) -> Placement:
     )
 
 
-def _spanned(config: PanelConfig, *, skip: bool) -> Float64:
-    """(3, 3) as Panel.corners: the lit area, or with `skip` that and the frame around it."""
-    corners = np.array([config.corners.lower_left, config.corners.lower_right, config.corners.upper_left])
-    if not skip:
-        return corners
+def _widened(corners: Float64, frame: SidesConfig, times: float) -> Float64:
+    """(3, 3) corners (rows as Panel.corners) of a rectangle made larger by a frame; -1 times the frame: smaller."""
     right, up = corners[1] - corners[0], corners[2] - corners[0]
-    right, up = right / np.linalg.norm(right), up / np.linalg.norm(up)
-    frame = config.bezel
+    right, up = times * right / np.linalg.norm(right), times * up / np.linalg.norm(up)
     outwards = [(-frame.left, -frame.bottom), (frame.right, -frame.bottom), (-frame.left, frame.top)]
     wider: Float64 = corners + np.array([x * right + y * up for x, y in outwards])
     return wider

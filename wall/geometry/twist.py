@@ -29,16 +29,12 @@ def moved(camera: Camera, twist: Float64) -> Camera:
     if not twist.any():
         return camera
     turn, old = twist[:3], camera.rotation()
-    x, y, z = (float(v) for v in camera.origin() + old @ (_mean_turn(turn) @ twist[3:]))
-    return Camera(position=(x, y, z), world_from_wall=tuple(float(v) for v in (old @ _exp(turn)).ravel()))
+    return Camera.of(camera.origin() + old @ (_mean_turn(turn) @ twist[3:]), old @ rotation_by(turn))
 
 
-def _exp(turn: Float64) -> Float64:
-    """(3, 3) rotation by a turn (3,): Rodrigues."""
-    angle, skew = float(np.linalg.norm(turn)), _skew(turn)
-    if angle < NEARLY_STRAIGHT:
-        return np.asarray(np.eye(3) + skew + skew @ skew / 2.0)
-    return np.asarray(np.eye(3) + math.sin(angle) / angle * skew + (1.0 - math.cos(angle)) / angle**2 * (skew @ skew))
+def rotation_by(turn: Float64) -> Float64:
+    """(3, 3) rotation by a turn (3,), axis times radians: counterclockwise seen from the axis' tip."""
+    return np.asarray(np.eye(3) + _skew(turn) @ _mean_turn(turn))
 
 
 def _mean_turn(turn: Float64) -> Float64:

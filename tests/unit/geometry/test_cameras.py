@@ -12,10 +12,11 @@ from numpy.testing import assert_allclose
 
 from wall.config.loading import Loaded, loads
 from wall.core.errors import ConfigError
-from wall.geometry.cameras import View, default_eye, look_at, resolve_view, rotation_about
+from wall.geometry.cameras import View, default_eye, look_at, resolve_view
 from wall.geometry.curves import catmull_rom, wrapped
 from wall.geometry.frusta import project
 from wall.geometry.panels import Wall, expand
+from wall.geometry.twist import rotation_by
 
 GRID = "grid: {columns: 2, rows: 2, pixels: [160, 90], size: [0.16, 0.09], bezel: 0.004}"
 CORNER = """\
@@ -200,4 +201,4 @@ def test_wrapped_time_stays_within_the_keyframes(time: float, first: float, span
 
 
 def test_rotation_is_counterclockwise_seen_from_the_tip() -> None:
-    assert_allclose(rotation_about(np.array([0.0, 1, 0]), math.pi / 2) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
+    assert_allclose(rotation_by(np.array([0.0, math.pi / 2, 0])) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
