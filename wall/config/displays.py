@@ -37,20 +37,20 @@ class SidesConfig(Model):
         return self.top + self.bottom
 
 
+def is_number(value: object) -> bool:
+    """Whether a value of the YAML is one number, which may stand for several equal ones."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
 def _all_sides(value: Any) -> Any:
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return {"left": value, "right": value, "top": value, "bottom": value}
-    return value
+    return dict.fromkeys(SidesConfig.model_fields, value) if is_number(value) else value
 
 
 Sides = Annotated[SidesConfig, BeforeValidator(_all_sides, json_schema_input_type=Width | SidesConfig)]
 
 
-WarpGridConfig = Mesh  # what windows hand the operator `warp`
-
-
 def _three(value: Any) -> Any:
-    return [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+    return [value] * 3 if is_number(value) else value
 
 
 Gains = Annotated[
@@ -72,13 +72,10 @@ class BlendConfig(SidesConfig):
     gamma: Gamma = Field(default=2.2, description="of the projector: light = value ^ gamma; two ramps make one light")
 
 
-def _kind_of_blend(value: Any) -> str:
-    return "<word>" if isinstance(value, str) else "<sides>"
-
+WORD_OR_NOT = Discriminator(lambda value: "<word>" if isinstance(value, str) else "<other>")
 
 Blend = Annotated[
-    Annotated[Literal["none", "auto"], Tag("<word>")] | Annotated[BlendConfig, Tag("<sides>")],
-    Discriminator(_kind_of_blend),
+    Annotated[Literal["none", "auto"], Tag("<word>")] | Annotated[BlendConfig, Tag("<other>")], WORD_OR_NOT
 ]
 
 
@@ -94,7 +91,7 @@ def _kind_of_warp(value: Any) -> str:
 
 
 Warp = Annotated[
-    Annotated[WarpFileConfig, Tag("<file>")] | Annotated[WarpGridConfig, Tag("<grid>")], Discriminator(_kind_of_warp)
+    Annotated[WarpFileConfig, Tag("<file>")] | Annotated[Mesh, Tag("<grid>")], Discriminator(_kind_of_warp)
 ]
 
 
@@ -107,11 +104,6 @@ class WindowConfig(Model):
     height: Pixels = Field(description="pixels")
 
 
-def _kind_of_monitor(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<index>"
-
-
 Monitor = Annotated[
-    Annotated[Annotated[Whole, Ge(0), Le(255)], Tag("<index>")] | Annotated[Text, Tag("<name>")],
-    Discriminator(_kind_of_monitor),
+    Annotated[Annotated[Whole, Ge(0), Le(255)], Tag("<other>")] | Annotated[Text, Tag("<word>")], WORD_OR_NOT
 ]

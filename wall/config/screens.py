@@ -21,6 +21,7 @@ from wall.config.displays import (
     Warp,
     Width,
     WindowConfig,
+    is_number,
 )
 from wall.core.fields import NAME_PATTERN, Model, Name, Number, Point, Text, Whole, refusal
 
@@ -40,9 +41,6 @@ STEREO = (
     "the eye that sees the panel, or both in one picture: side_by_side, top_bottom make two panels, ID.left, ID.right"
 )
 BLEND = "ramps where neighbours light the same area: none, auto (as wide as the overlap), or metres at each side"
-
-
-IdPattern = Annotated[Text, Field(max_length=64)]
 
 
 def _check_sides(what: str, sides: SidesConfig, size: tuple[float, float]) -> None:
@@ -69,7 +67,7 @@ def _check_packing(stereo: Stereo, pixels: tuple[int, int], rotation: Rotation) 
 
 
 def _twice(value: Any) -> Any:
-    return [value, value] if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+    return [value, value] if is_number(value) else value
 
 
 Overlaps = Annotated[tuple[Width, Width], BeforeValidator(_twice, json_schema_input_type=Width | tuple[Width, Width])]
@@ -87,7 +85,9 @@ class GridConfig(Model):
         default=(0.0, 0.0),
         description="metres that neighbours light together: side by side and above; one number: both",
     )
-    id: IdPattern = Field(default="r{row}c{column}", description="pattern of the panels' ids; row 0 is the top one")
+    id: Annotated[Text, Field(max_length=LONGEST_ID)] = Field(
+        default="r{row}c{column}", description="pattern of the panels' ids; row 0 is the top one"
+    )
     rotation: Rotation = Field(default=0, description=ROTATION)
     stereo: Stereo = Field(default="mono", description=STEREO)
     colour: ColourConfig | None = Field(default=None, description="what every panel does to its picture")
@@ -108,7 +108,7 @@ class GridConfig(Model):
         if any(overlap > size / 2 for overlap, size in zip(self.overlap, self.size, strict=True)):
             most = f"at most {self.size[0] / 2:g} m side by side, {self.size[1] / 2:g} m above each other"
             raise refusal("is wider than half a panel", accepted=most, at=("overlap",))
-        if any(overlap and bezel for overlap, bezel in zip(self.overlap, self._frames, strict=True)):
+        if (self.overlap[0] and self.bezel.across) or (self.overlap[1] and self.bezel.down):
             what = "panels with a frame between them cannot light the same area"
             raise refusal(what, accepted="one of bezel, overlap", at=("overlap",))
         return self
@@ -125,10 +125,6 @@ class GridConfig(Model):
         if bad := next((i for i in sorted(ids) if not _is_name(i + ".right" * packed)), None):
             raise refusal(f"gives the id {bad!r}", accepted="letters, digits, '.', '_' and '-'", at=("id",))
         return self
-
-    @property
-    def _frames(self) -> tuple[float, float]:
-        return self.bezel.across, self.bezel.down
 
     def panel_id(self, row: int, column: int) -> str:
         """Returns the id of the panel at `row` and `column`, with the pattern's fields filled in."""

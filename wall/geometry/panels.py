@@ -11,12 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.displays import BlendConfig, ColourConfig, SidesConfig, WarpFileConfig, WarpGridConfig, WindowConfig
+from wall.config.displays import BlendConfig, ColourConfig, SidesConfig, WarpFileConfig, WindowConfig
 from wall.config.screens import GridConfig, PanelConfig, Rotation, Stereo, WallConfig
 from wall.core.data import Float64
 from wall.geometry.layout import Overlap, Placed, Placement, place
 from wall.geometry.shorthand import Eye, eyes, grid_panels, raster
 from wall.geometry.shorthand import expanded_config as expanded_config
+from wall.operators.warp import Mesh
 
 ON_GRID = 0.01  # pixels: panels that stand so near to whole pixels of another's plane are put there
 SHIFTS = {"left": -0.5, "right": 0.5}  # eye separations
@@ -70,7 +71,7 @@ class Panel:
     skip: bool = False  # its pixels span its bezels too, squeezed into the lit area
     colour: ColourConfig | None = None
     blend: BlendConfig | None = None  # metres; `auto` is worked out
-    warp: WarpGridConfig | WarpFileConfig | None = None
+    warp: Mesh | WarpFileConfig | None = None
     display: str | None = None  # X display
     monitor: int | str | None = None  # index or name
     window: WindowConfig | None = None  # part of the monitor; None = all of it

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from wall.config import yaml_text
-from wall.config.displays import BlendConfig, SidesConfig, WarpFileConfig, WarpGridConfig
+from wall.config.displays import BlendConfig, SidesConfig, WarpFileConfig
 from wall.config.loading import dump, loads
 from wall.config.schema import Config
 from wall.core.errors import ConfigError
+from wall.operators.warp import Mesh
 
 CORNERS = {"lower_left": [0, 0, 0], "lower_right": [0.4, 0, 0], "upper_left": [0, 0.3, 0]}
 
@@ -68,7 +69,7 @@ def test_everything_a_panel_may_say_is_kept() -> None:
     assert panel.colour is not None
     assert panel.colour.gain == (0.9, 0.9, 0.9)
     assert panel.blend == "auto"
-    assert isinstance(panel.warp, WarpGridConfig)
+    assert isinstance(panel.warp, Mesh)
     assert (panel.host, panel.display, panel.monitor, panel.refresh_hz) == ("node3", ":0.1", "HDMI-1", 24)
 
 
