@@ -194,7 +194,7 @@ def test_world_points_far_from_the_origin_are_projected_as_exactly_as_near_ones(
     far = np.array([4e6, -1e6, 2e6])
     panel, view = given.panel, given.plan.view
     moved = replace(view, still=shifted(view.still, far), target=view.target + far)
-    there = replace(given, plan=replace(given.plan, view=moved))
+    there = replace(given, plan=replace(given.plan, views=(moved,)))
     first, later = (Inputs(there.plan).event_at(time) for time in (0.0, 0.1))
     before, after = world_maps(there, first), world_maps(there, later)
     for x, y, distance in ((3.5, 4.5, 5.0), (40.0, 20.0, 9.0), (24.0, 31.0, 3.0)):
