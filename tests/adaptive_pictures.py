@@ -87,10 +87,10 @@ def image(samples: Samples, size: tuple[int, int]) -> Float32:
 
 
 def hits(
-    xy: ArrayLike, color: Sequence[float] | Float64 | Float32, *, depth: float = 4.0, thing: int = WALL
+    xy: ArrayLike, color: Sequence[float] | Float64 | Float32, *, depth: float = 4.0, object_id: int = WALL
 ) -> Samples:
     """Samples made by hand."""
-    places = np.asarray(xy, np.float32).reshape(-1, 2)
-    samples = np.zeros(len(places), SAMPLE)
-    samples["xy"], samples["radiance"], samples["depth"], samples["object_id"] = places, color, depth, thing
+    positions = np.asarray(xy, np.float32).reshape(-1, 2)
+    samples = np.zeros(len(positions), SAMPLE)
+    samples["xy"], samples["radiance"], samples["depth"], samples["object_id"] = positions, color, depth, object_id
     return samples

@@ -49,7 +49,7 @@ def manual_clock() -> ManualClock:
 
 @pytest.fixture(scope="session")
 def tiny_scene() -> Scene:
-    """A floor, a ball and a smaller one beside it, under one sun and one lamp: 3 objects, 1,442 triangles."""
+    """A floor, a ball and a smaller one beside it, a directional and a point light: 3 objects, 1,442 triangles."""
     ball = sphere_mesh(1, segments=24)
     return scene_of(
         [quad(8.0, 8.0, material=0), ball],

@@ -242,7 +242,7 @@ def convert(
         console.print(left_out)
     console.print(
         f"wrote {output} from {chosen.name}: {conversion.panels} panels, {conversion.ranks} ranks; "
-        f"{len(conversion.carried)} things carried, {len(conversion.not_carried)} not",
+        f"{len(conversion.carried)} values carried, {len(conversion.not_carried)} not",
         markup=False,
     )
     for sentence in conversion.assumed:

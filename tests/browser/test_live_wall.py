@@ -1,4 +1,4 @@
-"""The whole thing as a viewer has it: real renderers, packets and Chromium; the hand moves, the picture follows."""
+"""The whole system as a viewer has it: real renderers, packets and Chromium; the hand moves, the picture follows."""
 
 from __future__ import annotations
 

@@ -146,11 +146,11 @@ def test_tiles_end_where_they_should_though_the_panel_is_no_multiple_of_them(pag
     assert sizes == [8, 5, pytest.approx(128 / 120, abs=0.01), pytest.approx(80 / 68, abs=0.01)]
 
 
-def test_tiles_are_outlined_in_the_colour_of_their_worth(page, source):
+def test_tiles_are_outlined_in_the_colour_of_their_error_reduction(page, source):
     page.get_by_label("Tiles", exact=True).click()
     find(page, "canvas.cover")
     left, right = looks(page, 0.25, 0.5), looks(page, 0.75, 0.5)
-    assert right.sum() > left.sum() + 60  # code 200 is worth more than code 60
+    assert right.sum() > left.sum() + 60  # code 200 removes more error than code 60
     between = seen(page, 0.5, 0.5, size=10).sum(1)
     assert between.max() > right.sum() + 60, "an outline stronger than what it encloses"
 

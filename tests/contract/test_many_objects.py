@@ -42,7 +42,7 @@ def scene() -> Scene:
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_a_sample_of_object_20001_moves_with_it(scene: Scene, adaptive: bool) -> None:
     xy = np.stack(np.meshgrid(np.arange(22.5, 26), np.arange(14.5, 18)), axis=2).reshape(-1, 2)
-    samples = hits(xy, RED, thing=LAST + 1)
+    samples = hits(xy, RED, object_id=LAST + 1)
     event = event_at(0, SEEN)
     packet = encode(
         Batch(

@@ -18,7 +18,7 @@ from wall.run.warm_up import warm_up
 from wall.scene.needs import describe, needs
 from wall.tracing.tracer_scene import make_tracer_scene
 
-PROBE_S = 0.3  # seconds of tracing that the expected rate is measured in
+MEASURED_S = 0.3  # seconds of tracing that the expected rate is measured in
 MOST_NAMES = 8  # of nodes in a line
 
 
@@ -46,7 +46,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield f"reconstruction: {choice}"
     if choice.on == "gpu":
         yield from on_the_cpu(layout)
-    rate, size = probe(plan)
+    rate, size = measured_rate(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
         f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
@@ -94,7 +94,7 @@ def _displays(wall: Wall) -> Table | None:
     return table
 
 
-def probe(plan: Plan) -> tuple[float, float]:
+def measured_rate(plan: Plan) -> tuple[float, float]:
     """Measure one core of this machine on the first renderer's region: samples/s traced and encoded, bytes a sample."""
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, lambda line: None)
@@ -104,7 +104,7 @@ def probe(plan: Plan) -> tuple[float, float]:
     worker = Worker(plan, tracer_scene, rank, clock, samplers, 0)
     event = first_event(plan, 0.0)
     began, size = time.perf_counter(), 0
-    while time.perf_counter() - began < PROBE_S:
+    while time.perf_counter() - began < MEASURED_S:
         packet = worker.step(event)
         size += len(packet or b"")
         if packet is None:

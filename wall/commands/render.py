@@ -38,11 +38,11 @@ def render(
 
     world = MpiBootstrap()
     own = _rendered(renderer, bands[world.rank :: world.size], progress, threads=1)
-    gathered = world.gather(b"".join(band.tobytes() for band in own))
-    if gathered is None:
+    received = world.gather(b"".join(band.tobytes() for band in own))
+    if received is None:
         return None
     rendered = [np.zeros(0, np.float32)] * len(bands)
-    for rank, data in enumerate(gathered):
+    for rank, data in enumerate(received):
         rendered[rank :: world.size] = _unpacked(data, bands[rank :: world.size])
     return _assembled(bands, rendered)
 

@@ -1,6 +1,6 @@
 """Number the ranks that render each samples node: those that it names, else the next free numbers.
 
-Rank 0 is the head (a compositor), then come further compositors, then renderers.
+Rank 0 is the head (a compositor), then come remote compositors, then renderers.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class SamplesNode(Node):
     GIVES: ClassVar[Literal["nothing", "samples", "framelet"]] = "samples"
 
     @model_validator(mode="after")
-    def _is_one_thing(self) -> SamplesNode:
+    def _names_ranks_once(self) -> SamplesNode:
         if self.rank is not None and (self.group is not None or self.ranks is not None):
             raise refusal("names one rank, and others beside", accepted="one of rank, group, ranks", at=("rank",))
         if self.range is not None and not self.range[0] < self.range[1]:

@@ -115,5 +115,5 @@ class _Frame:
         return self._pixels + self._skipped
 
     def finish(self) -> None:
-        """Shown: what comes of it from now on is late."""
+        """Marks the frame as displayed: its samples that arrive from now on are late."""
         self.shown, self.batches = True, []

@@ -234,10 +234,10 @@ def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[Window
     for panel in panels:
         physical.setdefault(panel.of or panel.id, []).append(panel)
     requests, areas = [], {}
-    for k, (name, halves) in enumerate(physical.items()):
-        inside = {panel.id: _PanelArea(k, panel.at, panel.pixels) for panel in halves}
+    for k, (name, parts) in enumerate(physical.items()):
+        inside = {panel.id: _PanelArea(k, panel.at, panel.pixels) for panel in parts}
         pixels = (max(p.at[0] + p.size[0] for p in inside.values()), max(p.at[1] + p.size[1] for p in inside.values()))
-        requests.append(replace(request_of(halves[0], refresh_hz), id=name, pixels=pixels))
+        requests.append(replace(request_of(parts[0], refresh_hz), id=name, pixels=pixels))
         areas.update(inside)
     return requests, areas
 

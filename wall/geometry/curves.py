@@ -37,31 +37,31 @@ def catmull_rom(times: Sequence[float], points: ArrayLike, time: float, *, loop:
 
     Source: Catmull and Rom 1974; Hermite form as in Kochanek and Bartels 1984 without their three parameters.
     """
-    places = np.asarray(points, dtype=np.float64)
+    positions = np.asarray(points, dtype=np.float64)
     if len(times) == 1:
-        only: Float64 = places[0].copy()
+        only: Float64 = positions[0].copy()
         return only
     now = wrapped(times, time, loop=loop)
     i = min(int(np.searchsorted(times, now, side="right")) - 1, len(times) - 2)
     span = times[i + 1] - times[i]
     s = (now - times[i]) / span
-    leave = span * _tangent(times, places, i, loop=loop)
-    arrive = span * _tangent(times, places, i + 1, loop=loop)
-    step = places[i + 1] - places[i]
-    # written about places[i], so that points far from the origin lose nothing
-    found: Float64 = places[i] + s * (leave + s * (3 * step - 2 * leave - arrive + s * (leave + arrive - 2 * step)))
+    leave = span * _tangent(times, positions, i, loop=loop)
+    arrive = span * _tangent(times, positions, i + 1, loop=loop)
+    step = positions[i + 1] - positions[i]
+    # written about positions[i], so that points far from the origin lose nothing
+    found: Float64 = positions[i] + s * (leave + s * (3 * step - 2 * leave - arrive + s * (leave + arrive - 2 * step)))
     return found
 
 
-def _tangent(times: Sequence[float], places: Float64, i: int, *, loop: bool) -> Float64:
+def _tangent(times: Sequence[float], positions: Float64, i: int, *, loop: bool) -> Float64:
     """(d,) velocity at point i: the slope between its neighbours."""
     last = len(times) - 1
-    closed = loop and bool(np.all(places[0] == places[last]))
+    closed = loop and bool(np.all(positions[0] == positions[last]))
     if i in (0, last) and closed:
-        before, after = places[last] - places[last - 1], places[1] - places[0]
+        before, after = positions[last] - positions[last - 1], positions[1] - positions[0]
         span = times[last] - times[last - 1] + times[1] - times[0]
         found: Float64 = (before + after) / span
         return found
     low, high = max(i - 1, 0), min(i + 1, last)
-    slope: Float64 = (places[high] - places[low]) / (times[high] - times[low])
+    slope: Float64 = (positions[high] - positions[low]) / (times[high] - times[low])
     return slope

@@ -73,7 +73,7 @@ def header(conversion: Conversion, chosen: Format, name: str) -> str:
     lines = [f"Converted from {_plain(name)} ({chosen.name}) by `wall convert`."]
     lines += [_plain(sentence) for sentence in conversion.assumed]
     if conversion.not_carried:
-        lines.append(f"Not carried: {len(conversion.not_carried)} of its things, which `wall convert` lists.")
+        lines.append(f"Not carried: {len(conversion.not_carried)} of its values, which `wall convert` lists.")
     return "".join(f"# {line}\n" for line in lines) + "\n"
 
 

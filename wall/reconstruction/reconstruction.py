@@ -85,7 +85,7 @@ class Reconstruction:
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
-        self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in halves(height, width)]
+        self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
@@ -210,7 +210,7 @@ class Reconstruction:
         kernels_fill.resolve(self.splat_sums, self._levels[0], self.resolved)
 
 
-def halves(height: int, width: int) -> list[tuple[int, int]]:
+def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:
     """Rows and columns of a pyramid's levels: at least one, down to one pixel."""
     sizes: list[tuple[int, int]] = []
     while not sizes or width > 1 or height > 1:

@@ -1,4 +1,4 @@
-"""The adaptive sampler with a picture of its own beneath its rays: it must see what is missing before others do."""
+"""The adaptive sampler with the renderer's own deep buffer, from which it sees where samples are missing."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
 
-SHARE_OF_TIME = 0.2  # at most spent on refreshing the picture beneath; it may lag behind the displayed one for that
+SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, which may lag behind the displayed one
 
 
 class AdaptiveRenderer:
-    """A Sampler: refreshes the picture beneath its band when that is due, then chooses."""
+    """A Sampler: refreshes the renderer's deep buffer when that is due, then chooses."""
 
     coherent = AdaptiveSampler.coherent
 

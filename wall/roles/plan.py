@@ -1,4 +1,4 @@
-"""Which rank does what: rank 0 is the head, then come further compositors, then the renderers.
+"""Which rank does what: rank 0 is the head, then come remote compositors, then the renderers.
 
 The plan is a pure function of the configuration, so every rank works it out alone and all agree.
 """

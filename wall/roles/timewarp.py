@@ -28,11 +28,11 @@ class Timewarp:
         rect = framelet.rect
         old, new = self._pose(framelet.event, panel, rect), self._pose(event, panel, rect)
         size = framelet.depth.shape
-        thing = framelet.object_id if framelet.object_id is not None else np.zeros(size, np.uint32)
+        object_id = framelet.object_id if framelet.object_id is not None else np.zeros(size, np.uint32)
         near, source = np.empty(size, np.float32), np.empty(size, np.int32)
         corner = np.array([rect.x, rect.y], np.float64)
         kernels.move_pixels(
-            framelet.depth, thing, old.frame, corner, old.object_from_eye, new.panel_from_object, near, source
+            framelet.depth, object_id, old.frame, corner, old.object_from_eye, new.panel_from_object, near, source
         )
         moved = Framelet.blank(rect, framelet.channels, encoded=framelet.encoded, order=framelet.order)
         moved.event, moved.refreshed_at = event, framelet.refreshed_at

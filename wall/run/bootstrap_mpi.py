@@ -33,8 +33,8 @@ class MpiBootstrap:
 
     def gather(self, data: bytes) -> list[bytes] | None:
         """Every rank's bytes at rank 0, None elsewhere; for results at the end of `wall render`."""
-        gathered = self._world.gather(data, root=0)
-        return None if gathered is None else list(gathered)
+        received = self._world.gather(data, root=0)
+        return None if received is None else list(received)
 
     def dead(self) -> dict[int, str]:
         """The launcher watches its ranks; we see them go quiet by their heartbeats."""

@@ -62,7 +62,7 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
         worker.forget(batch)
     for number in range(2):  # something moved, nothing moved
         panel.refresh(event, 0.1 * number)
-        clock.advance(0.1)  # so that the picture beneath the rays is refreshed as well
+        clock.advance(0.1)  # so that the renderer's deep buffer is refreshed as well
         worker.step(event)
     worker.measure_tiles()
     panel.newest.buffer.oldest_sample(0.0)

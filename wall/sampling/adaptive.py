@@ -40,7 +40,7 @@ class AdaptiveSampler:
     ) -> None:
         """`feedback` is of the reconstruction that the samples go to, for `observe` before the first `replan`.
 
-        `uniform`: every pixel gains the same, to measure what choosing is worth.
+        `uniform`: every pixel gains the same, to measure what choosing gains.
         """
         self._uniform, self._feedback = uniform, feedback
         self._rect, self._batch, self._sequence = rect, batch, 0

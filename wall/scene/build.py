@@ -38,7 +38,7 @@ from wall.scene.model import (
 
 BUILT_IN = {"courtyard": courtyard, "forest": forest, "gallery": gallery, "gallery_mirrors": gallery_mirrors}
 NAMES_SHOWN = 20
-MOMENTS = 4  # kept: a tracer and the picture beneath it ask for two in turn
+MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,12 +156,12 @@ def _rest(instances: Sequence[Instance], lights: Sequence[Light]) -> Float64:
     if instances:
         rest[: len(instances)] = [instance.world_from_object for instance in instances]
     for row, light in enumerate(lights, start=len(instances)):
-        rest[row, :3, 3] = _place(light)
+        rest[row, :3, 3] = _position(light)
     rest.setflags(write=False)
     return rest
 
 
-def _place(light: Light) -> Vector:
+def _position(light: Light) -> Vector:
     return light.position if isinstance(light, PointLight) else light.direction
 
 
@@ -178,7 +178,7 @@ def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -
             raise SceneError(f"{where}.light = {track.light}: the scene has {len(lights)} lights, counted from 0")
         light = lights[track.light]
         row = len(source.instances) + next(k for k, body in enumerate(bodies) if body is light)
-        movings.append(Moving(body=row, motion=track.motion, center=_place(light)))
+        movings.append(Moving(body=row, motion=track.motion, center=_position(light)))
     return movings
 
 

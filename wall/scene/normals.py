@@ -48,8 +48,8 @@ def crease_normals(vertices: Float64, triangles: NDArray[np.integer]) -> Smoothe
     triangles : (t, 3) indices, none without area
     """
     normals = face_normals(vertices, triangles)
-    place = same_position(vertices)[triangles]
-    links = _smooth_corners(place, normals)
+    position = same_position(vertices)[triangles]
+    links = _smooth_corners(position, normals)
     if len(links) == 0:
         return None
     count = 3 * len(triangles)
@@ -83,12 +83,12 @@ def same_position(vertices: Float64) -> NDArray[np.int64]:
     return numbers
 
 
-def _smooth_corners(place: NDArray[np.int64], normals: Float64) -> NDArray[np.int64]:
+def _smooth_corners(position: NDArray[np.int64], normals: Float64) -> NDArray[np.int64]:
     """(n, 2) pairs of corners (3 t + k) that share one normal across a smooth edge."""
-    start, end = place.reshape(-1), np.roll(place, -1, axis=1).reshape(-1)
+    start, end = position.reshape(-1), np.roll(position, -1, axis=1).reshape(-1)
     corner = np.arange(len(start))
     following = corner - corner % 3 + (corner + 1) % 3
-    key = np.minimum(start, end) * (place.max() + 1) + np.maximum(start, end)
+    key = np.minimum(start, end) * (position.max() + 1) + np.maximum(start, end)
     order = np.argsort(key, kind="stable")
     key = key[order]
     same = np.concatenate([[False], key[1:] == key[:-1], [False]])

@@ -35,7 +35,7 @@ class RawMesh:
     colors: Float32 | None = None  # (v, 3) linear RGB
 
     def taken(self, rows: NDArray[np.int64], triangles: NDArray[np.int64]) -> RawMesh:
-        """The mesh of some of its vertices, which `triangles` count by their places in `rows`."""
+        """The mesh of some of its vertices, which `triangles` count by their positions in `rows`."""
         values = {name: getattr(self, name) for name in ("vertices", "normals", "uvs", "colors")}
         taken: dict[str, Any] = {name: value[rows] for name, value in values.items() if value is not None}
         return replace(self, triangles=triangles, **taken)
@@ -144,8 +144,8 @@ def _shaded(raw: RawMesh, material: int, origin: tuple[float, float, float]) -> 
     """With the file's normals, or else smooth ones by the crease rule."""
     if raw.normals is None:
         if raw.uvs is None and raw.colors is None:  # equal positions once: an STL repeats each about six times
-            places = same_position(raw.vertices)
-            raw = raw.taken(np.unique(places, return_index=True)[1], places[raw.triangles])
+            positions = same_position(raw.vertices)
+            raw = raw.taken(np.unique(positions, return_index=True)[1], positions[raw.triangles])
         smoothed = crease_normals(raw.vertices, raw.triangles)
         if smoothed is not None:
             raw = replace(raw.taken(smoothed.source, smoothed.triangles.astype(np.int64)), normals=smoothed.normals)

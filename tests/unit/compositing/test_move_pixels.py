@@ -40,10 +40,10 @@ def plane(distance: float, moment: Moment) -> Float32:
     return (np.linalg.norm(directions, axis=2) * (distance + moment.eye[2])).astype(np.float32)
 
 
-def moved(depth: Float32, thing: NDArray[np.uint32], old: Moment, new: Moment) -> tuple[NDArray[np.int32], Float32]:
+def moved(depth: Float32, object_id: NDArray[np.uint32], old: Moment, new: Moment) -> tuple[NDArray[np.int32], Float32]:
     """Sources, and distances from the new eye."""
     near, source, distance = np.empty(SIZE, np.float32), np.empty(SIZE, np.int32), np.empty(SIZE, np.float32)
-    move_pixels(depth, thing, FRAME, CORNER, old.object_from_eye, new.panel_from_object, near, source)
+    move_pixels(depth, object_id, FRAME, CORNER, old.object_from_eye, new.panel_from_object, near, source)
     true_depth(near, FRAME, CORNER, distance)
     return source, distance
 
@@ -88,13 +88,13 @@ def test_a_surface_has_no_holes_until_it_is_seen_twice_as_large(nearer: float, o
 def test_an_object_that_moves_takes_its_pixels_and_leaves_a_gap_not_a_wider_outline() -> None:
     """Object 2 is at 1, where a pixel is 0.05 wide: 0.2 to the right are 4 pixels. Nobody knows what the gap shows."""
     old, new = Moment(), Moment(moved=(0.2, 0.0, 0.0))
-    thing, depth = all_of(1), plane(2.0, old)
-    thing[8:16, 10:18] = 2
-    depth[thing == 2] = plane(1.0, old)[thing == 2]
-    source, _ = moved(depth, thing, old, new)
+    object_id, depth = all_of(1), plane(2.0, old)
+    object_id[8:16, 10:18] = 2
+    depth[object_id == 2] = plane(1.0, old)[object_id == 2]
+    source, _ = moved(depth, object_id, old, new)
     gap = source[8:16, 10:14].ravel()
     assert np.mean(gap == -1) > 0.8  # corners are amidst what is behind
-    assert (thing.ravel()[gap[gap >= 0]] == 1).all()
+    assert (object_id.ravel()[gap[gap >= 0]] == 1).all()
     expected = np.arange(source.size).reshape(SIZE)
     expected[8:16, 14:22] = expected[8:16, 10:18].copy()
     expected[8:16, 10:14] = source[8:16, 10:14]
@@ -103,12 +103,12 @@ def test_an_object_that_moves_takes_its_pixels_and_leaves_a_gap_not_a_wider_outl
 
 def test_a_gap_of_one_pixel_shows_what_is_behind() -> None:
     old, new = Moment(), Moment(moved=(0.05, 0.0, 0.0))
-    thing, depth = all_of(1), plane(2.0, old)
-    thing[:, 10:18] = 2
-    depth[thing == 2] = plane(1.0, old)[thing == 2]
-    source, _ = moved(depth, thing, old, new)
-    assert (thing.ravel()[source[:, 10]] == 1).all()
-    assert (thing.ravel()[source[:, 11:19]] == 2).all()
+    object_id, depth = all_of(1), plane(2.0, old)
+    object_id[:, 10:18] = 2
+    depth[object_id == 2] = plane(1.0, old)[object_id == 2]
+    source, _ = moved(depth, object_id, old, new)
+    assert (object_id.ravel()[source[:, 10]] == 1).all()
+    assert (object_id.ravel()[source[:, 11:19]] == 2).all()
 
 
 def test_the_sky_stays_where_it_is_when_the_eye_moves_on() -> None:
@@ -120,9 +120,9 @@ def test_the_sky_stays_where_it_is_when_the_eye_moves_on() -> None:
 
 def test_pixels_without_a_place_are_dropped() -> None:
     """An object that is not known, one infinitely far, a depth that is no number, and all of it behind the eye."""
-    old, depth, thing = Moment(), plane(2.0, Moment()), all_of(1)
-    thing[0, 0], depth[5, 5], depth[9, 9] = 7, np.inf, np.nan
-    source, _ = moved(depth, thing, old, old)
+    old, depth, object_id = Moment(), plane(2.0, Moment()), all_of(1)
+    object_id[0, 0], depth[5, 5], depth[9, 9] = 7, np.inf, np.nan
+    source, _ = moved(depth, object_id, old, old)
     assert not {0, 5 * 32 + 5, 9 * 32 + 9} & set(source.ravel().tolist())
     behind, distance = moved(plane(2.0, old), all_of(1), old, Moment((0.0, 0.0, -2.5)))
     assert (behind == -1).all()

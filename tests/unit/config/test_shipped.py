@@ -16,7 +16,7 @@ from wall.geometry.regions import regions
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = sorted(CONFIGS.rglob("*.yaml"))
-# what launching each under mpirun takes: one head, further compositors, renderers
+# what launching each under mpirun takes: one head, remote compositors, renderers
 RANKS = {
     "cave_corner": 4,
     "demo": 5,

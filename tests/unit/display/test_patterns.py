@@ -74,9 +74,9 @@ def test_the_outermost_pixels_of_every_panel_are_marked() -> None:
     wall = grid_wall(2, 2, (90, 70))
     for panel in wall.panels:
         picture = pattern("grid", panel, wall)
-        rim = np.ones((70, 90), bool)
-        rim[1:-1, 1:-1] = False
-        np.testing.assert_array_equal(of_colour(picture, GREEN), rim)
+        border = np.ones((70, 90), bool)
+        border[1:-1, 1:-1] = False
+        np.testing.assert_array_equal(of_colour(picture, GREEN), border)
 
 
 def test_diagonals_run_straight_over_all_panels_and_their_bezels() -> None:

@@ -268,4 +268,4 @@ def test_the_example_of_the_documentation_is_what_comes_out() -> None:
     assert yaml == next(text for kind, text in blocks if kind == "yaml")
     shown = next(text for kind, text in blocks if kind == "json")
     assert all(json.dumps(item) in shown for item in made.as_json()["not_carried"])
-    assert f"{made.panels} panels, {made.ranks} ranks; {len(made.carried)} things carried" in page
+    assert f"{made.panels} panels, {made.ranks} ranks; {len(made.carried)} values carried" in page

@@ -22,7 +22,7 @@ def blank() -> dict[str, np.ndarray]:  # type: ignore[type-arg]
     return {
         "colour": np.full((HEIGHT, WIDTH, 3), 7, np.float32),
         **made,
-        "thing": np.full((HEIGHT, WIDTH), 7, np.uint32),
+        "object_id": np.full((HEIGHT, WIDTH), 7, np.uint32),
     }
 
 
@@ -42,7 +42,7 @@ def test_channels_of_newest_samples(transparent: bool) -> None:
     nothing = transparent & (r["object_id"] == 0)
     wanted = {
         "colour": np.where(nothing[..., None], 0, r["shown"]), "depth": r["depth"],
-        "alpha": np.where(nothing, 0.0, 1.0), "time": r["time"] - 1e5, "thing": r["object_id"],
+        "alpha": np.where(nothing, 0.0, 1.0), "time": r["time"] - 1e5, "object_id": r["object_id"],
     }  # fmt: skip
     for name, values in out.items():
         np.testing.assert_array_equal(values[CHANGED], wanted[name][CHANGED].astype(values.dtype), err_msg=name)
@@ -68,7 +68,7 @@ def twin(nearest: np.ndarray, covered: np.ndarray | None) -> tuple[np.ndarray, .
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
     rays = FRAME[0] + (x + CORNER[0])[..., None] * FRAME[1] + (y + CORNER[1])[..., None] * FRAME[2]
     length = np.linalg.norm(rays, axis=-1)
-    depth, thing = np.full((HEIGHT, WIDTH), np.inf), np.zeros((HEIGHT, WIDTH), np.uint32)
+    depth, object_id = np.full((HEIGHT, WIDTH), np.inf), np.zeros((HEIGHT, WIDTH), np.uint32)
     alpha = np.ones((HEIGHT, WIDTH)) if covered is None else np.clip(covered[..., 0], 0.0, 1.0)
     for i, j in np.argwhere(alpha > 0):
         found = nearest[i, j]
@@ -78,14 +78,14 @@ def twin(nearest: np.ndarray, covered: np.ndarray | None) -> tuple[np.ndarray, .
             if not len(around):
                 continue
             found = around[np.argmin(around[:, 0])]
-        thing[i, j] = found[3]
+        object_id[i, j] = found[3]
         if found[0] < 1e30:
             depth[i, j] = found[0] * length[i, j]
-    cleared = np.zeros_like(thing, np.bool_)
+    cleared = np.zeros_like(object_id, np.bool_)
     if covered is not None:
         cleared = np.isinf(depth) & (nearest[..., 3] == 0)
         alpha = np.where(cleared, 0.0, alpha)
-    return depth, thing, alpha, cleared
+    return depth, object_id, alpha, cleared
 
 
 @pytest.mark.parametrize("partly", [False, True])
@@ -94,13 +94,13 @@ def test_depth_object_and_alpha_of_reprojected_samples(partly: bool) -> None:
     nearest, out = near_of(rng), blank()
     nearest[:8, :8, 3] = 0.0  # background, with nothing beside it
     covered = rng.choice([-0.1, 0.3, 1.2], (HEIGHT, WIDTH, 3)).astype(np.float32) if partly else None
-    channels = (out["colour"], out["alpha"], out["depth"], out["thing"])
+    channels = (out["colour"], out["alpha"], out["depth"], out["object_id"])
     kernels.channels_of_nearest(nearest, FRAME, CORNER, covered, DIRTY, *channels)
-    depth, thing, alpha, cleared = twin(nearest, covered)
+    depth, object_id, alpha, cleared = twin(nearest, covered)
     assert (cleared & CHANGED).any() == partly
     np.testing.assert_allclose(out["depth"][CHANGED], depth[CHANGED], rtol=1e-5)
     np.testing.assert_allclose(out["alpha"][CHANGED], alpha[CHANGED], rtol=1e-6)
-    np.testing.assert_array_equal(out["thing"][CHANGED], thing[CHANGED])
+    np.testing.assert_array_equal(out["object_id"][CHANGED], object_id[CHANGED])
     gone = cleared & CHANGED
     assert (out["colour"][gone] == 0).all()
     assert (out["colour"][~gone] == 7).all()

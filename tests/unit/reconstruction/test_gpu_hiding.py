@@ -51,7 +51,7 @@ def test_hidden_samples_wait_come_out_again_and_die_when_they_are_old(opengl: De
     twins.refresh(event_at(0, SEEN), START)
     at_first = twins.gpu.radiance.copy()
     plate_at = (np.abs(centres(SIZE) - np.array(SIZE) / 2) < 14).all(axis=1)
-    plate = hits(centres(SIZE)[plate_at], RED, depth=2.0, thing=2)
+    plate = hits(centres(SIZE)[plate_at], RED, depth=2.0, object_id=2)
     came_out, counts = [], []
     for k, (moment, there) in enumerate(((0.1, 1), (0.2, 1), (0.3, 0), (0.4, 1), (0.6, 1), (0.7, 0)), 1):
         event = event_at(k, SEEN, scene_time=float(there))
@@ -85,7 +85,7 @@ def test_samples_of_a_foreseen_pose_do_not_spoil_what_still_pixels_gather(
 def test_watchers_see_the_same_ages_and_densities(
     opengl: Device, random_numbers: np.random.Generator, moves: bool, compiled_only: None
 ) -> None:
-    """Old samples, some dead, some waiting to travel, and pixels that gathered."""
+    """Old samples, some dead, some waiting to travel, and pixels that accumulated."""
     twins, source = Twins(plate_before_wall(AWAY, BEFORE), SEEN), Noise(random_numbers, 3000)
     for k in range(5):
         event = event_at(k if moves else 0, SEEN, scene_time=0.25 * k if moves else 0.0)

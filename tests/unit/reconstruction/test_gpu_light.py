@@ -1,4 +1,4 @@
-"""Lamps and objects that move light stored samples anew on a GPU as on the CPU."""
+"""Lights and objects that move light stored samples anew on a GPU as on the CPU."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ STILL_TURN = (1.0, 0.0, 0.0, 0.0)
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    """A wall, a sphere that spins, a plate that glows; a lamp that wanders, one that stands, a sun that turns."""
+    """A wall, a sphere that spins, a plate that glows; moving, standing and turning lights."""
     wander = Keyframes(
         times=(0.0, 1.0), positions=((-1.0, 1.0, 2.0), (1.5, 0.5, 1.5)), rotations=(STILL_TURN,) * 2, loop=False
     )
@@ -56,12 +56,12 @@ def scene() -> Scene:
 
 
 def at_refresh(k: int) -> Event:
-    """The lamp goes on while the eye stands, everything rests for three refreshes, then both move."""
+    """The point light goes on while the eye stands, everything rests for three refreshes, then both move."""
     number = k if k < 8 else max(8, k - 3)
     return event_at(number, SEEN, scene_time=0.05 * number, position=(0.01 * max(number - 8, 0), 0.0, 4.0))
 
 
-def test_under_lamps_that_move_the_picture_is_the_same_at_every_refresh(
+def test_under_lights_that_move_the_picture_is_the_same_at_every_refresh(
     opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
 ) -> None:
     twins, source = Twins(scene, SEEN), Noise(random_numbers, 900)
@@ -73,7 +73,7 @@ def test_under_lamps_that_move_the_picture_is_the_same_at_every_refresh(
         twins.agree(decided=DECIDED_BY_ROUNDING)
 
 
-def test_without_new_samples_stored_ones_follow_the_lamps_but_for_those_that_glow(
+def test_without_new_samples_stored_ones_follow_the_lights_but_for_those_that_glow(
     opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
 ) -> None:
     """Every second pixel's worth of samples once; then only the scene's time goes on, by 0.05 s a refresh."""
@@ -90,14 +90,14 @@ def test_without_new_samples_stored_ones_follow_the_lamps_but_for_those_that_glo
         twins.refresh(event, START + 0.02 * k)
         twins.agree(decided=DECIDED_BY_ROUNDING)
     relit = np.abs(twins.gpu.radiance - before).max(axis=2)
-    assert np.median(relit) > 50 * ROUNDING, "the lamps' way would not be noticed"
+    assert np.median(relit) > 50 * ROUNDING, "the lights' way would not be noticed"
     assert_allclose(twins.gpu.radiance[21:26, 66:71], np.broadcast_to(GLOW, (5, 5, 3)), rtol=0, atol=ROUNDING)
 
 
-def test_samples_of_another_light_are_lit_though_no_lamp_moves_any_more(
+def test_samples_of_another_light_are_lit_though_no_light_moves_any_more(
     opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
 ) -> None:
-    """Traced while the lamp stood elsewhere, heard after it came to rest; then only the eye moves."""
+    """Traced while the light stood elsewhere, heard after it came to rest; then only the eye moves."""
     twins, source = Twins(scene, SEEN), Noise(random_numbers, 6000)
     elsewhere, rest = event_at(0, SEEN), event_at(1, SEEN, scene_time=0.5)
     twins.insert(source.of(twins, rest), START, rest)
@@ -131,7 +131,7 @@ def test_a_light_at_a_sample_spoils_no_pixel(opengl: Device, compiled_only: None
     twins.agree(decided=DECIDED_BY_ROUNDING)  # which also asserts that every pixel is finite
 
 
-def test_memory_for_surfaces_is_taken_only_where_lamps_or_objects_move(opengl: Device, scene: Scene) -> None:
+def test_memory_for_surfaces_is_taken_only_where_lights_or_objects_move(opengl: Device, scene: Scene) -> None:
     lit = Twins(scene, view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))).gpu._store
     sizes = {name: array.size for name, array in lit.arrays.items()}
     assert sizes == {name: 4 * words * lit.capacity for name, words in (WORDS | LIT_WORDS).items()}

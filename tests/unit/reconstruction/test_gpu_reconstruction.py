@@ -36,7 +36,7 @@ def at_refresh(k: int) -> Event:
     return event_at(number, WIDE, scene_time=0.1 * number, position=(aside, 0.0, 4.0 - nearer))
 
 
-@pytest.mark.parametrize(("samples", "kept"), [(400, 4.0), (900, 1.0), (1500, 4.0)], ids=["few", "crowded", "flooded"])
+@pytest.mark.parametrize(("samples", "kept"), [(400, 4.0), (900, 1.0), (1500, 4.0)], ids=["few", "dense", "flooded"])
 def test_a_scene_that_moves_stops_and_moves_on_looks_the_same_at_every_refresh(
     opengl: Device, noise: Callable[[int], Noise], compiled_only: None, samples: int, kept: float
 ) -> None:
@@ -131,7 +131,7 @@ def test_samples_of_no_object_beside_the_panel_or_not_a_number_are_left_out(open
     twins = Twins(plate_before_wall((9.0, 0.0, 2.0)), view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8)))
     event = event_at(0, twins.seen)
     places = [(-0.01, 5.0), (16.01, 5.0), (5.0, 8.01), (1e9, 1e9), (np.nan, 5.0), (np.inf, 5.0)]
-    for stray in (hits(places, (9.0, 9.0, 9.0)), hits(centres((16, 8)), (9.0, 9.0, 9.0), thing=2**32 - 1)):
+    for stray in (hits(places, (9.0, 9.0, 9.0)), hits(centres((16, 8)), (9.0, 9.0, 9.0), object_id=2**32 - 1)):
         twins.insert(stray, START, event)
     twins.insert(hits(centres((16, 8)), GREEN), START, event)
     for k in range(2):
@@ -182,7 +182,7 @@ def test_a_part_of_a_panel_is_the_same(opengl: Device, rect: Rect) -> None:
 
 
 def test_the_same_moments_later_on_the_clock_give_the_same_picture(opengl: Device) -> None:
-    """A machine that has been up for months, and a clock that starts anew while samples and doubts are about."""
+    """A machine that has been up for months, and a clock that starts anew while samples and rejections are about."""
     pictures: list[Float32] = []
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))
     scene = plate_before_wall((9.0, 0.0, 2.0))

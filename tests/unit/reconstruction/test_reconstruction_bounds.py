@@ -55,9 +55,9 @@ def test_one_sample_is_finite_and_in_motion_colours_the_whole_picture(
     assert shown[y, x, 1] >= 0.75 * 0.5 * 0.999, "1 - 1 / (1 + 1)^2 of the sample's own"
 
 
-@pytest.mark.parametrize("thing", [3, 4, 1000, 2**31, 2**32 - 1])
-def test_samples_of_objects_that_the_scene_does_not_have_are_left_out(scene: Scene, thing: int) -> None:
-    both = np.concatenate([hits(centres(SIZE), (9.0, 9.0, 9.0), thing=thing), hits(centres(SIZE), GREEN)])
+@pytest.mark.parametrize("object_id", [3, 4, 1000, 2**31, 2**32 - 1])
+def test_samples_of_objects_that_the_scene_does_not_have_are_left_out(scene: Scene, object_id: int) -> None:
+    both = np.concatenate([hits(centres(SIZE), (9.0, 9.0, 9.0), object_id=object_id), hits(centres(SIZE), GREEN)])
     shown = shown_after(scene, both)
     assert_allclose(shown, np.broadcast_to(GREEN, shown.shape), rtol=0, atol=1e-5)
 

@@ -179,7 +179,7 @@ def test_with_another_number_every_tile_changes(scene: Scene) -> None:
 
 
 def test_a_contradiction_takes_weight_from_the_same_object_around_and_from_nothing_else(scene: Scene) -> None:
-    """Doubt is 1 / (1 + d^2 / 2) at a distance of d pixels, up to 1: all at the pixel, 2/3 beside, 1/2 across."""
+    """Rejection is 1 / (1 + d^2 / 2) at a distance of d pixels, up to 1: all at the pixel, 2/3 beside, 1/2 across."""
     plain = weights(seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE)))
     picture = seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE, change=1.0))
 
@@ -192,8 +192,8 @@ def test_a_contradiction_takes_weight_from_the_same_object_around_and_from_nothi
     assert_allclose(picture.resolved[9, 23], RED, atol=1e-5)
 
 
-def test_the_newest_samples_are_not_doubted_by_themselves(scene: Scene) -> None:
-    """Of two contradicting samples in one pixel both stay: doubt is about what is older."""
+def test_the_newest_samples_are_not_rejected_by_themselves(scene: Scene) -> None:
+    """Of two contradicting samples in one pixel both stay: only older ones are rejected."""
     picture = seen_then_contradicted(scene, lit(hits([(10.5, 9.5), (10.5, 9.5)], RED), NO_CHANGE, change=1.0))
     assert_allclose(weights(picture)[9, 10], 2.0, rtol=1e-5)
 

@@ -19,8 +19,8 @@ SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)
 
 
 def test_a_picture_stays_below_its_bytes_a_pixel_however_many_samples_come(compiled_only: None) -> None:
-    lamp = PointLight(position=(0.0, 1.0, 3.0), intensity=(1.0, 1.0, 1.0))
-    scene = plate_before_wall((0.0, 0.0, 2.0), (1.0, 0.0, 2.0), lights=(lamp,))
+    light = PointLight(position=(0.0, 1.0, 3.0), intensity=(1.0, 1.0, 1.0))
+    scene = plate_before_wall((0.0, 0.0, 2.0), (1.0, 0.0, 2.0), lights=(light,))
     kept = AdaptiveSampling().samples_per_pixel
     picture = Reconstruction(SEEN.panel, SEEN.eye, scene, detects_change=True, samples_per_pixel=kept)
     assert picture.buffer.store.albedo.size, "the dearest kind: lit anew"

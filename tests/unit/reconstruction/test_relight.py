@@ -32,8 +32,8 @@ TRACED = OCTAHEDRAL * 0.5 / 127
 SENT = OCTAHEDRAL * 2.5 / 127  # two steps more on the wire
 ROUNDING = 2e-4  # relative: float32, and the same point found by another ray
 SKY = Sky(zenith=(0.3, 0.5, 0.9), horizon=(0.6, 0.6, 0.6), ground=(0.2, 0.1, 0.1))
-SUN = DirectionalLight(direction=(0.48, 0.64, 0.6), irradiance=(2.0, 1.9, 1.7))
-LAMP = PointLight(position=(-2.0, 2.5, 2.0), intensity=(6.0, 6.0, 8.0))
+DIRECTIONAL = DirectionalLight(direction=(0.48, 0.64, 0.6), irradiance=(2.0, 1.9, 1.7))
+POINT = PointLight(position=(-2.0, 2.5, 2.0), intensity=(6.0, 6.0, 8.0))
 FLOOR, BALL = 1, 2  # object ids
 ALBEDOS = np.array([[0.0, 0.0, 0.0], [0.8, 0.7, 0.5], [0.3, 0.5, 0.9]])
 
@@ -42,12 +42,12 @@ def yard(
     *,
     ball: Material | None = None,
     scale: float | tuple[float, float, float] = 1.2,
-    lights: tuple[Light, ...] = (SUN, LAMP),
+    lights: tuple[Light, ...] = (DIRECTIONAL, POINT),
     moving: bool = True,
 ) -> Scene:
-    """A floor and a turning ball of flat triangles, under a sun and a lamp that travel."""
+    """A floor and a turning ball of flat triangles, under a directional and a point light that travel."""
     floor = replace(instance(0, turn=("x", -90.0)), name="floor")
-    thing = Instance(
+    turning = Instance(
         name="ball", mesh=1, world_from_object=instance(1, at=(0.4, 1.3, 0.0), scale=scale).world_from_object
     )
     still = (1.0, 0.0, 0.0, 0.0)
@@ -56,7 +56,7 @@ def yard(
         Track(motion=Orbit(center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), period_s=14.0), light=0),
         Track(
             motion=Keyframes(
-                times=(0.0, 1.0), positions=(LAMP.position, (1.5, 2.0, 3.0)), rotations=(still, still), loop=False
+                times=(0.0, 1.0), positions=(POINT.position, (1.5, 2.0, 3.0)), rotations=(still, still), loop=False
             ),
             light=1,
         ),
@@ -64,7 +64,7 @@ def yard(
     meshes: tuple[Mesh, ...] = (quad(12.0, 12.0, material=0), sphere_mesh(1, segments=10, smooth=False))
     return assemble(
         Source(
-            meshes=meshes, materials=(material(*ALBEDOS[1]), ball or material(*ALBEDOS[2])), instances=(floor, thing),
+            meshes=meshes, materials=(material(*ALBEDOS[1]), ball or material(*ALBEDOS[2])), instances=(floor, turning),
             lights=lights, sky=SKY, animation=tracks[: 1 + len(lights)] if moving else (),
         )
     )  # fmt: skip
@@ -129,8 +129,8 @@ def steepness(scene: Scene, places: Float64, time: float) -> Float64:
     table = np.float64(sky_irradiance(scene.sky))
     most = np.broadcast_to(np.abs(np.diff(table, axis=0)).max(axis=0) * 128, places.shape).copy()
     most += sum(np.array(s.irradiance) / np.pi for s in scene.directional_lights)
-    for p, lamp in zip(scene.at(time).point_positions, scene.point_lights, strict=True):
-        most += np.array(lamp.intensity) / np.pi / ((p - places) ** 2).sum(axis=1, keepdims=True)
+    for p, light in zip(scene.at(time).point_positions, scene.point_lights, strict=True):
+        most += np.array(light.intensity) / np.pi / ((p - places) ** 2).sum(axis=1, keepdims=True)
     return np.asarray(most, np.float64)
 
 
@@ -151,7 +151,7 @@ def as_sent(samples: Samples) -> Samples:
 
 
 def comparable(scene: Scene, relit: Stored, event: Event) -> tuple[Samples, NDArray[np.bool_]]:
-    """Samples traced where stored ones are now, and which of them hit the same points of things, in full light."""
+    """Samples traced where stored ones are now, and which of them hit the same points of objects, in full light."""
     fresh, same = twins(scene, relit, event)
     return fresh, same & (relit.hidden == 0) & (fresh["light_visibility"] == EVERY_LIGHT) & (relit.object_id > 0)
 
@@ -208,8 +208,8 @@ def test_relighting_is_much_nearer_the_truth_than_what_was_traced(compiled_only:
     assert errors[0] < 0.02 * errors[1]
 
 
-def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
-    """Only the lamp moves, towards the floor's shadowed points; they get what the sun and the sky give, as before."""
+def test_a_shadowed_sample_stays_without_its_light(compiled_only: None) -> None:
+    """Only the point light moves, towards the floor's shadowed points; they keep the light of the others."""
     scene, event = yard(), event_at(1, SEEN, scene_time=LATER)
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
@@ -220,7 +220,7 @@ def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
 
 
 @pytest.mark.parametrize(
-    "thing",
+    "case",
     [
         {"ball": material(0.3, 0.5, 0.9, mirror=0.5)},
         {"ball": replace(material(0.3, 0.5, 0.9), emission=(0.2, 0.1, 0.0))},
@@ -228,8 +228,8 @@ def test_a_shadowed_sample_stays_without_its_lamp(compiled_only: None) -> None:
     ],
     ids=["mirror", "glowing", "stretched"],
 )
-def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(thing: dict[str, Any], compiled_only: None) -> None:
-    scene, event = yard(**thing), event_at(1, SEEN, scene_time=LATER)
+def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(case: dict[str, Any], compiled_only: None) -> None:
+    scene, event = yard(**case), event_at(1, SEEN, scene_time=LATER)
     samples = traced(scene, event_at(0, SEEN), seen=SEEN)
     _, relit = later(scene, samples, event)
     for name, changes in ((0, False), (FLOOR, True), (BALL, False)):
@@ -237,12 +237,12 @@ def test_what_the_model_does_not_hold_for_is_left_as_it_was_traced(thing: dict[s
         nearest = np.abs(held[:, None] - were[None]).max(axis=2).min(axis=1)
         assert len(held) > 100
         left = (nearest < 1e-6).mean()  # to float32: radiance is about 1
-        assert left < 0.5 if changes else left == 1.0  # the floor in the lamp's shadow keeps its light
+        assert left < 0.5 if changes else left == 1.0  # the floor in the point light's shadow keeps its light
 
 
 @pytest.mark.parametrize("count", [32, 33])
 def test_more_than_thirty_two_lights_turn_it_off(count: int, compiled_only: None) -> None:
-    lights = (SUN, LAMP, *(replace(LAMP, position=(k - 8.0, 6.0, 0.0)) for k in range(count - 2)))
+    lights = (DIRECTIONAL, POINT, *(replace(POINT, position=(k - 8.0, 6.0, 0.0)) for k in range(count - 2)))
     scene, event = yard(lights=lights), event_at(1, SEEN, scene_time=LATER)
     shown, relit = later(scene, traced(scene, event_at(0, SEEN), seen=SEEN), event)
     assert len(relit.albedo) == (len(relit.object_id) if count == 32 else 0)
@@ -257,7 +257,7 @@ def test_a_scene_in_which_nothing_moves_stores_no_surfaces() -> None:
 
 @pytest.mark.parametrize(("radiance_of", "known"), [(0.9, False), (1.1, True)])
 def test_light_below_the_darkest_says_nothing_about_a_colour(radiance_of: float, known: bool) -> None:
-    """A lamp straight above a point: its light is intensity / (pi distance^2)."""
+    """A point light straight above a point: its light is intensity / (pi distance^2)."""
     scene = assemble(
         Source(
             meshes=(quad(1.0, 1.0),), materials=(material(0.5, 0.5, 0.5),), instances=(instance(0),),
@@ -282,7 +282,7 @@ def demodulated(sample, lights, diffuse, store):  # type: ignore[no-untyped-def]
 
 
 def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: None) -> None:
-    """All int8 normals under a sun in the plane: light is at least the sky's and at most sky and sun."""
+    """All int8 normals under a directional light in the plane: light is at least the sky's and at most the sum."""
     scene = yard()
     lights, sky = Lights.at(scene, scene.at(0.0)), sky_irradiance(SKY)
     u, v = (k.ravel() for k in np.meshgrid(np.arange(-127, 128), np.arange(-127, 128)))
@@ -291,8 +291,8 @@ def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: Non
     store.normal[:], store.light_visibility[:] = (u & 255) | ((v & 255) << 8), EVERY_LIGHT
     store.albedo[:], store.object_id[:] = 1.0, FLOOR
     relight(store, n, np.ones(3, np.uint8), lights, sky)
-    lamp = np.array(LAMP.intensity) / np.pi / float((np.array(LAMP.position) ** 2).sum())
-    top = sky.max(axis=0) + np.array(SUN.irradiance) / np.pi + lamp
+    point = np.array(POINT.intensity) / np.pi / float((np.array(POINT.position) ** 2).sum())
+    top = sky.max(axis=0) + np.array(DIRECTIONAL.irradiance) / np.pi + point
     assert (store.radiance[:, :3] >= sky.min(axis=0) * (1 - 1e-5)).all()
     assert (store.radiance[:, :3] <= top * (1 + 1e-5)).all()
 

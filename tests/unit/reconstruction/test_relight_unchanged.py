@@ -1,12 +1,12 @@
-"""Relighting under the lamps of its own moment gives a sample the radiance that was traced.
+"""Relighting under the lights of its own moment gives a sample the radiance that was traced.
 
 What a stored sample keeps is its surface colour, radiance / light. The light is worked out by one kernel when a sample
 comes and by another, vector code, when it is lit anew; they round differently. No term of either is larger than what
-that lamp gives a surface that faces it, so with ROUNDINGS that do not cancel in both together
+that light gives a surface that faces it, so with ROUNDINGS that do not cancel in both together
 
-    |relit / traced - 1| <= ROUNDINGS 2^-24 A,   A = (light if every unhidden lamp were faced) / light
+    |relit / traced - 1| <= ROUNDINGS 2^-24 A,   A = (light if every unhidden light were faced) / light
 
-which is 1e-5 up to A = 10: a surface grazed by all of its lamps, no sky to speak of.
+which is 1e-5 up to A = 10: a surface grazed by all of its lights, no sky to speak of.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from wall.scene.sky import sky_irradiance
 ROUNDINGS = 16  # eight of each: four of the cosine, four of the distance and of the sum; the worst measured is 4.7
 GRAZING = 10.0
 TOLERANCE = 1e-5
-THINGS, SUNS, POINTS = 6, 2, 3
+OBJECTS, PARALLEL, POINTS = 6, 2, 3
 COUNT = 200_000
 
 
@@ -52,24 +52,26 @@ def unit(rng: np.random.Generator, *shape: int) -> Float64:
 
 @pytest.mark.parametrize("brightness", [1.0, 0.1, 0.0])
 def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, compiled_only: None) -> None:
-    """Any normal, any lamps hidden, colours from black to glowing, lamps of a thousandfold range, down to no sky."""
+    """Any normal, any lights hidden, colours from black to glowing, lights of a thousandfold range, down to no sky."""
     rng = np.random.default_rng(7)
     tints = np.array([(0.3, 0.5, 0.9), (0.6, 0.6, 0.6), (0.2, 0.1, 0.1)]) * brightness
     sky = sky_irradiance(Sky(zenith=tuple(tints[0]), horizon=tuple(tints[1]), ground=tuple(tints[2])))
-    lamps = np.zeros((THINGS, SUNS + POINTS, 6), np.float32)
-    lamps[:, :, :3] = unit(rng, THINGS, SUNS + POINTS) * np.repeat([1.0, 3.0], [SUNS, POINTS])[None, :, None]
-    lamps[:, :, 3:] = 10 ** rng.uniform(-1, 2, (THINGS, SUNS + POINTS, 1)) * rng.uniform(0.3, 1, (*lamps.shape[:2], 3))
-    up = unit(rng, THINGS).astype(np.float32)
+    rows = np.zeros((OBJECTS, PARALLEL + POINTS, 6), np.float32)
+    rows[:, :, :3] = unit(rng, OBJECTS, PARALLEL + POINTS) * np.repeat([1.0, 3.0], [PARALLEL, POINTS])[None, :, None]
+    rows[:, :, 3:] = 10 ** rng.uniform(-1, 2, (OBJECTS, PARALLEL + POINTS, 1)) * rng.uniform(
+        0.3, 1, (*rows.shape[:2], 3)
+    )
+    up = unit(rng, OBJECTS).astype(np.float32)
     samples = np.zeros(COUNT, SAMPLE)
     samples["normal"], samples["light_visibility"] = rng.integers(-127, 128, (COUNT, 2)), rng.integers(0, 32, COUNT)
     samples["radiance"] = 10 ** rng.uniform(-4, 1, (COUNT, 1)) * rng.uniform(0.1, 1, (COUNT, 3))
-    place = rng.uniform(-1.5, 1.5, (3, COUNT)).astype(np.float32)
-    name = np.sort(rng.integers(0, THINGS, COUNT)).astype(np.uint32)
-    samples["object_id"] = name
+    position = rng.uniform(-1.5, 1.5, (3, COUNT)).astype(np.float32)
+    ids = np.sort(rng.integers(0, OBJECTS, COUNT)).astype(np.uint32)
+    samples["object_id"] = ids
     store = SampleStore.of(COUNT, lit=True)._replace(
-        position=place, object_id=name, light_visibility=samples["light_visibility"].copy()
+        position=position, object_id=ids, light_visibility=samples["light_visibility"].copy()
     )
-    lights, every = Lights(lamps, SUNS, up), np.ones(THINGS, np.uint8)
+    lights, every = Lights(rows, PARALLEL, up), np.ones(OBJECTS, np.uint8)
 
     demodulate_all(samples, lights, Diffuse(every, sky), store)
     relight(store, COUNT, every, lights, sky)
@@ -79,7 +81,7 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     traced_radiance = np.float64(samples["radiance"][known])
     off = np.abs(colour[known, :3] / traced_radiance - 1.0)
     light = traced_radiance / albedo.T[known]
-    faced = faced_light(lamps[name[known]], place.T[known], samples["light_visibility"][known]) + sky.max(axis=0)
+    faced = faced_light(rows[ids[known]], position.T[known], samples["light_visibility"][known]) + sky.max(axis=0)
     grazing = faced / light
     assert known.mean() > 0.7
     assert (off <= ROUNDINGS * 2.0**-24 * grazing).all()
@@ -88,18 +90,18 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     assert ((grazing > 0.9 * GRAZING) & (grazing <= GRAZING)).any()
 
 
-def faced_light(lamps: np.ndarray, place: np.ndarray, visible: np.ndarray) -> Float64:
-    """(n, 3) float64: what unhidden lamps (n, lamps, 6) would give if each were faced."""
-    total = np.zeros((len(place), 3))
-    for k in range(SUNS + POINTS):
-        square = ((np.float64(lamps[:, k, :3]) - place) ** 2).sum(axis=1)
-        weight = (1.0 if k < SUNS else 1.0 / square) * (visible >> k & 1)
-        total += weight[:, None] * np.float64(lamps[:, k, 3:])
+def faced_light(rows: np.ndarray, position: np.ndarray, visible: np.ndarray) -> Float64:
+    """(n, 3) float64: what unhidden lights (n, lights, 6) would give if each were faced."""
+    total = np.zeros((len(position), 3))
+    for k in range(PARALLEL + POINTS):
+        square = ((np.float64(rows[:, k, :3]) - position) ** 2).sum(axis=1)
+        weight = (1.0 if k < PARALLEL else 1.0 / square) * (visible >> k & 1)
+        total += weight[:, None] * np.float64(rows[:, k, 3:])
     return total
 
 
 def hall() -> Scene:
-    """A floor and balls of dark, coloured and white material, one that turns, under a sun and a lamp that travel."""
+    """A floor and balls of dark, coloured and white material, one that turns, under two lights that travel."""
     colours = ((0.5, 0.5, 0.5), (0.02, 0.03, 0.02), (0.9, 0.1, 0.05), (0.98, 0.98, 0.98))
     balls = tuple(
         replace(instance(k, at=(1.5 * k - 3.0, 0.6, 0.2 * k), scale=0.6), name=f"ball {k}") for k in (1, 2, 3)
@@ -120,7 +122,7 @@ def hall() -> Scene:
     )  # fmt: skip
 
 
-def test_lamps_that_go_and_come_back_leave_the_radiance_that_was_traced(compiled_only: None) -> None:
+def test_lights_that_go_and_come_back_leave_the_radiance_that_was_traced(compiled_only: None) -> None:
     """Traced at time 0, lit for a second later, lit for time 0 again."""
     seen = view((0.0, 3.0, 5.0), (0.2, 0.8, 0.0), pixels=(64, 48))
     scene, begin, later = hall(), event_at(0, seen), event_at(1, seen, scene_time=1.0)

@@ -80,7 +80,7 @@ def test_dead_samples_are_not_counted() -> None:
     assert statistics_of_store(picture, START + 1.0)[1][0, 0] == pytest.approx(1 / 256)
 
 
-def test_a_still_picture_counts_the_samples_that_it_has_gathered() -> None:
+def test_a_still_picture_counts_the_samples_that_it_has_accumulated() -> None:
     """Stored are at most `kept` a pixel, here 1; the pixel shows the mean of all 7."""
     picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)), kept=1.0)
     event = event_at(0)
@@ -119,7 +119,7 @@ def test_sums_and_areas_of_cut_tiles() -> None:
     assert tile_areas(20, 40).tolist() == [[256, 256, 128], [64, 64, 32]]
 
 
-def test_worth_of_a_grid_is_contrast_over_n_n_plus_1() -> None:
+def test_error_reduction_of_a_grid_is_contrast_over_n_n_plus_1() -> None:
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[:8, :15] = 1.0  # 15 edges of 1 below it and 8 at its right, among two of each of 256 pixels
     rects, error_reduction = grid_error_reduction(radiance, np.ones((1, 2)))
@@ -137,7 +137,7 @@ def test_contrasts_of_cut_tiles_equal_those_of_numpy() -> None:
     np.testing.assert_allclose(contrast, expected, rtol=1e-5)
 
 
-def test_worth_of_a_sample_is_contrast_over_n_times_n_plus_1() -> None:
+def test_error_reduction_of_a_sample_is_contrast_over_n_times_n_plus_1() -> None:
     contrast, density = np.array([0.36, 0.0], np.float32), np.array([2.0, 1.0], np.float32)
     assert expected_error_reduction(contrast, density) == pytest.approx([0.36 / 6, 0.0])
 

@@ -53,7 +53,7 @@ def test_late_samples_of_the_sampler_before_are_left_out_and_counted(plan: Plan,
 
 @pytest.mark.parametrize(("old", "new"), [("adaptive", "frameless"), ("frameless", "adaptive")])
 def test_samples_that_come_before_their_event_wait_for_it(plan: Plan, old: str, new: str) -> None:
-    """A further compositor hears of events by another way than of samples. Framed pixels of a still view come once."""
+    """A remote compositor hears of events by another way than of samples. Framed pixels of a still view come once."""
     before, after = asking(old, 1, plan), asking(new, 2, plan)
     panel = shown(plan, before, radiance=BLACK)
     panel.insert(flat(WHITE, after, adaptive=new == "adaptive", sequence=2))

@@ -113,6 +113,6 @@ def answer(control: Hub) -> int:
     return len(pings)
 
 
-def close(*things: object) -> None:
-    for thing in things:
-        thing.close()  # type: ignore[attr-defined]
+def close(*closable: object) -> None:
+    for one in closable:
+        one.close()  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""What another sample is worth: before anything is known, in motion, at rest, and after a contradiction or a loss."""
+"""Error reduction of a sample: before anything is known, in motion, at rest, and after a contradiction or a loss."""
 
 from __future__ import annotations
 
@@ -68,19 +68,19 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     """The NumPy twin: contrast to the eight neighbours (the border repeated); n, the weight at the pixel, halves it."""
     random = np.random.default_rng(1)
     value = random.random((37, 40)).astype(np.float32)
-    gathered = np.zeros((39, 42, 4), np.float32)
-    gathered[..., 3] = random.uniform(0.11, 3, (39, 42))
-    gathered[5:9, 7:11, 3] = 0.05  # holes
-    still = np.zeros((37, 40, 8), np.float32)
-    still[20, 20, 3] = 50
+    splat_sums = np.zeros((39, 42, 4), np.float32)
+    splat_sums[..., 3] = random.uniform(0.11, 3, (39, 42))
+    splat_sums[5:9, 7:11, 3] = 0.05  # holes
+    accumulation = np.zeros((37, 40, 8), np.float32)
+    accumulation[20, 20, 3] = 50
     scores, tiles = kernels.Scores(value, *np.zeros((3, 37, 40), np.float32)), Grid(40, 37).tiles
 
-    kernels.score_moving(gathered[1:-1, 1:-1, 3], still, FLOOR_MOVING, scores, tiles)
+    kernels.score_moving(splat_sums[1:-1, 1:-1, 3], accumulation, FLOOR_MOVING, scores, tiles)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]
     expected = np.mean([(v - value) ** 2 for k, v in enumerate(around) if k != 4], axis=0)
-    n = np.maximum(gathered[1:-1, 1:-1, 3], still[..., 3])
+    n = np.maximum(splat_sums[1:-1, 1:-1, 3], accumulation[..., 3])
     gain = np.where(n < kernels.HOLE_DENSITY, kernels.HOLE + expected, expected / (n * (n + 1))) + FLOOR_MOVING
     assert_allclose(scores.score, gain, rtol=1e-5)
     down, across = (0, 16, 32), (0, 16, 32)
@@ -118,7 +118,7 @@ def test_sums_stay_the_sums_of_scores_while_samples_come(random_numbers: np.rand
         assert_allclose(sums, expected, rtol=1e-6)
 
 
-def test_a_sample_lowers_what_its_pixel_is_worth_and_no_other() -> None:
+def test_a_sample_lowers_the_error_reduction_of_its_pixel_and_no_other() -> None:
     sampler = sampler_over(unknown())
     before = sampler._scores.score.copy()
     sampler.observe(samples_at([(3, 4)]))
@@ -143,7 +143,7 @@ def test_a_contradiction_draws_rays_to_its_neighbours_at_once(at: tuple[int, int
     assert counts[~near].max() <= np.ceil(plain)
 
 
-def test_lost_samples_make_their_pixels_worth_a_hole() -> None:
+def test_lost_samples_turn_their_pixels_into_holes() -> None:
     known = unknown()
     known.sample_density[:] = 1.0
     sampler = sampler_over(known)

@@ -38,36 +38,36 @@ class Rays:
 
 def test_rays_are_shared_equally_whatever_the_batches() -> None:
     small, large = Rays(16), Rays(100)
-    halves = SplitSampler(small, large)
+    split = SplitSampler(small, large)
     for _ in range(400):
-        assert halves.choose(EVENT) is not None
+        assert split.choose(EVENT) is not None
         assert abs(small.traced - large.traced) <= 100
 
 
 def test_samples_are_observed_by_the_one_that_chose_them() -> None:
     first, second = Rays(16, coherent=True), Rays(32)
-    halves = SplitSampler(first, second)
+    split = SplitSampler(first, second)
     for _ in range(9):
-        targets = halves.choose(EVENT)
+        targets = split.choose(EVENT)
         assert targets is not None
-        assert halves.coherent == halves.sides[halves.turn].coherent
-        halves.observe(np.zeros(len(targets.xy), SAMPLE), 0.0)
+        assert split.coherent == split.sides[split.turn].coherent
+        split.observe(np.zeros(len(targets.xy), SAMPLE), 0.0)
     assert (first.seen, second.seen) == (first.traced, second.traced)
 
 
 def test_one_that_is_done_leaves_everything_to_the_other_and_saves_nothing_up() -> None:
     done, busy = Rays(16, left=16), Rays(16)
-    halves = SplitSampler(done, busy)
+    split = SplitSampler(done, busy)
     for _ in range(50):
-        halves.choose(EVENT)
+        split.choose(EVENT)
     assert (done.traced, busy.traced) == (16, 49 * 16)
 
     done.restart()
     for _ in range(20):
-        halves.choose(EVENT)
+        split.choose(EVENT)
     assert abs((busy.traced - 49 * 16) - (done.traced - 16)) <= 2 * 16, "no backlog but a batch"
 
 
 def test_two_that_are_done_are_done() -> None:
-    halves = SplitSampler(Rays(16, left=0), Rays(16, left=0))
-    assert halves.choose(EVENT) is None
+    split = SplitSampler(Rays(16, left=0), Rays(16, left=0))
+    assert split.choose(EVENT) is None

@@ -17,8 +17,8 @@ from wall.scene.lights import STUDIO_SKY, default_lights
 from wall.scene.needs import Needs, describe, needs
 
 HERE = Path(".")
-SUN = {"type": "directional", "direction": (0.0, 2.0, 0.0), "irradiance": (3.0, 3.0, 3.0)}
-LAMP = {"type": "point", "position": (1.0, 0.0, 0.0), "intensity": (5.0, 5.0, 5.0)}
+DIRECTIONAL = {"type": "directional", "direction": (0.0, 2.0, 0.0), "irradiance": (3.0, 3.0, 3.0)}
+POINT = {"type": "point", "position": (1.0, 0.0, 0.0), "intensity": (5.0, 5.0, 5.0)}
 
 
 def configured(folder: Path, **keys: object) -> Scene:
@@ -48,7 +48,7 @@ def test_model_gets_the_default_key_light_and_studio_sky(house: Path) -> None:
 def test_configuration_replaces_lights_sky_and_animation() -> None:
     sky = {"zenith": (1, 2, 3), "horizon": (4, 5, 6), "ground": (7, 8, 9)}
     sky = {key: tuple(float(v) for v in value) for key, value in sky.items()}
-    scene = configured(HERE, source="courtyard", lights=(SUN, LAMP), sky=sky, animation=())
+    scene = configured(HERE, source="courtyard", lights=(DIRECTIONAL, POINT), sky=sky, animation=())
     assert scene.sky.horizon == (4.0, 5.0, 6.0)
     assert scene.directional_lights[0].direction == (0.0, 1.0, 0.0)  # given as (0, 2, 0)
     assert scene.point_lights[0].position == (1.0, 0.0, 0.0)
@@ -74,7 +74,7 @@ def test_parts_in_one_frame_turn_about_their_common_centre(house: Path) -> None:
 def test_lights_are_animated_by_their_index_in_the_configuration() -> None:
     around = {"type": "orbit", "center": (0.0, 0.0, 0.0), "axis": (0.0, 0.0, 1.0), "period_s": 4.0}
     tracks = ({"light": 0, **around}, {"light": 1, **around})
-    moment = configured(HERE, source="courtyard", lights=(SUN, LAMP), animation=tracks).at(1.0)
+    moment = configured(HERE, source="courtyard", lights=(DIRECTIONAL, POINT), animation=tracks).at(1.0)
     np.testing.assert_allclose(moment.directions, [[-1.0, 0.0, 0.0]], atol=1e-12)
     np.testing.assert_allclose(moment.point_positions, [[0.0, 1.0, 0.0]], atol=1e-12)
 

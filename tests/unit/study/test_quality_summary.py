@@ -193,7 +193,7 @@ def test_report_is_one_page_with_nothing_outside_it(tmp_path: Path) -> None:
     assert "<script" not in page
     assert "&lt;b&gt;" in page
     assert "6.0&times;" in page
-    assert "What each ingredient is worth" in page
+    assert "Gain of each ingredient" in page
     assert sorted(p.name for p in (tmp_path / "plots").iterdir()) == [
         "error_against_bytes.png", "error_against_cpu.png", "error_against_rate.png", "error_over_time.png",
     ]  # fmt: skip

@@ -85,15 +85,15 @@ def test_bare_rays_are_as_many_as_tracing_sends(compiled_only: None) -> None:
     assert not bench.stopped.all()
 
 
-@pytest.mark.parametrize("mistake", ["lamp rays in metres", "sun rays cut short", "primary rays turned"])
+@pytest.mark.parametrize("mistake", ["point light rays in metres", "parallel rays cut short", "primary rays turned"])
 def test_bare_rays_that_are_not_those_of_tracing_are_refused(compiled_only: None, mistake: str) -> None:
     bench = Bench("courtyard")
     bench.check()
     far = bench.shadows[:, T_FAR]
-    if mistake == "lamp rays in metres":  # directions reach from the hit to the lamp: 1 is the lamp
+    if mistake == "point light rays in metres":  # directions reach from the hit to the light: 1 is the light
         directions = bench.shadows[:, embree.DIRECTION_X : embree.DIRECTION_X + 48].reshape(-1, 3, 16)
         bench.shadows[:, T_FAR] = np.where(np.isfinite(far), np.linalg.norm(directions, axis=1), far)
-    elif mistake == "sun rays cut short":
+    elif mistake == "parallel rays cut short":
         bench.shadows[:, T_FAR] = np.where(np.isfinite(far), far, 0.01)
     else:
         bench.hits[:, embree.DIRECTION_X : embree.DIRECTION_X + 16] += np.float32(0.05)

@@ -26,7 +26,7 @@ from wall.scene.model import DirectionalLight, Material, PointLight, Sky
 FLOAT32 = 2e-6  # a dozen float32 roundings, relative
 
 
-def sun(x: float, y: float, z: float, *, irradiance: Triple = (math.pi, math.pi, math.pi)) -> DirectionalLight:
+def directional(x: float, y: float, z: float, *, irradiance: Triple = (math.pi, math.pi, math.pi)) -> DirectionalLight:
     length = math.sqrt(x * x + y * y + z * z)
     return DirectionalLight(direction=(x / length, y / length, z / length), irradiance=irradiance)
 
@@ -67,7 +67,7 @@ def test_object_k_is_the_kth_instance_counted_from_one() -> None:
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 85.0, 89.9])
 def test_directional_light_gives_albedo_over_pi_times_irradiance_times_cosine(degrees: float) -> None:
     """Lambert: L = albedo / pi * E * cos, here with E = (pi, 2 pi, 3 pi)."""
-    light = sun(math.sin(math.radians(degrees)), 0.0, math.cos(math.radians(degrees)))
+    light = directional(math.sin(math.radians(degrees)), 0.0, math.cos(math.radians(degrees)))
     light = replace(light, irradiance=(math.pi, 2 * math.pi, 3 * math.pi))
     scene = scene_of([quad(50.0, 50.0)], materials=[material(0.2, 0.4, 0.6)], lights=[light])
     got = picture(scene, view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
@@ -76,13 +76,15 @@ def test_directional_light_gives_albedo_over_pi_times_irradiance_times_cosine(de
 
 
 def test_a_light_behind_the_surface_lights_nothing_and_costs_no_shadow_ray() -> None:
-    got = picture(scene_of([quad(50.0, 50.0)], lights=[sun(0.1, 0.0, -1.0)]), view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
+    got = picture(
+        scene_of([quad(50.0, 50.0)], lights=[directional(0.1, 0.0, -1.0)]), view((0, 0, 3), (0, 0, 0), pixels=(4, 4))
+    )
     assert (got.radiance == 0.0).all()
     assert got.cost.shadow == 0
 
 
 def test_both_sides_of_a_surface_are_lit_from_their_own_side() -> None:
-    scene = scene_of([quad(50.0, 50.0)], lights=[sun(0.0, 0.0, -1.0)])
+    scene = scene_of([quad(50.0, 50.0)], lights=[directional(0.0, 0.0, -1.0)])
     got = picture(scene, view((0, 0, -3), (0, 0, 0), pixels=(4, 4)))
     np.testing.assert_allclose(got.radiance, 0.5, rtol=FLOAT32)
 
@@ -101,7 +103,11 @@ def test_point_light_falls_off_with_the_square_of_the_distance(height: float) ->
 
 
 def test_lights_add_up() -> None:
-    lights = [sun(0, 0, 1), sun(0, 1, 1), PointLight(position=(0.0, 0.0, 2.0), intensity=(1.0, 2.0, 3.0))]
+    lights = [
+        directional(0, 0, 1),
+        directional(0, 1, 1),
+        PointLight(position=(0.0, 0.0, 2.0), intensity=(1.0, 2.0, 3.0)),
+    ]
     seen = view((0, 0, 3), (0, 0, 0), pixels=(4, 4))
     together = picture(scene_of([quad(50.0, 50.0)], lights=lights), seen)
     apart = [picture(scene_of([quad(50.0, 50.0)], lights=[light]), seen).radiance for light in lights]
@@ -131,13 +137,13 @@ def test_furnace_a_white_sphere_under_a_white_sky_is_as_bright_as_the_sky() -> N
 
 
 def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
-    """A square of edge 2 at height 1 under a sun 45 degrees from +x shades x in [-2, 0], y in [-1, 1] of the floor.
+    """A square of edge 2 at height 1 under light 45 degrees from +x shades x in [-2, 0], y in [-1, 1] of the floor.
 
     Seen from straight above through the square's height the floor is 8 units in 64 pixels; pixels below the square
     itself are another object.
     """
     above = instance(1, at=(0, 0, 1))
-    scene = scene_of([quad(40.0, 40.0), quad(2.0, 2.0)], [instance(0), above], lights=[sun(1, 0, 1)])
+    scene = scene_of([quad(40.0, 40.0), quad(2.0, 2.0)], [instance(0), above], lights=[directional(1, 0, 1)])
     got = picture(scene, view((0, 0, 4), (0, 0, 0), pixels=(64, 64), fov=90.0))
     x = np.broadcast_to((np.arange(64) + 0.5) / 8 - 4, (64, 64))
     y = -x.T
@@ -151,7 +157,9 @@ def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
 def test_vertex_colours_are_interpolated_linearly_and_multiply_the_base_colour() -> None:
     """Corner colours equal to the corner's place: at (x, y) of the 4 x 4 quad (x / 4 + 1/2, y / 4 + 1/2, 1)."""
     colors = [[0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
-    scene = scene_of([quad(4.0, 4.0, colors=colors)], materials=[material(0.5, 1.0, 0.25)], lights=[sun(0, 0, 1)])
+    scene = scene_of(
+        [quad(4.0, 4.0, colors=colors)], materials=[material(0.5, 1.0, 0.25)], lights=[directional(0, 0, 1)]
+    )
     got = picture(scene, view((0, 0, 2), (0, 0, 0), pixels=(16, 16), fov=2 * math.degrees(math.atan(0.5))))
     x = np.broadcast_to((np.arange(16) + 0.5) / 8 - 1, (16, 16))
     expected = np.stack([0.5 * (x / 4 + 0.5), -x.T / 4 + 0.5, np.full((16, 16), 0.25)], axis=-1)
@@ -159,19 +167,19 @@ def test_vertex_colours_are_interpolated_linearly_and_multiply_the_base_colour()
 
 
 def test_emission_is_seen_whatever_the_light_and_on_both_sides() -> None:
-    lamp = Material(name="lamp", base_color=(0.0, 0.0, 0.0), emission=(3.0, 2.0, 1.0))
+    emitter = Material(name="emitter", base_color=(0.0, 0.0, 0.0), emission=(3.0, 2.0, 1.0))
     for z in (3.0, -3.0):
-        got = picture(scene_of([quad(50.0, 50.0)], materials=[lamp]), view((0, 0, z), (0, 0, 0), pixels=(4, 4)))
+        got = picture(scene_of([quad(50.0, 50.0)], materials=[emitter]), view((0, 0, z), (0, 0, 0), pixels=(4, 4)))
         np.testing.assert_array_equal(got.radiance, np.broadcast_to(np.float32([3, 2, 1]), (4, 4, 3)))
 
 
 def test_smooth_normals_shade_a_coarse_sphere_like_a_round_one() -> None:
-    """Lambert on the unit sphere facing a sun along the view: L = 0.5 cos, with cos from the interpolated normal.
+    """Lambert on the unit sphere facing light along the view: L = 0.5 cos, with cos from the interpolated normal.
 
     In the middle of the picture the ray meets the sphere where sin(angle) is the ray's height; 48 segments keep the
     interpolated normal within (pi / 48)^2 / 8 < 0.001 of the round one's.
     """
-    scene = scene_of([sphere_mesh(segments=48)], lights=[sun(0, 0, 1)])
+    scene = scene_of([sphere_mesh(segments=48)], lights=[directional(0, 0, 1)])
     seen = view((0, 0, 400), (0, 0, 0), pixels=(32, 32), fov=2 * math.degrees(math.atan(1 / 400)))
     got = picture(scene, seen)
     x = np.broadcast_to((np.arange(32) + 0.5) / 16 - 1, (32, 32))

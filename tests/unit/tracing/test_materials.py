@@ -13,7 +13,7 @@ from wall.core.data import Float64
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Texture
 
-SUN = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(math.pi, math.pi, math.pi))
+LIGHT = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(math.pi, math.pi, math.pi))
 WHITE = (1.0, 1.0, 1.0)
 FOUR_UNITS = 2 * math.degrees(math.atan(0.5))  # at distance 4 this field of view is 4 units high
 TEXELS = np.array([[[0, 51, 255], [128, 10, 0], [255, 200, 5]], [[30, 90, 160], [12, 250, 77], [64, 32, 16]]], np.uint8)
@@ -45,7 +45,7 @@ def textured(texels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], *, scale: 
         [mesh],
         materials=[material(*WHITE, texture=0)],
         textures=[Texture(name="t", texels=texels)],
-        lights=[SUN],
+        lights=[LIGHT],
     )
     return picture(scene, view((0, 0, 4), (0, 0, 0), pixels=(12, 12), fov=FOUR_UNITS))
 
@@ -97,18 +97,18 @@ def test_a_flat_mirror_shows_the_mirrored_scene() -> None:
 def test_a_mirrors_share_is_of_what_it_shows_and_the_rest_of_its_own_light(share: float) -> None:
     """L = (1 - s) albedo E / pi + s L_sky, with albedo E / pi = 0.5 and a black-to-blue constant sky of (0, 0, 1)."""
     sky = Sky(zenith=(0, 0, 1), horizon=(0, 0, 1), ground=(0, 0, 1))
-    scene = scene_of([quad(50.0, 50.0)], materials=[material(0.5, 0.5, 0.0, mirror=share)], lights=[SUN], sky=sky)
+    scene = scene_of([quad(50.0, 50.0)], materials=[material(0.5, 0.5, 0.0, mirror=share)], lights=[LIGHT], sky=sky)
     got = picture(scene, view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
     np.testing.assert_allclose(got.radiance, np.broadcast_to([0.5 * (1 - share)] * 2 + [share], (4, 4, 3)), rtol=1e-5)
     assert got.cost.secondary == 16
 
 
-def test_two_facing_mirrors_stop_at_the_depth_limit_with_a_geometric_series() -> None:
+def test_two_parallel_mirrors_stop_at_the_depth_limit_with_a_geometric_series() -> None:
     """Emission 1 and mirror share s on both: the eye sees sum over k = 0..4 of (1 - s) s^k = 1 - s^5."""
     share = 0.8
     shining = Material(name="m", base_color=(0, 0, 0), mirror=share, emission=WHITE)
-    facing = [instance(0), instance(0, at=(0, 0, 10), turn=("y", 180.0))]
-    got = picture(scene_of([quad(90.0, 90.0)], facing, materials=[shining]), view((0, 0, 5), (0, 0, 0), pixels=(3, 3)))
+    mirrors = [instance(0), instance(0, at=(0, 0, 10), turn=("y", 180.0))]
+    got = picture(scene_of([quad(90.0, 90.0)], mirrors, materials=[shining]), view((0, 0, 5), (0, 0, 0), pixels=(3, 3)))
     np.testing.assert_allclose(got.radiance, 1 - share**5, rtol=1e-6)
     assert got.cost.secondary == 9 * 4
 
@@ -161,15 +161,15 @@ def test_a_placed_mesh_looks_like_the_same_mesh_with_its_vertices_moved(placed: 
 def test_a_placement_that_flattens_to_nothing_is_counted_and_hurts_nothing_else() -> None:
     flat = instance(1, scale=(1.0, 0.0, 1.0))
     seen = view((0, 0, 3), (0, 0, 0), pixels=(8, 8))
-    got = picture(scene_of([quad(50.0, 50.0), sphere_mesh()], [instance(0), flat], lights=[SUN]), seen)
-    alone = picture(scene_of([quad(50.0, 50.0)], lights=[SUN]), seen)
+    got = picture(scene_of([quad(50.0, 50.0), sphere_mesh()], [instance(0), flat], lights=[LIGHT]), seen)
+    alone = picture(scene_of([quad(50.0, 50.0)], lights=[LIGHT]), seen)
     np.testing.assert_array_equal(got.radiance, alone.radiance)
 
 
 def test_samples_of_broken_colours_are_left_out_and_counted() -> None:
     """The upper left vertex has no colour that is a number: its triangle is dropped, the other one is not."""
     colors = [[1, 1, 1], [1, 1, 1], [1, 1, 1], [math.nan, 1, 1]]
-    scene = scene_of([quad(4.0, 4.0, colors=colors)], lights=[SUN])
+    scene = scene_of([quad(4.0, 4.0, colors=colors)], lights=[LIGHT])
     got = picture(scene, view((0, 0, 4), (0, 0, 0), pixels=(16, 16), fov=FOUR_UNITS))
     dropped = np.isnan(got.radiance).any(axis=-1)
     assert got.cost.bad == dropped.sum()

@@ -13,7 +13,7 @@ from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 FLOOR, MIRROR, BALL, SMALL = range(4)
-SUN = DirectionalLight(direction=(0.6, 0.8, 0.0), irradiance=(2.0, 2.0, 2.0))
+LIGHT = DirectionalLight(direction=(0.6, 0.8, 0.0), irradiance=(2.0, 2.0, 2.0))
 SEEN_FROM = view((0.0, 3.0, 6.0), (0.0, 0.6, 0.0), pixels=(64, 48))
 PLACED = [
     instance(0, turn=("x", -90.0)),
@@ -31,7 +31,7 @@ def tracer_scene() -> TracerScene:
 def tracer_scene_of(objects: int) -> TracerScene:
     meshes = [quad(8.0, 8.0, material=0), quad(4.0, 2.0, material=1), sphere_mesh(2, segments=24)]
     materials = [material(0.5, 0.5, 0.5), material(0.0, 0.0, 0.0, mirror=1.0), material(0.8, 0.2, 0.2)]
-    return make_tracer_scene(scene_of(meshes, PLACED[:objects], materials=materials, lights=[SUN]))
+    return make_tracer_scene(scene_of(meshes, PLACED[:objects], materials=materials, lights=[LIGHT]))
 
 
 def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
@@ -79,7 +79,7 @@ def test_object_ids_do_not_wrap_at_sixteen_bits(compiled_only: None) -> None:
     """70,000 panes of which all but the last stand far aside: that one has id 70,000, not 70,000 - 65,536."""
     count = 70_000
     aside = instance(0, at=(0.0, -1e3, 0.0))
-    scene = make_tracer_scene(scene_of([quad(4.0, 4.0)], [aside] * (count - 1) + [instance(0)], lights=[SUN]))
+    scene = make_tracer_scene(scene_of([quad(4.0, 4.0)], [aside] * (count - 1) + [instance(0)], lights=[LIGHT]))
     seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(16, 16))
     tracer = Tracer(scene, seen.panel, seen.eye, coherent=False)
     tracer.take(seen.event)

@@ -41,7 +41,7 @@ def codes(radiance: object) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     return rgb
 
 
-def sun(direction: Float64, strength: float = math.pi) -> DirectionalLight:
+def directional(direction: Float64, strength: float = math.pi) -> DirectionalLight:
     x, y, z = (direction / np.linalg.norm(direction)).tolist()
     return DirectionalLight(direction=(x, y, z), irradiance=(strength, strength, strength))
 
@@ -84,7 +84,7 @@ def test_a_scene_scaled_by_a_power_of_two_gives_the_same_bits(tiny_scene: Scene,
 
 
 def plane_case(size: float, distance: float, elevation: float, seed: int) -> tuple[Scene, View]:
-    """A turned plane, seen at 37 degrees from `distance`, under a sun `elevation` radians above it."""
+    """A turned plane, seen at 37 degrees from `distance`, under a directional light `elevation` radians above it."""
     q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     rotation = q * np.sign(np.linalg.det(q))
     x, n = rotation[:, 0], rotation[:, 2]
@@ -92,7 +92,7 @@ def plane_case(size: float, distance: float, elevation: float, seed: int) -> tup
     matrix = np.eye(4)
     matrix[:3, :3] = rotation
     matrix[:3, 3] = centre + 0.17 * size * x
-    light = sun(math.sin(elevation) * n + math.cos(elevation) * x)
+    light = directional(math.sin(elevation) * n + math.cos(elevation) * x)
     scene = scene_of([quad(size, size)], [Instance(name="p", mesh=0, world_from_object=matrix)], lights=[light])
     fov = min(60.0, math.degrees(0.4 * size / distance))
     return scene, view((0.0, 0.0, 0.0), tuple(centre.tolist()), pixels=(40, 40), fov=fov)
@@ -101,10 +101,12 @@ def plane_case(size: float, distance: float, elevation: float, seed: int) -> tup
 def ball_case(
     scale: float | Triple, distance: float, fov: float, seed: int, *, height: float = 0.1
 ) -> tuple[Scene, View]:
-    """A sphere of 6,240 triangles, scaled and turned, under a sun across the line of sight, `height` to the viewer."""
+    """A sphere of 6,240 triangles, scaled and turned, under light across the line of sight, `height` to the viewer."""
     random = np.random.default_rng(seed)
     axis, side = random.normal(size=3), random.normal(size=3)
-    light = sun(np.cross(axis, side) / np.linalg.norm(np.cross(axis, side)) + height * axis / np.linalg.norm(axis))
+    light = directional(
+        np.cross(axis, side) / np.linalg.norm(np.cross(axis, side)) + height * axis / np.linalg.norm(axis)
+    )
     centre = -distance * axis / np.linalg.norm(axis)
     placed = instance(0, at=tuple(centre.tolist()), turn=("x", float(random.uniform(0, 360))), scale=scale)
     scene = scene_of([sphere_mesh(segments=80, smooth=False)], [placed], lights=[light])
@@ -144,10 +146,10 @@ def acne(scene: Scene, seen: View, monkeypatch: pytest.MonkeyPatch, *, ulps: flo
     """
     monkeypatch.setattr(tracer, "OFFSET_ULPS", 512.0)
     lit = picture(scene, seen, coherent=False).radiance[..., 0]
-    facing = lit > 2e-3 * lit.max()
+    lit_side = lit > 2e-3 * lit.max()
     monkeypatch.setattr(tracer, "OFFSET_ULPS", ulps)
     got = picture(scene, seen, coherent=False).radiance[..., 0]
-    return int((got == 0.0)[facing].sum()), int(facing.sum())
+    return int((got == 0.0)[lit_side].sum()), int(lit_side.sum())
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -155,9 +157,9 @@ def test_no_shadow_acne_at_a_quarter_of_the_ray_offset(
     name: str, monkeypatch: pytest.MonkeyPatch, compiled_only: None
 ) -> None:
     assert tracer.OFFSET_ULPS >= 4 * HARDEST
-    wrong, facing = acne(*CASES[name], monkeypatch, ulps=HARDEST)
+    wrong, lit_side = acne(*CASES[name], monkeypatch, ulps=HARDEST)
     assert wrong == 0
-    assert facing > 40
+    assert lit_side > 40
 
 
 def test_without_an_offset_these_cases_do_show_acne(monkeypatch: pytest.MonkeyPatch, compiled_only: None) -> None:
@@ -167,10 +169,12 @@ def test_without_an_offset_these_cases_do_show_acne(monkeypatch: pytest.MonkeyPa
 
 
 def contact(gap: float, floor: Instance) -> Picture:
-    """A floor at the origin, 10 units, and a plate `gap` above its middle, both under a sun from straight above;
+    """A floor at the origin, 10 units, and a plate `gap` above its middle, both under light from straight above;
     seen from the side, 1.7 units away, just between the two."""
     plate = instance(1, at=(0.0, 0.0, gap))
-    scene = scene_of([quad(10.0, 10.0), quad(1.0, 1.0)], [floor, plate], lights=[sun(np.array([0.0, 0.0, 1.0]))])
+    scene = scene_of(
+        [quad(10.0, 10.0), quad(1.0, 1.0)], [floor, plate], lights=[directional(np.array([0.0, 0.0, 1.0]))]
+    )
     return picture(scene, view((0.0, -1.7, 0.5 * gap), (0.0, 0.0, 0.0), pixels=(33, 1), fov=1e-3, up=(0, 0, 1)))
 
 
@@ -193,30 +197,30 @@ def test_a_mirror_far_away_shows_near_things_without_acne(monkeypatch: pytest.Mo
         [ball, mirror],
         [instance(0, at=(0.0, 0.0, 3.0)), instance(1, at=(0.0, 0.0, -1e4))],
         materials=[material(0.5, 0.5, 0.5), material(0.0, 0.0, 0.0, mirror=1.0)],
-        lights=[sun(np.array([0.4, 0.3, -1.0]))],
+        lights=[directional(np.array([0.4, 0.3, -1.0]))],
     )
     seen = view((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), pixels=(48, 48), fov=math.degrees(2.0 / 2e4))
-    wrong, facing = acne(scene, seen, monkeypatch, ulps=tracer.OFFSET_ULPS)
-    assert facing > 500
+    wrong, lit_side = acne(scene, seen, monkeypatch, ulps=tracer.OFFSET_ULPS)
+    assert lit_side > 500
     assert wrong == 0
 
 
-def test_a_lamp_in_a_surface_is_not_shaded_by_it() -> None:
-    """A lamp exactly in a ceiling: ending the ray at the lamp itself, rounding would decide; it ends before it."""
+def test_a_point_light_in_a_surface_is_not_shaded_by_it() -> None:
+    """A point light exactly in a ceiling: a ray that ended at it would be decided by rounding; it ends before."""
     ceiling, floor = instance(0, at=(0.1, 0.2, 1.3), turn=("x", 180.0)), instance(0)
-    lamp = PointLight(position=(0.3, 0.1, 1.3), intensity=(1.0, 1.0, 1.0))
-    scene = scene_of([quad(9.0, 9.0)], [floor, ceiling], lights=[lamp])
+    light = PointLight(position=(0.3, 0.1, 1.3), intensity=(1.0, 1.0, 1.0))
+    scene = scene_of([quad(9.0, 9.0)], [floor, ceiling], lights=[light])
     got = picture(scene, view((0.0, -2.0, 0.7), (0.0, 0.0, 0.0), pixels=(40, 40)))
     assert (got.radiance[got.objects == 1] > 0.0).all()
     assert (got.objects == 1).sum() > 800
 
 
-def test_a_lamp_exactly_where_a_ray_ends_gives_numbers() -> None:
-    """Straight below the eye the hit is the lamp: distance zero or rounding. No light, or none that is not finite."""
+def test_a_point_light_exactly_where_a_ray_ends_gives_numbers() -> None:
+    """Straight below the eye the hit is the light: distance zero or rounding. No light, or none that is not finite."""
     for z in (0.0, 1e-12, 1e-30):
-        lamp = PointLight(position=(0.0, 0.0, z), intensity=(1.0, 1.0, 1.0))
+        light = PointLight(position=(0.0, 0.0, z), intensity=(1.0, 1.0, 1.0))
         seen = view((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), pixels=(5, 5), fov=1.0)
-        got = picture(scene_of([quad(4.0, 4.0)], lights=[lamp]), seen)
+        got = picture(scene_of([quad(4.0, 4.0)], lights=[light]), seen)
         kept = got.radiance[~np.isnan(got.radiance).any(axis=-1)]
         assert np.isfinite(kept).all()
         assert len(kept) == 25 - got.cost.bad
@@ -230,7 +234,7 @@ def test_triangles_without_area_are_never_seen_and_break_nothing() -> None:
         vertices=np.concatenate([mesh.vertices, np.float32([[0, 0, 1], [0, 0, 1], [0.5, 0.5, 1], [1, 1, 1]])]),
         triangles=np.concatenate([mesh.triangles, np.uint32([[4, 5, 6], [4, 6, 7], [4, 4, 4], [0, 4, 0]])]),
     )
-    seen, lights = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(33, 33)), [sun(np.array([0.1, 0.2, 1.0]))]
+    seen, lights = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(33, 33)), [directional(np.array([0.1, 0.2, 1.0]))]
     got, whole = picture(scene_of([broken], lights=lights), seen), picture(scene_of([mesh], lights=lights), seen)
     assert got.cost.bad == 0
     np.testing.assert_array_equal(got.radiance, whole.radiance)
@@ -238,7 +242,7 @@ def test_triangles_without_area_are_never_seen_and_break_nothing() -> None:
 
 def test_coplanar_surfaces_show_one_of_them_everywhere_and_light_both() -> None:
     """Which of two equal surfaces is nearer is a matter of rounding; that the result is lit like one is not."""
-    scene = scene_of([quad(4.0, 4.0), quad(3.0, 3.0)], lights=[sun(np.array([0.3, 0.1, 1.0]))])
+    scene = scene_of([quad(4.0, 4.0), quad(3.0, 3.0)], lights=[directional(np.array([0.3, 0.1, 1.0]))])
     got = picture(scene, view((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), pixels=(32, 32), fov=30.0))
     assert set(np.unique(got.objects)) <= {1, 2}
     expected = 0.5 / np.linalg.norm([0.3, 0.1, 1.0])
@@ -246,7 +250,7 @@ def test_coplanar_surfaces_show_one_of_them_everywhere_and_light_both() -> None:
 
 
 def test_camera_inside_geometry_sees_it_from_inside_in_the_dark() -> None:
-    scene = scene_of([sphere_mesh()], lights=[sun(np.array([0.0, 1.0, 0.0]))])
+    scene = scene_of([sphere_mesh()], lights=[directional(np.array([0.0, 1.0, 0.0]))])
     got = picture(scene, view((0.1, 0.0, 0.2), (0.0, 0.0, -1.0), pixels=(16, 16)))
     assert (got.objects == 1).all()
     assert (got.radiance == 0.0).all(), "no light comes through the sphere"
@@ -275,7 +279,7 @@ def test_a_shadow_has_no_holes_along_the_edges_of_its_caster() -> None:
     scene = scene_of(
         [quad(20.0, 20.0), sphere_mesh(segments=48)],
         [instance(0), instance(1, at=(0.0, 0.0, 3.0))],
-        lights=[sun(np.array([1.0, 0.0, 1.0]))],
+        lights=[directional(np.array([1.0, 0.0, 1.0]))],
     )
     seen = view((-3.0, 0.0, 1.0), (-3.0, 0.0, 0.0), pixels=(64, 64), fov=2 * math.degrees(math.atan(0.6)))
     got = picture(scene, seen)
@@ -294,5 +298,7 @@ def test_sky_and_empty_space_stay_exact_whatever_surrounds_the_eye() -> None:
 def test_meshes_of_any_size_in_their_own_units_are_lit_alike(edge: float) -> None:
     """Embree's normals are as long as twice the area: 1e-24 to 1e24 here, whose squares no float32 holds."""
     direction = np.array([0.0, 0.5, 1.0])
-    got = picture(scene_of([quad(edge, edge)], lights=[sun(direction)]), view((0, 0, edge), (0, 0, 0), pixels=(4, 4)))
+    got = picture(
+        scene_of([quad(edge, edge)], lights=[directional(direction)]), view((0, 0, edge), (0, 0, 0), pixels=(4, 4))
+    )
     np.testing.assert_allclose(got.radiance, 0.5 / np.linalg.norm(direction), rtol=1e-5)

@@ -180,8 +180,8 @@ def test_sky_table_is_within_1e_4_of_numerical_quadrature() -> None:
     up, down = np.maximum(y, 0)[..., None], np.maximum(-y, 0)[..., None]
     radiance = horizon + up * (zenith - horizon) + down * (ground - horizon)
     for height in (-1.0, -0.999, -0.7, -0.004, 0.0, 0.31, 0.998, 1.0):
-        facing = np.maximum(height * y + math.sqrt(1 - height**2) * np.sqrt(1 - y**2) * np.cos(phi), 0)
-        expected = (radiance * facing[..., None]).mean(axis=(0, 1)) * 4
+        cosine = np.maximum(height * y + math.sqrt(1 - height**2) * np.sqrt(1 - y**2) * np.cos(phi), 0)
+        expected = (radiance * cosine[..., None]).mean(axis=(0, 1)) * 4
         at = (height + 1) * 128
         row = min(int(at), 255)
         looked_up = table[row] + (at - row) * (table[row + 1] - table[row])

@@ -1,4 +1,4 @@
-"""Codes of colour channels: the place on a colour curve, rounded down after a dither that depends on the sub-pixel."""
+"""Codes of colour channels: position on a colour curve, rounded down after a dither that depends on the sub-pixel."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ def dither(bits):
 
 
 @inline_kernel
-def code_of(value, lift, curve):
-    """The code of a channel's linear radiance: floor(its place on the curve + lift). curve : ColourCurve"""
+def code_of(value, offset, curve):
+    """The code of a channel's linear radiance: floor(its position on the curve + offset). curve : ColourCurve"""
     value = min(max(value, ZERO), np.float32(LARGEST_COLOUR))
     bits = max(np.int64(np.float32(value).view(np.int32)) - DARK_BITS, 0)
     code = np.int64(curve.code_of_bucket[bits >> BUCKET_SHIFT])
     code += np.int64(curve.colour_of_code[code + 1, 0] <= value)
-    place = (value - curve.colour_of_code[code, 0]) * curve.colour_of_code[code, 1]
-    return min(code + np.int64(place + lift), TOP_CODE)
+    at = (value - curve.colour_of_code[code, 0]) * curve.colour_of_code[code, 1]
+    return min(code + np.int64(at + offset), TOP_CODE)
 
 
 @inline_kernel
-def colour_of(code, lift, curve):
-    """Linear radiance in the middle of all colours that code_of() takes to this code with this lift."""
-    place = np.float32(code) + (HALF - lift)
-    place = min(max(place, ZERO), np.float32(TOP_CODE))
-    whole = np.int64(place)
+def colour_of(code, offset, curve):
+    """Linear radiance in the middle of all colours that code_of() takes to this code with this offset."""
+    at = np.float32(code) + (HALF - offset)
+    at = min(max(at, ZERO), np.float32(TOP_CODE))
+    whole = np.int64(at)
     low = curve.colour_of_code[whole, 0]
-    return low + (place - np.float32(whole)) * (curve.colour_of_code[whole + 1, 0] - low)
+    return low + (at - np.float32(whole)) * (curve.colour_of_code[whole + 1, 0] - low)

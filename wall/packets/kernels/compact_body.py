@@ -124,19 +124,19 @@ def encode(samples, rect, curve, columns, objects):
     known, before_id, before_position = np.int64(0), np.int64(-1), np.int64(0)
     for i in range(n):
         k = order[i]
-        name, position = np.int64(ids[k]), np.int64(positions[k])
-        if name != before_id:
-            objects[0, known] = name - max(before_id, 0)
+        object_id, position = np.int64(ids[k]), np.int64(positions[k])
+        if object_id != before_id:
+            objects[0, known] = object_id - max(before_id, 0)
             objects[1, known] = 0
             known += 1
-            before_id, before_position = name, np.int64(0)
+            before_id, before_position = object_id, np.int64(0)
         objects[1, known - 1] += np.uint32(1)
         columns[POSITION, i] = position - before_position
         before_position = position
-        lift = dither_bits(gather_bits(position), gather_bits(position >> 1))
-        red = code_of(samples[k]["radiance"][0], dither(lift), curve)
-        green = code_of(samples[k]["radiance"][1], dither(lift >> 10), curve)
-        blue = code_of(samples[k]["radiance"][2], dither(lift >> 20), curve)
+        noise = dither_bits(gather_bits(position), gather_bits(position >> 1))
+        red = code_of(samples[k]["radiance"][0], dither(noise), curve)
+        green = code_of(samples[k]["radiance"][1], dither(noise >> 10), curve)
+        blue = code_of(samples[k]["radiance"][2], dither(noise >> 20), curve)
         orange = red - blue  # YCoCg-R (Malvar, Sullivan 2003): whole numbers, reversible
         middle = blue + (orange >> 1)
         columns[LUMA, i] = middle + ((green - middle) >> 1)
@@ -197,11 +197,11 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
     subpixel, time_step = np.float32(1.0 / (1 << SUBPIXEL_BITS)), np.float32(span) / np.float32(TIME_STEPS)
     luma = orange = green = depth = time = normal_x = normal_y = np.int64(0)
     visibility = np.uint32(0xFFFFFFFF)
-    i, name = np.int64(0), np.int64(0)
+    i, object_id = np.int64(0), np.int64(0)
     for m in range(objects.shape[1]):
-        name += np.int64(objects[0, m])
+        object_id += np.int64(objects[0, m])
         end, position = i + np.int64(objects[1, m]), np.int64(0)
-        if name > LARGEST_ID or (m > 0 and objects[0, m] == 0) or end == i or end > n:
+        if object_id > LARGEST_ID or (m > 0 and objects[0, m] == 0) or end == i or end > n:
             return False
         while i < end:
             position += np.int64(columns[POSITION, i])
@@ -228,16 +228,16 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
                 visibility ^= np.uint32(columns[VISIBILITY, i])
                 if max(abs(normal_x), abs(normal_y)) > NORMAL_CODES:
                     return False
-            lift = dither_bits(x, y)
+            noise = dither_bits(x, y)
             samples[i]["xy"][0] = np.float32(rect[0]) + (np.float32(x) + HALF) * subpixel
             samples[i]["xy"][1] = np.float32(rect[1]) + (np.float32(y) + HALF) * subpixel
-            samples[i]["radiance"][0] = colour_of(r, dither(lift), curve)
-            samples[i]["radiance"][1] = colour_of(g, dither(lift >> 10), curve)
-            samples[i]["radiance"][2] = colour_of(b, dither(lift >> 20), curve)
+            samples[i]["radiance"][0] = colour_of(r, dither(noise), curve)
+            samples[i]["radiance"][1] = colour_of(g, dither(noise >> 10), curve)
+            samples[i]["radiance"][2] = colour_of(b, dither(noise >> 20), curve)
             bits = min((max(depth - 1, 0) << shift) + origin, LARGEST_FINITE_BITS)
             samples[i]["depth"] = np.float32(np.inf) if depth == 0 else np.int32(bits).view(np.float32)
             samples[i]["time"] = np.float32(time) * time_step
-            samples[i]["object_id"] = np.uint32(name)
+            samples[i]["object_id"] = np.uint32(object_id)
             samples[i]["lighting"] = ZERO
             samples[i]["change"] = np.float32(change) / np.float32(CHANGE_STEPS)
             samples[i]["normal"][0], samples[i]["normal"][1] = normal_of(normal_x), normal_of(normal_y)

@@ -13,7 +13,7 @@ from wall.deepbuffer.kernels.accumulation import COUNT
 from wall.deepbuffer.kernels.change import TRUSTED
 from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
-from wall.reconstruction.reconstruction import halves
+from wall.reconstruction.reconstruction import pyramid_sizes
 
 CHANNELS = 4
 PIXELS_A_DISPLAY_ITEM = 4  # twelve codes, three words
@@ -44,7 +44,7 @@ class Passes:
         self._splat_sums, self._splat_target = self._canvas(width + 2, height + 2)
         self._accumulation, self._accumulation_target = self._canvas(width, height)
         self._batch, self._batch_target = self._canvas(width, height)
-        self._levels = [self._texture(columns, rows) for rows, columns in halves(height, width)]
+        self._levels = [self._texture(columns, rows) for rows, columns in pyramid_sizes(height, width)]
         self._over_pixels(clear=1, contradicted=1)
 
     def accumulate(self, store: GpuStore, first: int, n: int) -> None:

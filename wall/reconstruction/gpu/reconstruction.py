@@ -202,7 +202,7 @@ class GpuReconstruction:
             self._ordinal += n
 
     def _evict(self, n: int) -> None:
-        """Make room for `n` samples, more than expected between two refreshes: the oldest go if need be."""
+        """Evict the oldest samples if need be, so that `n` more fit than expected between two refreshes."""
         self._send(moving=not self.nothing_moves)
         self._store.pack()
         room = self._store.capacity - n

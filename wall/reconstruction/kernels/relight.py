@@ -75,9 +75,9 @@ def add_light(store, first, last, light, number, directional, rows):
         dz = lz - here * position[Z, first + k]
         square = max(dx * dx + dy * dy + dz * dz, LEAST_SQUARE)
         fall = ONE if directional else ONE / (square * math.sqrt(square))
-        facing = max(rows[k] * dx + rows[CHUNK + k] * dy + rows[2 * CHUNK + k] * dz, ZERO)
+        dot = max(rows[k] * dx + rows[CHUNK + k] * dy + rows[2 * CHUNK + k] * dz, ZERO)
         seen = np.float32((visibility[first + k] >> np.uint32(number)) & np.uint32(1))
-        weight = seen * facing * fall
+        weight = seen * dot * fall
         rows[3 * CHUNK + k] += weight * red
         rows[4 * CHUNK + k] += weight * green
         rows[5 * CHUNK + k] += weight * blue

@@ -93,7 +93,7 @@ def _plant(parts: Assembly, paint: int) -> None:
         parts.mesh("oak", _leafy(np.array([0.20, 0.27, 0.05]), BARK, 36), paint),
         parts.mesh("shrub", _shrub(np.array([0.42, 0.14, 0.06]), 37), paint),
     ]
-    x, z = _places(chance)
+    x, z = _positions(chance)
     y = height(x, z)
     patch = np.sin(0.33 * x + 1.0) + np.sin(0.29 * z - 0.5) + 0.9 * chance.standard_normal(len(x))
     kind = np.where(y + 0.8 * chance.standard_normal(len(x)) > 1.1, chance.integers(0, 2, len(x)), _patch_kind(patch))
@@ -105,7 +105,7 @@ def _plant(parts: Assembly, paint: int) -> None:
         parts.place(f"{names[kind[k]]} {k}", kinds[kind[k]], matrix)
 
 
-def _places(chance: np.random.Generator) -> tuple[Float64, Float64]:
+def _positions(chance: np.random.Generator) -> tuple[Float64, Float64]:
     """(n,) x and z of the trees."""
     grid = np.arange(-REACH, REACH, SPACING)
     x, z = (part.reshape(-1) for part in np.meshgrid(grid, grid))

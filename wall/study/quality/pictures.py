@@ -24,7 +24,7 @@ Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
+class MethodPicture:
     """What one method showed at one moment."""
 
     method: str
@@ -41,7 +41,7 @@ class Moment:
     time: float  # seconds
     spending: float
     reference: Bytes
-    shown: tuple[Shown, ...]
+    shown: tuple[MethodPicture, ...]
 
     def strip(self) -> Bytes:
         """(2 h + GAP, ..., 3) uint8 RGB: the reference and what was shown above, errors below."""
@@ -101,7 +101,7 @@ def _moment(scene: str, time: float, spent: float, pictures: Mapping[str, Bytes]
             off = picture.astype(np.float32) - reference
             error = np.clip(np.abs(off) * ERROR_GAIN, 0, 255).astype(np.uint8)
             rmse = float(np.sqrt(np.mean(np.square(off / 255.0))))
-            shown.append(Shown(method=method, rmse=rmse, picture=picture, error=error))
+            shown.append(MethodPicture(method=method, rmse=rmse, picture=picture, error=error))
     return Moment(scene=scene, time=time, spending=spent, reference=reference, shown=tuple(shown))
 
 

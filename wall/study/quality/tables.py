@@ -115,7 +115,7 @@ def ratio_tables(rows: Sequence[Row]) -> list[Table]:
     others = [c for c in found if c not in ablations]
     return [
         _compared("Error of others over error of adaptive", others, rows[0].clock),
-        _compared("What each ingredient is worth: error without it over error of adaptive", ablations, rows[0].clock),
+        _compared("Gain of each ingredient: error without it over error of adaptive", ablations, rows[0].clock),
     ]
 
 

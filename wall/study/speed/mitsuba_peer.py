@@ -37,7 +37,7 @@ OLDEST_LLVM, NEWEST_LLVM = 16, 30
 PEER_LIMIT_S = 240.0
 COMPARE_SPP = 64
 BLACK = (0.0, 0.0, 0.0)
-TOWARDS_SUN = (0.48, 0.64, 0.6)
+TOWARDS_LIGHT = (0.48, 0.64, 0.6)
 IRRADIANCE, ALBEDO = 3.0, 0.8
 
 
@@ -56,7 +56,7 @@ def measure(rounds: int) -> list[Row]:
         if done.returncode:
             raise RunError(f"Mitsuba, with {library}: {done.stderr.strip()[-300:]}")
         found = json.loads((Path(folder) / "rates.json").read_text(encoding="utf-8"))
-    note = f"{found['triangles']} triangles, one sun, {found['pixels']} pixels at 1 sample, one core each"
+    note = f"{found['triangles']} triangles, one directional light, {found['pixels']} pixels at 1 sample, one core each"
     return [
         compared(
             "mitsuba_llvm", found["ours"], found["theirs"], unit="M samples/s", at_least=1.0, note=note,
@@ -97,7 +97,7 @@ def _main(folder: str, rounds: int) -> None:
 
 
 def _one_mesh(plan: Plan) -> Plan:
-    """The courtyard at rest as one white mesh without shading normals, under one sun and a black sky."""
+    """The courtyard at rest as one white mesh without shading normals, under one directional light and a black sky."""
     vertices, triangles, start = [], [], 0
     for instance in plan.scene.instances:
         mesh = plan.scene.meshes[instance.mesh]
@@ -115,7 +115,7 @@ def _one_mesh(plan: Plan) -> Plan:
             materials=(Material(name="white", base_color=(ALBEDO,) * 3),),
             textures=(),
             instances=(Instance(name="all", mesh=0, world_from_object=np.eye(4)),),
-            lights=(DirectionalLight(direction=TOWARDS_SUN, irradiance=(IRRADIANCE,) * 3),),
+            lights=(DirectionalLight(direction=TOWARDS_LIGHT, irradiance=(IRRADIANCE,) * 3),),
             sky=Sky(zenith=BLACK, horizon=BLACK, ground=BLACK),
         )
     )
@@ -164,8 +164,8 @@ class Theirs:
         mi, camera, mesh = self._mi, plan.view.camera_at(0.0), plan.scene.meshes[0]
         shape = mi.Mesh("all", len(mesh.vertices), len(mesh.triangles))
         parameters = mi.traverse(shape)
-        place = plan.scene.instances[0].world_from_object
-        world = mesh.vertices @ place[:3, :3].T + place[:3, 3]
+        pose = plan.scene.instances[0].world_from_object
+        world = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
         parameters["vertex_positions"] = np.ascontiguousarray(world, np.float32).ravel()
         parameters["faces"] = mesh.triangles.astype(np.uint32).ravel()
         parameters.update()
@@ -186,7 +186,7 @@ class Theirs:
                 "sampler": {"type": "independent"},
             },
             "sun": {
-                "type": "directional", "direction": [-c for c in TOWARDS_SUN],
+                "type": "directional", "direction": [-c for c in TOWARDS_LIGHT],
                 "irradiance": {"type": "rgb", "value": [IRRADIANCE] * 3},
             },
             "mesh": {

@@ -104,10 +104,10 @@ def sources(moved, nearest, fallback, origin):
             for row in range(max(k, 0), min(k + 2, height)):
                 down = ONE - abs(np.float32(row) + HALF - y)
                 for column in range(max(m, 0), min(m + 2, width)):
-                    front = nearest[row, column]
-                    if front == np.inf:
-                        front = fallback[row, column]
-                    if z > front * SAME_DEPTH or front > z * SAME_DEPTH:
+                    nearest_depth = nearest[row, column]
+                    if nearest_depth == np.inf:
+                        nearest_depth = fallback[row, column]
+                    if z > nearest_depth * SAME_DEPTH or nearest_depth > z * SAME_DEPTH:
                         continue
                     weight = down * (ONE - abs(np.float32(column) + HALF - x))
                     origin[row, column, 0] += weight * dx
