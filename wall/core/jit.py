@@ -25,7 +25,7 @@ PACKAGE = Path(__file__).resolve().parents[1]
 numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]  # four neighbours in an array, one instruction
 
 _used: set[Path] = set()  # cache folders of this process
-_made = 0
+_kernels: list[Any] = []  # of this process
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -43,12 +43,12 @@ def inline_kernel(function: Callable[..., Any]) -> Any:
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    global _made
-    _made += 1
     folder = cache_root() / source_hash(Path(function.__code__.co_filename))
     _used.add(folder)
     numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # read when a kernel is decorated
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
+    _kernels.append(compiled)
+    return compiled
 
 
 def cache_root() -> Path:
@@ -89,7 +89,12 @@ def _imports(path: Path) -> list[Path]:
 
 def kernels_made() -> int:
     """Kernels that this process knows; about as many are compiled for a run."""
-    return _made
+    return len(_kernels)
+
+
+def specialisations() -> set[str]:
+    """Kernels of this process with the types of arguments that each was compiled, or loaded, for."""
+    return {f"{k.py_func.__module__}.{k.__name__}{types}" for k in _kernels for types in k.signatures}
 
 
 def compiled_kernels() -> int:

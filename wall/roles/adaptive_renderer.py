@@ -27,13 +27,14 @@ class AdaptiveRenderer:
     def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
         panel = plan.layout.wall.panels[region.panel]
         self._panel_view = PanelView(plan.view_of(panel), panel)
-        self.picture = Reconstruction(
+        self.reconstruction = Reconstruction(
             panel, self._panel_view.eye, plan.scene, detects_change=True, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
         self.sampler = AdaptiveSampler(
-            band, self.picture.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed, tiling=sampling.tiling
-        )
+            band, self.reconstruction.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed,
+            tiling=sampling.tiling,
+        )  # fmt: skip
         self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
         self._due = float("-inf")
         self._predictor = make_predictor(plan, plan.layout.view_index(panel))
@@ -44,8 +45,8 @@ class AdaptiveRenderer:
         """Returns the next batch's targets from the sampler; first refreshes the deep buffer if that is due."""
         now = self._clock.now()
         if now >= self._due:
-            self.picture.refresh(self._panel_view(self._expected(newest, now)), now)
-            self.sampler.replan(self.picture.feedback())
+            self.reconstruction.refresh(self._panel_view(self._expected(newest, now)), now)
+            self.sampler.replan(self.reconstruction.feedback())
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
         elif newest is not self._newest:
@@ -62,7 +63,7 @@ class AdaptiveRenderer:
     def observe(self, samples: Samples, base_time: float) -> None:
         """Insert samples into the deep buffer, and update the scores by what they contradict."""
         if self._event is not None:
-            self.picture.insert(samples, base_time, self._panel_view(self._event))
+            self.reconstruction.insert(samples, base_time, self._panel_view(self._event))
             self.sampler.observe(samples)
 
     def measure(self) -> Measured:
@@ -71,12 +72,12 @@ class AdaptiveRenderer:
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Take back samples whose packet was dropped, so that their pixels are sampled again."""
-        self.picture.discard(samples, base_time)
+        self.reconstruction.discard(samples, base_time)
         self.sampler.forget(samples)
 
     def restart(self) -> None:
         """Removes all samples and makes the next refresh due at once."""
-        self.picture.clear()
+        self.reconstruction.clear()
         self._due = float("-inf")
 
 

@@ -61,7 +61,7 @@ class Composition:
         self._refreshed: float | None = None  # when, seconds of the head's clock
         self._statistics_images: dict[
             tuple[int, bool], StatisticsImage
-        ] = {}  # of other ranks, the newest of each picture
+        ] = {}  # of other ranks, the newest of each panel and sampler
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
@@ -112,7 +112,7 @@ class Composition:
             return
         panels = self._plan.layout.wall.panels
         if self._rank != HEAD or statistics_image.panel >= len(panels):
-            raise RemoteProtocolError(f"statistics_image of panel {statistics_image.panel}, which nobody needs here")
+            raise RemoteProtocolError(f"statistics_image of panel {statistics_image.panel}, which is not needed here")
         check_statistics_image(statistics_image, panels[statistics_image.panel])
         self._statistics_images[statistics_image.panel, statistics_image.compared] = statistics_image
 
@@ -173,7 +173,7 @@ class Composition:
                 pictures.outlets.lose(target, part)
 
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
-        """Of every picture of every panel: made now for own ones, the newest of the others.
+        """Statistics images of every panel and sampler: made now for own panels, the newest that came of the others.
 
         Of several layers of a panel the first speaks for it.
         """
@@ -198,7 +198,7 @@ class Composition:
 
     @property
     def newest_event(self) -> Number:
-        """The newest event that has a sample in the picture."""
+        """The newest event that has a sample in an image."""
         numbers = [layer.newest_event for layer in self.layers.values()]
         numbers += [remote.newest_event for remote in self._pictures.remote.values()]
         return max(numbers, default=NEVER)
@@ -264,7 +264,7 @@ class _Pictures:
         changes = self.executor.step({**fresh, **arrived}, event)
         for shown in self.shown:
             shown.take(changes, self.executor.framelets)
-        lockstep = self._owner.lockstep  # a frame's number is told once: who made it again tells only what changed
+        lockstep = self._owner.lockstep  # a frame's number is sent once: a frame made again sends only what changed
         self.outlets.add(changes, all_due=lockstep is not None and not lockstep.again)
         return changes
 

@@ -88,7 +88,7 @@ class Compositor:
             yield from self._hear(message, now)
 
     def _hear(self, message: Input, now: float) -> Iterator[Instruction]:
-        """Take in a word of the manager."""
+        """Take in a message of the manager."""
         if isinstance(message, Event):
             self._follow(message)
         elif isinstance(message, Membership):
@@ -106,7 +106,7 @@ class Compositor:
             news = view.event is None or event.number > view.event.number
             if view.take(event):
                 self.composition.follow(event)
-                if news and self._all_came:  # before, nobody could show it
+                if news and self._all_came:  # before, no rank could show it
                     self.latency.published(event)
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
@@ -150,7 +150,7 @@ class Compositor:
             yield from self._beat(now)
 
     def _make_statistics_images(self, event: Event, now: float) -> Iterator[Instruction]:
-        """Look at the samples for whoever watches them: the head's page."""
+        """Make statistics images for the head's page, if they are due."""
         if self._rank != HEAD and not self._ready(HEAD):
             return
         if self._statistics_due.now(now):
@@ -229,7 +229,7 @@ class Compositor:
         )
 
     def _finish(self, now: float) -> Iterator[Instruction]:
-        """The head's compositor shows all that came, as of the newest event; then the last word."""
+        """Show all that came as of the newest event, at the head; then send the last heartbeat."""
         if self._rank == HEAD:
             for view in self._views:
                 if view.event is not None:

@@ -74,7 +74,7 @@ class Outlets:
         self._due: set[tuple[int, int]] = set()  # whose number must travel though nothing changed
 
     def add(self, changes: Changes, *, all_due: bool = False) -> None:
-        """Note what changed. `all_due`: everybody waits for a word, even that nothing did."""
+        """Note what changed. `all_due`: every target waits for a packet, even one that says that nothing changed."""
         for step, targets in self._targets.items():
             for target in targets:
                 if regions := changes.get(step):
@@ -99,7 +99,7 @@ class Outlets:
         """Make the parts of what is pending: they show one moment, so all are made now."""
         event = framelet.event
         if event is None and self._graph.sync != "none":
-            event = NOWHERE  # whoever waits for the frame must hear its number, of what no camera sees too
+            event = NOWHERE  # a target waits for the frame's number, even of what no camera sees
         told = None if event is None else replace(event, camera_event=number[0], scene_event=number[1])
         regions = merged(self._pending.pop(key, []))
         self._due.discard(key)
@@ -141,5 +141,5 @@ def checked_step(part: FrameletPart, remote: Mapping[int, RemoteFramelet]) -> Re
     """Where a part belongs. Raises RemoteProtocolError where that is not here."""
     found = remote.get(part.step)
     if found is None:
-        raise RemoteProtocolError(f"a framelet of step {part.step}, which nobody needs here")
+        raise RemoteProtocolError(f"a framelet of step {part.step}, which is not needed here")
     return found

@@ -14,7 +14,7 @@ from wall.core.data import Event
 from wall.roles.edges import NEVER, Number, RemoteFramelet
 from wall.roles.layer import PanelCompositor
 
-PATIENCE = 3  # frames in a row that an input may miss; then nobody waits for it until it brings one in time
+PATIENCE = 3  # frames in a row that an input may miss; then no frame waits for it until it brings one in time
 
 
 class Lockstep:
@@ -23,7 +23,7 @@ class Lockstep:
     def __init__(self, graph: Graph, rank: int) -> None:
         assert isinstance(graph.sync, FrameSync)
         self._graph = graph
-        self.timeout_s = graph.sync.timeout_s * depth_of(graph, rank)  # whoever waits for others waits longer
+        self.timeout_s = graph.sync.timeout_s * depth_of(graph, rank)  # a compositor behind others waits longer
         self._began: tuple[Number, float] | None = None  # of the frame that is waited for
         self.done: Number = NEVER
         self._told: Number = NEVER

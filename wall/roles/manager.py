@@ -1,7 +1,7 @@
 """What the manager decides: it numbers events, tells everyone, hears how they are, and ends the run.
 
 A run ends in steps, each of them bounded in time: the view is held until it has all its samples; everyone but the
-head's compositor stops and says its last word; then the head's compositor shows what came.
+head's compositor stops and sends its last heartbeat; then the head's compositor shows what came.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from wall.roles.plan import HEAD, Plan, window_ranks
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
 HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
-BYE_WAIT_S = 0.8  # for the ranks' last words
+BYE_WAIT_S = 0.8  # for the ranks' last heartbeats
 LAST_S = 3.0  # for that of the head's compositor
 
 
@@ -79,7 +79,7 @@ class Manager:
             if isinstance(message, Hello):
                 self._check_rank(message.rank)
                 self._register.take(message, now)
-                for director in self._directors:  # whoever joins late gets the state
+                for director in self._directors:  # a rank that joins late gets the state
                     yield Send(message.rank, director.event)
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
@@ -123,7 +123,7 @@ class Manager:
         return commands
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
-        """Publish events, notice who is lost, end the run in its steps."""
+        """Publish events, notice lost ranks, end the run in its steps."""
         if self._phase is Phase.RUNNING:
             self._watch(now)
             if self.ended:

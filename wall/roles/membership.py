@@ -15,7 +15,7 @@ from wall.roles.instructions import MANAGER, Broadcast, Connect, Finish, Instruc
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
 REPEAT_S = 2.0  # membership is said again
-HEAD_LOST_BEATS = 3.0  # times lost_after_s without a word from the manager, then a rank ends itself
+HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, then a rank ends itself
 
 
 class Register:
@@ -80,7 +80,7 @@ class Standing:
         return now >= self._beat_due
 
     def beat(self, heartbeat: Heartbeat, now: float) -> Iterator[Send]:
-        """Say how this rank is doing, and who it is as long as the manager does not know."""
+        """Send a heartbeat, and a Hello as long as the manager does not list this rank."""
         self._beat_due = now + self._transport.heartbeat_s
         known = self.members.get(self._hello.rank)
         if known is None or known.incarnation != self._hello.incarnation:

@@ -20,7 +20,7 @@ class Timewarp:
     def __call__(self, framelet: Framelet, event: Event, panel: int) -> Framelet:
         """A framelet of `panel` as it looks under `event`.
 
-        Where nothing of the old picture is seen now, there is nothing: no colour, infinite depth, alpha 0. Positions
+        Pixels that show nothing of the old framelet have no colour, infinite depth, alpha 0. Positions
         are exact to half a pixel, as pixels move whole; to one and a half where a crack closed.
         """
         assert framelet.event is not None

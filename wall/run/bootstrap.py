@@ -26,7 +26,7 @@ class Bootstrap(Protocol):
         ...
 
     def dead(self) -> dict[int, str]:
-        """Ranks known to have ended badly, with how they ended; ranks that nobody watches are left out."""
+        """Ranks known to have ended badly, with how they ended; ranks that are not watched are left out."""
         ...
 
     def finish(self, code: int = 0) -> None:

@@ -14,7 +14,7 @@ STOP_WAIT_S = 2.0
 
 
 class _Shared:
-    """What the threads have in common: the text of rank 0, and who failed."""
+    """What the threads share: the text of rank 0, and the ranks that failed."""
 
     def __init__(self) -> None:
         self.text = ""

@@ -220,7 +220,7 @@ def test_parts_of_others_nodes_or_of_another_shape_are_refused(graph: Graph) -> 
     good = FrameletPart.of(wire.step.index, wire.framelet, wire.step.rect)
     remote = {wire.step.index: wire.remote}
     assert checked_step(good, remote) is wire.remote
-    with pytest.raises(RemoteProtocolError, match="step 0, which nobody needs here"):
+    with pytest.raises(RemoteProtocolError, match="step 0, which is not needed here"):
         checked_step(replace(good, step=0), remote)
     with pytest.raises(RemoteProtocolError, match="wanted: inside"):
         wire.remote.insert(replace(good, rect=rect(0, 0, 8, 6)))

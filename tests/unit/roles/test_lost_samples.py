@@ -82,7 +82,7 @@ def test_after_a_refresh_lost_samples_are_gone_and_their_pixels_are_holes(rank: 
 
     alone = pixels_of(lost.samples) & ~pixels_of(kept, reach=1)
     assert alone.sum() > 10
-    density = rank.renderer.picture.feedback().sample_density
+    density = rank.renderer.reconstruction.feedback().sample_density
     assert (density[alone] == 0.0).all()
     assert (density[pixels_of(kept)] > 0.0).all(), "what arrived stays"
     untraced = alone & ~pixels_of(later)
@@ -94,10 +94,10 @@ def test_at_rest_pixels_of_lost_samples_accumulate_anew(rank: Rank) -> None:
     for _ in range(3):
         rank.step(rank.event)  # the second refresh finds that nothing moves
     lost = rank.step(rank.event)
-    accumulation = rank.renderer.picture.feedback().accumulation
+    accumulation = rank.renderer.reconstruction.feedback().accumulation
     pixels = pixels_of(lost.samples)
     assert (accumulation[pixels, COUNT] > 0).all()
-    rank.renderer.picture.take_dirty()
+    rank.renderer.reconstruction.take_dirty()
     rank.worker.forget(lost)
 
     later = rank.step(rank.event)
@@ -105,5 +105,5 @@ def test_at_rest_pixels_of_lost_samples_accumulate_anew(rank: Rank) -> None:
     alone = pixels & ~pixels_of(later.samples)
     assert alone.sum() > 10
     assert (accumulation[alone] == 0.0).all()
-    dirty = np.kron(rank.renderer.picture.take_dirty(), np.ones((16, 16)))[: SIZE[1], : SIZE[0]]
+    dirty = np.kron(rank.renderer.reconstruction.take_dirty(), np.ones((16, 16)))[: SIZE[1], : SIZE[0]]
     assert dirty[alone].all(), "the image shows it"
