@@ -47,7 +47,7 @@ SAMPLE = np.dtype(
         ("lighting", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
         ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes
         ("light_visibility", np.uint32),  # light visibility mask, bit k: nothing hides light k from the point
-        ("change", np.float32),  # 0..1, how much it contradicts what was shown beneath it
+        ("change", np.float32),  # 0..1, how much it contradicts what was shown at its pixel
     ]
 )
 
@@ -203,7 +203,7 @@ class Batch:
     camera: Camera = STILL  # that the samples saw
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the picture is made by reprojection; else every pixel shows its newest sample
-    relightable: bool = False  # adaptive samples bring normals and lamps
+    relightable: bool = False  # adaptive samples bring normals and light visibility masks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

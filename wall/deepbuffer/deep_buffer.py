@@ -25,13 +25,13 @@ from wall.geometry.panels import Panel
 from wall.scene.build import Scene
 
 SAMPLES_PER_PIXEL = 4  # kept on average
-SLACK = 1.0  # samples a pixel that may arrive, or wait for removal, between two refreshes, beside
+SLACK = 1.0  # samples a pixel that may arrive, or wait for removal, between two refreshes
 LARGEST_BATCH = 4096  # samples, for which there is always room
 SORT_EVERY = 8  # refreshes, by object
 BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for long
-EPOCH_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
+CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
-EVERYTHING = np.float32(-np.inf)  # no time is earlier
+NO_CUTOFF = np.float32(-np.inf)  # no sample is too old
 
 
 class InsertRules(NamedTuple):
@@ -136,8 +136,8 @@ class DeepBuffer:
         self.epoch = 0.0  # the store's clock zero
         self._until_sorted = self._sorts = 0
         self.cutoff(self._kept + 1, np.float32(0.0))  # compiled now, not when it is first needed
-        self.count = kernels_sort.compact(self.store, 0, EVERYTHING)
-        kernels_change.reject_history(self.store, 0, self.history, self.history.contradicted)
+        self.count = kernels_sort.compact(self.store, 0, NO_CUTOFF)
+        kernels_change.reject_contradicted(self.store, 0, self.history, self.history.contradicted)
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
@@ -174,7 +174,7 @@ class DeepBuffer:
         history, pose = self.history, self.view.pose
         assert pose is not None
         if history.contradicted.any():
-            kernels_change.reject_history(self.store, self.count, history, _with_neighbours(history.contradicted))
+            kernels_change.reject_contradicted(self.store, self.count, history, _with_neighbours(history.contradicted))
             history.contradicted[:] = False
         height, width = history.nearest.shape[:2]
         kernels_reproject.reproject(
@@ -188,7 +188,7 @@ class DeepBuffer:
     def cutoff(self, alive: int, now: np.float32) -> np.float32:
         """The time before which samples expire, so that of `alive` ones no more than the wanted number stay."""
         if alive <= self._kept:
-            return EVERYTHING
+            return NO_CUTOFF
         return np.float32(oldest_kept(self.store, self.count, now, self._kept, self._ages))
 
     def sort(self) -> None:
@@ -213,7 +213,7 @@ class DeepBuffer:
 
     def seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
-        if abs(time - self.epoch) > EPOCH_S:
+        if abs(time - self.epoch) > CLOCK_ORIGIN_S:
             later = np.float32(time - self.epoch)
             self.store.time[: self.count] -= later
             self.history.rejection[..., kernels_change.BEFORE] -= later
@@ -234,9 +234,9 @@ class DeepBuffer:
         self.store, self._spare = self._spare, self.store
 
     def _evict(self, n: int) -> None:
-        """Make room for `n` samples, more than expected between two refreshes: the oldest go if need be."""
+        """Free space for `n` samples, more than expected between two refreshes: the oldest are evicted if need be."""
         room = self.store.capacity - n
-        self.count = kernels_sort.compact(self.store, self.count, EVERYTHING)
+        self.count = kernels_sort.compact(self.store, self.count, NO_CUTOFF)
         if self.count > room:
             share = 1.0 - min(self._kept, room) / self.count
             latest = np.float32(np.quantile(self.store.time[: self.count], share))

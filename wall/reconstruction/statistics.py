@@ -60,7 +60,7 @@ def statistics_of_store(image: AnyReconstruction, now: float) -> tuple[Codes, Fl
 
 
 def statistics_of_pixels(records: NDArray[np.void], now: float) -> tuple[Codes, Float64]:
-    """The same of a deep buffer's (h, w) PIXEL records: each pixel's newest sample, and how many it is the mean of."""
+    """The same of a pixel buffer's (h, w) PIXEL records: each pixel's newest sample, and how many it is the mean of."""
     height, width = records.shape
     histogram = _histogram(height, width)
     kernels.count_newest(records, now, histogram)

@@ -119,7 +119,7 @@ class Compositor:
             return
         for view in self._views:
             if view.event is not None and now >= view.due:
-                yield from self._refresh(view, view.event, view.refreshed(now), now)
+                yield from self._refresh(view, view.event, view.begin_refresh(now), now)
         yield from self._sent(self.composition.send())
         complete = self._is_complete()
         if complete != self._complete or self._standing.beat_due(now):

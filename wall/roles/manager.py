@@ -140,7 +140,8 @@ class Manager:
             yield Send(HEAD, Stop(reason=self.ended))
         if self._phase is Phase.LAST and (now >= self._limit or self._said_last((HEAD,))):
             yield Finish()
-        self.due = min(self._update_due, self._limit)
+        publishes = self._phase in (Phase.RUNNING, Phase.HOLDING)
+        self.due = min(self._update_due, self._limit) if publishes else self._limit
 
     def _publish(self, now: float) -> Iterator[Instruction]:
         """Tell everyone of new events, or of the newest again: a sign of life, and one may have been lost."""

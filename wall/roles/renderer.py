@@ -96,6 +96,7 @@ class Renderer:
                 return
             self._samplers = wanted
             self._resting.clear()
+            self._lost.clear()  # packets of samplers that are gone
             self._tiles.clear()
             yield Restart(*wanted)
         if not event.statistics:

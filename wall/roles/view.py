@@ -26,7 +26,7 @@ class FollowedView:
         self._predictor.take(event)
         return True
 
-    def refreshed(self, now: float) -> Event:
+    def begin_refresh(self, now: float) -> Event:
         """Begin a refresh at `now`, and plan the next. Returns the event that is expected when it is seen."""
         self.due = max(self.due + self.period, now)
         return self._predictor.at(now)

@@ -82,6 +82,7 @@ class HeadProcess:
         self._manager: Manager | None = None
         self._compositor: Compositor | None = None
         self.failures: list[str] = []
+        self._summary: dict[str, Any] | None = None  # None: the run did not even begin
 
     def run(self, say: Say, opened: Say) -> None:
         """Open everything, run both loops, close everything."""
@@ -99,7 +100,8 @@ class HeadProcess:
         data = open_data_hub(plan)
         ways = ways_of(plan, HEAD, address, clock, data)
         closing.later(ways.close)
-        closing.later(lambda: self._bootstrap.finish(1 if self._manager is None or self._manager.lost else 0))
+        closing.later(self._finish)
+        closing.later(self._write_summary)  # before MPI's time limit begins
         sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
         for sink in distinct(sinks):
             closing.later(sink.close)
@@ -132,19 +134,27 @@ class HeadProcess:
     def _deaths(self) -> Iterator[Died]:
         return starmap(Died, self._bootstrap.dead().items())
 
-    def outcome(self) -> Outcome | None:
-        """Write summary.json. None where the run did not even begin."""
+    def _write_summary(self) -> None:
         if self._manager is None or self._compositor is None:
-            return None
+            return
         seconds = self._clock.now() - self._began
         cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
-        summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
+        self._summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
         try:
-            write_json(self._options.out / "summary.json", summary)
+            write_json(self._options.out / "summary.json", self._summary)
         except OSError as error:
             self.failures.append(f"summary.json: {error.strerror}")
+
+    def _finish(self) -> None:
+        """End the launch; the exit code says whether the run failed."""
+        self._bootstrap.finish(1 if self._manager is None or self._manager.lost or self.failures else 0)
+
+    def outcome(self) -> Outcome | None:
+        """The run's outcome. None where it did not even begin."""
+        if self._manager is None or self._summary is None:
+            return None
         lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.lost.items())]
-        return Outcome(summary=summary, failed="; ".join([*lost, *self.failures]))
+        return Outcome(summary=self._summary, failed="; ".join([*lost, *self.failures]))
 
 
 def lead(plan: Plan, bootstrap: Bootstrap, options: Options, say: Say, opened: Say) -> Outcome:

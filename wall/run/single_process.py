@@ -68,6 +68,7 @@ class SingleProcess:
         while self.step():
             pass
         self.clock.advance(self._refresh_s)
+        self._compositor.tell(self.event)
         self._compositor.turn()
         return list(self.composition.shown()[0].pictures())
 

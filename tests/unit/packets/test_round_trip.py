@@ -82,10 +82,6 @@ def test_only_sample_packets_look_like_sample_packets() -> None:
     assert not is_samples(b"")
 
 
-def test_known_codec_names_give_their_codec() -> None:
-    assert [Codec.named(name) for name in ("none", "lz4", "zstd")] == list(Codec)
-
-
 @pytest.mark.parametrize(
     ("field", "value"),
     [

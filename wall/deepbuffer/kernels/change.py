@@ -9,7 +9,7 @@ from wall.deepbuffer.kernels.accumulation import AMOUNT, COUNT, LIGHTING_DEVIATI
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import DEPTH, X, Y
 
-uint32 = np.uint32  # as indices: no test whether they count from the end
+uint32 = np.uint32  # as indices: no check for negative ones that wrap around
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 TRUSTED = np.float32(0.25)  # weight from which a pixel's own samples say what it shows
 FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
@@ -62,7 +62,7 @@ def range_of(lighting, nearest, i, j, object_id):
 
 
 @inline_kernel
-def reject_around(history, i, j, change, time, object_id):
+def mark_contradicted(history, i, j, change, time, object_id):
     """Mark the 3x3 pixels around a contradicted one (i, j) for history rejection, less with distance.
 
     The greatest share of a pixel stays. change : float32, 0..1; time : float32, the contradicting sample's
@@ -80,13 +80,13 @@ def reject_around(history, i, j, change, time, object_id):
 
 
 @kernel
-def reject_history(store, count, history, tiles):
+def reject_contradicted(store, count, history, tiles):
     """Take confidence from samples of the image's pixels that were contradicted.
 
     Parameters
     ----------
     store : SampleStore, screen positions still those of the image that was contradicted; `confidence` updated
-    count : int, samples stored; history : PixelHistory, see reject_around
+    count : int, samples stored; history : PixelHistory, see mark_contradicted
     tiles : (rows, columns) bool, tiles in which there is anything to reject
     """
     screen, rejection, rejected_object = store.screen_position, history.rejection, history.rejected_object

@@ -6,7 +6,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import COUNT, OBJECT_ID, accumulate
-from wall.deepbuffer.kernels.change import LIGHT, TRUSTED, WEIGHT, change_of, reject_around
+from wall.deepbuffer.kernels.change import LIGHT, TRUSTED, WEIGHT, change_of, mark_contradicted
 from wall.deepbuffer.kernels.lights import demodulate, pack_normal
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import DEPTH, OUTSIDE, X, Y, Z, pixel_of, position_of
@@ -71,7 +71,7 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
                     )
                     sample["change"] = change
                 if change > ZERO:
-                    reject_around(history, i, j, change, time, object_id)
+                    mark_contradicted(history, i, j, change, time, object_id)
             if rules.shows_event:
                 accumulate(accumulation, i, j, sample)
     return count

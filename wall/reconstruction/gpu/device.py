@@ -36,8 +36,8 @@ NODES = ("/dev/dri/renderD*", "/dev/nvidia[0-9]*", "/dev/dxg", "/dev/kfd")  # wh
 MOST_DEVICES = 16  # of EGL that are looked at
 
 _COMPUTE = (
-    "reject", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh", "halve",
-    "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
+    "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
+    "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
 _DRAWN = ("splat", "accumulate")

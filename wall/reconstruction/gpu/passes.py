@@ -68,7 +68,7 @@ class Passes:
         buffers = (self._changes, *(store.arrays[name] for name in names), self._rejection)
         for stage in range(3):
             self._device.compute(
-                "reject", len(change), buffers, first=first, ordinal=ordinal, stage=stage, size=self._size
+                "mark_contradicted", len(change), buffers, first=first, ordinal=ordinal, stage=stage, size=self._size
             )
 
     def shift_rejections(self, later: np.float32) -> None:
@@ -90,7 +90,7 @@ class Passes:
     ) -> None:
         """Make the image: `table` (n + 1, 12) panel_from_object, `moved` (n + 1,).
 
-        changed : (n + 1,), objects that moved or stand in another light; contradicted : whether any sample was
+        changed : (n + 1,), objects that moved or whose lighting changed; contradicted : whether any sample is
         now, young : seconds of the store's clock, see kernels.visibility; kept : samples that may stay
         """
         self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))

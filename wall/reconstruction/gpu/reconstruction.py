@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
-from wall.deepbuffer.deep_buffer import EPOCH_S, SAMPLES_PER_PIXEL, SORT_EVERY, View, capacity_for, take_dirty
+from wall.deepbuffer.deep_buffer import CLOCK_ORIGIN_S, SAMPLES_PER_PIXEL, SORT_EVERY, View, capacity_for, take_dirty
 from wall.deepbuffer.kernels.accumulation import COUNT
 from wall.deepbuffer.kernels.insert import insert
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -211,7 +211,7 @@ class GpuReconstruction:
 
     def _seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
-        if abs(time - self._epoch) > EPOCH_S:
+        if abs(time - self._epoch) > CLOCK_ORIGIN_S:
             later = np.float32(time - self._epoch)
             self._staged_store.time[: self._staged] -= later
             self._store.shift(later)
