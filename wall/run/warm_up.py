@@ -36,7 +36,7 @@ TINY = Rect(x=0, y=0, width=8, height=8)
 
 
 def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -> None:
-    """Run the chain on a few pixels with every sampler. From the cache it takes some seconds, compiling one to two minutes."""
+    """Run the chain on a few pixels with every sampler: seconds from the cache, one to two minutes to compile."""
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
     with _one_compiler():
         for method in METHODS:
