@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import threading
 from collections import deque
@@ -16,6 +15,7 @@ from types import FrameType
 from typing import Any
 
 from wall.core.errors import WallError
+from wall.display.files import replaced
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End
 from wall.roles.manager import Manager
@@ -140,10 +140,8 @@ class HeadProcess:
         seconds = self._clock.now() - self._began
         cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
         self._summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
-        try:
-            write_json(self._options.out / "summary.json", self._summary)
-        except OSError as error:
-            self.failures.append(f"summary.json: {error.strerror}")
+        with replaced(self._options.out / "summary.json") as part:  # what fails here is kept by Closing
+            part.write_text(json.dumps(self._summary, indent=2) + "\n", encoding="utf-8")
 
     def _finish(self) -> None:
         """End the launch; the exit code says whether the run failed."""
@@ -187,13 +185,6 @@ class ManagerThread(threading.Thread):
             self._loop.run()
         except BaseException as failure:
             self.failure = failure
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Write a file whole or not at all."""
-    temporary = path.with_suffix(".part")
-    temporary.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
 
 
 @contextmanager

@@ -7,7 +7,6 @@ One typeface; sizes are those on paper.
 from __future__ import annotations
 
 import io
-import os
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -24,7 +23,8 @@ from matplotlib.textpath import text_to_path
 from numpy.typing import ArrayLike
 
 from wall.core.data import Float64
-from wall.core.errors import ConfigError, RunError
+from wall.core.errors import ConfigError
+from wall.display.files import replaced
 
 SUFFIXES = (".svg", ".png", ".pdf")
 MM_A_POINT = 25.4 / 72
@@ -151,13 +151,8 @@ def write_page(page: Page, path: Path, *, title: str) -> None:
     """
     check_suffix(path)
     data = rendered(page, path.suffix.lower().removeprefix("."), title=title)
-    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
-    try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
+    with replaced(path) as part:
+        part.write_bytes(data)
 
 
 def rendered(page: Page, kind: str, *, title: str) -> bytes:
