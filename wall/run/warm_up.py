@@ -7,8 +7,10 @@ that lets progress be shown. A lock in the cache folder makes ranks that start t
 from __future__ import annotations
 
 import fcntl
+import multiprocessing
+import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -17,13 +19,13 @@ from wall.config.graph import SkyNode
 from wall.config.sampling import METHODS
 from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
-from wall.core.data import Framelet, Rect
+from wall.core.data import SAMPLE, Batch, Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.jit import cache_root, compiled_kernels
 from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
-from wall.packets.samples import decode
+from wall.packets.samples import Codec, decode, encode
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
@@ -38,14 +40,64 @@ TINY = Rect(x=0, y=0, width=8, height=8)
 def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -> None:
     """Run the chain on a few pixels with every sampler: seconds from the cache, one to two minutes to compile."""
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
-    with _one_compiler():
-        for method in METHODS:
+    second = _second_compiler(plan, tracer_scene.needs.relighting) if doing == "compiling" else nullcontext()
+    with _one_compiler(), second:
+        for method in sorted(METHODS, key="adaptive".__eq__):  # last: the second compiler has begun with it
             say(f"{doing} kernels ({method})")
             _one_pixel_block(plan, tracer_scene, method)
         say(f"{doing} kernels (compositing)")
         _layers(plan, tracer_scene)
         _operators(plan)
         _between(plan)
+
+
+@contextmanager
+def _second_compiler(plan: Plan, relightable: bool) -> Iterator[None]:
+    """Compile compositors' kernels in a process beside this one, which finds them in the cache when it comes to them.
+
+    Whatever the other process did not reach, or failed at, is compiled here.
+    """
+    if len(os.sched_getaffinity(0)) < 2:
+        yield
+        return
+    process = multiprocessing.get_context("fork").Process(target=_made_up_block, args=(plan, relightable), daemon=True)
+    process.start()
+    try:
+        yield
+    finally:
+        process.kill()
+        process.join()
+
+
+def _made_up_block(plan: Plan, relightable: bool) -> None:
+    """The way of a few samples behind the ray tracer: encode, decode, insert, reconstruct, compare."""
+    layout = plan.layout
+    region = layout.region(layout.renderers()[0])
+    samples = np.zeros(TINY.area, SAMPLE)
+    samples["xy"] = np.argwhere(np.ones((TINY.height, TINY.width))) + 0.5
+    samples["depth"], samples["radiance"] = 1.0, 0.5
+    event = replace(first_event(plan, 0.0), sampler="adaptive")
+    made_up = Batch(
+        view=event.view,
+        panel=region.panel,
+        rect=region.rect,
+        rank=layout.renderers()[0],
+        sequence=1,
+        camera_event=event.camera_event,
+        scene_event=event.scene_event,
+        base_time=0.0,
+        samples=samples,
+        camera=event.camera,
+        adaptive=True,
+        relightable=relightable,
+    )
+    batch = decode(encode(made_up, Codec[layout.config.transport.codec.upper()]))
+    panel = PanelCompositor(plan, region.layer, reconstruction="cpu")
+    panel.follow(event)
+    for number in range(2):
+        panel.insert(batch)
+        panel.refresh(event, 0.1 * number)
+    panel.statistics_images(0.1)
 
 
 def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None:
