@@ -14,7 +14,7 @@ from wall.scene.model import Moment
 from wall.scene.sky import sky_irradiance
 
 
-class Lights(NamedTuple):
+class ObjectLights(NamedTuple):
     """The lights of one moment as every object sees them; see light_tables."""
 
     rows: Float32  # (n + 1, lights, 6): directional lights first, then point lights
@@ -22,7 +22,7 @@ class Lights(NamedTuple):
     up: Float32  # (n + 1, 3)
 
     @classmethod
-    def at(cls, scene: Scene, moment: Moment) -> Lights:
+    def at(cls, scene: Scene, moment: Moment) -> ObjectLights:
         """The scene's lights at `moment`."""
         n, directional, points = len(scene.instances), scene.directional_lights, scene.point_lights
         rows, up = np.empty((n + 1, len(directional) + len(points), 6), np.float32), np.empty((n + 1, 3), np.float32)
@@ -34,7 +34,7 @@ class Lights(NamedTuple):
         return cls(rows, len(directional), up)
 
 
-NO_LIGHTS = Lights(np.zeros((0, 0, 6), np.float32), 0, np.zeros((0, 3), np.float32))
+NO_LIGHTS = ObjectLights(np.zeros((0, 0, 6), np.float32), 0, np.zeros((0, 3), np.float32))
 
 
 class Diffuse(NamedTuple):
@@ -62,21 +62,21 @@ class LightChanges:
         """`diffuse`: see Diffuse.objects."""
         self._diffuse = diffuse
         self._late = np.zeros_like(diffuse)
-        self._noted: Lights | None = None
+        self._noted: ObjectLights | None = None
 
-    def note(self, lights: Lights, shown: Lights) -> None:
+    def note(self, lights: ObjectLights, shown: ObjectLights) -> None:
         """Samples came that were traced under `lights`; the image shows the light of `shown`."""
         if lights is not self._noted:
             self._noted = lights
             self._late |= self._between(lights, shown)
 
-    def take(self, now: Lights, was: Lights | None) -> NDArray[np.uint8]:
+    def take(self, now: ObjectLights, was: ObjectLights | None) -> NDArray[np.uint8]:
         """(n + 1,) uint8, for a refresh under `now` after one under `was`; what was noted is forgotten."""
         changed: NDArray[np.uint8] = self._between(now, was) | self._late
         self._late[:], self._noted = 0, None
         return changed
 
-    def _between(self, now: Lights, was: Lights | None) -> NDArray[np.uint8]:
+    def _between(self, now: ObjectLights, was: ObjectLights | None) -> NDArray[np.uint8]:
         """(n + 1,) uint8: diffuse objects in another light than before; all if nothing was before."""
         if was is None:
             return self._diffuse.copy()

@@ -8,7 +8,7 @@ import numpy as np
 
 from wall.core.data import Camera, Event, Float32, Float64, Rect
 from wall.deepbuffer.kernels.reproject import object_tables
-from wall.deepbuffer.lights import NO_LIGHTS, Lights
+from wall.deepbuffer.lights import NO_LIGHTS, ObjectLights
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.build import Scene
@@ -24,7 +24,7 @@ class Pose(NamedTuple):
     corner: Float64  # (2,) of the panel, virtual-screen pixels
     object_from_eye: Float32  # (n + 1, 12)
     panel_from_object: Float32  # (n + 1, 12)
-    lights: Lights
+    lights: ObjectLights
 
     @classmethod
     def of(
@@ -35,7 +35,7 @@ class Pose(NamedTuple):
         world_from_object: Float64,
         *,
         rect: Rect | None = None,
-        lights: Lights = NO_LIGHTS,
+        lights: ObjectLights = NO_LIGHTS,
     ) -> Pose:
         """`world_from_object` (n, 4, 4); `rect` is the part of the panel that the image shows, all if None."""
         n = len(world_from_object)
@@ -92,7 +92,7 @@ class Poses:
             moment = self._scene.at(event.scene_time)
             lights = NO_LIGHTS
             if self._lit:
-                lights = self._newest.lights if moment is self._moment else Lights.at(self._scene, moment)
+                lights = self._newest.lights if moment is self._moment else ObjectLights.at(self._scene, moment)
             placed = moment.world_from_object if self._objects else self._scene.rest[: len(self._scene.instances)]
             self._newest = Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect, lights=lights)
             self._key, self._moment = key, moment

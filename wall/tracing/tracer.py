@@ -26,9 +26,9 @@ from wall.tracing.kernels.values import (
     PLACEMENT_COLUMNS,
     SEEN,
     UNSEEN,
-    Camera,
     Lights,
     Materials,
+    RayFrame,
     Surfaces,
     Workspace,
 )
@@ -41,7 +41,7 @@ class Arguments(NamedTuple):
     """Everything that kernels.trace wants, in its order."""
 
     scene: int  # Embree handle
-    camera: Camera
+    camera: RayFrame
     xy: Float32
     samples: Samples
     surfaces: Surfaces
@@ -109,18 +109,18 @@ class Tracer:
         )
         self._lights = Lights(None, None, tracer_scene.sky, tracer_scene.sky_irradiance)
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
-        self._camera = Camera(np.zeros((3, 3)), np.array(panel.screen, np.float64))
+        self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64))
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def take(self, event: Event) -> None:
         """Places everything for `event`: its camera, and its scene time."""
         self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time))
-        self._camera = self._camera._replace(frame=ray_frame(self._panel, self._eye, event.camera))
+        self._ray_frame = self._ray_frame._replace(frame=ray_frame(self._panel, self._eye, event.camera))
 
     def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:
         """Trace for another panel from now on, under `event`: as a new Tracer would, without new trees."""
         self._panel, self._eye = panel, eye
-        self._camera = self._camera._replace(corner=np.array(panel.screen, np.float64))
+        self._ray_frame = self._ray_frame._replace(corner=np.array(panel.screen, np.float64))
         self.take(event)
 
     def place(self, origin: Float64, moment: Moment) -> None:
@@ -160,7 +160,7 @@ class Tracer:
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""
         materials = self._tracer_scene.materials
-        return Arguments(self._scene, self._camera, xy, samples, self._surfaces, materials, self._lights, self._work)
+        return Arguments(self._scene, self._ray_frame, xy, samples, self._surfaces, materials, self._lights, self._work)
 
 
 def _light_rows(directions: Float64, colours: list[tuple[float, float, float]]) -> Float32:

@@ -15,7 +15,7 @@ from small_scenes import instance, material, quad, sphere_mesh, view
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.core.jit import kernel
 from wall.deepbuffer.kernels import lights as kernels_lights
-from wall.deepbuffer.lights import Diffuse, Lights
+from wall.deepbuffer.lights import Diffuse, ObjectLights
 from wall.deepbuffer.store import SampleStore
 from wall.packets.kernels.normals import normal_code, normal_of
 from wall.reconstruction.kernels.relight import relight
@@ -265,7 +265,7 @@ def test_light_below_the_darkest_says_nothing_about_a_colour(radiance_of: float,
             sky=Sky(zenith=(0, 0, 0), horizon=(0, 0, 0), ground=(0, 0, 0)),
         )
     )  # fmt: skip
-    lights, store = Lights.at(scene, scene.at(0.0)), SampleStore.of(1, lit=True)
+    lights, store = ObjectLights.at(scene, scene.at(0.0)), SampleStore.of(1, lit=True)
     store.light_visibility[0] = EVERY_LIGHT
     sample = np.zeros(1, SAMPLE)
     sample["radiance"], sample["object_id"] = 1e-5, 1
@@ -284,7 +284,7 @@ def demodulated(sample, lights, diffuse, store):  # type: ignore[no-untyped-def]
 def test_grazing_light_never_makes_light_negative_or_infinite(compiled_only: None) -> None:
     """All int8 normals under a directional light in the plane: light is at least the sky's and at most the sum."""
     scene = yard()
-    lights, sky = Lights.at(scene, scene.at(0.0)), sky_irradiance(SKY)
+    lights, sky = ObjectLights.at(scene, scene.at(0.0)), sky_irradiance(SKY)
     u, v = (k.ravel() for k in np.meshgrid(np.arange(-127, 128), np.arange(-127, 128)))
     n = len(u)
     store = SampleStore.of(n, lit=True)

@@ -22,7 +22,7 @@ from small_scenes import instance, material, quad, sphere_mesh, view
 from wall.core.data import SAMPLE, Float64
 from wall.core.jit import kernel
 from wall.deepbuffer.kernels.lights import demodulate, pack_normal
-from wall.deepbuffer.lights import Diffuse, Lights
+from wall.deepbuffer.lights import Diffuse, ObjectLights
 from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.kernels.relight import relight
 from wall.scene.animation import Orbit
@@ -71,7 +71,7 @@ def test_the_two_ways_to_work_light_out_agree_to_rounding(brightness: float, com
     store = SampleStore.of(COUNT, lit=True)._replace(
         position=position, object_id=ids, light_visibility=samples["light_visibility"].copy()
     )
-    lights, every = Lights(rows, PARALLEL, up), np.ones(OBJECTS, np.uint8)
+    lights, every = ObjectLights(rows, PARALLEL, up), np.ones(OBJECTS, np.uint8)
 
     demodulate_all(samples, lights, Diffuse(every, sky), store)
     relight(store, COUNT, every, lights, sky)

@@ -20,8 +20,11 @@ from small_scenes import (
     view,
 )
 
-from wall.core.data import BACKGROUND
+from wall.core.data import BACKGROUND, SAMPLE
 from wall.scene.model import DirectionalLight, Material, PointLight, Sky
+from wall.tracing.kernels.rows import LIGHT_VISIBILITY
+from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
 
 FLOAT32 = 2e-6  # a dozen float32 roundings, relative
 
@@ -191,3 +194,18 @@ def test_smooth_normals_shade_a_coarse_sphere_like_a_round_one() -> None:
 def test_black_sky_and_no_light_is_black() -> None:
     got = picture(scene_of([quad(1.0, 1.0)], sky=BLACK_SKY), view((0, 0, 3), (0, 0, 0), pixels=(8, 8)))
     assert (got.radiance == 0.0).all()
+
+
+def test_lights_beyond_the_mask_change_no_bit_of_it(compiled_only: None) -> None:
+    """The mask has 32 bits. A roof hides lights 32 and 33: shifts by 32 and more are undefined."""
+    above, aside = directional(0.0, 0.0, 1.0), directional(1.0, 0.0, 1.0)
+    roof = instance(0, at=(8.0, 0.0, 8.0))
+    scene = scene_of([quad(8.0, 8.0)], [instance(0), roof], lights=[above] * 32 + [aside] * 2)
+    seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(4, 4), fov=10.0)
+    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
+    tracer.take(seen.event)
+    xy = (np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) + 0.5).astype(np.float32)
+    _, traced = tracer.trace(xy)
+    assert traced.shadow == 34 * 16
+    mask = tracer.arguments(xy, np.zeros(16, SAMPLE)).work.bits[LIGHT_VISIBILITY : LIGHT_VISIBILITY + 16]
+    assert mask.tolist() == [0xFFFFFFFF] * 16

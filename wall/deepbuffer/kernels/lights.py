@@ -73,7 +73,7 @@ def lighting(px, py, pz, normal, visibility, lights, object_id, irradiance):
     """Red, green and blue light that a diffuse surface of albedo 1 reflects.
 
     px, py, pz : float32, object space; normal : uint16, see pack_normal; visibility : uint32, light visibility mask
-    lights : Lights, the rows of `object_id`; irradiance : (k, 3) float32, of the sky, by the normal's height
+    lights : ObjectLights, the rows of `object_id`; irradiance : (k, 3) float32, of the sky, by the normal's height
     """
     rows, up, directional = lights.rows[object_id], lights.up[object_id], lights.directional
     u = np.float32(np.int8(normal & BYTE)) * (ONE / NORMAL_STEPS)

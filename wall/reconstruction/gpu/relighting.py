@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
-from wall.deepbuffer.lights import Lights
+from wall.deepbuffer.lights import ObjectLights
 from wall.reconstruction.gpu.device import LIGHT_WORDS, Device
 from wall.reconstruction.gpu.store import GpuStore, reserve
 
@@ -23,7 +23,7 @@ class Relighting:
         self._up = reserve(device, UP_WORDS * objects)
         self._lights = reserve(device, LIGHT_WORDS * objects * lights)
 
-    def run(self, store: GpuStore, now: Lights, changed: NDArray[np.bool_]) -> None:
+    def run(self, store: GpuStore, now: ObjectLights, changed: NDArray[np.bool_]) -> None:
         """Light the samples of `changed` objects (n + 1,) anew."""
         if store.count == 0 or not changed.any():
             return

@@ -20,7 +20,8 @@ def relight(store, count, changed, lights, irradiance):
     """Light the samples of changed objects anew.
 
     store : SampleStore, `radiance` updated where the albedo is known; count : int, samples stored
-    changed : (n + 1,) uint8, objects; lights : Lights; irradiance : (k, 3) float32, of the sky by the normal's height
+    changed : (n + 1,) uint8, objects; lights : ObjectLights
+    irradiance : (k, 3) float32, of the sky by the normal's height
     """
     rows = np.empty(6 * CHUNK, np.float32)
     first = 0

@@ -18,6 +18,7 @@ from wall.tracing.kernels.values import INF, ONE, ZERO
 
 SHADOW_ORIGIN, SHADOW_DIRECTION = SHADOW_PACKET + embree.ORIGIN_X, SHADOW_PACKET + embree.DIRECTION_X
 SHADOW_T_FAR = SHADOW_PACKET + embree.T_FAR
+MASK_BITS = 32  # of a light visibility mask
 
 
 @inline_kernel
@@ -63,28 +64,18 @@ def add_emission(emits, surfaces, materials, work):
 
 
 @inline_kernel
-def add_directional_lights(directional, first, scene, work):
-    """Adds directional lights (s, 6), numbered from `first`; None does nothing. Returns shadow rays."""
+def add_lights(lights, aim, first, scene, work):
+    """Adds `lights` (n, 6), numbered from `first`; None does nothing. Returns shadow rays.
+
+    aim : aim_directional or aim_point
+    """
     rays = 0
-    if directional is not None:
+    if lights is not None:
         for lane in range(16):
             start_off_surface(work.packet, SHADOW_ORIGIN, lane)
-        for k in range(directional.shape[0]):
-            aim_directional(directional[k], work)
-            rays += add_light(directional[k], first + k, scene, work)
-    return rays
-
-
-@inline_kernel
-def add_point_lights(points, first, scene, work):
-    """Adds point lights (p, 6), numbered from `first`; None does nothing. Returns shadow rays."""
-    rays = 0
-    if points is not None:
-        for lane in range(16):
-            start_off_surface(work.packet, SHADOW_ORIGIN, lane)
-        for k in range(points.shape[0]):
-            aim_point(points[k], work)
-            rays += add_light(points[k], first + k, scene, work)
+        for k in range(lights.shape[0]):
+            aim(lights[k], work)
+            rays += add_light(lights[k], first + k, scene, work)
     return rays
 
 
@@ -98,7 +89,7 @@ def light_count(directional):
 
 @inline_kernel
 def aim_directional(light, work):
-    """Aims shadow rays at a directional light; COSINE becomes the weight of its irradiance, 0 where it is not faced."""
+    """Aims shadow rays at a directional light; writes LIGHT_WEIGHT, the factor of its irradiance."""
     p = work.packet
     lx, ly, lz = light[0], light[1], light[2]
     for lane in range(16):
@@ -106,14 +97,15 @@ def aim_directional(light, work):
         gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
         cosine = nx * lx + ny * ly + nz * lz
         side = gx * lx + gy * ly + gz * lz
-        p[rows.COSINE + lane] = diffuse(cosine) if min(cosine, side) > ZERO else ZERO
+        p[rows.LIGHT_WEIGHT + lane] = diffuse(cosine) if min(cosine, side) > ZERO else ZERO
         set_xyz(p, SHADOW_DIRECTION, lane, lx, ly, lz)
         p[SHADOW_T_FAR + lane] = INF
 
 
 @inline_kernel
 def aim_point(light, work):
-    """Aims shadow rays at a point light (position relative to the eye); COSINE becomes the weight of its intensity.
+    """Aims shadow rays at a point light (position relative to the eye); writes LIGHT_WEIGHT, the factor of its
+    intensity.
 
     Rays end an offset before the light, so that a light in a surface is not shaded by it. Weights are those of the hit
     itself: the start off the surface would brighten what lies close to a light.
@@ -130,7 +122,7 @@ def aim_point(light, work):
         scale = ONE / math.sqrt(square)
         cosine = nx * lx + ny * ly + nz * lz
         side = gx * lx + gy * ly + gz * lz
-        p[rows.COSINE + lane] = diffuse(cosine * scale) / square if min(cosine, side) > ZERO else ZERO
+        p[rows.LIGHT_WEIGHT + lane] = diffuse(cosine * scale) / square if min(cosine, side) > ZERO else ZERO
         sx, sy, sz = xyz(p, SHADOW_ORIGIN, lane)
         set_xyz(p, SHADOW_DIRECTION, lane, x - sx, y - sy, z - sz)
         gap = p[rows.RAY_OFFSET + lane] + p[rows.OFFSET_SLOPE + lane] * reach
@@ -141,23 +133,23 @@ def aim_point(light, work):
 def add_light(light, number, scene, work):
     """Traces the shadow rays that were aimed, and adds the light (6,) to every lane that sees it. Returns rays traced.
 
-    number : int, the light's bit in row LIGHT_VISIBILITY
+    number : int, the light's bit in row LIGHT_VISIBILITY; lights from 32 on have none
     """
     p, bits, valid = work.packet, work.bits, work.shadow_valid
     rays = 0
     for lane in range(16):
-        facing = p[rows.COSINE + lane] * p[rows.HIT + lane] > ZERO
-        valid[lane] = -1 if facing else 0
-        rays += 1 if facing else 0
+        lit = p[rows.LIGHT_WEIGHT + lane] * p[rows.HIT + lane] > ZERO
+        valid[lane] = -1 if lit else 0
+        rays += 1 if lit else 0
     if rays == 0:
         return 0
     occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
     red, green, blue = light[3], light[4], light[5]
+    bit = np.uint32(1) << np.uint32(number) if number < MASK_BITS else np.uint32(0)
     for lane in range(16):
         seen = p[SHADOW_T_FAR + lane] >= ZERO  # Embree sets it to -inf where something is in the way
-        weight = p[rows.COSINE + lane] if seen and p[rows.HIT + lane] > ZERO else ZERO
-        hidden = np.uint32(0) if seen or valid[lane] == 0 else np.uint32(1)
-        bits[rows.LIGHT_VISIBILITY + lane] ^= hidden << np.uint32(number)
+        weight = p[rows.LIGHT_WEIGHT + lane] if seen and p[rows.HIT + lane] > ZERO else ZERO
+        bits[rows.LIGHT_VISIBILITY + lane] ^= np.uint32(0) if seen or valid[lane] == 0 else bit
         r, g, b = xyz(p, rows.ALBEDO_R, lane)
         p[rows.RADIANCE_R + lane] += r * red * weight
         p[rows.RADIANCE_G + lane] += g * green * weight

@@ -22,8 +22,8 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     RADIANCE_R, RADIANCE_G, RADIANCE_B,  # along the newest ray, without what its mirror shows
     PATH_RADIANCE_R, PATH_RADIANCE_G, PATH_RADIANCE_B,  # along the primary ray: mirrors passed so far added up
     THROUGHPUT,  # share of the newest ray's radiance that reaches the eye through the mirrors before it
-    COSINE,  # what a light's irradiance or intensity is multiplied by, besides the albedo; 0 = not faced
-    LIGHTING,  # radiance over albedo of the first surface
+    LIGHT_WEIGHT,  # factor of a light's irradiance or intensity, besides the albedo; 0: the surface is turned away
+    IRRADIANCE,  # radiance over albedo of the first surface: irradiance over pi
     DEPTH,  # of the first surface, from the eye; inf = background
     HIT,  # 1 where the newest ray hit something, else 0
     OBJECT_ID,  # uint32, of the first surface; 0 = background

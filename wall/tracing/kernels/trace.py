@@ -18,9 +18,10 @@ from wall.tracing.kernels.bsdf import reflect
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.lights import (
     add_ambient,
-    add_directional_lights,
     add_emission,
-    add_point_lights,
+    add_lights,
+    aim_directional,
+    aim_point,
     light_count,
     see_sky,
 )
@@ -60,7 +61,7 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
     Parameters
     ----------
     scene : int, committed Embree scene whose instances are placed relative to the eye
-    camera : Camera
+    camera : RayFrame
     xy : (n, 2) float32, positions, panel pixels; 16 in a row make a packet
     samples : (n,) SAMPLE, written, except time
     surfaces, materials, lights : Surfaces, Materials, Lights
@@ -114,8 +115,9 @@ def light_packet(scene, surfaces, materials, lights, work):
     add_ambient(lights, work)
     for lane in range(16):
         bits[rows.LIGHT_VISIBILITY + lane] = ALL_LIGHTS
-    work.counts[SHADOW_RAYS] += add_directional_lights(lights.directional, 0, scene, work)
-    work.counts[SHADOW_RAYS] += add_point_lights(lights.points, light_count(lights.directional), scene, work)
+    work.counts[SHADOW_RAYS] += add_lights(lights.directional, aim_directional, 0, scene, work)
+    first_point = light_count(lights.directional)
+    work.counts[SHADOW_RAYS] += add_lights(lights.points, aim_point, first_point, scene, work)
     add_emission(materials.emits, surfaces, materials, work)
 
 
@@ -133,25 +135,26 @@ def follow_mirrors(mirrors, scene, surfaces, materials, lights, work):
                 break
             work.counts[SECONDARY_RAYS] += going
             for lane in range(16):  # what a mirror shows has no colour to divide out
-                p[rows.LIGHTING + lane] = -ONE if work.valid[lane] != 0 else p[rows.LIGHTING + lane]
+                p[rows.IRRADIANCE + lane] = -ONE if work.valid[lane] != 0 else p[rows.IRRADIANCE + lane]
             intersect(scene, work)
             light_packet(scene, surfaces, materials, lights, work)
         reflect(surfaces, materials, work)
         for lane in range(16):
             r, g, b = xyz(p, rows.PATH_RADIANCE_R, lane)
-            p[rows.LIGHTING + lane] = (r + g + b) * THIRD if p[rows.LIGHTING + lane] < ZERO else p[rows.LIGHTING + lane]
+            own = p[rows.IRRADIANCE + lane]
+            p[rows.IRRADIANCE + lane] = (r + g + b) * THIRD if own < ZERO else own
             set_xyz(p, rows.RADIANCE_R, lane, r, g, b)
 
 
 @inline_kernel
 def divide_out_albedo(work):
-    """The lighting alone, into row LIGHTING: radiance over albedo, channels summed; the sky's radiance as it is."""
+    """The lighting alone, into row IRRADIANCE: radiance over albedo, channels summed; the sky's radiance as it is."""
     p = work.packet
     for lane in range(16):
         light = p[rows.RADIANCE_R + lane] + p[rows.RADIANCE_G + lane] + p[rows.RADIANCE_B + lane]
         albedo = p[rows.ALBEDO_R + lane] + p[rows.ALBEDO_G + lane] + p[rows.ALBEDO_B + lane]
         coloured = p[rows.HIT + lane] > ZERO and albedo > DARKEST
-        p[rows.LIGHTING + lane] = light / albedo if coloured else light * THIRD
+        p[rows.IRRADIANCE + lane] = light / albedo if coloured else light * THIRD
 
 
 @inline_kernel
@@ -197,7 +200,7 @@ def write_samples(xy, first, count, samples, kept, eye_from_object, work):
         sample["radiance"][2] = b
         sample["depth"] = p[rows.DEPTH + lane]
         sample["object_id"] = bits[rows.OBJECT_ID + lane]
-        sample["lighting"] = math.sqrt(max(p[rows.LIGHTING + lane], ZERO))
+        sample["lighting"] = math.sqrt(max(p[rows.IRRADIANCE + lane], ZERO))
         sample["change"] = ZERO
         if eye_from_object is not None:
             code = bits[rows.NORMAL_CODE + lane]

@@ -52,7 +52,7 @@ MATERIAL = np.dtype(
 )
 
 
-class Camera(NamedTuple):
+class RayFrame(NamedTuple):
     """Primary rays of a panel: direction A + X B + Y C at virtual-screen position (X, Y), from the eye at 0."""
 
     frame: Float64  # (3, 3) rows A, B, C
