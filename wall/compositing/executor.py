@@ -15,16 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.compositing.graph import Graph, Step
-from wall.core.colour import srgb_curve
 from wall.core.data import Event, Framelet, Rect
 from wall.operators.base import Operator
-from wall.operators.kernels import pixels as kernels
+from wall.operators.colour import encode
 from wall.operators.overlay import Overlay, Statistics
 
 Regions: TypeAlias = list[Rect]  # of the frame; they may overlap
 Changes: TypeAlias = dict[int, Regions]  # by step
 Reproject: TypeAlias = Callable[[Framelet, Event, int], Framelet]  # of a panel: as it looks under an event
-_CURVE = srgb_curve()
 DENSE = 0.6  # of their bounding box: above it, one large region costs less than many
 
 
@@ -117,8 +115,7 @@ class Executor:
         for region in regions:
             s.node.apply(inputs, light or out, region, self._prepared[s.index])
             if light is not None:
-                x, y = region.x - s.rect.x, region.y - s.rect.y
-                kernels.encode(light.colour, x, y, _CURVE, out.colour, x, y, region.width, region.height)
+                encode(light, out, region)
             self.pixels += region.area
 
     def _at_common_time(self, s: Step, inputs: Sequence[Framelet], event: Event) -> list[Framelet]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from wall.config.graph import NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.geometry.panels import Panel, Wall
+from wall.operators.arrange import Tile
 from wall.operators.base import Node
 from wall.operators.depth import Depth
-from wall.operators.tile import Tile
 
 
 def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:

@@ -13,10 +13,10 @@ from wall.config.displays import WarpFileConfig
 from wall.config.graph import NodeGraph, SinkNode
 from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
+from wall.operators.arrange import Crop
 from wall.operators.base import Node
 from wall.operators.blend_edges import BlendEdges
 from wall.operators.colour import Colour
-from wall.operators.crop import Crop
 from wall.operators.warp import Warp
 
 MAX_STEM = 48  # characters of a node's id that added nodes begin with

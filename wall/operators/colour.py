@@ -1,4 +1,4 @@
-"""`colour`: grade colours so that displays look alike, by gain, gamma and a 3D table; and set opacity."""
+"""`colour`: gain, gamma, a 3D table, so that displays look alike, and opacity. `encode`: light to display values."""
 
 from __future__ import annotations
 
@@ -10,16 +10,18 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import Field
 
-from wall.core.colour import srgb_decoded, srgb_encoded
+from wall.core.colour import srgb_curve, srgb_decoded, srgb_encoded
 from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.fields import Number, Text
 from wall.operators.base import Input, Operator
+from wall.operators.kernels import pixels as kernels
 from wall.operators.lut import Lut, read_lut
-from wall.operators.regions import bands, copy, pixels_of
+from wall.operators.regions import bands, copy, corner_of, pixels_of
 
 Gain = Annotated[Number, Ge(0.0), Le(1e6)]
 Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
+_CURVE = srgb_curve()
 
 
 class Colour(Operator):
@@ -85,3 +87,22 @@ class Colour(Operator):
             looked = table(srgb_encoded(colour), tetrahedral=self.interpolation == "tetrahedral")
             colour = srgb_decoded(np.clip(looked, np.float32(0.0), np.float32(1.0)))
         here[...] = colour * scale
+
+
+class Encode(Operator):
+    """8-bit sRGB, at most one code from its exact rounding; a quarter of the bytes. Other channels stay."""
+
+    op: Literal["encode"] = Field(description="linear light to 8-bit sRGB")
+    input: Input
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the display values of a region."""
+        copy(inputs[0], out, region, but=frozenset({"colour"}))
+        for band in bands(region):
+            encode(inputs[0], out, band)
+
+
+def encode(source: Framelet, out: Framelet, rect: Rect) -> None:
+    """Write the display values of a rectangle inside both."""
+    target = (out.colour, *corner_of(out, rect), rect.width, rect.height)
+    kernels.encode(source.colour, *corner_of(source, rect), _CURVE, *target)

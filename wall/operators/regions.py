@@ -64,8 +64,12 @@ def blank(out: Framelet, rect: Rect, where: NDArray[np.bool_] | None = None) -> 
         pixels_of(out, name, rect)[... if where is None else where] = BLANK[name][0] if name in BLANK else 0
 
 
-def covers(rects: Sequence[Rect], region: Rect) -> bool:
-    """Whether rectangles that do not overlap cover all of a region; False if they might not."""
-    inside = [overlap for rect in rects if (overlap := rect.intersection(region))]
-    apart = all(not a.overlaps(b) for i, a in enumerate(inside) for b in inside[:i])
-    return any(rect.contains(region) for rect in rects) or (apart and sum(r.area for r in inside) == region.area)
+def copy_all(inputs: Sequence[Framelet], out: Framelet, region: Rect) -> None:
+    """Copy every input's pixels of a region, the later input's where two have some; blank where none has any."""
+    parts = overlapping(inputs, region)
+    apart = all(not a.overlaps(b) for i, (_, a) in enumerate(parts) for _, b in parts[:i])
+    full = any(rect == region for _, rect in parts) or (apart and sum(rect.area for _, rect in parts) == region.area)
+    if not full:
+        blank(out, region)
+    for framelet, rect in parts:
+        copy(framelet, out, rect)

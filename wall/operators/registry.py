@@ -6,23 +6,19 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, get_args, get_origin
 
 from wall.core.errors import ConfigError
-from wall.operators.age_blend import AgeBlend
-from wall.operators.average import Average
+from wall.operators.arrange import Crop, Flip, Rotate, Tile
 from wall.operators.base import Operator
 from wall.operators.blend_edges import BlendEdges
-from wall.operators.colour import Colour
-from wall.operators.crop import Crop
+from wall.operators.colour import Colour, Encode
 from wall.operators.denoise import Denoise
 from wall.operators.depth import Depth
-from wall.operators.encode import Encode
-from wall.operators.flip_rotate import Flip, Rotate
 from wall.operators.mask import Mask
-from wall.operators.newest import Newest
+from wall.operators.means import AgeBlend, Average
 from wall.operators.over import Over
 from wall.operators.overlay import Overlay
 from wall.operators.scale import Scale
+from wall.operators.selection import Newest
 from wall.operators.sources import Constant, ImageSource
-from wall.operators.tile import Tile
 from wall.operators.warp import Warp
 
 GROUP = "wall.operators"

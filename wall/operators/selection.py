@@ -1,18 +1,35 @@
-"""Take each pixel whole from one input: the one of the nearest depth, or of the newest time."""
+"""`newest`, and whole pixels of `depth`: each from the input of the newest time, or of the nearest depth."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
-from wall.core.data import Framelet, Rect
+from wall.core.data import Channels, Framelet, Rect
+from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import pixels as kernels
 from wall.operators.regions import bands, blank, corner_of, overlapping, pixels_of, time_shift, values_for
 
 LOSES = np.float32(np.nan)  # a key that loses against any other
+
+
+class Newest(Operator):
+    """What was traced last: the newest `time_origin` + `time` wins; of equals the earlier input; NaN never."""
+
+    op: Literal["newest"] = Field(description="what was traced last")
+    inputs: Inputs
+
+    NEEDS: ClassVar[Channels] = frozenset({"colour", "time"})
+    MAKES: ClassVar[Channels] = frozenset({"time"})
+    MOVES: ClassVar[bool] = True
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Write the newest pixels of a region."""
+        select(inputs, out, region, key="time", sign=-1)
 
 
 def select(inputs: Sequence[Framelet], out: Framelet, region: Rect, *, key: str, sign: int) -> None:

@@ -15,12 +15,11 @@ from wall.compositing.executor import Executor, merged, same_time
 from wall.compositing.graph import Graph, Step
 from wall.config.graph import SkyNode
 from wall.core.data import STILL, Camera, Event, Framelet, Rect
+from wall.operators.arrange import Crop, Tile
 from wall.operators.base import Operator
-from wall.operators.crop import Crop
 from wall.operators.depth import Depth
-from wall.operators.newest import Newest
 from wall.operators.over import Over
-from wall.operators.tile import Tile
+from wall.operators.selection import Newest
 
 FRAME = 24  # pixels of an edge of the frame that random framelets lie in
 KINDS = {"depth": Depth, "over": Over, "newest": Newest, "tile": Tile}

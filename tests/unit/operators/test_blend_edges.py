@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from wall.core.colour import srgb_encoded
 from wall.core.data import Float64, Framelet, Rect
 from wall.operators.blend_edges import BlendEdges, shares
-from wall.operators.encode import Encode
+from wall.operators.colour import Encode
 
 LIGHT = [0.002, 0.18, 1.0]  # linear red, green, blue
 CODE = 1 / 255

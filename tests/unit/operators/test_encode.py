@@ -6,7 +6,7 @@ import numpy as np
 from framelets import applied, made, random_framelet, rect
 
 from wall.core.colour import srgb_encoded
-from wall.operators.encode import Encode
+from wall.operators.colour import Encode
 from wall.reconstruction.display_values import update_display
 
 ENCODE = made(Encode, input="a")

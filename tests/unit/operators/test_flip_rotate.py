@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 
-from wall.operators.flip_rotate import Flip, Rotate
+from wall.operators.arrange import Flip, Rotate
 
 
 @pytest.mark.parametrize("encoded", [False, True])

@@ -8,8 +8,7 @@ from framelets import applied, assert_equal, made, random_framelet, rect
 from pydantic import ValidationError
 
 from wall.core.data import BLANK, ORIGIN_STEP_S, Framelet
-from wall.operators.crop import Crop
-from wall.operators.tile import Tile
+from wall.operators.arrange import Crop, Tile
 
 
 @pytest.mark.parametrize("encoded", [False, True])

@@ -10,8 +10,8 @@ from wall.core.data import BLANK, ORIGIN_STEP_S, Framelet
 from wall.operators import selection
 from wall.operators.base import Operator
 from wall.operators.depth import Depth
-from wall.operators.newest import Newest
 from wall.operators.regions import BAND_PIXELS
+from wall.operators.selection import Newest
 
 OPAQUE = EVERY - {"alpha"}  # pixels that are covered in part have a test of their own
 COVERAGE_LEFT = 1e-3  # of a pixel, above which no farther surface is looked for

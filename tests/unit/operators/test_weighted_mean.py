@@ -7,8 +7,7 @@ import pytest
 from framelets import applied, assert_equal, made, random_framelet, rect
 
 from wall.core.data import ORIGIN_STEP_S, Framelet
-from wall.operators.age_blend import AgeBlend
-from wall.operators.average import Average
+from wall.operators.means import AgeBlend, Average
 
 AVERAGE = made(Average, inputs=("a", "b", "c"))
 PLAIN = frozenset({"colour", "depth", "alpha"})

@@ -1,4 +1,4 @@
-"""`flip` and `rotate`: images for displays that are mounted mirrored or turned."""
+"""`tile`, `crop`, `flip` and `rotate`: values at other positions, themselves unchanged."""
 
 from __future__ import annotations
 
@@ -10,8 +10,38 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from wall.core.data import Framelet, Rect
-from wall.operators.base import Input, Operator
-from wall.operators.regions import pixels_of, timed
+from wall.operators.base import AreaOperator, Input, Inputs, Operator, area_rect
+from wall.operators.regions import copy_all, pixels_of, timed
+
+
+class Tile(Operator):
+    """Every input at its position in the frame; blank where none is, the later input where two are."""
+
+    op: Literal["tile"] = Field(description="framelets side by side")
+    inputs: Inputs
+
+    MOVES: ClassVar[bool] = True
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Copy every input's pixels of a region."""
+        copy_all(inputs, out, region)
+
+
+class Crop(AreaOperator):
+    """The pixels of an area, at their positions."""
+
+    op: Literal["crop"] = Field(description="a rectangle of a framelet")
+    input: Input
+
+    MOVES: ClassVar[bool] = True
+
+    def rect(self, inputs: Sequence[Rect]) -> Rect:
+        """The area; the input's own rectangle as long as a panel's id has not been replaced by its area."""
+        return inputs[0] if self.area is None else area_rect(self.area)
+
+    def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
+        """Copy a region; pixels outside of the input are blank."""
+        copy_all(inputs, out, region)
 
 
 class Flip(Operator):
