@@ -71,7 +71,7 @@ def centres(size: tuple[int, int]) -> Float32:
 def traced(scene: Scene, event: Event, xy: Float32 | None = None, seen: View = FRONT) -> Samples:
     """By the tracer; at every pixel's centre if `xy` is None. Their time is the batch's base time."""
     tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
-    tracer.take(event)
+    tracer.set_event(event)
     samples = tracer.trace(centres(seen.panel.pixels) if xy is None else xy)[0].copy()
     samples["time"] = 0.0
     samples["change"] = 0.0

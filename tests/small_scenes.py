@@ -162,7 +162,7 @@ def picture(scene: Scene | TracerScene, seen: View, *, coherent: bool = True) ->
     """One sample in the middle of every pixel."""
     tracer_scene = make_tracer_scene(scene) if isinstance(scene, Scene) else scene
     tracer = Tracer(tracer_scene, seen.panel, seen.eye, coherent=coherent)
-    tracer.take(seen.event)
+    tracer.set_event(seen.event)
     width, height = seen.panel.pixels
     pixels = block_order(Rect(x=0, y=0, width=width, height=height), worker=0, workers=1)
     samples, cost = tracer.trace((pixels + 0.5).astype(np.float32))

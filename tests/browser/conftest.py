@@ -142,7 +142,7 @@ class Source(threading.Thread):
             ranks=ranks,
             latency_ms=(21.0, 34.0, 55.0),
             latencies_ms=(20.0, 22.0, 34.0),
-            refresh_hz=30.0,
+            refreshes_per_s=30.0,
             compare=self.compare,
             compared_per_s=2e6 if self.compare else 0.0,
         )

@@ -7,7 +7,7 @@ Frames: *panel pixels* have their origin at the panel's top left corner, x right
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -288,20 +288,3 @@ class Framelet:
         if found is None:
             raise KeyError(name)
         return found
-
-
-@dataclass(slots=True)
-class Counters:
-    """Named counts of what was dropped or repaired; merged into the summary."""
-
-    counts: dict[str, int] = field(default_factory=dict)
-
-    def add(self, name: str, n: int = 1) -> None:
-        """Add to one count."""
-        if n:
-            self.counts[name] = self.counts.get(name, 0) + int(n)
-
-    def merge(self, other: dict[str, int]) -> None:
-        """Add all counts of another."""
-        for name, n in other.items():
-            self.add(name, n)

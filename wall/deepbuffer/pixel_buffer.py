@@ -6,9 +6,11 @@ unfinished double-buffered frame wait beside it, 37 bytes a pixel.
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 
-from wall.core.data import Batch, Counters, Float32, Float64
+from wall.core.data import Batch, Float32, Float64
 from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
@@ -20,7 +22,7 @@ class PixelBuffer:
 
     def __init__(self, width: int, height: int) -> None:
         self.width, self.height = width, height
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self.samples_shown = 0
         self.newest_event = NEVER  # of the samples shown
         self.records = np.zeros((height, width), kernels.PIXEL)
@@ -44,10 +46,10 @@ class PixelBuffer:
         frame = self._back.get(batch.rank)
         if frame is None or order > frame.order:
             if frame is not None and frame.batches:
-                self.counters.add("frame_incomplete", frame.arrived)
+                self.counters["frame_incomplete"] += frame.arrived
             frame = self._back[batch.rank] = _Frame(order, self.width, self.height)
         if order < frame.order or frame.shown:
-            self.counters.add("late", len(batch.samples))
+            self.counters["late"] += len(batch.samples)
             return
         if frame.take(batch) >= batch.frame_samples:
             for part in frame.batches:
@@ -61,8 +63,7 @@ class PixelBuffer:
         late, outside = kernels.insert(
             batch.samples, batch.base_time, key, np.float32(batch.blend), self.records, self._dirty, complete_at
         )
-        self.counters.add("late", late)
-        self.counters.add("outside", outside)
+        self.counters += Counter(late=late, outside=outside)
         shown = len(batch.samples) - late - outside
         self.samples_shown += shown
         if shown and (batch.camera_event, batch.scene_event) > self.newest_event:

@@ -67,7 +67,7 @@ class Status:
     ranks: tuple[RankStatus, ...]
     latency_ms: tuple[float, float, float]  # p50, p95, p99, input to changed picture; 0: no input
     latencies_ms: tuple[float, ...]  # the recent ones, newest last, for the plot
-    refresh_hz: float  # pictures shown a second
+    refreshes_per_s: float  # that changed something
     compare: str = ""  # the sampler that has the other half of the rays; "" none
     compared_per_s: float = 0.0  # its samples, of those of all ranks
 

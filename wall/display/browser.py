@@ -11,7 +11,7 @@ import contextlib
 import errno
 import socket
 import threading
-from collections import deque
+from collections import Counter, deque
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -21,7 +21,7 @@ from typing import Any
 from aiohttp import WSCloseCode, WSMsgType, web
 from PIL import Image
 
-from wall.core.data import Counters, StatisticsImage
+from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.png import QUICK, whole_wall
@@ -86,7 +86,7 @@ class Browser:
         self._newest: tuple[WallPicture, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
-        self._counters = Counters()
+        self._counters = Counter[str]()
         self._jpegs: dict[_Shown, tuple[int, bytes]] = {}  # version, JPEG; the encoder's own
         self._statistics_wanted = False  # as last told by `commands`
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
@@ -116,7 +116,7 @@ class Browser:
 
     def dropped(self) -> dict[str, int]:
         """Requests, messages and commands that were refused so far, by name."""
-        return dict(self._counters.counts)
+        return dict(self._counters)
 
     def close(self) -> None:
         """Tell the viewers, stop serving; within a second."""
@@ -185,10 +185,10 @@ class Browser:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
         if not host_is_ours(request.headers.get("Host", ""), self._host, self._names):
-            self._counters.add("browser_foreign_request")
+            self._counters["browser_foreign_request"] += 1
             raise web.HTTPForbidden(text="this address is not mine; open the one that was printed\n")
         if request.path != "/" and request.headers.get("Sec-Fetch-Site") == "cross-site":
-            self._counters.add("browser_foreign_request")
+            self._counters["browser_foreign_request"] += 1
             raise web.HTTPForbidden(text="other sites' pages may not use this one\n")
         response: web.StreamResponse = await handler(request)
         return response
@@ -207,14 +207,14 @@ class Browser:
 
     async def _stream(self, request: web.Request) -> web.WebSocketResponse:
         if not origin_is_ours(request.headers.get("Origin"), request.headers.get("Host", "")):
-            self._counters.add("browser_foreign_request")
+            self._counters["browser_foreign_request"] += 1
             raise web.HTTPForbidden(text="other sites' pages may not steer this wall\n")
         connection = web.WebSocketResponse(
             timeout=LEAVE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES
         )
         await connection.prepare(request)
         if len(self._viewers) >= self._max_viewers:
-            self._counters.add("browser_viewer_refused")
+            self._counters["browser_viewer_refused"] += 1
             await connection.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
             return connection
         viewer = _Viewer(connection)
@@ -233,20 +233,20 @@ class Browser:
         try:
             message = parse_message(text)
         except RemoteProtocolError:
-            self._counters.add("browser_bad_message")
+            self._counters["browser_bad_message"] += 1
             return
         if message["kind"] == "shown":
             self._drawn(viewer, message["number"])
         elif message["kind"] == "overlay":
             viewer.overlay, viewer.statistics_images = message["value"], ()
         elif len(self._commands) >= MAX_COMMANDS:
-            self._counters.add("browser_command_overflow")
+            self._counters["browser_command_overflow"] += 1
         else:
             self._commands.append(message)
 
     def _drawn(self, viewer: _Viewer, number: int) -> None:
         if number not in viewer.in_flight:
-            self._counters.add("browser_bad_message")
+            self._counters["browser_bad_message"] += 1
             return
         while viewer.in_flight.popleft() != number:
             pass
@@ -265,7 +265,7 @@ class Browser:
         except ConnectionError:
             return  # the viewer left
         except Exception as error:
-            self._counters.add("browser_feed_failed")
+            self._counters["browser_feed_failed"] += 1
             await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
 
     async def _send(self, viewer: _Viewer, picture: WallPicture, status: Status) -> None:

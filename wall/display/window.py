@@ -8,10 +8,10 @@ a buffer is free, so a slow display gets fewer pictures, never older ones, and d
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from wall.core.data import Counters
 from wall.display.base import PanelPicture, Status, WallPicture
 from wall.display.window_host import WindowHost
 from wall.display.x_server import display_of
@@ -89,10 +89,7 @@ class WindowSink:
 
     def dropped(self) -> dict[str, int]:
         """Pictures and commands that were dropped so far, by name."""
-        total = Counters()
-        for host in self._hosts:
-            total.merge(host.counters.counts)
-        return dict(total.counts)
+        return dict(sum((host.counters for host in self._hosts), Counter[str]()))
 
     def close(self) -> None:
         """Close the windows and end their processes, within two seconds."""

@@ -14,7 +14,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import wall
-from wall.core.data import Counters
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture
 from wall.display.window_layout import WindowRequest, request_of
@@ -44,7 +43,7 @@ class WindowHost:
         """Start the process; `begin` waits for it. `height`: of the whole wall, virtual screen pixels."""
         self.display = display
         self.notes: tuple[str, ...] = ()
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self.escape, self.gone = "", False
         self._requests, self.areas = _windows_of(panels, refresh_hz)
         self._bytes = [3 * request.pixels[0] * request.pixels[1] for request in self._requests]
@@ -107,7 +106,7 @@ class WindowHost:
             self._newest.update((picture.id, picture) for picture in news)
             for k in {self.areas[picture.id].window for picture in news} & self._open:
                 if k in self._waiting:
-                    self.counters.add("window_overtaken")
+                    self.counters["window_overtaken"] += 1
                 self._waiting.add(k)
                 self._put[k] += 1
         if news:
@@ -163,7 +162,7 @@ class WindowHost:
             self._open.clear()
             self._changed.notify_all()
         if not self._ending and not self.escape:
-            self.counters.add("window_display_lost")
+            self.counters["window_display_lost"] += 1
 
     def _feed(self) -> None:
         """Copy every waiting picture whose window has a free buffer, and tell the process."""
@@ -186,20 +185,20 @@ class WindowHost:
             k, buffer, used = said
             self._free[k].append(buffer)
             if not used:
-                self.counters.add("window_overtaken")
+                self.counters["window_overtaken"] += 1
         elif kind == "shown":
             self._done[said[0]] = max(self._done[said[0]], said[1])
         elif kind == "command":
             if len(self._commands) < MAX_COMMANDS:
                 self._commands.append(said[0])
             else:
-                self.counters.add("window_command_overflow")
+                self.counters["window_command_overflow"] += 1
         elif kind == "escape":
             self.escape = f"Escape was pressed in the window of panel {self._requests[said[0]].id}"
         else:  # closed, lost
             self._open.discard(said[0])
             self._waiting.discard(said[0])
-            self.counters.add(f"window_{kind}")
+            self.counters[f"window_{kind}"] += 1
 
     def _send(self, message: Any) -> None:
         with contextlib.suppress(OSError):  # the process has ended; `_receive` sees it too

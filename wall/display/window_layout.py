@@ -36,7 +36,7 @@ class Monitor(NamedTuple):
 
     name: str
     box: Box
-    refresh_hz: int  # 0 where the server does not say
+    blanks_per_s: int  # vertical blanks; 0 where the server does not say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +131,7 @@ def _position(panel: WindowRequest, box: Box, fills: int | None, monitor: Monito
         box=box,
         monitor=fills,
         rotation=rotation,
-        interval=max(1, round(monitor.refresh_hz / panel.most_hz)) if panel.most_hz else 1,
+        interval=max(1, round(monitor.blanks_per_s / panel.most_hz)) if panel.most_hz else 1,
         note=note,
     )
 

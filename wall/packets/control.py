@@ -37,7 +37,7 @@ _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hello:
-    """A rank is here: what it says until the membership lists it."""
+    """A rank of the run: what it says until the membership lists it."""
 
     rank: int
     host: str
@@ -46,20 +46,10 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Member:
-    """A rank of the run, as its Hello told."""
-
-    rank: int
-    host: str
-    endpoint: str
-    incarnation: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Membership:
-    """Every rank that is in the run. Absolute, and repeated: the newest replaces all before it."""
+    """The Hello of every rank in the run. Absolute, and repeated: the newest replaces all before it."""
 
-    members: tuple[Member, ...] = ()
+    members: tuple[Hello, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -247,7 +237,7 @@ def _parse_json(cls: Any, body: bytes) -> Message:
     except (ValueError, RecursionError) as error:
         raise RemoteProtocolError(f"a {name} that is not JSON ({error})") from error
     if cls is Membership and isinstance(values, dict) and isinstance(values.get("members"), list):
-        values["members"] = tuple(_checked(Member, member) for member in values["members"])
+        values["members"] = tuple(_checked(Hello, member) for member in values["members"])
     message: Message = _checked(cls, values)
     return message
 
@@ -272,7 +262,7 @@ def _fits(value: Any, kind: str) -> bool:
         return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
     if kind == "str":
         return isinstance(value, str) and _LONE_SURROGATE.search(value) is None
-    if kind == "tuple[Member, ...]":
+    if kind == "tuple[Hello, ...]":
         return isinstance(value, tuple)
     return (
         isinstance(value, dict)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TypeAlias
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
 from wall.config.graph import FrameSync, SkyNode
-from wall.core.data import Counters, Event, Framelet, Rect, StatisticsImage
+from wall.core.data import Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
@@ -49,7 +50,7 @@ class Composition:
     def __init__(self, plan: Plan, rank: int, ready: Ready = no_credit, run_all: RunAll = one_by_one) -> None:
         """`ready`: which ranks take framelets now; `run_all` refreshes several layers, perhaps a thread each."""
         graph = plan.layout.graph
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self._plan, self._rank, self._ready, self._run_all = plan, rank, ready, run_all
         self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
         self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
@@ -129,8 +130,8 @@ class Composition:
                 return {}
             late = done
         for name in late:
-            counted = len(self.counters.counts) < MOST_NAMES or f"late {name}" in self.counters.counts
-            self.counters.add(f"late {name}" if counted else "late others")
+            counted = len(self.counters) < MOST_NAMES or f"late {name}" in self.counters
+            self.counters[f"late {name}" if counted else "late others"] += 1
         layers = list(self.layers.values())
         on_gpu = any(layer.reprojected.on_gpu for layer in layers)  # such an image belongs to the thread that inserts
         refreshed = (one_by_one if on_gpu else self._run_all)([partial(layer.refresh, event, now) for layer in layers])
@@ -212,12 +213,9 @@ class Composition:
         """Number of samples that the images of all layers show."""
         return sum(layer.samples_shown for layer in self.layers.values())
 
-    def drops(self) -> Counters:
+    def drops(self) -> Counter[str]:
         """What was dropped here, by name."""
-        total = Counters(dict(self.counters.counts))
-        for layer in self.layers.values():
-            total.merge(layer.counters.counts)
-        return total
+        return sum((layer.counters for layer in self.layers.values()), Counter(self.counters))
 
     def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
         """Fresh: framelets of the sources of this rank by step, and those that come from elsewhere."""

@@ -33,10 +33,11 @@ from wall.roles.instructions import (
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.statistics import Due
-from wall.roles.status import AWAY_FROM_HEAD, Latency, statistics_of, status_of
+from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of
 from wall.roles.view import FollowedView, followed_views
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
+RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
 LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
 
@@ -47,7 +48,7 @@ class Compositor:
         graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
         self.due = -math.inf
         self.composition = Composition(plan, hello.rank, ready, run_all)
-        self.latency, self.refreshes = Latency(), 0
+        self.latency, self.refreshes, self._refresh_rate = Latency(), 0, Rates(RATE_SPAN_S)
         self._views = list(followed_views(plan))
         targets = {target for targets in targets_of(graph, hello.rank).values() for target in targets} | {HEAD}
         self._standing = Standing(hello, targets - {hello.rank}, plan.layout.config.transport)
@@ -75,7 +76,7 @@ class Compositor:
             try:
                 self.composition.insert(message.data)
             except RemoteProtocolError:
-                self.composition.counters.add("bad_packet")
+                self.composition.counters["bad_packet"] += 1
         elif isinstance(message, Dropped):
             self.composition.lose(message.to, message.packet)
         elif isinstance(message, Presented):
@@ -163,10 +164,11 @@ class Compositor:
     def _make_status(self, event: Event, now: float) -> Iterator[Instruction]:
         self._status_due = now + STATUS_PERIOD_S
         began = now if self._began is None else self._began
+        (refreshes_per_s,) = self._refresh_rate.at(now, self.refreshes)
         oldest = {index: layer.oldest_sample(now) for index, layer in self.composition.layers.items()}
         self._status = status_of(
             self._plan, event, self._beats, self._standing.members, self.latency,
-            seconds=now - began, refreshes=self.refreshes, oldest=oldest,
+            seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
         )  # fmt: skip
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
@@ -221,7 +223,7 @@ class Compositor:
             samples_shown=composition.samples_shown(),
             packets=self._packets,
             bytes=self._bytes,
-            dropped=composition.drops().counts,
+            dropped=dict(composition.drops()),
             complete=self._complete,
             camera_event=number[0],
             scene_event=number[1],

@@ -59,7 +59,7 @@ class PanelCompositor:
         """Begin or end a comparison; the samples of one that ends stay counted."""
         if self.compared is not None:
             self._compared_version = self.compared.image.version + 1
-            self.counters.merge(self.compared.buffer.counters.counts)
+            self.counters.update(self.compared.buffer.counters)
             self.newest.buffer.samples_shown += self.compared.buffer.samples_shown
         self.compared = compared_layer(self.panel, version=self._compared_version) if self._routing.compare else None
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from wall.core.data import Counters
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat, Hello, Member, Statistics, Stop, WindowInput, commands_of
+from wall.packets.control import Heartbeat, Hello, Statistics, Stop, WindowInput, commands_of
 from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
 from wall.roles.membership import Register
@@ -51,7 +51,7 @@ class Manager:
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self._layout, self._seconds, self._until_complete = layout, seconds, until_complete
         self._directors = [Director(plan, now, view) for view in range(len(plan.views))]
         self._register = Register()
@@ -69,7 +69,7 @@ class Manager:
                 director.paused = True
 
     @property
-    def members(self) -> Mapping[int, Member]:
+    def members(self) -> Mapping[int, Hello]:
         """All ranks that were ever in the run."""
         return self._register.members
 
@@ -96,9 +96,9 @@ class Manager:
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
             elif isinstance(message, Packet):
-                self.counters.add("stray_packet")
+                self.counters["stray_packet"] += 1
         except RemoteProtocolError:
-            self.counters.add("bad_message")
+            self.counters["bad_message"] += 1
         self.due = now
 
     def _check_rank(self, rank: int) -> None:
@@ -119,7 +119,7 @@ class Manager:
             try:
                 commands.append(parse(command))
             except RemoteProtocolError:
-                self.counters.add("bad_command")
+                self.counters["bad_command"] += 1
         return commands
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
@@ -220,9 +220,6 @@ class Manager:
         living = (self.heartbeats.get(rank) for rank in ranks if rank not in self.lost)
         return all(beat is not None and beat.last for beat in living)
 
-    def dropped(self) -> Counters:
+    def dropped(self) -> Counter[str]:
         """What was dropped anywhere, by name."""
-        total = Counters(dict(self.counters.counts))
-        for beat in self.heartbeats.values():
-            total.merge(beat.dropped)
-        return total
+        return sum((Counter(beat.dropped) for beat in self.heartbeats.values()), Counter(self.counters))

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Iterator
 
 from wall.config.schema import TransportConfig
-from wall.packets.control import Heartbeat, Hello, Member, Membership
+from wall.packets.control import Heartbeat, Hello, Membership
 from wall.roles.instructions import MANAGER, Broadcast, Connect, Finish, Instruction, Send
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
@@ -22,15 +22,14 @@ class Register:
     """The manager's list of members."""
 
     def __init__(self) -> None:
-        self.members: dict[int, Member] = {}
+        self.members: dict[int, Hello] = {}
         self._absent: frozenset[int] = frozenset()  # members that are not heard of any more
         self._due = math.inf  # when it is to be broadcast
 
     def take(self, hello: Hello, now: float) -> None:
         """Add a rank, or replace an earlier incarnation of it."""
-        member = Member(rank=hello.rank, host=hello.host, endpoint=hello.endpoint, incarnation=hello.incarnation)
-        if self.members.get(hello.rank) != member:
-            self.members[hello.rank] = member
+        if self.members.get(hello.rank) != hello:
+            self.members[hello.rank] = hello
             self._due = min(self._due, now + GATHER_S)
 
     def on_tick(self, now: float, absent: Iterable[int]) -> Iterator[Broadcast]:
@@ -49,8 +48,8 @@ class Standing:
     def __init__(self, hello: Hello, targets: Iterable[int], transport: TransportConfig) -> None:
         """`targets`: the ranks that this one sends packets to."""
         self._hello, self._targets, self._transport = hello, frozenset(targets), transport
-        self.members: dict[int, Member] = {}
-        self._connected: dict[int, Member] = {}
+        self.members: dict[int, Hello] = {}
+        self._connected: dict[int, Hello] = {}
         self._heard: float | None = None  # when the manager said something, or this rank began
         self._beat_due = -math.inf
 
@@ -82,7 +81,6 @@ class Standing:
     def beat(self, heartbeat: Heartbeat, now: float) -> Iterator[Send]:
         """Send a heartbeat, and a Hello as long as the manager does not list this rank."""
         self._beat_due = now + self._transport.heartbeat_s
-        known = self.members.get(self._hello.rank)
-        if known is None or known.incarnation != self._hello.incarnation:
+        if self.members.get(self._hello.rank) != self._hello:
             yield Send(MANAGER, self._hello)
         yield Send(MANAGER, heartbeat)

@@ -28,6 +28,7 @@ from wall.roles.instructions import (
 from wall.roles.membership import Standing
 from wall.roles.plan import Plan
 from wall.roles.statistics import Due, tiles_of
+from wall.roles.status import Rates
 from wall.sampling.tiles import Measured
 
 LOOK_AGAIN_S = 0.05  # a resting worker looks this often whether something is missing: samples grow old
@@ -55,7 +56,7 @@ class Renderer:
         self._tiles: dict[int, Measured] = {}  # the newest of each worker's sampler, while a viewer shows them
         self._tiles_due = [Due() for _ in range(self._workers)]
         self._packets = self._bytes = 0
-        self._rates = _Rates()
+        self._rates = Rates(RATE_SPAN_S)
         self._began: float | None = None
         self._stopping = False
 
@@ -156,7 +157,7 @@ class Renderer:
         work = self._work.values()
         samples, compared = sum(w.samples for w in work), sum(w.compared for w in work)
         bad = sum(w.bad_samples for w in work)
-        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, (samples, self._bytes, compared))
+        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, samples, self._bytes, compared)
         number = self.event.number if self.event else NEVER
         return Heartbeat(
             rank=self._rank,
@@ -175,20 +176,3 @@ class Renderer:
             scene_event=number[1],
             last=last,
         )
-
-
-class _Rates:
-    """How fast some counts grow."""
-
-    def __init__(self) -> None:
-        self._then = -math.inf
-        self._counts = (0, 0, 0)
-        self._rates = (0.0, 0.0, 0.0)
-
-    def at(self, now: float, counts: tuple[int, int, int]) -> tuple[float, float, float]:
-        """Growth a second since the last measurement that was long enough ago."""
-        span = now - self._then
-        if span > RATE_SPAN_S:
-            a, b, c = (max(0, new - old) / span for new, old in zip(counts, self._counts, strict=True))
-            self._then, self._counts, self._rates = now, counts, (a, b, c)
-        return self._rates

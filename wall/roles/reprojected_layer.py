@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.compositing.graph import Layer
 from wall.config.sampling import AdaptiveSampling
-from wall.core.data import Batch, Counters, Event, StatisticsImage
+from wall.core.data import Batch, Event, StatisticsImage
 from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.geometry.cameras import PanelView
@@ -28,7 +30,7 @@ class ReprojectedLayer:
     on, GpuError is raised instead and `given_up` is set.
     """
 
-    def __init__(self, plan: Plan, layer: Layer, image: LayerImage, counters: Counters, wish: Wish | None) -> None:
+    def __init__(self, plan: Plan, layer: Layer, image: LayerImage, counters: Counter[str], wish: Wish | None) -> None:
         """`wish` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
         self._plan, self._layer, self._image, self._counters = plan, layer, image, counters
         self._panel_view = PanelView(plan.view_of(image.panel), image.panel)
@@ -50,7 +52,7 @@ class ReprojectedLayer:
 
     def insert(self, batch: Batch) -> None:
         """Store a batch in the deep buffer. Raises GpuError if a GPU was insisted on and is lost."""
-        self._counters.add("outside", self.arrivals.note(batch))
+        self._counters += Counter(outside=self.arrivals.note(batch))
         reconstruction = self.reconstruction or self._make()
         samples = batch.samples
         if self._coverage is not None:
@@ -77,7 +79,7 @@ class ReprojectedLayer:
         return self.reconstruction
 
     def _give_up(self, error: GpuError) -> None:
-        self._counters.add("gpu_lost")
+        self._counters["gpu_lost"] += 1
         if self._wish == "gpu":
             self.reconstruction, self.given_up = None, True
             raise error

@@ -7,9 +7,9 @@ that was not heard of yet is early and waits for it.
 from __future__ import annotations
 
 import enum
-from collections import deque
+from collections import Counter, deque
 
-from wall.core.data import Batch, Counters, Event
+from wall.core.data import Batch, Event
 
 EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
 
@@ -25,7 +25,7 @@ class Destination(enum.Enum):
 class SampleRouting:
     """Follows which sampler is asked for, or which two, and from which camera event on."""
 
-    def __init__(self, method: str, counters: Counters, *, reprojects: bool) -> None:
+    def __init__(self, method: str, counters: Counter[str], *, reprojects: bool) -> None:
         """`method`: shown where an event names none; `reprojects`: the layer reprojects samples of every sampler."""
         self._default, self._reprojects, self._counters = method, reprojects, counters
         self.method, self.compare = method, ""
@@ -58,11 +58,11 @@ class SampleRouting:
             if len(self._early) < EARLY_BATCHES:
                 self._early.append(batch)
             else:
-                self._counters.add("early", len(batch.samples))
+                self._counters["early"] += len(batch.samples)
         elif current and self.compare:
             return Destination.COMPARED
         elif current and not self.reprojected:
             return Destination.NEWEST
         else:
-            self._counters.add("late", len(batch.samples))
+            self._counters["late"] += len(batch.samples)
         return None

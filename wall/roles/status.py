@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from wall.config.sampling import METHODS
 from wall.core.data import Event
 from wall.display.base import RankStatus, Status
-from wall.packets.control import Heartbeat, Member, Statistics
+from wall.packets.control import Heartbeat, Hello, Statistics
 from wall.roles.plan import Layout, Plan
 
 if TYPE_CHECKING:
@@ -23,8 +24,26 @@ UNSEEN_EVENTS = 4096  # remembered until a sample of them is shown
 MEASURED_LATENCIES = 65536  # kept for the summary
 AWAY_FROM_HEAD = Status(
     seconds=0.0, paused=False, sampler="", samplers=(), ranks=(), latency_ms=(0.0, 0.0, 0.0), latencies_ms=(),
-    refresh_hz=0.0,
+    refreshes_per_s=0.0,
 )  # fmt: skip  # what sinks away from the head are given: they show none of it
+
+
+class Rates:
+    """How fast some counts grow, averaged over at least `span_s` seconds."""
+
+    def __init__(self, span_s: float) -> None:
+        self._span_s, self._then = span_s, -math.inf
+        self._counts: tuple[int, ...] = ()
+        self._rates: tuple[float, ...] = ()
+
+    def at(self, now: float, *counts: int) -> tuple[float, ...]:
+        """Growth a second of each count, as of the last measurement that was long enough after the one before."""
+        span = now - self._then
+        if span > self._span_s:
+            before = self._counts or counts
+            self._rates = tuple(max(0, new - old) / span for new, old in zip(counts, before, strict=True))
+            self._then, self._counts = now, counts
+        return self._rates
 
 
 class Latency:
@@ -57,16 +76,16 @@ def status_of(
     plan: Plan,
     event: Event,
     beats: Mapping[int, Heartbeat],
-    members: Mapping[int, Member],
+    members: Mapping[int, Hello],
     latency: Latency,
     *,
     seconds: float,
-    refreshes: int,
+    refreshes_per_s: float,
     oldest: Mapping[int, float | None],
 ) -> Status:
     """What sinks may show of the run.
 
-    `seconds`: since it began; `refreshes`: that changed something; `oldest`: age of the oldest sample shown, by layer.
+    `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer.
     """
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
     layout = plan.layout
@@ -80,7 +99,7 @@ def status_of(
         ranks=tuple(_rank_status(layout, k, beats.get(k), k in members, oldest) for k in range(layout.size)),
         latency_ms=percentiles_ms(recent),
         latencies_ms=tuple(1000.0 * s for s in recent),
-        refresh_hz=refreshes / max(seconds, 1e-3),
+        refreshes_per_s=refreshes_per_s,
     )
 
 
@@ -114,7 +133,7 @@ def percentiles_ms(seconds: list[float]) -> tuple[float, float, float]:
 def statistics_of(status: Status) -> Statistics:
     """What an `overlay` node may show."""
     return Statistics(
-        fps=round(status.refresh_hz, 1),
+        fps=round(status.refreshes_per_s, 1),
         samples_per_s=float(f"{sum(rank.samples_per_s for rank in status.ranks):.3g}"),
         latency_ms=round(status.latency_ms[0]),
         ranks=sum(rank.alive for rank in status.ranks),
@@ -140,7 +159,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "refreshes": compositor.refreshes,
         "head_cores": round(cores, 3),
         "reconstruction": {layer.panel.id: str(choice) for layer in layers if (choice := layer.reprojected.choice)},
-        "dropped": dict(sorted(dropped.counts.items())),
+        "dropped": dict(sorted(dropped.items())),
         "latency_ms": dict(zip(("p50", "p95", "p99"), compositor.latency.percentiles_ms(), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
@@ -148,7 +167,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
     }
 
 
-def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Member | None) -> dict[str, Any]:
+def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Hello | None) -> dict[str, Any]:
     a_second = 1.0 / max(beat.seconds, 1e-3) if beat and beat.seconds else 0.0
     return {
         "rank": rank,

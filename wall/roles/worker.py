@@ -30,8 +30,9 @@ class Worker:
     def __init__(
         self, plan: Plan, tracer_scene: TracerScene, rank: int, clock: Clock, samplers: list[Sampler], worker: int
     ) -> None:
+        """`samplers`: of all workers of the region; `worker`: which one this is."""
         layout = plan.layout
-        self.samplers, self.worker = samplers, worker
+        self.sampler = samplers[worker]
         self.work = Work()
         self._region, self._rank, self._clock = layout.region(rank), rank, clock
         self._codec = Codec[layout.config.transport.codec.upper()]
@@ -46,11 +47,6 @@ class Worker:
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
         self._lost: deque[Batch] = deque()
-
-    @property
-    def sampler(self) -> Sampler:
-        """The sampler that this worker uses."""
-        return self.samplers[self.worker]
 
     def step(self, newest: Event) -> bytes | None:
         """Traces and encodes one batch at the newest event; returns the packet, or None without targets."""
@@ -105,7 +101,7 @@ class Worker:
     def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
         tracer = self._tracers[coherent]
         if self._placed[coherent] is not event:
-            tracer.take(event)
+            tracer.set_event(event)
             self._placed[coherent] = event
         return tracer
 

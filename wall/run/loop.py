@@ -118,7 +118,7 @@ class Loop:
         if not isinstance(message, Heartbeat):
             return message
         dropped = self._ports.drops()
-        dropped.merge(message.dropped)
+        dropped.update(message.dropped)
         for sink in {id(sink): sink for sink in self._sinks if sink is not None}.values():
-            dropped.merge(sink.dropped())
-        return replace(message, peak_memory=peak_memory(), dropped=dropped.counts)
+            dropped.update(sink.dropped())
+        return replace(message, peak_memory=peak_memory(), dropped=dict(+dropped))

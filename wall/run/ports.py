@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 
-from wall.core.data import Counters
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.packets.control import Message, Ping, Pong, parse_control, serialise
 from wall.roles.instructions import MANAGER, Input, Packet
@@ -27,7 +26,7 @@ class Ports:
     ) -> None:
         """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours."""
         self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
-        self._counters = Counters()
+        self._counters = Counter[str]()
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
         self._ping_due = 0.0
@@ -88,25 +87,26 @@ class Ports:
         return link is not None and link.ready()
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something comes or the time is over."""
-        blocked = next((link for link in self._links.values() if not link.ready()), None)
-        waiting = self._hub or blocked or self._manager
-        assert waiting is not None
-        waiting.wait(seconds)
+        """Sleep until something comes or the time is over, at one way alone: the hub; else a link without credit."""
+        if self._hub is not None:
+            self._hub.wait(seconds)
+            return
+        way = next((link for link in self._links.values() if not link.ready()), self._manager)
+        assert way is not None
+        way.wait(seconds)
 
-    def drops(self) -> Counters:
+    def drops(self) -> Counter[str]:
         """What was dropped on all ways, by name."""
-        total = Counters(dict(self._counters.counts))
-        for way in (self._hub, self._manager, *self._links.values()):
-            if way is not None:
-                total.merge(way.counters.counts)
-        return total
+        return sum((way.counters for way in self._ways()), Counter(self._counters))
 
     def close(self) -> None:
         """Close all of them, within a bounded time each."""
-        for way in (*self._links.values(), self._manager, self._hub):
-            if way is not None:
-                way.close()
+        for way in self._ways():
+            way.close()
+
+    def _ways(self) -> list[Link | Hub]:
+        """All that are open, in the order in which they are closed."""
+        return [way for way in (*self._links.values(), self._manager, self._hub) if way is not None]
 
     def _ping(self, manager: Link, every: float) -> None:
         now = time.monotonic()
@@ -126,7 +126,7 @@ class Ports:
         """Control messages at our hub: the manager's business; elsewhere they are strays."""
         for peer, data in hub.messages():
             if self._manager is not None:
-                self._counters.add("stray_message")
+                self._counters["stray_message"] += 1
                 continue
             message = self._parsed(data)
             if isinstance(message, Ping):
@@ -139,7 +139,7 @@ class Ports:
         try:
             return parse_control(data)
         except RemoteProtocolError:
-            self._counters.add("bad_message")
+            self._counters["bad_message"] += 1
             return None
 
 

@@ -57,7 +57,8 @@ class Tracers:
     def restart(self, sampler: str, compare: str) -> None:
         """Make all samplers anew. Only while no thread is at work."""
         samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare)
-        self.workers[0].samplers[:] = samplers
+        for worker, own in zip(self.workers, samplers, strict=True):
+            worker.sampler = own
 
     def close(self) -> None:
         """End the threads."""

@@ -82,7 +82,7 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT) -> Workspace:
 
 
 class Tracer:
-    """Traces for one thread. `take(event, ...)` moves to a new event; `trace(xy)` gives samples under it."""
+    """Traces for one thread. `set_event(event)` moves to a new event; `trace(xy)` gives samples under it."""
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class Tracer:
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64))
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
-    def take(self, event: Event) -> None:
+    def set_event(self, event: Event) -> None:
         """Places everything for `event`: its camera, and its scene time."""
         self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time))
         self._ray_frame = self._ray_frame._replace(frame=ray_frame(self._panel, self._eye, event.camera))
@@ -121,7 +121,7 @@ class Tracer:
         """Trace for another panel from now on, under `event`: as a new Tracer would, without new trees."""
         self._panel, self._eye = panel, eye
         self._ray_frame = self._ray_frame._replace(corner=np.array(panel.screen, np.float64))
-        self.take(event)
+        self.set_event(event)
 
     def place(self, origin: Float64, moment: Moment) -> None:
         """Places instances and lights of a moment relative to the eye at `origin` (3,), world."""

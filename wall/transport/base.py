@@ -10,8 +10,8 @@ Each end belongs to one thread.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 
-from wall.core.data import Counters
 from wall.core.errors import LocalProtocolError
 
 QUEUED_PACKETS = 2  # that wait at a link for credit; the oldest gives way to a newer one
@@ -29,7 +29,7 @@ def checked(message: bytes) -> bytes:
 class Link(ABC):
     """A rank's end. `counters` holds what was dropped: no_credit, control_overflow, ..."""
 
-    counters: Counters
+    counters: Counter[str]
 
     @abstractmethod
     def offer(self, packet: bytes) -> list[bytes]:
@@ -67,7 +67,7 @@ class Hub(ABC):
     them lies here.
     """
 
-    counters: Counters
+    counters: Counter[str]
     endpoint: str  # where links connect to
 
     @abstractmethod

@@ -7,17 +7,16 @@ messages keep their order, what then neither waits at the hub nor was consumed i
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 
-from wall.core.data import Counters
 from wall.transport.base import QUEUED_PACKETS, checked
 
 
 class LinkCredit:
     """The link's side: what may be sent, and the few packets that wait."""
 
-    def __init__(self, counters: Counters) -> None:
+    def __init__(self, counters: Counter[str]) -> None:
         self.sent = 0
         self._limit, self._window, self._last_size = 0, 0, 1
         self._queue: deque[bytes] = deque()
@@ -45,7 +44,7 @@ class LinkCredit:
         dropped = []
         while len(self._queue) > QUEUED_PACKETS:
             dropped.append(self._queue.popleft())
-        self._counters.add("no_credit", len(dropped))
+            self._counters["no_credit"] += 1
         return dropped
 
     def flush(self, send: Callable[[bytes], bool]) -> None:

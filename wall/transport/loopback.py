@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import itertools
 import threading
-from collections import deque
+from collections import Counter, deque
 from typing import TypeVar
 
-from wall.core.data import Counters
 from wall.transport.base import MAX_CONTROL, Hub, Link, checked
 from wall.transport.credit import HubCredit, LinkCredit
 
@@ -24,7 +23,7 @@ class LoopbackHub(Hub):
     """Links find it by its endpoint, as with sockets."""
 
     def __init__(self, *, credit_bytes: int) -> None:
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self.endpoint = f"loopback:{next(_numbers)}"
         self.window = credit_bytes
         self.links: dict[bytes, LoopbackLink] = {}
@@ -66,7 +65,7 @@ class LoopbackHub(Hub):
         """Sends a control message to one peer; counts it if the peer is gone."""
         link = self.links.get(peer)
         if link is None:
-            self.counters.add("peer_gone")
+            self.counters["peer_gone"] += 1
             return
         _keep(link.inbox, checked(message), link.counters, link.something)
 
@@ -98,7 +97,7 @@ class LoopbackLink(Link):
     """Link to a hub in the same process."""
 
     def __init__(self, endpoint: str) -> None:
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self.credit = LinkCredit(self.counters)
         self.inbox: deque[bytes] = deque()
         self.something = threading.Condition()
@@ -139,12 +138,12 @@ class LoopbackLink(Link):
         return True
 
 
-def _keep(queue: deque[T], item: T, counters: Counters, reader: threading.Condition) -> None:
+def _keep(queue: deque[T], item: T, counters: Counter[str], reader: threading.Condition) -> None:
     with reader:
         queue.append(item)
         if len(queue) > MAX_CONTROL:
             queue.popleft()
-            counters.add("control_overflow")
+            counters["control_overflow"] += 1
         reader.notify()
 
 

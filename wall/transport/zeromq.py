@@ -10,12 +10,11 @@ import contextlib
 import os
 import struct
 import time
-from collections import deque
+from collections import Counter, deque
 from typing import TypeVar
 
 import zmq
 
-from wall.core.data import Counters
 from wall.core.errors import RunError
 from wall.transport.addresses import reachable
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
@@ -48,7 +47,7 @@ class ZmqLink(Link):
     """Belongs to the thread that made it."""
 
     def __init__(self, endpoint: str, *, rank: int) -> None:
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.DEALER)
         self._socket.setsockopt(zmq.ROUTING_ID, b"rank %d " % rank + os.urandom(8).hex().encode())
@@ -74,7 +73,7 @@ class ZmqLink(Link):
         self._outgoing.append(checked(message))
         if len(self._outgoing) > MAX_CONTROL:
             self._outgoing.popleft()
-            self.counters.add("control_overflow")
+            self.counters["control_overflow"] += 1
         self._flush_control()
 
     def receive(self) -> list[bytes]:
@@ -105,7 +104,7 @@ class ZmqLink(Link):
             elif len(parts) == 2 and parts[0] == GRANT and len(parts[1]) == _GRANT.size:
                 self._credit.grant(*_GRANT.unpack(parts[1]))
             else:
-                self.counters.add("bad_frame")
+                self.counters["bad_frame"] += 1
         self._credit.flush(lambda data: self._put(DATA, data))
         self._flush_control()
         if not self._credit.ready and time.monotonic() - self._asked > ASK_AGAIN_S:
@@ -131,7 +130,7 @@ class ZmqHub(Hub):
     """Belongs to the thread that uses it first; it may be made by another."""
 
     def __init__(self, bind: str, *, credit_bytes: int) -> None:
-        self.counters = Counters()
+        self.counters = Counter[str]()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
@@ -197,7 +196,7 @@ class ZmqHub(Hub):
             if size >= max_bytes or (parts := _receive(self._socket)) is None:
                 return
             if len(parts) != 3:
-                self.counters.add("bad_frame")
+                self.counters["bad_frame"] += 1
                 continue
             peer, tag, body = parts
             if tag == BYE:
@@ -206,7 +205,7 @@ class ZmqHub(Hub):
             if peer not in self._peers and not self._welcome(peer):
                 continue
             if tag == DATA and body and not self._peers[peer].arrive(len(body)):
-                self.counters.add("over_credit")
+                self.counters["over_credit"] += 1
             elif tag == DATA and body:
                 self._data.append((peer, body))
                 size += len(body)
@@ -216,11 +215,11 @@ class ZmqHub(Hub):
                 self._peers[peer].resume(*_ASK.unpack(body))
                 self._grant(peer, self._peers[peer])
             else:
-                self.counters.add("bad_frame")
+                self.counters["bad_frame"] += 1
 
     def _welcome(self, peer: bytes) -> bool:
         if len(self._peers) >= MAX_PEERS:
-            self.counters.add("too_many_peers")
+            self.counters["too_many_peers"] += 1
             return False
         self._peers[peer] = HubCredit(self._window)
         return True
@@ -234,12 +233,12 @@ class ZmqHub(Hub):
         try:
             self._socket.send_multipart((peer, tag, body), zmq.NOBLOCK)
         except zmq.Again:
-            self.counters.add("peer_full")
+            self.counters["peer_full"] += 1
         except zmq.ZMQError as error:
             if error.errno != zmq.EHOSTUNREACH:
                 raise
             self._peers.pop(peer, None)  # it says hello again if it comes back
-            self.counters.add("peer_gone")
+            self.counters["peer_gone"] += 1
 
 
 def _receive(socket: zmq.Socket[bytes]) -> list[bytes] | None:
@@ -248,8 +247,8 @@ def _receive(socket: zmq.Socket[bytes]) -> list[bytes] | None:
     return None
 
 
-def _keep(messages: deque[T], message: T, counters: Counters) -> None:
+def _keep(messages: deque[T], message: T, counters: Counter[str]) -> None:
     messages.append(message)
     if len(messages) > MAX_CONTROL:
         messages.popleft()
-        counters.add("control_overflow")
+        counters["control_overflow"] += 1

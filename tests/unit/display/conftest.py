@@ -72,5 +72,5 @@ def status() -> Status:
         ranks=ranks,
         latency_ms=(20.0, 30.0, 40.0),
         latencies_ms=(20.0, 30.0),
-        refresh_hz=30.0,
+        refreshes_per_s=30.0,
     )

@@ -72,7 +72,7 @@ def test_a_slower_panel_is_shown_at_every_second_blank() -> None:
         for k, hz in ((0, None), (1, None), (0, 30.0), (1, 30.0), (0, 59.0))
     ]
     assert intervals == [1, 1, 2, 4, 1]
-    assert lay_out([wanted(most_hz=30.0)], [LEFT._replace(refresh_hz=0)], display=":0")[0].interval == 1
+    assert lay_out([wanted(most_hz=30.0)], [LEFT._replace(blanks_per_s=0)], display=":0")[0].interval == 1
 
 
 def test_a_panel_that_is_not_slower_than_its_pictures_waits_for_no_more_than_one_blank() -> None:

@@ -22,7 +22,6 @@ from wall.packets.control import (
     MAX_COMMANDS,
     Heartbeat,
     Hello,
-    Member,
     Membership,
     Message,
     Ping,
@@ -52,10 +51,10 @@ HEARTBEATS = st.builds(
     dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**32 - 1),
     scene_event=st.integers(-1, 2**32 - 1), last=st.booleans(),
 )  # fmt: skip
-MEMBERS = st.builds(Member, rank=WORD, host=TEXT, endpoint=TEXT, incarnation=COUNT)
+HELLOS = st.builds(Hello, rank=WORD, host=TEXT, endpoint=TEXT, incarnation=COUNT)
 MESSAGES = st.one_of(
-    EVENTS, HEARTBEATS, st.builds(Hello, rank=WORD, host=TEXT, endpoint=TEXT, incarnation=COUNT),
-    st.builds(Membership, members=st.lists(MEMBERS, max_size=3).map(tuple)),
+    EVENTS, HEARTBEATS, HELLOS,
+    st.builds(Membership, members=st.lists(HELLOS, max_size=3).map(tuple)),
     st.builds(WindowInput, rank=WORD, commands=TEXT, escape=TEXT, closed=st.booleans()),
     st.builds(Statistics, fps=FINITE, samples_per_s=FINITE, latency_ms=FINITE, ranks=COUNT),
     st.builds(Ping, sent=FINITE), st.builds(Pong, sent=FINITE, head_time=FINITE), st.builds(Stop, reason=TEXT),
@@ -69,7 +68,7 @@ EXAMPLES: list[Message] = [
     EVENT,
     Hello(rank=1, host="node7", endpoint="tcp://10.0.0.7:4711", incarnation=4711),
     Membership(),
-    Membership(members=(Member(rank=1, host="n", endpoint="tcp://a:1", incarnation=5),) * 2),
+    Membership(members=(Hello(rank=1, host="n", endpoint="tcp://a:1", incarnation=5),) * 2),
     Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}),
     Ping(sent=1.5),
     Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4),
@@ -136,7 +135,7 @@ def test_a_message_cut_anywhere_or_with_any_bit_flipped_is_refused(message: Mess
         replace(EVENT, camera=replace(EVENT.camera, position=(0.0, float("inf"), 0.0))),
         Ping(sent=float("inf")), Ping(sent=True), Stop(reason="\ud800"), Stop(reason="r" * 20000),
         Hello(rank=-2, host="", endpoint="", incarnation=1), Hello(rank=2**63, host="", endpoint="", incarnation=1),
-        Membership(members=(Member(rank=1, host="\ud800", endpoint="", incarnation=1),)), Membership(members=(1,)),
+        Membership(members=(Hello(rank=1, host="\ud800", endpoint="", incarnation=1),)), Membership(members=(1,)),
         Heartbeat(rank=0, time=0.0, dropped={"a": -5}), Heartbeat(rank=0, time=0.0, samples_traced=1.5),  # type: ignore[arg-type]
         Heartbeat(rank=0, time=0.0, dropped={str(k): 1 for k in range(65)}),
         replace(framelet(), rect=Rect(x=0, y=0, width=0, height=16)),

@@ -77,7 +77,7 @@ def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) 
 
     assert panel.compared is None
     assert grey(panel.picture()) == before == pytest.approx(255, abs=1)
-    assert panel.counters.counts["late"] == RECT.area
+    assert panel.counters["late"] == RECT.area
     chosen = replace(alone, sampler="frameless", camera_event=3)
     panel.follow(chosen)
     panel.insert(flat(0.0, chosen, adaptive=False, sequence=4))

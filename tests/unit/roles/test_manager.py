@@ -269,7 +269,7 @@ def test_input_at_windows_of_a_remote_compositor_steers_and_ends_the_run(elsewhe
     run.tell(WindowInput(rank=2, commands='[{"kind": "reset"}]', escape="Escape", closed=True))
     event = manager._directors[0].event
     assert (event.paused, event.statistics) == (True, True)
-    assert manager.counters.counts == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
+    assert manager.counters == {"bad_command": 2, "bad_message": 2}, "rank 2 renders"
     assert manager.ended == ""
     run.tell(WindowInput(rank=1, escape="Escape was pressed"))
     assert manager.ended == "Escape was pressed"
@@ -334,7 +334,7 @@ def test_a_run_ends_though_nobody_says_a_last_word(elsewhere: Plan) -> None:
 def test_what_nobody_sends_is_counted(plan: Plan) -> None:
     run = Run(plan)
     run.tell(Packet(b"stray"), hello(7), *run.beats(9))
-    assert run.manager.counters.counts == {"stray_packet": 1, "bad_message": 2}
+    assert run.manager.counters == {"stray_packet": 1, "bad_message": 2}
     assert run.manager.members == {}
 
 

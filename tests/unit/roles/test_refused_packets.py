@@ -56,5 +56,5 @@ def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, c
     list(compositor.on_message(replace(event, scene_event=1, scene_time=0.5), NOW))
     list(compositor.on_tick(NOW + 0.1))
 
-    assert composition.counters.counts == {"bad_packet": 1}
+    assert composition.counters == {"bad_packet": 1}
     assert np.abs(composition.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1

@@ -11,7 +11,7 @@ import pytest
 
 from wall.config.loading import loads
 from wall.core.data import SAMPLE, Batch, Event
-from wall.packets.control import Heartbeat, Hello, Member, Membership, Stop
+from wall.packets.control import Heartbeat, Hello, Membership, Stop
 from wall.packets.samples import encode
 from wall.roles.instructions import (
     MANAGER,
@@ -167,8 +167,8 @@ def test_it_says_hello_until_the_membership_lists_it_and_connects_by_it(plan: Pl
     hello = Send(MANAGER, rank.hello)
     assert hello in rank.tell()
     assert hello in rank.tell(after=beat_s)
-    head = Member(rank=HEAD, host="h", endpoint="tcp://h:1", incarnation=1)
-    own = Member(rank=RANK, host="a", endpoint="", incarnation=1)
+    head = Hello(rank=HEAD, host="h", endpoint="tcp://h:1", incarnation=1)
+    own = Hello(rank=RANK, host="a", endpoint="", incarnation=1)
     connect = Connect(HEAD, "tcp://h:1")
     assert connect in rank.tell(Membership(members=(head, replace(own, incarnation=7))))
     assert hello in rank.tell(after=beat_s), "that was another incarnation of it"

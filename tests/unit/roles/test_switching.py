@@ -48,7 +48,7 @@ def test_late_samples_of_the_sampler_before_are_left_out_and_counted(plan: Plan,
     refresh(panel, after)
 
     assert grey(panel.picture()) == pytest.approx(255, abs=1)
-    assert panel.counters.counts["late"] == RECT.area
+    assert panel.counters["late"] == RECT.area
 
 
 @pytest.mark.parametrize(("old", "new"), [("adaptive", "frameless"), ("frameless", "adaptive")])
@@ -64,7 +64,7 @@ def test_samples_that_come_before_their_event_wait_for_it(plan: Plan, old: str, 
     refresh(panel, after)
 
     assert grey(panel.picture()) == pytest.approx(255, abs=1)
-    assert "late" not in panel.counters.counts
+    assert "late" not in panel.counters
 
 
 def test_without_a_choice_the_configured_sampler_is_shown() -> None:
@@ -109,7 +109,7 @@ def test_the_half_of_a_comparison_that_comes_before_its_event_is_not_lost(plan: 
     panel.follow(after)
     refresh(panel, after)
     assert grey(second(panel) if compare else panel.picture()) == pytest.approx(255, abs=1)
-    assert not panel.counters.counts.get("late", 0)
+    assert not panel.counters.get("late", 0)
 
 
 def test_old_samples_of_another_sampler_of_the_same_kind_are_late(plan: Plan) -> None:
@@ -119,7 +119,7 @@ def test_old_samples_of_another_sampler_of_the_same_kind_are_late(plan: Plan) ->
     panel.insert(flat(WHITE, before, adaptive=False, sequence=2))
     refresh(panel, after)
     assert grey(panel.picture()) == 0
-    assert panel.counters.counts["late"] == RECT.area
+    assert panel.counters["late"] == RECT.area
 
 
 def test_the_picture_stays_until_samples_of_the_other_sampler_come(plan: Plan) -> None:
@@ -177,9 +177,9 @@ def test_what_comes_long_before_its_event_is_counted_and_left_out(plan: Plan) ->
     panel = shown(plan, now, radiance=WHITE)
     for k in range(EARLY_BATCHES + 2):
         panel.insert(flat(BLACK, future, adaptive=False, sequence=2 + k))
-    assert panel.counters.counts["early"] == 2 * RECT.area
+    assert panel.counters["early"] == 2 * RECT.area
 
     panel.follow(asking("adaptive", 9, plan))
-    assert panel.counters.counts["late"] == EARLY_BATCHES * RECT.area, "of another history: nobody asked"
+    assert panel.counters["late"] == EARLY_BATCHES * RECT.area, "of another history: nobody asked"
     refresh(panel, now)
     assert grey(panel.picture()) == pytest.approx(255, abs=1)

@@ -39,7 +39,7 @@ def old(plan: Plan) -> Framelet:
     panel, event = plan.layout.wall.panels[PANEL], first_event(plan, 0.0)
     (width, height), (left, top) = panel.pixels, panel.screen
     tracer = Tracer(make_tracer_scene(plan.scene), panel, plan.view.eye, coherent=True)
-    tracer.take(event)
+    tracer.set_event(event)
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     samples = tracer.trace(np.stack([x.ravel(), y.ravel()], 1).astype(np.float32))[0]
     rect = Rect(x=left, y=top, width=width, height=height)

@@ -215,7 +215,7 @@ def test_packets_that_are_not_full_give_the_same_samples(tiny_scene: Scene, tiny
     from wall.tracing.tracer_scene import make_tracer_scene
 
     tracer = Tracer(make_tracer_scene(tiny_scene), tiny_view.panel, tiny_view.eye, coherent=True)
-    tracer.take(tiny_view.event)
+    tracer.set_event(tiny_view.event)
     xy = np.random.default_rng(3).uniform(0, 24, (40, 2)).astype(np.float32)
     whole, part = tracer.trace(xy)[0], tracer.trace(xy[:n])
     assert part[1].primary == n

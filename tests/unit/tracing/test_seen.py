@@ -37,7 +37,7 @@ def tracer_scene_of(objects: int) -> TracerScene:
 def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
     seen = np.array([k not in without for k in range(len(tracer_scene.meshes))]) if without else None
     tracer = Tracer(tracer_scene, SEEN_FROM.panel, SEEN_FROM.eye, coherent=coherent, seen=seen)
-    tracer.take(SEEN_FROM.event)
+    tracer.set_event(SEEN_FROM.event)
     width, height = SEEN_FROM.panel.pixels
     pixels = block_order(Rect(x=0, y=0, width=width, height=height), worker=0, workers=1)
     samples, cost = tracer.trace((pixels + 0.5).astype(np.float32))
@@ -82,6 +82,6 @@ def test_object_ids_do_not_wrap_at_sixteen_bits(compiled_only: None) -> None:
     scene = make_tracer_scene(scene_of([quad(4.0, 4.0)], [aside] * (count - 1) + [instance(0)], lights=[LIGHT]))
     seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(16, 16))
     tracer = Tracer(scene, seen.panel, seen.eye, coherent=False)
-    tracer.take(seen.event)
+    tracer.set_event(seen.event)
     samples, _ = tracer.trace(np.array([[8.5, 8.5]], np.float32))
     assert samples["object_id"].tolist() == [count]

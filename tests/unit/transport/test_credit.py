@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.core.data import Counters
 from wall.transport.base import QUEUED_PACKETS
 from wall.transport.credit import HubCredit, LinkCredit
 
@@ -26,7 +25,7 @@ class Wire:
     """One link, one hub, and the packets between them and at the hub, in order."""
 
     def __init__(self) -> None:
-        self.link, self.hub = LinkCredit(Counters()), HubCredit(WINDOW)
+        self.link, self.hub = LinkCredit(Counter[str]()), HubCredit(WINDOW)
         self.flying: deque[int] = deque()
         self.held: deque[int] = deque()
         self.grants_arrive = True
@@ -140,7 +139,7 @@ def test_consuming_more_than_arrived_gives_no_credit() -> None:
 
 
 def test_before_the_first_grant_nothing_is_sent_and_the_newest_packets_are_kept() -> None:
-    link, sent = LinkCredit(Counters()), []
+    link, sent = LinkCredit(Counter[str]()), []
     dropped = [old for k in range(5) for old in link.offer(bytes([k]), lambda p: bool(sent.append(p) or True))]
     assert not link.ready
     assert (sent, dropped) == ([], [b"\0", b"\1", b"\2"])
@@ -150,7 +149,7 @@ def test_before_the_first_grant_nothing_is_sent_and_the_newest_packets_are_kept(
 
 
 def test_a_full_socket_keeps_packets_waiting() -> None:
-    link = LinkCredit(Counters())
+    link = LinkCredit(Counter[str]())
     link.grant(WINDOW, WINDOW)
     assert link.offer(b"a", lambda _: False) == []
     assert (link.sent, link.ready) == (0, False)

@@ -85,7 +85,7 @@ export class Readout {
     if (now - this.#asked.pause > TRUST_MS) this.#showPaused(status.paused);
     if (now - this.#asked.sampler > TRUST_MS) this.#showSampler(status.compare || status.sampler);
     write($("fact-time"), clock(status.seconds));
-    write($("fact-refresh"), `${digits(status.refresh_hz)} Hz`);
+    write($("fact-refresh"), `${digits(status.refreshes_per_s)} Hz`);
     write($("fact-samples"), `${short(status.ranks.reduce((sum, r) => sum + (r.samples_per_s || 0), 0))}/s`);
     this.#showRanks(status.ranks);
     this.#showLatency(status);

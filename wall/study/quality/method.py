@@ -161,7 +161,7 @@ class MeteredTracer:
     def trace_only(self, xy: Float32, event: Event) -> tuple[Samples, int]:
         """Samples that are counted but not sent yet, and how many rays gave none."""
         if self._placed is not event:
-            self._tracer.take(event)
+            self._tracer.set_event(event)
             self._placed = event
         samples, cost = self._tracer.trace(xy)
         self.rays += cost.primary

@@ -73,7 +73,7 @@ class Session:
     def first_picture(self) -> list[Batch]:
         """One sample a pixel at time 0."""
         xy, event = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32), self.event_at(0.0)
-        self._tracer.take(event)
+        self._tracer.set_event(event)
         samples, _ = self._tracer.trace(xy)
         self.picture.insert(samples, 0.0, event)
         return [self._batch(samples[k : k + MAX_SAMPLES], event, 0.0) for k in range(0, len(samples), MAX_SAMPLES)]
@@ -94,7 +94,7 @@ class Session:
         targets = self._sampler.choose(event, rays)
         began = self._charge("choose", began)
         assert targets is not None  # something always moves
-        self._tracer.take(event)
+        self._tracer.set_event(event)
         samples, _ = self._tracer.trace(targets.xy)
         began = self._charge("trace", began)
         self.picture.insert(samples, now, event)

@@ -90,7 +90,7 @@ def _layers() -> list[Framelet]:
 def _traced(plan: Plan, panel: Panel, tracer: Tracer) -> Framelet:
     width, height = panel.pixels
     event = first_event(plan, 0.0)
-    tracer.take(event)
+    tracer.set_event(event)
     xy = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2) + 0.5
     samples = tracer.trace(xy.astype(np.float32))[0]
     rect = Rect(x=0, y=0, width=width, height=height)

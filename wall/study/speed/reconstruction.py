@@ -57,7 +57,7 @@ def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
     """So many a pixel at random places, by the tracer."""
     width, height = panel.pixels
     tracer = Tracer(make_tracer_scene(plan.scene), panel, plan.view.eye, coherent=True)
-    tracer.take(event)
+    tracer.set_event(event)
     xy = np.random.default_rng(SEED).random((SAMPLES_PER_PIXEL, height, width, 2)).astype(np.float32)
     xy += np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
     corner = np.nextafter(np.array([width, height], np.float32), np.float32(0.0))

@@ -55,7 +55,7 @@ class Bench:
         self.tracer = Tracer(tracer_scene, panel, self.plan.view.eye, coherent=chosen is None)
         raster = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32)
         raster, event = chosen or (raster, first_event(self.plan, 0.0))
-        self.tracer.take(event)
+        self.tracer.set_event(event)
         self.raster = raster[: len(raster) // 16 * 16]
         self.samples = np.zeros(len(self.raster), SAMPLE)
         self._record()

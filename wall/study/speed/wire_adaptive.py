@@ -77,7 +77,7 @@ def _tracing(tracer: Tracer, plan: Plan, batches: list[Batch]) -> float:
     """Seconds that tracing the batches' positions takes, taking their events not counted."""
     total = 0.0
     for batch in batches:
-        tracer.take(replace(first_event(plan, 0.0), camera=batch.camera, scene_time=batch.scene_time))
+        tracer.set_event(replace(first_event(plan, 0.0), camera=batch.camera, scene_time=batch.scene_time))
         xy = batch.samples["xy"].copy()
         total += _seconds(lambda xy=xy: tracer.trace(xy))  # type: ignore[misc]
     return total
