@@ -84,7 +84,7 @@ class FramedSampler:
         """Choose the positions of these samples again in this frame."""
         if self._at >= len(self._centres) and not self._again:
             self._counter.unfinish()
-        self._again.append(samples["xy"])
+        self._again.append(np.ascontiguousarray(samples["xy"]))
 
     def restart(self) -> None:
         """Begin another frame once this one is complete, even if nothing has changed."""
