@@ -16,13 +16,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+# in the environment: numba forgets other settings when it reads the environment again, which it does when that changed
 os.environ.setdefault("NUMBA_THREADING_LAYER", "workqueue")
+os.environ.setdefault("NUMBA_SLP_VECTORIZE", "1")  # four neighbours in an array, one instruction
 
 import numba
 
 PACKAGE = Path(__file__).resolve().parents[1]
-
-numba.config.SLP_VECTORIZE = 1  # type: ignore[attr-defined]  # four neighbours in an array, one instruction
 
 _used: set[Path] = set()  # cache folders of this process
 _kernels: list[Any] = []  # of this process
