@@ -44,7 +44,7 @@ SAMPLE = np.dtype(
         ("depth", np.float32),  # distance from the eye along the ray, world units; inf = background
         ("time", np.float32),  # seconds after the batch's base time
         ("object_id", np.uint32),  # object id
-        ("lighting", np.float32),  # square root of the lighting, surface colour divided out; stays at the sender
+        ("sqrt_irradiance", np.float32),  # of irradiance over pi: radiance over albedo; the sky's radiance; not sent
         ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes
         ("light_visibility", np.uint32),  # light visibility mask, bit k: nothing hides light k from the point
         ("change", np.float32),  # 0..1, how much it contradicts what was shown at its pixel

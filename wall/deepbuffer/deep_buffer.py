@@ -16,7 +16,8 @@ from wall.deepbuffer.kernels import change as kernels_change
 from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
 from wall.deepbuffer.kernels import sort as kernels_sort
-from wall.deepbuffer.kernels.expire import AGES, oldest_kept
+from wall.deepbuffer.kernels.columns import BEFORE
+from wall.deepbuffer.kernels.evict import AGES, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.lights import Diffuse, LightChanges
 from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown
@@ -39,12 +40,12 @@ class InsertRules(NamedTuple):
 
     shows_event: bool  # the samples belong to the image as it is shown: their pixels accumulate them
     ignores_change: bool  # nothing moves: changes are noise
-    most_stored: np.float32  # accumulated samples from which a pixel's further ones are not stored
+    most_stored: np.float32  # a pixel that has accumulated so many samples stores no more
     detects_change: bool  # else the samples bring `change` along
 
 
-class View:
-    """The events of one image: their poses, which one is shown, and which objects stand in another light."""
+class PoseTracker:
+    """Tracks the poses of one image: of the event shown, the one before, and of samples as they come."""
 
     def __init__(
         self, panel: Panel, eye: Float64, scene: Scene, rect: Rect | None, *, lit: bool, objects: bool = True
@@ -99,7 +100,7 @@ class View:
             return np.zeros(len(self.pose.panel_from_object), np.uint8)
         return self._light_changes.take(self.pose.lights, self.last.lights if self.last is not None else None)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """The next event counts as another one, whatever its number."""
         self._shown = None
 
@@ -109,25 +110,25 @@ class DeepBuffer:
 
     def __init__(
         self,
-        view: View,
+        poses: PoseTracker,
         objects: int,
         *,
         detects_change: bool,
         change_test: bool = True,
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
     ) -> None:
-        """`objects` of the scene. `detects_change`: samples bring their lighting, and what they contradict is found.
+        """`objects` of the scene. `detects_change`: samples bring their irradiance, and what they contradict is found.
 
         Without `change_test` no sample contradicts anything.
         """
-        width, height = view.rect.width, view.rect.height
-        self.view, self.detects_change = view, detects_change
+        width, height = poses.rect.width, poses.rect.height
+        self.poses, self.detects_change = poses, detects_change
         self._change_test, self._samples_per_pixel = change_test, samples_per_pixel
         self._kept = int(samples_per_pixel * width * height)
         capacity = capacity_for(self._kept, width, height)
         self._largest = capacity // 2  # samples inserted at once: a store that is full could not even compare them
-        self.store = SampleStore.of(capacity, lit=view.lit)
-        self._spare = SampleStore.of(capacity, lit=view.lit)  # what sorting writes to
+        self.store = SampleStore.of(capacity, lit=poses.lit)
+        self._spare = SampleStore.of(capacity, lit=poses.lit)  # what sorting writes to
         self.history = PixelHistory.of(width, height, detects_change=detects_change)
         self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
         self._object_starts = np.zeros(objects + 2, np.int64)
@@ -141,27 +142,27 @@ class DeepBuffer:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
-        rules = self.view.rules(
+        rules = self.poses.rules(
             event, self._samples_per_pixel, detects_change=self.detects_change, change_test=self._change_test
         )
-        pose, under = self.view.inserted(event)
+        pose, under = self.poses.inserted(event)
         for first in range(0, len(samples), self._largest):
             part = samples[first : first + self._largest]
             if self.count + len(part) > self.store.capacity:
                 self._evict(len(part))
             self.count = kernels_insert.insert(
                 part, self.seconds(base_time), pose, under.panel_from_object, self.store, self.count, self.history,
-                self.view.diffuse, rules,
+                self.poses.diffuse, rules,
             )  # fmt: skip
 
-    def discard(self, samples: Samples, base_time: float) -> None:
-        """Remove the samples of one insert again, and what their pixels have accumulated.
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Reject the samples of one insert, whose packet was lost, and what their pixels have accumulated.
 
         They are told by the span of their times, since they may have moved and been rounded since they were inserted.
         """
         if len(samples) == 0:
             return
-        first, history, rect = self.seconds(base_time), self.history, self.view.rect
+        first, history, rect = self.seconds(base_time), self.history, self.poses.rect
         times, last = self.store.time[: self.count], first + samples["time"].max()
         self.store.confidence[: self.count][(times >= first - CLOCK_STEP_S) & (times <= last + CLOCK_STEP_S)] = 0.0
         j, i = (samples["xy"].astype(np.intp) - (rect.x, rect.y)).T
@@ -170,8 +171,8 @@ class DeepBuffer:
         history.dirty[i[inside] // TILE, j[inside] // TILE] = True
 
     def reproject(self, moved: NDArray[np.uint8]) -> None:
-        """Bring the samples of `moved` objects (n + 1,) to the view's pose, after rejecting contradicted ones."""
-        history, pose = self.history, self.view.pose
+        """Bring the samples of `moved` objects (n + 1,) to the pose shown, after rejecting contradicted ones."""
+        history, pose = self.history, self.poses.pose
         assert pose is not None
         if history.contradicted.any():
             kernels_change.reject_contradicted(self.store, self.count, history, _with_neighbours(history.contradicted))
@@ -186,13 +187,13 @@ class DeepBuffer:
         kernels_accumulation.reject_accumulation(self.history, changed)
 
     def cutoff(self, alive: int, now: np.float32) -> np.float32:
-        """The time before which samples expire, so that of `alive` ones no more than the wanted number stay."""
+        """The time before which samples are evicted, so that of `alive` ones no more than the wanted number stay."""
         if alive <= self._kept:
             return NO_CUTOFF
         return np.float32(oldest_kept(self.store, self.count, now, self._kept, self._ages))
 
     def sort(self) -> None:
-        """Now and then: remove rejected samples and bring the others into the order of objects."""
+        """Every SORT_EVERY calls: removes samples outside the image and sorts the others by object."""
         self._until_sorted -= 1
         if self._until_sorted > 0:
             return
@@ -203,9 +204,9 @@ class DeepBuffer:
         self._sort_by(self._object_starts, by_tile=False)
 
     def clear(self) -> None:
-        """Forget every sample."""
+        """Remove all samples."""
         self.count = 0
-        self.view.forget()
+        self.poses.reset()
         self.history.accumulation[:] = 0.0
         self.history.rejection[:] = 0.0
         self.history.temporal_gradient[:] = 0.0
@@ -216,7 +217,7 @@ class DeepBuffer:
         if abs(time - self.epoch) > CLOCK_ORIGIN_S:
             later = np.float32(time - self.epoch)
             self.store.time[: self.count] -= later
-            self.history.rejection[..., kernels_change.BEFORE] -= later
+            self.history.rejection[..., BEFORE] -= later
             self.epoch = time
         return np.float32(time - self.epoch)
 

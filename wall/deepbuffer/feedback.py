@@ -15,6 +15,6 @@ class Feedback(NamedTuple):
 
     resolved: Float32  # (h, w, 3) linear RGB, the image shown
     sample_density: Float32  # (h, w) strided, effective samples a pixel: their weights by age and confidence, summed
-    accumulation: Float32  # (h, w, 8), columns of deepbuffer.kernels.accumulation
-    temporal_gradient: Float32  # (rows, columns) of 16-pixel tiles: mean change of sqrt lighting that samples find
+    accumulation: Float32  # (h, w, 8), see deepbuffer.kernels.accumulation
+    temporal_gradient: Float32  # (rows, columns) of 16-pixel tiles: mean change of sqrt_irradiance that samples find
     nothing_moves: bool  # the last refresh showed the same event as the one before

@@ -1,4 +1,7 @@
-"""The sample store: one array for each property, so that kernels take one value in place of many arrays."""
+"""The sample store and the pixels' history: one array for each property; kernels/columns.py names their columns.
+
+Kernels take one tuple in place of many arrays.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.accumulation import COLUMNS
+from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
 
@@ -25,7 +28,7 @@ class SampleStore(NamedTuple):
 
     position: Float32  # (3, capacity) in the object's space; a direction for the sky
     object_id: NDArray[np.uint32]  # (capacity,)
-    radiance: Float32  # (capacity, 4) linear RGB, and in column LIGHTING the square root of lighting
+    radiance: Float32  # (capacity, 4) linear RGB; column SQRT_IRRADIANCE
     time: Float32  # (capacity,) seconds of the store's clock
     confidence: Float32  # (capacity,) 0..1; 0: rejected
     screen_position: Float32  # (3, capacity) x, y in pixels of the image, depth; OUTSIDE where it is not in the image
@@ -58,11 +61,11 @@ class PixelHistory(NamedTuple):
     """What the pixels of the image remember: new samples are compared with it, and update it."""
 
     nearest: Float32  # (h, w, 4) the nearest sample: depth (inf: none), x, y, object id (-1: none; exact to 2^24)
-    lighting: Float32  # (h, w, 2) weighted square root of lighting, and weight; (0, 0, 2) unless changes are detected
-    accumulation: Float32  # (h, w, 8), columns of kernels.accumulation
+    sqrt_irradiance: Float32  # (h, w, 2) weighted sum and sum of weights; (0, 0, 2) unless changes are detected
+    accumulation: Float32  # (h, w, 8), see kernels.accumulation
     rejection: Float32  # (h, w, 2) share of confidence that older samples lose, and the time before which they do
     rejected_object: NDArray[np.uint32]  # (h, w) object whose samples lose it
-    temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt lighting| that samples find in a tile
+    temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles where a sample contradicted the image
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
 
@@ -72,8 +75,8 @@ class PixelHistory(NamedTuple):
         tiles = -(-height // TILE), -(-width // TILE)
         return cls(
             nearest=np.full((height, width, 4), -1.0, np.float32),
-            lighting=np.zeros((detects_change * height, detects_change * width, 2), np.float32),
-            accumulation=np.zeros((height, width, COLUMNS), np.float32),
+            sqrt_irradiance=np.zeros((detects_change * height, detects_change * width, 2), np.float32),
+            accumulation=np.zeros((height, width, ACCUMULATION_COLUMNS), np.float32),
             rejection=np.zeros((height, width, 2), np.float32),
             rejected_object=np.zeros((height, width), np.uint32),
             temporal_gradient=np.zeros(tiles, np.float32),

@@ -1,8 +1,8 @@
 """Reconstruct an image from the samples of a deep buffer, at every refresh, under the event of that moment.
 
-`insert` stores samples; `refresh` reprojects them, drops what is hidden, rejected or expired, splats the rest and fills
-holes. While nothing moves, new samples are averaged per pixel and nothing else is redone. The same code makes the image
-at a compositor and the one that a sampler reads.
+`insert` stores samples; `refresh` reprojects them, rejects what is contradicted or hidden, evicts the oldest, splats the
+rest and fills holes. While nothing moves, new samples are averaged per pixel and nothing else is redone. The same code
+makes the image at a compositor and the one that a sampler reads.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
-from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, View, take_dirty
+from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, PoseTracker, take_dirty
 from wall.deepbuffer.feedback import Feedback
-from wall.deepbuffer.kernels.accumulation import COUNT
 from wall.deepbuffer.kernels.change import TRUSTED
+from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.pose import Pose, Posed
 from wall.geometry.panels import Panel
 from wall.reconstruction.kernels import fill as kernels_fill
@@ -74,10 +74,10 @@ class Reconstruction:
     ) -> None:
         """`rect` is the part of the panel that is shown, all if None. `detects_change`: see DeepBuffer."""
         lit = ingredients.relighting and needs(scene).relighting
-        self.view = View(panel, eye, scene, rect, lit=lit, objects=ingredients.objects)
-        self.rect, self._with = self.view.rect, ingredients
+        self.poses = PoseTracker(panel, eye, scene, rect, lit=lit, objects=ingredients.objects)
+        self.rect, self._with = self.poses.rect, ingredients
         self.buffer = DeepBuffer(
-            self.view, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
+            self.poses, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
             samples_per_pixel=samples_per_pixel,
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
@@ -95,9 +95,9 @@ class Reconstruction:
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
-        self.view.show(event)
+        self.poses.show(event)
         history = self.buffer.history
-        if not self.view.nothing_moves:
+        if not self.poses.nothing_moves:
             self._reconstruct(self.buffer.seconds(now))
             history.dirty[:] = True
         if not self._with.accumulation:
@@ -115,9 +115,9 @@ class Reconstruction:
             nothing_moves=self.nothing_moves,
         )
 
-    def discard(self, samples: Samples, base_time: float) -> None:
-        """Remove the samples of one insert again; see DeepBuffer."""
-        self.buffer.discard(samples, base_time)
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Reject the samples of one insert, whose packet was lost; see DeepBuffer."""
+        self.buffer.forget(samples, base_time)
 
     def clear(self) -> None:
         """Forget every sample."""
@@ -127,7 +127,7 @@ class Reconstruction:
     @property
     def nothing_moves(self) -> bool:
         """Whether the last refresh showed the same event as the one before."""
-        return self.view.nothing_moves
+        return self.poses.nothing_moves
 
     @property
     def count(self) -> int:
@@ -153,8 +153,8 @@ class Reconstruction:
     @property
     def pose(self) -> Pose:
         """The pose that the image shows; only after a refresh."""
-        assert self.view.pose is not None
-        return self.view.pose
+        assert self.poses.pose is not None
+        return self.poses.pose
 
     def find_nearest(self) -> Float32:
         """(h, w, 4) each pixel's nearest sample, also among those that came since the last refresh."""
@@ -168,9 +168,9 @@ class Reconstruction:
         return counts
 
     def _reconstruct(self, now: np.float32) -> None:
-        """Make the image of the view's event from all samples. `now`: seconds of the store's clock."""
+        """Make the image of the event shown from all samples. `now`: seconds of the store's clock."""
         buffer, history = self.buffer, self.buffer.history
-        moved = self.view.moved() * np.uint8(self._with.reprojection)
+        moved = self.poses.moved() * np.uint8(self._with.reprojection)
         buffer.reproject(moved)
         relit = self._relight()
         store, count = buffer.store, buffer.count
@@ -178,23 +178,23 @@ class Reconstruction:
         ageing = np.float32(self._with.ageing)
         decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
         kernels_visibility.bound_depths(
-            history.nearest, moved, decay, kernels_visibility.SILHOUETTE * ageing, self.splat_sums, self._bounds
+            history.nearest, moved, decay, kernels_visibility.SILHOUETTE_PER_S * ageing, self.splat_sums, self._bounds
         )
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visibility.weigh(
             store, count, buffer.cutoff(alive, now), history.nearest, self._bounds, now, young, self._weight,
             self._untested,
         )  # fmt: skip
-        kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.lighting)
+        kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.sqrt_irradiance)
         buffer.reject_accumulation(moved | relit)
         buffer.sort()
         self._fill()
 
     def _relight(self) -> NDArray[np.uint8]:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""
-        relit, buffer = self.view.relit(), self.buffer
-        if self.view.lit:
-            relight(buffer.store, buffer.count, relit, self.pose.lights, self.view.diffuse.sky_irradiance)
+        relit, buffer = self.poses.relit(), self.buffer
+        if self.poses.lit:
+            relight(buffer.store, buffer.count, relit, self.pose.lights, self.poses.diffuse.sky_irradiance)
         return relit
 
     def _fill(self) -> None:

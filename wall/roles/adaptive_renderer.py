@@ -72,7 +72,7 @@ class AdaptiveRenderer:
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Take back samples whose packet was dropped, so that their pixels are sampled again."""
-        self.reconstruction.discard(samples, base_time)
+        self.reconstruction.forget(samples, base_time)
         self.sampler.forget(samples)
 
     def restart(self) -> None:

@@ -86,7 +86,7 @@ class AdaptiveSampler:
         return score
 
     def forget(self, samples: Samples) -> None:
-        """Score the pixels of these samples as holes until the next replan; the reconstruction has to discard them."""
+        """Score the pixels of these samples as holes until the next replan; the reconstruction forgets them too."""
         kernels.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score, self.division.tiles)
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:

@@ -67,7 +67,7 @@ def check_compact(sent: Batch, came: Batch) -> None:
     span = float(a["time"].max(initial=0.0))
     assert (np.abs(np.float64(a["time"]) - b["time"]) <= max(span / 126 * TIME_ROUNDING, 1e-30)).all()
     assert (np.abs(a["change"] - b["change"]) <= 1 / 30 + 1e-6).all()
-    assert not b["lighting"].any()
+    assert not b["sqrt_irradiance"].any()
 
 
 def through(samples: Samples, *, rect: Rect = RECT) -> Samples:

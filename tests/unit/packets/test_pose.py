@@ -97,5 +97,5 @@ def test_plain_samples_bring_no_change() -> None:
 
 def test_lighting_stays_at_the_sender() -> None:
     samples = plain_samples(5)
-    samples["lighting"] = 0.5
-    assert not decode(encode(batch_of(samples))).samples["lighting"].any()
+    samples["sqrt_irradiance"] = 0.5
+    assert not decode(encode(batch_of(samples))).samples["sqrt_irradiance"].any()

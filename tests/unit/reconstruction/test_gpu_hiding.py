@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 from small_scenes import view
 
 from wall.reconstruction.gpu.device import Device
-from wall.reconstruction.kernels.visibility import DECAY, SILHOUETTE, WAITS
+from wall.reconstruction.kernels.visibility import DECAY, SILHOUETTE_PER_S, WAIT_S
 from wall.reconstruction.statistics import statistics_of_store
 
 SIZE = (97, 65)
@@ -20,7 +20,7 @@ AWAY, BEFORE = (9.0, 0.0, 2.0), (0.0, 0.0, 2.0)  # where the plate is at 0 s and
 
 def around_the_plate(twins: Twins) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """(h, w) bool: pixels within one of its outline, as the CPU's picture found them."""
-    return np.asarray(twins.cpu._bounds[..., DECAY] >= SILHOUETTE)
+    return np.asarray(twins.cpu._bounds[..., DECAY] >= SILHOUETTE_PER_S)
 
 
 def test_at_silhouettes_samples_age_faster_by_as_much(
@@ -37,16 +37,16 @@ def test_at_silhouettes_samples_age_faster_by_as_much(
     outline = around_the_plate(twins)
     assert 0.01 < outline.mean() < 0.2
     shown = twins.gpu.radiance.max(axis=2)
-    assert np.median(shown[outline]) < 0.7 * np.median(shown[~outline]), "SILHOUETTE would not be noticed"
+    assert np.median(shown[outline]) < 0.7 * np.median(shown[~outline]), "SILHOUETTE_PER_S would not be noticed"
 
 
 def test_hidden_samples_wait_come_out_again_and_die_when_they_are_old(opengl: Device, compiled_only: None) -> None:
-    """A plate comes before the wall for 0.2 s, goes, comes back for longer than WAITS, and goes again."""
+    """A plate comes before the wall for 0.2 s, goes, comes back for longer than WAIT_S, and goes again."""
     twins = Twins(plate_before_wall(AWAY, BEFORE), SEEN)
     random = np.random.default_rng(5)
     wall = hits(centres(SIZE), GREEN)
     wall["radiance"] *= (0.5 + random.random((len(wall), 1))).astype(np.float32)
-    assert float(WAITS) == 0.5
+    assert float(WAIT_S) == 0.5
     twins.insert(wall, START, event_at(0, SEEN))
     twins.refresh(event_at(0, SEEN), START)
     at_first = twins.gpu.radiance.copy()

@@ -118,11 +118,11 @@ def test_a_batch_larger_than_the_whole_store_is_taken_in_and_judged(scene: Scene
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(3, 2))
     picture = picture_of(scene, seen, detects_change=True)
     many = np.tile(hits(centres((3, 2)), GREEN), 10923)[:65536]
-    many["lighting"] = 0.5
+    many["sqrt_irradiance"] = 0.5
     picture.refresh(event_at(0, seen), START)
     picture.insert(many, START, event_at(0, seen))
     picture.refresh(event_at(1, seen), START + EVENT_S)
-    many["lighting"], many["change"] = 1.0, np.nan
+    many["sqrt_irradiance"], many["change"] = 1.0, np.nan
     picture.insert(many, START + EVENT_S, event_at(2, seen))
     assert (many["change"][:6] == 1.0).all(), "the first contradict"
     assert np.isfinite(many["change"]).all(), "one was never judged"

@@ -27,7 +27,7 @@ from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene
 
 REFRESH_S = 1 / 64
-NO_CHANGE, CHANGED = 0.5, 1.0  # of the square root of lighting
+NO_CHANGE, CHANGED = 0.5, 1.0  # of the square root of irradiance
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def scene() -> Scene:
 
 
 def lit(samples: Samples, light: float, change: float = 0.0) -> Samples:
-    samples["lighting"], samples["change"] = light, change
+    samples["sqrt_irradiance"], samples["change"] = light, change
     return samples
 
 
@@ -127,12 +127,12 @@ def test_many_samples_of_one_pixel_at_rest_do_not_drive_out_the_others(scene: Sc
 
 
 def test_what_a_pixel_at_rest_accumulates_is_numpys_mean_and_variance(scene: Scene) -> None:
-    """Of the square roots of luminance (Rec. 709), and of the lighting's square root; Welford 1962."""
+    """Of the square roots of luminance (Rec. 709), and of the irradiance's square root; Welford 1962."""
     random = np.random.default_rng(4)
     colors = random.uniform(0, 1, (40, 3)).astype(np.float32)
     lights = random.uniform(0, 1, 40).astype(np.float32)
     samples = hits(np.full((40, 2), (20.5, 11.5)), colors)
-    samples["lighting"] = lights
+    samples["sqrt_irradiance"] = lights
 
     accumulated = at_rest_after(scene, samples[:13], samples[13:]).buffer.history.accumulation[11, 20]
 
@@ -212,12 +212,12 @@ def test_a_contradicted_pixel_at_rest_forgets_its_mean(scene: Scene) -> None:
 
 
 def test_changes_of_lighting_are_detected_and_nothing_else(scene: Scene) -> None:
-    """A texture changes radiance and not lighting; less than 0.018 counts as noise, 0.078 and more as all."""
+    """A texture changes radiance and not irradiance; less than 0.018 counts as noise, 0.078 and more as all."""
     picture = picture_of(scene, detects_change=True)
     picture.insert(all_pixels(), START, event_at(0))
     picture.refresh(event_at(0), START)
     found = hits([(2.5, 2.5), (6.5, 2.5), (10.5, 2.5), (14.5, 2.5), (18.5, 2.5), (40.5, 2.5)], RED)
-    found["lighting"] = NO_CHANGE + np.array([0.0, 0.017, 0.018 + 0.03, -0.018 - 0.03, 0.2, 0.2], np.float32)
+    found["sqrt_irradiance"] = NO_CHANGE + np.array([0.0, 0.017, 0.018 + 0.03, -0.018 - 0.03, 0.2, 0.2], np.float32)
     found["object_id"] = WALL  # the last one hits another object than what was seen there
     found["change"] = np.nan
 

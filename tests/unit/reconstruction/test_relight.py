@@ -246,7 +246,7 @@ def test_more_than_thirty_two_lights_turn_it_off(count: int, compiled_only: None
     scene, event = yard(lights=lights), event_at(1, SEEN, scene_time=LATER)
     shown, relit = later(scene, traced(scene, event_at(0, SEEN), seen=SEEN), event)
     assert len(relit.albedo) == (len(relit.object_id) if count == 32 else 0)
-    assert shown.view.lit == (count == 32)
+    assert shown.poses.lit == (count == 32)
 
 
 def test_a_scene_in_which_nothing_moves_stores_no_surfaces() -> None:

@@ -10,7 +10,7 @@ from wall.core.data import Float32, Float64
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
 from wall.deepbuffer.store import SampleStore
-from wall.reconstruction.kernels.visibility import SILHOUETTE, bound_depths, find_nearest, weigh
+from wall.reconstruction.kernels.visibility import SILHOUETTE_PER_S, bound_depths, find_nearest, weigh
 
 SIZE = 40  # pixels
 NEAR, FAR = 1.0, 2.0
@@ -31,7 +31,7 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     find_nearest(store, n, nearest)
     no_picture: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE, no_picture, bounds)
+    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_picture, bounds)
     weigh(
         store, n, np.float32(-np.inf), nearest, bounds, now, np.float32(0.0), np.zeros(n, np.float32),
         np.zeros(n, np.uint32),

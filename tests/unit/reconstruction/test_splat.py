@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from wall.core.data import Float32
 from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.kernels.splat import splat
-from wall.reconstruction.kernels.visibility import DECAY, DENSE, SHARPEST, SHARPNESS, SILHOUETTE, bound_depths
+from wall.reconstruction.kernels.visibility import DECAY, DENSE, SHARPEST, SHARPNESS, SILHOUETTE_PER_S, bound_depths
 
 SIZE = 8  # pixels
 FLOAT32 = 1e-5  # a few roundings of shares that sum to 1
@@ -44,7 +44,7 @@ def test_the_tent_is_steeper_only_where_samples_are_dense(weight: float, expecte
     nearest, bounds = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((SIZE, SIZE, 3), np.float32)
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[3, 5, 3] = weight
-    bound_depths(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE, sums, bounds)
+    bound_depths(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE_PER_S, sums, bounds)
     sharpness = bounds[..., SHARPNESS]
     assert sharpness[2, 4] == expected
     assert np.count_nonzero(sharpness != 1.0) == (expected != 1.0)
@@ -60,7 +60,7 @@ def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[..., 3] = weight
     decay, moved = np.full((1, 1), 2.0, np.float32), np.array([0, moves, 0], np.uint8)
-    bound_depths(nearest, moved, decay, SILHOUETTE, sums, bounds)
+    bound_depths(nearest, moved, decay, SILHOUETTE_PER_S, sums, bounds)
     by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
-    assert_allclose(bounds[:, 3:6, DECAY], 2.0 * by_density + float(SILHOUETTE) * pace, rtol=FLOAT32)
+    assert_allclose(bounds[:, 3:6, DECAY], 2.0 * by_density + float(SILHOUETTE_PER_S) * pace, rtol=FLOAT32)
     assert_allclose(np.delete(bounds[..., DECAY], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wall.config.loading import loads
 from wall.core.clock import ManualClock
 from wall.core.data import Batch, Event, Samples
-from wall.deepbuffer.kernels.accumulation import COUNT
+from wall.deepbuffer.kernels.columns import COUNT
 from wall.packets.samples import decode
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import first_event, make_layout, make_plan

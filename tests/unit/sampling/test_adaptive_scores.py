@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.feedback import Feedback
-from wall.deepbuffer.kernels import accumulation
+from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.sampling.adaptive import ENOUGH, FLOOR_MOVING, AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels
 from wall.sampling.tiles import Grid
@@ -27,7 +27,7 @@ def unknown(rect: Rect = RECT, *, nothing_moves: bool = False) -> Feedback:
     return Feedback(
         resolved=np.zeros((height, width, 3), np.float32),
         sample_density=np.zeros((height + 2, width + 2, 4), np.float32)[1:-1, 1:-1, 3],
-        accumulation=np.zeros((height, width, accumulation.COLUMNS), np.float32),
+        accumulation=np.zeros((height, width, ACCUMULATION_COLUMNS), np.float32),
         temporal_gradient=np.zeros((-(-height // 16), -(-width // 16)), np.float32),
         nothing_moves=nothing_moves,
     )

@@ -1,1 +1,1 @@
-"""Compiled loops over stored samples: insert, reproject, sort, expire."""
+"""Compiled loops over stored samples: insert, reproject, sort, evict."""

@@ -1,6 +1,7 @@
 """The accumulation of a pixel: running means of the samples that it received while nothing in it moved.
 
-An accumulation image is (h, w, 8) float32. One pixel is half a cache line, since samples arrive in any order.
+An accumulation image is (h, w, 8) float32, see columns.py. A pixel is half a cache line, since samples arrive in any
+order.
 """
 
 from __future__ import annotations
@@ -8,16 +9,21 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.columns import (
+    AMOUNT,
+    BLUE,
+    BRIGHTNESS_DEVIATIONS,
+    BRIGHTNESS_MEAN,
+    COUNT,
+    GREEN,
+    IRRADIANCE_DEVIATIONS,
+    IRRADIANCE_MEAN,
+    NEAREST_OBJECT,
+    RED,
+)  # fmt: skip
 
-RED, GREEN, BLUE = 0, 1, 2  # columns: mean radiance
-COUNT = 3  # samples
-BRIGHTNESS_MEAN, BRIGHTNESS_DEVIATIONS = 4, 5  # of the square root of luminance: mean, sum of squared deviations
-LIGHTING_MEAN, LIGHTING_DEVIATIONS = 6, 7  # the same of the square root of lighting
-COLUMNS = 8
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 709
-OBJECT_ID = 3  # column of `nearest`
-AMOUNT = 0  # column of `rejection`
 
 
 @inline_kernel
@@ -34,9 +40,9 @@ def accumulate(accumulation, i, j, sample):
     delta = brightness - pixel[BRIGHTNESS_MEAN]
     pixel[BRIGHTNESS_MEAN] += delta / pixel[COUNT]
     pixel[BRIGHTNESS_DEVIATIONS] += delta * (brightness - pixel[BRIGHTNESS_MEAN])
-    delta = sample["lighting"] - pixel[LIGHTING_MEAN]
-    pixel[LIGHTING_MEAN] += delta / pixel[COUNT]
-    pixel[LIGHTING_DEVIATIONS] += delta * (sample["lighting"] - pixel[LIGHTING_MEAN])
+    delta = sample["sqrt_irradiance"] - pixel[IRRADIANCE_MEAN]
+    pixel[IRRADIANCE_MEAN] += delta / pixel[COUNT]
+    pixel[IRRADIANCE_DEVIATIONS] += delta * (sample["sqrt_irradiance"] - pixel[IRRADIANCE_MEAN])
 
 
 @kernel
@@ -51,12 +57,12 @@ def reject_accumulation(history, changed):
         for j in range(nearest.shape[1]):
             amount = rejection[i, j, AMOUNT]
             if accumulation[i, j, COUNT] > ZERO:
-                object_id = int(nearest[i, j, OBJECT_ID])
+                object_id = int(nearest[i, j, NEAREST_OBJECT])
                 if object_id < 0 or changed[object_id] != 0:
                     accumulation[i, j, :] = ZERO
                 elif amount > ZERO:
                     keep = (ONE - amount) ** 3  # one contradiction must outweigh many samples that agreed
                     accumulation[i, j, COUNT] *= keep
                     accumulation[i, j, BRIGHTNESS_DEVIATIONS] *= keep
-                    accumulation[i, j, LIGHTING_DEVIATIONS] *= keep
+                    accumulation[i, j, IRRADIANCE_DEVIATIONS] *= keep
             rejection[i, j, AMOUNT] = ZERO

@@ -5,42 +5,51 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.accumulation import AMOUNT, COUNT, LIGHTING_DEVIATIONS, LIGHTING_MEAN, OBJECT_ID
+from wall.deepbuffer.kernels.columns import (
+    AMOUNT,
+    BEFORE,
+    COUNT,
+    DEPTH,
+    IRRADIANCE,
+    IRRADIANCE_DEVIATIONS,
+    IRRADIANCE_MEAN,
+    NEAREST_OBJECT,
+    WEIGHT,
+    X,
+    Y,
+)  # fmt: skip
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import DEPTH, X, Y
 
 uint32 = np.uint32  # as indices: no check for negative ones that wrap around
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 TRUSTED = np.float32(0.25)  # weight from which a pixel's own samples say what it shows
-FORGOTTEN = np.float32(0.02)  # confidence below which a sample is dropped
-SMALL_CHANGE = np.float32(0.018)  # of the square root of lighting: below it, sampling noise
+LEAST_CONFIDENCE = np.float32(0.02)  # a sample with less is rejected
+SMALL_CHANGE = np.float32(0.018)  # of the square root of irradiance: below it, sampling noise
 PER_CHANGE = np.float32(1.0 / 0.06)
-NOISE = np.float32(0.5)  # share of the lighting's range over 3x3 pixels that counts as noise
+NOISE = np.float32(0.5)  # share of sqrt_irradiance's range over 3x3 pixels that counts as noise
 KNOWN = np.float32(3.0)  # accumulated samples from which a pixel's own deviation says what is noise:
 SIGMAS = np.float32(2.0)  # so many standard deviations
 GRADIENT_SHARE = np.float32(1.0 / 16.0)  # of one sample in a tile's moving mean
-LIGHT, WEIGHT = 0, 1  # columns of the lighting image
-BEFORE = 1  # column of `rejection`: time
 
 
 @inline_kernel
 def change_of(light, was, count, i, j, object_id, history):
     """How much a sample contradicts the image, 0..1: what is beyond the noise of sampling.
 
-    light : float32, square root of the sample's lighting; was : the image's at pixel (i, j), below 0 if not known
+    light : float32, square root of the sample's irradiance; was : the image's at pixel (i, j), below 0 if not known
     count : float32, samples in the pixel's accumulation; history : PixelHistory; `temporal_gradient` updated
     """
     if was < ZERO:
         return ZERO
     known = count >= KNOWN
     accumulation = history.accumulation
-    was = accumulation[i, j, LIGHTING_MEAN] if known else was
+    was = accumulation[i, j, IRRADIANCE_MEAN] if known else was
     difference = abs(light - was)
     if difference > SMALL_CHANGE:
         if known:
-            noise = SIGMAS * np.sqrt(accumulation[i, j, LIGHTING_DEVIATIONS] / accumulation[i, j, COUNT])
+            noise = SIGMAS * np.sqrt(accumulation[i, j, IRRADIANCE_DEVIATIONS] / accumulation[i, j, COUNT])
         else:
-            noise = NOISE * range_of(history.lighting, history.nearest, i, j, object_id)
+            noise = NOISE * range_of(history.sqrt_irradiance, history.nearest, i, j, object_id)
         difference = max(difference - noise, ZERO)
     gradient = history.temporal_gradient
     tile = gradient[i // TILE, j // TILE]
@@ -49,14 +58,14 @@ def change_of(light, was, count, i, j, object_id, history):
 
 
 @inline_kernel
-def range_of(lighting, nearest, i, j, object_id):
-    """The range of the lighting over the 3x3 pixels around (i, j) that show the same object."""
+def range_of(irradiance, nearest, i, j, object_id):
+    """The range of the square root of irradiance over the 3x3 pixels around (i, j) that show the same object."""
     low, high = np.float32(np.inf), np.float32(-np.inf)
     for di in range(max(i - 1, 0), min(i + 2, nearest.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, nearest.shape[1])):
-            weight = lighting[di, dj, WEIGHT]
-            if nearest[di, dj, OBJECT_ID] == object_id and weight > TRUSTED:
-                light = lighting[di, dj, LIGHT] / weight
+            weight = irradiance[di, dj, WEIGHT]
+            if nearest[di, dj, NEAREST_OBJECT] == object_id and weight > TRUSTED:
+                light = irradiance[di, dj, IRRADIANCE] / weight
                 low, high = min(low, light), max(high, light)
     return max(high - low, ZERO)
 
@@ -99,4 +108,4 @@ def reject_contradicted(store, count, history, tiles):
         amount, confidence = rejection[i, j, AMOUNT], store.confidence[k]
         if amount > ZERO and rejected_object[i, j] == store.object_id[k] and store.time[k] < rejection[i, j, BEFORE]:
             confidence *= ONE - amount
-        store.confidence[k] = confidence if confidence >= FORGOTTEN else ZERO
+        store.confidence[k] = confidence if confidence >= LEAST_CONFIDENCE else ZERO

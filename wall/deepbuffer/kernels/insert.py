@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.accumulation import COUNT, OBJECT_ID, accumulate
-from wall.deepbuffer.kernels.change import LIGHT, TRUSTED, WEIGHT, change_of, mark_contradicted
+from wall.deepbuffer.kernels.accumulation import accumulate
+from wall.deepbuffer.kernels.change import TRUSTED, change_of, mark_contradicted
+from wall.deepbuffer.kernels.columns import COUNT, DEPTH, IRRADIANCE, NEAREST_OBJECT, SQRT_IRRADIANCE, WEIGHT, X, Y, Z
 from wall.deepbuffer.kernels.lights import demodulate, pack_normal
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import DEPTH, OUTSIDE, X, Y, Z, pixel_of, position_of
+from wall.deepbuffer.kernels.reproject import OUTSIDE, pixel_of, position_of
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-LIGHTING = 3  # column of SampleStore.radiance
 CHUNK = 64  # samples: first everything that they are compared with is fetched, which memory does for many at a time
 UNKNOWN_OBJECT = np.float32(-2.0)  # depth of a sample whose object does not exist
 # rows of a chunk: object-space position (X, Y, Z), then
-SCREEN_X, SCREEN_Y, SCREEN_DEPTH, SHOWN_LIGHTING, ACCUMULATED, ROWS = 3, 4, 5, 6, 7, 8
+SCREEN_X, SCREEN_Y, SCREEN_DEPTH, SHOWN_IRRADIANCE, ACCUMULATED, ROWS = 3, 4, 5, 6, 7, 8
 
 
 @kernel
@@ -66,9 +66,8 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
             if not rules.ignores_change:
                 change = sample["change"]
                 if compares:
-                    change = change_of(
-                        sample["lighting"], rows[SHOWN_LIGHTING, r], rows[ACCUMULATED, r], i, j, object_id, history
-                    )
+                    own, known = sample["sqrt_irradiance"], rows[SHOWN_IRRADIANCE, r]
+                    change = change_of(own, known, rows[ACCUMULATED, r], i, j, object_id, history)
                     sample["change"] = change
                 if change > ZERO:
                     mark_contradicted(history, i, j, change, time, object_id)
@@ -98,16 +97,16 @@ def find_positions(samples, first, last, pose, panel_from_object, shape, rows):
 
 @inline_kernel
 def fetch_shown(samples, first, last, history, rows):
-    """Fill rows SHOWN_LIGHTING (-1: the image shows another object) and ACCUMULATED of a chunk."""
-    lighting, nearest, accumulation = history.lighting, history.nearest, history.accumulation
+    """Fill rows SHOWN_IRRADIANCE (-1: the image shows another object) and ACCUMULATED of a chunk."""
+    irradiance, nearest, accumulation = history.sqrt_irradiance, history.nearest, history.accumulation
     for k in range(first, last):
         r = k - first
-        rows[SHOWN_LIGHTING, r] = -ONE
+        rows[SHOWN_IRRADIANCE, r] = -ONE
         if rows[SCREEN_DEPTH, r] > ZERO:
             i, j = int(rows[SCREEN_Y, r]), int(rows[SCREEN_X, r])
-            light, weight = lighting[i, j, LIGHT], lighting[i, j, WEIGHT]
-            known = (nearest[i, j, OBJECT_ID] == samples[k]["object_id"]) & (weight > TRUSTED)
-            rows[SHOWN_LIGHTING, r] = light / weight if known else -ONE
+            light, weight = irradiance[i, j, IRRADIANCE], irradiance[i, j, WEIGHT]
+            known = (nearest[i, j, NEAREST_OBJECT] == samples[k]["object_id"]) & (weight > TRUSTED)
+            rows[SHOWN_IRRADIANCE, r] = light / weight if known else -ONE
             rows[ACCUMULATED, r] = accumulation[i, j, COUNT]
 
 
@@ -118,7 +117,7 @@ def store_sample(sample, time, rows, r, lights, diffuse, store, k):
     store.object_id[k] = sample["object_id"]
     for c in range(3):
         store.radiance[k, c] = sample["radiance"][c]
-    store.radiance[k, LIGHTING] = sample["lighting"]
+    store.radiance[k, SQRT_IRRADIANCE] = sample["sqrt_irradiance"]
     if store.albedo.shape[1] > 0:
         store.normal[k] = pack_normal(sample["normal"][0], sample["normal"][1])
         store.light_visibility[k] = sample["light_visibility"]

@@ -10,15 +10,16 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.reproject import X, Y, Z, invert3
+from wall.deepbuffer.kernels.columns import X, Y, Z
+from wall.deepbuffer.kernels.reproject import invert3
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 NORMAL_STEPS = np.float32(127.0)
 BYTE = 255  # of a packed normal
-DARKEST = np.float32(1e-4)  # lighting below it says nothing about the surface's albedo
+DARKEST = np.float32(1e-4)  # reflected light below it says nothing about the albedo
 LEAST_SQUARE = np.float32(1e-20)  # squared distance: a light in the very position of a sample lights nothing
-RED, GREEN, BLUE = 3, 4, 5  # columns of a light, after its direction or position: what it adds to a surface facing it
-NOT_RELIT = np.float32(-1.0)  # in place of the albedo
+LIGHT_RED, LIGHT_GREEN, LIGHT_BLUE = 3, 4, 5  # columns of a light, after its direction or position
+NOT_RELIT = np.float32(-1.0)  # albedo of a sample that keeps its radiance when lights change
 
 
 @kernel
@@ -29,7 +30,8 @@ def light_tables(world_from_object, directions, irradiances, positions, intensit
     ----------
     world_from_object : (n, 4, 4) float64, rotation, uniform scale and shift, else its rows are left zero
     directions, irradiances : (s, 3) float64; positions, intensities : (p, 3) float64, world
-    lights : (n + 1, s + p, 6) float32, written: direction or position, then what a surface facing it at 1 reflects
+    lights : (n + 1, s + p, 6) float32, written: direction or position, then what a white surface reflects
+        at distance 1 if the light meets it at a right angle
     up : (n + 1, 3) float32, written: the world's y axis, unit; zero where the object cannot be relit
     """
     inverse = np.empty((3, 3))
@@ -69,7 +71,7 @@ def is_similarity(m, square):
 
 
 @inline_kernel
-def lighting(px, py, pz, normal, visibility, lights, object_id, irradiance):
+def reflected_light(px, py, pz, normal, visibility, lights, object_id, irradiance):
     """Red, green and blue light that a diffuse surface of albedo 1 reflects.
 
     px, py, pz : float32, object space; normal : uint16, see pack_normal; visibility : uint32, light visibility mask
@@ -101,9 +103,9 @@ def lighting(px, py, pz, normal, visibility, lights, object_id, irradiance):
             square = max(lx * lx + ly * ly + lz * lz, LEAST_SQUARE)
             weight = ONE / (square * math.sqrt(square))
         weight *= max(x * lx + y * ly + z * lz, ZERO)
-        red += weight * rows[n, RED]
-        green += weight * rows[n, GREEN]
-        blue += weight * rows[n, BLUE]
+        red += weight * rows[n, LIGHT_RED]
+        green += weight * rows[n, LIGHT_GREEN]
+        blue += weight * rows[n, LIGHT_BLUE]
     return red, green, blue
 
 
@@ -121,7 +123,7 @@ def demodulate(sample, lights, diffuse, store, k):
     if diffuse.objects[object_id] == 0:
         return
     px, py, pz = store.position[X, k], store.position[Y, k], store.position[Z, k]
-    red, green, blue = lighting(
+    red, green, blue = reflected_light(
         px, py, pz, store.normal[k], store.light_visibility[k], lights, object_id, diffuse.sky_irradiance
     )
     if min(red, min(green, blue)) > DARKEST:

@@ -11,9 +11,8 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 
-X, Y, Z = 0, 1, 2  # rows of positions
-DEPTH = 2  # row of screen positions, after X and Y
 FAR = np.float32(1e30)  # depth of the sky
 NEAREST = np.float32(1e-20)  # depths below it are not before the eye
 OUTSIDE = np.float32(-1.0)  # depth of a point that is not in the image

@@ -1,12 +1,15 @@
-"""Copy samples into order, or compact them: samples that are rejected, too old or outside the image are removed."""
+"""Sort the store by tile or by object, or compact it: samples outside the image are removed.
+
+A sample is outside when its depth on the screen is OUTSIDE, which rejected and evicted samples get at a refresh.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.columns import DEPTH, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import DEPTH, X, Y
 
 ZERO = np.float32(0.0)
 
@@ -49,7 +52,7 @@ def sort_key(store, k, by_tile, columns):
 
 @kernel
 def compact(store, count, latest):
-    """Remove samples that are outside the image, rejected, or too old; the others move up.
+    """Remove samples that are outside the image or as old as `latest`; the others keep their order.
 
     store : SampleStore, changed in place
     latest : float32 seconds of the store's clock; samples of this time and earlier ones are removed

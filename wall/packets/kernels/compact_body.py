@@ -238,7 +238,7 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
             samples[i]["depth"] = np.float32(np.inf) if depth == 0 else np.int32(bits).view(np.float32)
             samples[i]["time"] = np.float32(time) * time_step
             samples[i]["object_id"] = np.uint32(object_id)
-            samples[i]["lighting"] = ZERO
+            samples[i]["sqrt_irradiance"] = ZERO
             samples[i]["change"] = np.float32(change) / np.float32(CHANGE_STEPS)
             samples[i]["normal"][0], samples[i]["normal"][1] = normal_of(normal_x), normal_of(normal_y)
             samples[i]["light_visibility"] = visibility if lit else np.uint32(0)

@@ -16,10 +16,11 @@ import numpy as np
 
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
-from wall.deepbuffer.kernels.change import FORGOTTEN, TRUSTED
-from wall.deepbuffer.kernels.expire import AGE_SHIFT, AGES
+from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, TRUSTED
+from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
+from wall.deepbuffer.kernels.evict import AGE_SHIFT, AGES
 from wall.deepbuffer.kernels.lights import LEAST_SQUARE, NORMAL_STEPS
-from wall.deepbuffer.kernels.reproject import DEPTH, FAR, NEAREST, OUTSIDE, X, Y, Z
+from wall.deepbuffer.kernels.reproject import FAR, NEAREST, OUTSIDE
 from wall.reconstruction.kernels import visibility
 from wall.reconstruction.reconstruction import SLOW_DECAY
 
@@ -45,12 +46,12 @@ _CONSTANTS: dict[str, int | np.float32] = {
     "GROUP": GROUP, "AGES": AGES, "AGE_SHIFT": AGE_SHIFT, "X": X, "Y": Y, "Z": Z, "DEPTH": DEPTH, "TIME": TIME,
     "CONFIDENCE": CONFIDENCE, "NORMAL": NORMAL, "VISIBILITY": VISIBILITY, "MOVED": MOVED, "CHANGED": CHANGED,
     "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
-    "FORGOTTEN": FORGOTTEN, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE, "TRUSTED": TRUSTED,
-    "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
+    "LEAST_CONFIDENCE": LEAST_CONFIDENCE, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE,
+    "TRUSTED": TRUSTED, "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
     **{
         name: getattr(visibility, name)
         for name in (
-            "BEHIND", "COVERS", "SLOT", "AMIDST", "ALONE", "WAITS", "SILHOUETTE", "DENSE", "SHARPEST", "SLOWEST",
+            "BEHIND", "COVERS", "SLOT", "AMIDST", "ALONE", "WAIT_S", "SILHOUETTE_PER_S", "DENSE", "SHARPEST", "SLOWEST",
         )
     },
 }  # fmt: skip

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from wall.core.colour import srgb_curve
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.accumulation import COUNT
 from wall.deepbuffer.kernels.change import TRUSTED
+from wall.deepbuffer.kernels.columns import COUNT
 from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
 from wall.reconstruction.reconstruction import pyramid_sizes
@@ -90,21 +90,21 @@ class Passes:
     ) -> None:
         """Make the image: `table` (n + 1, 12) panel_from_object, `moved` (n + 1,).
 
-        changed : (n + 1,), objects that moved or whose lighting changed; contradicted : whether any sample is
+        changed : (n + 1,), objects that moved or whose light changed; contradicted : whether any sample is
         now, young : seconds of the store's clock, see kernels.visibility; kept : samples that may stay
         """
         self._objects.write(np.column_stack([table, moved, changed]).astype(np.float32))
-        expires, flag = store.count > kept, int(contradicted)
+        evicts, flag = store.count > kept, int(contradicted)
         if store.count:
             self._reproject(store, contradicted=flag, size=self._size)
         self._over_pixels(store, clear=0, contradicted=flag)
         self._splat_sums.use(0)
         self._device.compute("bound_depths", self._area, (self._nearest, self._bounds, self._objects), size=self._size)
-        if expires:
+        if evicts:
             store.limit_age(now, kept)
         self._splat_target.clear()
         if store.count:
-            self._splat(store, now=now, young=young, expires=int(expires), size=self._size)
+            self._splat(store, now=now, young=young, evicts=int(evicts), size=self._size)
         self._fill()
 
     def _reproject(self, store: GpuStore, **uniforms: Any) -> None:

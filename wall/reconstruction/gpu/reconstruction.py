@@ -10,8 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
-from wall.deepbuffer.deep_buffer import CLOCK_ORIGIN_S, SAMPLES_PER_PIXEL, SORT_EVERY, View, capacity_for, take_dirty
-from wall.deepbuffer.kernels.accumulation import COUNT
+from wall.deepbuffer.deep_buffer import (
+    CLOCK_ORIGIN_S,
+    SAMPLES_PER_PIXEL,
+    SORT_EVERY,
+    PoseTracker,
+    capacity_for,
+    take_dirty,
+)
+from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.kernels.insert import insert
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Posed
@@ -43,17 +50,17 @@ class GpuReconstruction:
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
     ) -> None:
         """`rect` is the part of the panel that is shown, all if None. Raises GpuError where there is no GPU for it."""
-        self.view = View(panel, eye, scene, rect, lit=needs(scene).relighting)
-        self.rect = self.view.rect
+        self.poses = PoseTracker(panel, eye, scene, rect, lit=needs(scene).relighting)
+        self.rect = self.poses.rect
         width, height, objects = self.rect.width, self.rect.height, len(scene.instances) + 1
         self._kept, self._samples_per_pixel = int(samples_per_pixel * width * height), samples_per_pixel
         self._device = device()
-        self._store = GpuStore(self._device, capacity_for(self._kept, width, height), lit=self.view.lit)
+        self._store = GpuStore(self._device, capacity_for(self._kept, width, height), lit=self.poses.lit)
         self._passes = Passes(self._device, width, height, objects=objects)
         lights = len(scene.directional_lights) + len(scene.point_lights)
-        self._relighting = Relighting(self._device, self.view.diffuse.sky_irradiance, objects=objects, lights=lights)
+        self._relighting = Relighting(self._device, self.poses.diffuse.sky_irradiance, objects=objects, lights=lights)
         self._largest = min(STAGED, self._store.capacity // 2)  # samples inserted at once
-        self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.view.lit), 0
+        self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.poses.lit), 0
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._until_packed = 0
@@ -71,7 +78,7 @@ class GpuReconstruction:
     @property
     def nothing_moves(self) -> bool:
         """Whether the last refresh showed the same event as the one before."""
-        return self.view.nothing_moves
+        return self.poses.nothing_moves
 
     @property
     def radiance(self) -> Float32:
@@ -95,10 +102,10 @@ class GpuReconstruction:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`. Raises GpuError if the GPU is lost."""
-        known = samples["object_id"] < len(self.view.diffuse.objects)
+        known = samples["object_id"] < len(self.poses.diffuse.objects)
         samples = samples if known.all() else samples[known]
-        rules = self.view.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
-        pose, under = self.view.inserted(event)
+        rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
+        pose, under = self.poses.inserted(event)
         for start in range(0, len(samples), self._largest):
             part = samples[start : start + self._largest]
             if self.count + len(part) > self._store.capacity:
@@ -108,7 +115,7 @@ class GpuReconstruction:
             first = self._staged
             self._staged = insert(
                 part, self._seconds(base_time), pose, under.panel_from_object, self._staged_store, first,
-                self._history, self.view.diffuse, rules,
+                self._history, self.poses.diffuse, rules,
             )  # fmt: skip
             if rules.ignores_change:
                 self._change[first : self._staged] = 0.0
@@ -121,7 +128,7 @@ class GpuReconstruction:
         Raises GpuError if the GPU is lost.
         """
         stood, history = self.nothing_moves, self._history
-        self.view.show(event)
+        self.poses.show(event)
         if not self.nothing_moves:
             self._reconstruct(now, stood=stood)
             history.dirty[:] = True
@@ -134,7 +141,7 @@ class GpuReconstruction:
     def clear(self) -> None:
         """Forget every sample."""
         self._store.count = self._staged = 0
-        self.view.forget()
+        self.poses.reset()
         self._history.accumulation[:] = 0.0
         self._passes.clear_accumulation()
 
@@ -163,12 +170,12 @@ class GpuReconstruction:
         self._device.check()
 
     def _reconstruct(self, now: float, *, stood: bool) -> None:
-        """Make the image of the view's event from all samples. `stood`: nothing moved before."""
-        pose, history, moved = self.view.pose, self._history, self.view.moved().astype(np.bool_)
+        """Make the image of the event shown from all samples. `stood`: nothing moved before."""
+        pose, history, moved = self.poses.pose, self._history, self.poses.moved().astype(np.bool_)
         assert pose is not None
         self._send(moving=not stood)
-        relit = self.view.relit().astype(np.bool_)
-        if self.view.lit:
+        relit = self.poses.relit().astype(np.bool_)
+        if self.poses.lit:
             self._relighting.run(self._store, pose.lights, relit)
         changed = moved | relit
         if changed.all():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.expire import AGES
+from wall.deepbuffer.kernels.evict import AGES
 from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.gpu.device import GROUP, TIME, Device, GpuError
 

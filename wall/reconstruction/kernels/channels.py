@@ -7,10 +7,9 @@ import math
 import numpy as np
 
 from wall.core.jit import kernel
-from wall.deepbuffer.kernels.accumulation import OBJECT_ID
+from wall.deepbuffer.kernels.columns import DEPTH, NEAREST_DEPTH, NEAREST_OBJECT, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import DEPTH, FAR, X, Y
-from wall.reconstruction.kernels.visibility import NEAREST_DEPTH
+from wall.deepbuffer.kernels.reproject import FAR
 
 INFINITE = np.float32(np.inf)
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -77,14 +76,15 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
                     if covered is not None:
                         share = min(max(covered[i, j, 0], ZERO), ONE)
                     if share > ZERO:
-                        if nearest[i, j, OBJECT_ID] > ZERO or (nearest[i, j, OBJECT_ID] == ZERO and covered is None):
-                            near, near_id = nearest[i, j, NEAREST_DEPTH], nearest[i, j, OBJECT_ID]
+                        own_id = nearest[i, j, NEAREST_OBJECT]
+                        if own_id > ZERO or (own_id == ZERO and covered is None):
+                            near, near_id = nearest[i, j, NEAREST_DEPTH], own_id
                         else:
                             for di in range(max(i - 1, 0), min(i + 2, height)):
                                 for dj in range(max(j - 1, 0), min(j + 2, width)):
-                                    if nearest[di, dj, OBJECT_ID] > ZERO and nearest[di, dj, NEAREST_DEPTH] < near:
-                                        near, near_id = nearest[di, dj, NEAREST_DEPTH], nearest[di, dj, OBJECT_ID]
-                    if covered is not None and near == INFINITE and nearest[i, j, OBJECT_ID] == ZERO:
+                                    if nearest[di, dj, NEAREST_OBJECT] > ZERO and nearest[di, dj, NEAREST_DEPTH] < near:
+                                        near, near_id = nearest[di, dj, NEAREST_DEPTH], nearest[di, dj, NEAREST_OBJECT]
+                    if covered is not None and near == INFINITE and nearest[i, j, NEAREST_OBJECT] == ZERO:
                         share = ZERO
                         for c in range(3):
                             colour[i, j, c] = 0

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.insert import LIGHTING
-from wall.deepbuffer.kernels.lights import BLUE, BYTE, GREEN, LEAST_SQUARE, NORMAL_STEPS, RED
-from wall.deepbuffer.kernels.reproject import X, Y, Z
+from wall.deepbuffer.kernels.columns import SQRT_IRRADIANCE, X, Y, Z
+from wall.deepbuffer.kernels.lights import BYTE, LEAST_SQUARE, LIGHT_BLUE, LIGHT_GREEN, LIGHT_RED, NORMAL_STEPS
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 CHUNK = 256  # samples at a time
@@ -40,7 +39,7 @@ def relight(store, count, changed, lights, irradiance):
 
 @inline_kernel
 def light_from_sky(normals, first, last, up, irradiance, rows):
-    """Write rows of CHUNK: normals (3), and the sky's light (3). As in `lighting`, without branches: vector code."""
+    """Write rows of CHUNK: normals (3), and the sky's light (3). `reflected_light` without branches."""
     steps = irradiance.shape[0] - 1
     half = np.float32(0.5) * np.float32(steps)
     ux, uy, uz = up[X], up[Y], up[Z]
@@ -67,7 +66,7 @@ def light_from_sky(normals, first, last, up, irradiance, rows):
 @inline_kernel
 def add_light(store, first, last, light, number, directional, rows):
     """Add one light to the rows of a chunk, where it is visible."""
-    lx, ly, lz, red, green, blue = light[X], light[Y], light[Z], light[RED], light[GREEN], light[BLUE]
+    lx, ly, lz, red, green, blue = light[X], light[Y], light[Z], light[LIGHT_RED], light[LIGHT_GREEN], light[LIGHT_BLUE]
     here = ZERO if directional else ONE  # a direction is the same wherever the sample is
     position, visibility = store.position, store.light_visibility
     for k in range(last - first):
@@ -86,7 +85,7 @@ def add_light(store, first, last, light, number, directional, rows):
 
 @inline_kernel
 def write_radiance(store, first, last, rows):
-    """Write albedo times light where the albedo is known, and the square root of lighting beside."""
+    """Write albedo times light where the albedo is known, and the square root of irradiance beside."""
     albedo, radiance = store.albedo, store.radiance
     for k in range(last - first):
         i = first + k
@@ -95,4 +94,4 @@ def write_radiance(store, first, last, rows):
         red, green, blue = red * rows[3 * CHUNK + k], green * rows[4 * CHUNK + k], blue * rows[5 * CHUNK + k]
         if albedo[0, i] >= ZERO and total > ZERO:
             radiance[i, 0], radiance[i, 1], radiance[i, 2] = red, green, blue
-            radiance[i, LIGHTING] = math.sqrt((red + green + blue) / total)
+            radiance[i, SQRT_IRRADIANCE] = math.sqrt((red + green + blue) / total)

@@ -8,11 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.accumulation import COUNT
-from wall.deepbuffer.kernels.change import LIGHT, WEIGHT
-from wall.deepbuffer.kernels.insert import LIGHTING
+from wall.deepbuffer.kernels.columns import COUNT, IRRADIANCE, SQRT_IRRADIANCE, WEIGHT, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import X, Y
 from wall.reconstruction.kernels.visibility import SHARPNESS
 
 uint32 = np.uint32  # as indices: no test whether they count from the end
@@ -20,25 +17,25 @@ ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @kernel
-def splat(store, weight, count, bounds, sums, lighting):
+def splat(store, weight, count, bounds, sums, irradiance):
     """Splat samples: each spreads over the four nearest pixel centres by a tent, or a steeper one.
 
     Between two centres its share goes from one to the other within 1 / sharpness pixels, about the edge between them:
-    shares still sum to 1. At sharpness 1 that is a tent, far above it the box of which the ideal picture is the mean.
+    shares still sum to 1. At sharpness 1 that is a tent, far above it the box of which the ideal image is the mean.
 
     Parameters
     ----------
     store : SampleStore; weight : (capacity,) float32, see weigh; count : int, samples stored
     bounds : (h, w, 3) float32, see visibility.bound_depths; sharpness is 1 or more
     sums : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
-    lighting : (h, w, 2) float32, weighted square root of lighting and weight, each sample in its own pixel, written;
-        or empty
+    irradiance : (h, w, 2) float32, weighted square root of irradiance and weight, written: a
+        sample counts in its own pixel; or empty
     """
     radiance, screen = store.radiance, store.screen_position
     flat, row = sums.reshape(-1), uint32(4 * sums.shape[1])
     flat[:] = ZERO
-    lighting[:] = ZERO
-    lights = lighting.shape[0] > 0
+    irradiance[:] = ZERO
+    keeps_irradiance = irradiance.shape[0] > 0
     for k in range(count):
         w = weight[k]
         if not w > ZERO:
@@ -46,9 +43,9 @@ def splat(store, weight, count, bounds, sums, lighting):
         x, y = screen[X, k], screen[Y, k]
         i, j = uint32(y), uint32(x)
         sharp = bounds[i, j, SHARPNESS]
-        if lights:
-            lighting[i, j, LIGHT] += w * radiance[k, LIGHTING]
-            lighting[i, j, WEIGHT] += w
+        if keeps_irradiance:
+            irradiance[i, j, IRRADIANCE] += w * radiance[k, SQRT_IRRADIANCE]
+            irradiance[i, j, WEIGHT] += w
         x += HALF  # border included
         y += HALF
         i, j = uint32(y), uint32(x)

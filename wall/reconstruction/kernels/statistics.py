@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.columns import DEPTH, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import DEPTH, X, Y
 
 
 @inline_kernel

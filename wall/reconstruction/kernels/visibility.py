@@ -8,24 +8,23 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.accumulation import OBJECT_ID
+from wall.deepbuffer.kernels.columns import DEPTH, NEAREST_DEPTH, NEAREST_OBJECT, NEAREST_X, NEAREST_Y, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import DEPTH, OUTSIDE, X, Y
+from wall.deepbuffer.kernels.reproject import OUTSIDE
 
 uint32 = np.uint32
 INFINITE = np.float32(np.inf)
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-BEHIND = np.float32(1.05)  # a sample deeper than its pixel's nearest by this factor is hidden
+BEHIND = np.float32(1.05)  # ratio of depths: a sample so much deeper than its pixel's nearest is hidden
 COVERS = np.float32(0.5**2)  # squared pixels: a nearer sample closer than this covers a deeper one,
-AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # and so do n whose mean lies closer than AMIDST + ALONE / n pixels
-SLOT = np.float32(6.0)  # of nine pixels: with fewer nearer ones, a pixel that shows the deeper surface itself is a gap
-WAITS = np.float32(0.5)  # seconds: so young a hidden sample is kept, for it may come out again
-SILHOUETTE = np.float32(8.0)  # 1 / s: how much faster samples lose weight at silhouettes, where coverage changes
-DENSE = np.float32(4.0)  # weight of a pixel beyond which its samples spread less and age faster, in proportion,
-SHARPEST = np.float32(3.0)  # up to so many times
+AMIDST, ALONE = np.float32(0.75), np.float32(0.3)  # pixels: so do n whose mean lies within AMIDST + ALONE / n
+SLOT = np.float32(6.0)  # pixels of 3x3 that show nearer samples: with fewer, a pixel showing the deeper one is a gap
+WAIT_S = np.float32(0.5)  # hidden samples are rejected from this age on; younger ones may become visible again
+SILHOUETTE_PER_S = np.float32(8.0)  # how much faster samples lose weight at silhouettes, where coverage changes
+DENSE = np.float32(4.0)  # effective samples of a pixel: with more, they spread less and age faster, in proportion,
+SHARPEST = np.float32(3.0)  # times at most (a factor)
 CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # columns of bounds
-NEAREST_DEPTH, NEAREST_X, NEAREST_Y = 0, 1, 2  # columns of nearest, before OBJECT_ID
-SLOWEST = np.float32(0.3)  # where samples are few, weights fall at so much of the usual pace: there are no better ones
+SLOWEST = np.float32(0.3)  # factor of decay where samples are few: there are no better ones
 
 
 @kernel
@@ -70,7 +69,7 @@ def bound_depths(nearest, moved, decay, silhouette, density, bounds):
 
     nearest : (h, w, 4) float32, see PixelHistory
     moved : (n + 1,) uint8, objects that moved in the image; decay : (rows, columns) float32, 1 / seconds, of each tile
-    silhouette : float32, 1 / seconds, SILHOUETTE unless nothing is to age
+    silhouette : float32, 1 / seconds, SILHOUETTE_PER_S unless nothing is to age
     density : (h + 2, w + 2, 4) float32, splat sums of the image before, weight last
     bounds : (h, w, 3) float32, written.
         CONSERVATIVE_DEPTH: the least depth over 3x3 pixels, enlarged by BEHIND. DECAY, 1 / seconds: the tile's decay
@@ -83,7 +82,7 @@ def bound_depths(nearest, moved, decay, silhouette, density, bounds):
     for i in range(height + 2):
         row = min(max(i - 1, 0), height - 1)
         for j in range(width):
-            object_id = nearest[row, j, OBJECT_ID]
+            object_id = nearest[row, j, NEAREST_OBJECT]
             depth[i, j + 1] = nearest[row, j, NEAREST_DEPTH]
             moving[i, j + 1] = np.float32(moved[uint32(max(object_id, ZERO))]) if object_id >= ZERO else ZERO
         depth[i, 0], depth[i, width + 1] = depth[i, 1], depth[i, width]
@@ -146,7 +145,7 @@ def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
     Parameters
     ----------
     store : SampleStore; rejected samples get depth OUTSIDE and no confidence; count : int, samples stored
-    cutoff : float32 seconds of the store's clock; samples from before it are rejected
+    cutoff : float32 seconds of the store's clock; samples from before it are evicted, in the same way
     nearest, bounds : see PixelHistory and bound_depths
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
@@ -172,7 +171,7 @@ def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
         weight[k] *= ZERO if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], nearest) else ONE
     for n in range(tests):
         k = untested[n]
-        if weight[k] == ZERO and now - times[k] >= WAITS:
+        if weight[k] == ZERO and now - times[k] >= WAIT_S:
             screen[DEPTH, k] = OUTSIDE
             confidence[k] = ZERO
     if cutoff > -INFINITE:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.deepbuffer.kernels.accumulation import BRIGHTNESS_DEVIATIONS, COUNT
+from wall.deepbuffer.kernels.columns import BRIGHTNESS_DEVIATIONS, COUNT
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y, hash_uint32
 
 PACKET = 16  # rays

@@ -148,7 +148,7 @@ def follow_mirrors(mirrors, scene, surfaces, materials, lights, work):
 
 @inline_kernel
 def divide_out_albedo(work):
-    """The lighting alone, into row IRRADIANCE: radiance over albedo, channels summed; the sky's radiance as it is."""
+    """Irradiance over pi, into row IRRADIANCE: radiance over albedo, channels summed; the sky's radiance as it is."""
     p = work.packet
     for lane in range(16):
         light = p[rows.RADIANCE_R + lane] + p[rows.RADIANCE_G + lane] + p[rows.RADIANCE_B + lane]
@@ -200,7 +200,7 @@ def write_samples(xy, first, count, samples, kept, eye_from_object, work):
         sample["radiance"][2] = b
         sample["depth"] = p[rows.DEPTH + lane]
         sample["object_id"] = bits[rows.OBJECT_ID + lane]
-        sample["lighting"] = math.sqrt(max(p[rows.IRRADIANCE + lane], ZERO))
+        sample["sqrt_irradiance"] = math.sqrt(max(p[rows.IRRADIANCE + lane], ZERO))
         sample["change"] = ZERO
         if eye_from_object is not None:
             code = bits[rows.NORMAL_CODE + lane]

@@ -1,5 +1,5 @@
 // Every pixel: the conservative depth, up to which samples are visible without further tests: the least over 3x3 pixels,
-// enlarged. SILHOUETTE where deeper surfaces show within the 3x3. And how dense samples are in the image before.
+// enlarged. SILHOUETTE_PER_S where deeper surfaces show within the 3x3. And how dense samples are in the image before.
 layout(binding = 0) uniform sampler2D splat_sums;
 layout(std430, binding = 0) readonly buffer Nearest { vec4 nearest[]; };  // depth (inf: none), x, y, object id
 layout(std430, binding = 1) writeonly buffer Bounds { float bounds[]; };  // conservative depth, decay, density
@@ -23,6 +23,6 @@ void main() {
     float density = texelFetch(splat_sums, at + 1, 0).w / DENSE;
     float pace = density > 0.0 ? clamp(density, SLOWEST, SHARPEST) : 1.0;
     bounds[3 * p] = least * BEHIND;
-    bounds[3 * p + 1] = pace * SLOW_DECAY + (most > least * BEHIND ? SILHOUETTE * (moves ? 1.0 : pace) : 0.0);
+    bounds[3 * p + 1] = pace * SLOW_DECAY + (most > least * BEHIND ? SILHOUETTE_PER_S * (moves ? 1.0 : pace) : 0.0);
     bounds[3 * p + 2] = density;
 }

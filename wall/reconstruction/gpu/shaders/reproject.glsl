@@ -15,7 +15,7 @@ float confidence_after(uint k, vec3 at) {
     float share = uintBitsToFloat(rejection[p]);
     bool older = state[2 * k + TIME] < uintBitsToFloat(rejection[2 * area + p]);
     if (share > 0.0 && rejection[3 * area + p] == object_id[k] && older) confidence *= 1.0 - share;
-    return confidence < FORGOTTEN ? 0.0 : confidence;
+    return confidence < LEAST_CONFIDENCE ? 0.0 : confidence;
 }
 
 vec3 moved_to(uint k, uint row) {

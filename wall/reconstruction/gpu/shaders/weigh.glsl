@@ -1,4 +1,4 @@
-// Every sample: what is hidden waits or is rejected, what is too old is rejected; the visible are weighed by confidence
+// Every sample: what is hidden waits or is rejected, what is too old is evicted; the visible are weighed by confidence
 // and age.
 layout(std430, binding = 0) buffer State { float state[]; };  // time, confidence
 layout(std430, binding = 1) buffer ScreenPosition { float screen[]; };  // x, y, depth
@@ -7,7 +7,7 @@ layout(std430, binding = 3) readonly buffer Nearest { vec4 nearest[]; };  // dep
 layout(std430, binding = 4) readonly buffer Bounds { float bounds[]; };  // conservative depth, decay, density
 layout(std430, binding = 5) readonly buffer Ages { uint ages[]; };
 uniform ivec2 size;
-uniform int expires;  // 1: ages[AGES] is the last age that stays
+uniform int evicts;  // 1: ages[AGES] is the last age that stays
 uniform float now;
 uniform float young;
 
@@ -42,10 +42,10 @@ void main() {
     weight[k] = 0.0;
     if (!(at.z > 0.0)) return;
     float age = now - state[2 * k + TIME];
-    bool old = expires != 0 && floatBitsToUint(max(age, 0.0)) >> AGE_SHIFT > ages[AGES];
+    bool old = evicts != 0 && floatBitsToUint(max(age, 0.0)) >> AGE_SHIFT > ages[AGES];
     int pixel = 3 * (int(at.y) * size.x + int(at.x));
     bool covered = at.z > bounds[pixel] && age > young && hidden(at);
-    if (covered && age < WAITS && !old) return;
+    if (covered && age < WAIT_S && !old) return;
     if (covered || old) {
         screen[3 * k + DEPTH] = OUTSIDE;
         state[2 * k + CONFIDENCE] = 0.0;

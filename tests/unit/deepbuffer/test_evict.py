@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.expire import AGES, oldest_kept
+from wall.deepbuffer.kernels.evict import AGES, oldest_kept
 from wall.deepbuffer.store import SampleStore
 
 NOW = 100.5

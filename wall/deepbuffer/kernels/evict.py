@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import kernel
-from wall.deepbuffer.kernels.reproject import DEPTH
+from wall.deepbuffer.kernels.columns import DEPTH
 
 AGE_SHIFT = 16  # a class of age: the bits of its float32 above so many; each is 1/128 of an age wide at most
 AGES = 1 << (31 - AGE_SHIFT)
@@ -14,7 +14,7 @@ ZERO = np.float32(0.0)
 
 @kernel
 def oldest_kept(store, count, now, wanted, ages):
-    """The time before which samples must go, so that at least `wanted` stay, and no more than a class of age beyond.
+    """The time before which samples are evicted, so that `wanted` stay, or a class of age more.
 
     store : SampleStore; samples in the image count; count : int, samples stored
     now : float32 seconds of the store's clock; later times count as now

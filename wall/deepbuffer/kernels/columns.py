@@ -1,0 +1,16 @@
+"""Names for the rows and columns of the arrays in `deepbuffer.store`: what kernels index them by."""
+
+X, Y, Z = 0, 1, 2  # rows of SampleStore.position; X and Y also of SampleStore.screen_position
+DEPTH = 2  # row of SampleStore.screen_position
+SQRT_IRRADIANCE = 3  # column of SampleStore.radiance, after red, green and blue
+
+NEAREST_DEPTH, NEAREST_X, NEAREST_Y, NEAREST_OBJECT = 0, 1, 2, 3  # columns of PixelHistory.nearest
+IRRADIANCE, WEIGHT = 0, 1  # columns of PixelHistory.sqrt_irradiance: weighted sum, and sum of weights
+AMOUNT, BEFORE = 0, 1  # columns of PixelHistory.rejection: share of confidence, time in seconds
+
+# columns of PixelHistory.accumulation; deviations are sums of squares
+RED, GREEN, BLUE = 0, 1, 2  # mean radiance
+COUNT = 3  # samples
+BRIGHTNESS_MEAN, BRIGHTNESS_DEVIATIONS = 4, 5  # of the square root of luminance
+IRRADIANCE_MEAN, IRRADIANCE_DEVIATIONS = 6, 7  # of the square root of irradiance
+ACCUMULATION_COLUMNS = 8
