@@ -1,7 +1,7 @@
 """Reconstruct an image from the samples of a deep buffer, at every refresh, under the event of that moment.
 
-`insert` stores samples; `refresh` reprojects them, rejects what is contradicted or hidden, evicts the oldest, splats the
-rest and fills holes. While nothing moves, new samples are averaged per pixel and nothing else is redone. The same code
+`insert` stores samples; `refresh` reprojects them, rejects what is contradicted or hidden, evicts the oldest, splats
+the rest, fills holes. While nothing moves, new samples are averaged per pixel and nothing else is redone. The same code
 makes the image at a compositor and the one that a sampler reads.
 """
 

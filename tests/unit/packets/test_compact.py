@@ -33,23 +33,23 @@ HALF_CODE = 0.51  # the exact curve bends between whole codes, most at code 10.3
 RECT = Rect(x=0, y=0, width=480, height=270)
 
 
-def curve_place(colour: Float64) -> Float64:
-    """Place on the curve of colour codes, exactly (between whole codes the packet's curve is straight)."""
+def curve_position(colour: Float64) -> Float64:
+    """Position on the curve of colour codes, exactly (between whole codes the packet's curve is straight)."""
     low = np.clip(colour, 0.0, 65408.0)
     srgb = np.where(low <= 0.0031308, 12.92 * low, 1.055 * np.maximum(low, 1e-9) ** (1 / 2.4) - 0.055)
     return np.where(low <= 1.0, 255 * srgb, 255 + 80 * np.log2(np.maximum(low, 1.0)))
 
 
-def z_order(x: int, y: int) -> int:
-    """The place of a sub-pixel on the Z-curve: bits of x and y in turn, x lowest."""
+def morton_code(x: int, y: int) -> int:
+    """The Morton code of a sub-pixel: bits of x and y in turn, x lowest."""
     return int("".join(b + a for a, b in zip(f"{x:015b}", f"{y:015b}", strict=True)), 2)
 
 
 def in_order(samples: Samples, rect: Rect) -> Samples:
-    """Samples by object and place, those of one sub-pixel as they were."""
+    """Samples by object and sub-pixel, those of one sub-pixel as they were."""
     eighths = np.floor((np.float64(samples["xy"]) - (rect.x, rect.y)) * 8).astype(int)
-    places = np.array([z_order(x, y) for x, y in eighths.tolist()], np.int64)
-    return samples[np.lexsort((places, samples["object_id"]))]
+    codes = np.array([morton_code(x, y) for x, y in eighths.tolist()], np.int64)
+    return samples[np.lexsort((codes, samples["object_id"]))]
 
 
 def check_compact(sent: Batch, came: Batch) -> None:
@@ -57,7 +57,7 @@ def check_compact(sent: Batch, came: Batch) -> None:
     assert len(a) == len(b)
     assert (np.abs(np.float64(a["xy"]) - b["xy"]) <= 1 / 16).all()
     assert (np.floor(a["xy"]) == np.floor(b["xy"])).all()
-    error = np.abs(curve_place(np.float64(a["radiance"])) - curve_place(np.float64(b["radiance"])))
+    error = np.abs(curve_position(np.float64(a["radiance"])) - curve_position(np.float64(b["radiance"])))
     assert (error <= HALF_CODE).all()
     finite = np.isfinite(a["depth"])
     assert (np.isinf(b["depth"]) == ~finite).all()
@@ -126,8 +126,8 @@ def test_the_worst_errors_come_near_their_bounds() -> None:
     samples = plain_samples(4000)
     a, b = in_order(samples, RECT), through(samples)
     assert np.abs(np.float64(a["xy"]) - b["xy"]).max() > 0.99 / 16
-    places = [curve_place(np.float64(s["radiance"])) for s in (a, b)]
-    assert np.abs(places[0] - places[1]).max() > 0.495
+    positions = [curve_position(np.float64(s["radiance"])) for s in (a, b)]
+    assert np.abs(positions[0] - positions[1]).max() > 0.495
     finite = np.isfinite(a["depth"])
     assert np.abs(b["depth"][finite] / np.float64(a["depth"][finite]) - 1).max() > 0.98 * 2.0**-12
 
@@ -146,7 +146,7 @@ def test_a_flat_colour_is_right_on_average() -> None:
     samples["xy"] = np.random.default_rng(1).random((10_000, 2)) * (480, 270)
     codes = np.array([100.3, 181.5, 240.7])
     samples["radiance"] = np.float32(((codes / 255 + 0.055) / 1.055) ** 2.4)
-    assert np.abs(curve_place(np.float64(through(samples)["radiance"])).mean(axis=0) - codes).max() < 0.012
+    assert np.abs(curve_position(np.float64(through(samples)["radiance"])).mean(axis=0) - codes).max() < 0.012
 
 
 @pytest.mark.parametrize("span", [0.0, 1e-45, 1e-36, 0.001, 999999.0])
@@ -184,10 +184,10 @@ def test_a_codec_is_not_applied_to_it() -> None:
     assert encode(batch, Codec.ZSTD) == encode(batch, Codec.NONE)
 
 
-def test_spread_bits_stand_in_every_second_place_and_come_back() -> None:
+def test_spread_bits_stand_in_every_second_bit_and_come_back() -> None:
     for number in (0, 1, 2, 5, 0x1234, 0x7FFF, 0xFFFF):
         spread = kernels.spread_bits(np.int64(number))
-        assert spread == z_order(number & 0x7FFF, 0) | (number >> 15) << 30
+        assert spread == morton_code(number & 0x7FFF, 0) | (number >> 15) << 30
         assert kernels.gather_bits(spread) == kernels.gather_bits(spread | 0xAAAAAAAA) == number
 
 

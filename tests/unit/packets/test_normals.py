@@ -127,7 +127,7 @@ def body_with(samples: Samples, column: int, number: int) -> bytes:
     ("column", "largest"), [(kernels.NORMAL_X, 62), (kernels.NORMAL_Y, 62), (kernels.VISIBILITY, 2**32 - 1)]
 )
 def test_normals_out_of_their_range_are_refused_and_any_mask_is_taken(column: int, largest: int) -> None:
-    """Differences are folded: 62 is 31, 63 is -32, 64 is 32."""
+    """Differences are zigzag codes: 62 is 31, 63 is -32, 64 is 32."""
     samples = relightable_samples(5)
     packed = body.pack(samples, RECT, relightable=True)
     for number in (largest, largest + 1, largest + 2, 1 << 20):

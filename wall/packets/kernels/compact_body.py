@@ -9,7 +9,7 @@ from wall.packets.kernels.colour_codes import TOP_CODE, code_of, colour_of, dith
 from wall.packets.kernels.normals import NORMAL_CODES, normal_code, normal_of
 from wall.packets.kernels.plain_body import INFINITY_BITS, LARGEST_FINITE_BITS, SHORTEST_SPAN_S, depth_range
 
-POSITION, LUMA, ORANGE, GREEN, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, VISIBILITY = range(10)  # columns
+POSITION, LUMA, CO, CG, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, VISIBILITY = range(10)  # columns; CO, CG: chroma of YCoCg-R
 COLUMNS, RELIGHTABLE_COLUMNS = 7, 10  # without and with normals and light visibility masks
 SUBPIXEL_BITS = 3
 DEPTH_BITS = 11  # mantissa bits of a depth code
@@ -39,14 +39,14 @@ def gather_bits(number):
 
 
 @inline_kernel
-def folded(number):
-    """0, -1, 1, -2, 2 ... as 0, 1, 2, 3, 4."""
+def zigzag(number):
+    """Zigzag code of a signed number: 0, -1, 1, -2, 2 ... become 0, 1, 2, 3, 4."""
     return (number << 1) ^ (number >> 63)
 
 
 @inline_kernel
-def unfolded(number):
-    """The inverse of folded()."""
+def undo_zigzag(number):
+    """The inverse of zigzag()."""
     return (number >> 1) ^ -(number & 1)
 
 
@@ -78,7 +78,7 @@ def sorted_by(keys, order):
 
 @kernel
 def find_keys(samples, rect, positions, ids):
-    """Positions along a Z-curve of sub-pixels, and object ids.
+    """Morton codes (Z-order) of sub-pixels, and object ids.
 
     samples : (n,) SAMPLE; rect : (x, y, width, height), panel pixels; positions, ids : (n,) uint32, written.
     Returns how many samples are not in the rectangle.
@@ -137,10 +137,10 @@ def encode(samples, rect, curve, columns, objects):
         red = code_of(samples[k]["radiance"][0], dither(noise), curve)
         green = code_of(samples[k]["radiance"][1], dither(noise >> 10), curve)
         blue = code_of(samples[k]["radiance"][2], dither(noise >> 20), curve)
-        orange = red - blue  # YCoCg-R (Malvar, Sullivan 2003): whole numbers, reversible
-        middle = blue + (orange >> 1)
+        co = red - blue  # YCoCg-R (Malvar, Sullivan 2003): whole numbers, reversible
+        middle = blue + (co >> 1)
         columns[LUMA, i] = middle + ((green - middle) >> 1)
-        columns[ORANGE, i], columns[GREEN, i] = orange, green - middle
+        columns[CO, i], columns[CG, i] = co, green - middle
         bits = np.int64(np.float32(samples[k]["depth"]).view(np.int32))
         depth = 1 + ((max(bits, origin) - origin + ((1 << shift) >> 1)) >> shift)
         columns[DEPTH, i] = depth if bits < INFINITY_BITS else 0
@@ -160,11 +160,11 @@ def encode(samples, rect, curve, columns, objects):
 
 @inline_kernel
 def take_differences(column):
-    """column (n,) int32 in place: differences to the number before, folded; before the first: 0."""
+    """column (n,) int32 in place: zigzag codes of differences to the number before; before the first: 0."""
     for i in range(column.shape[0] - 1, 0, -1):
-        column[i] = folded(np.int64(column[i]) - np.int64(column[i - 1]))
+        column[i] = zigzag(np.int64(column[i]) - np.int64(column[i - 1]))
     if column.shape[0] > 0:
-        column[0] = folded(np.int64(column[0]))
+        column[0] = zigzag(np.int64(column[0]))
 
 
 @inline_kernel
@@ -195,7 +195,7 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
     shift, origin = 23 - depth_code[1], depth_code[0] << 23
     deepest = 1 + ((INFINITY_BITS - origin) >> shift)
     subpixel, time_step = np.float32(1.0 / (1 << SUBPIXEL_BITS)), np.float32(span) / np.float32(TIME_STEPS)
-    luma = orange = green = depth = time = normal_x = normal_y = np.int64(0)
+    luma = co = cg = depth = time = normal_x = normal_y = np.int64(0)
     visibility = np.uint32(0xFFFFFFFF)
     i, object_id = np.int64(0), np.int64(0)
     for m in range(objects.shape[1]):
@@ -206,16 +206,16 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
         while i < end:
             position += np.int64(columns[POSITION, i])
             x, y = gather_bits(position), gather_bits(position >> 1)
-            luma += unfolded(np.int64(columns[LUMA, i]))
-            orange += unfolded(np.int64(columns[ORANGE, i]))
-            green += unfolded(np.int64(columns[GREEN, i]))
-            depth += unfolded(np.int64(columns[DEPTH, i]))
-            time += unfolded(np.int64(columns[TIME, i]))
+            luma += undo_zigzag(np.int64(columns[LUMA, i]))
+            co += undo_zigzag(np.int64(columns[CO, i]))
+            cg += undo_zigzag(np.int64(columns[CG, i]))
+            depth += undo_zigzag(np.int64(columns[DEPTH, i]))
+            time += undo_zigzag(np.int64(columns[TIME, i]))
             change = np.int64(columns[CHANGE, i])
-            middle = luma - (green >> 1)
-            g = middle + green
-            b = middle - (orange >> 1)
-            r = b + orange
+            middle = luma - (cg >> 1)
+            g = middle + cg
+            b = middle - (co >> 1)
+            r = b + co
             if position >> 32 or x >> SUBPIXEL_BITS >= rect[2] or y >> SUBPIXEL_BITS >= rect[3]:
                 return False
             if min(r, min(g, b)) < 0 or max(r, max(g, b)) > TOP_CODE or depth < 0 or depth > deepest:
@@ -223,8 +223,8 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
             if time < 0 or time > TIME_STEPS or change > CHANGE_STEPS:
                 return False
             if lit:
-                normal_x += unfolded(np.int64(columns[NORMAL_X, i]))
-                normal_y += unfolded(np.int64(columns[NORMAL_Y, i]))
+                normal_x += undo_zigzag(np.int64(columns[NORMAL_X, i]))
+                normal_y += undo_zigzag(np.int64(columns[NORMAL_Y, i]))
                 visibility ^= np.uint32(columns[VISIBILITY, i])
                 if max(abs(normal_x), abs(normal_y)) > NORMAL_CODES:
                     return False
