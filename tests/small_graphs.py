@@ -10,7 +10,7 @@ from wall.compositing.build import build
 from wall.compositing.graph import Graph
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 
 WALL = "wall: {grid: {columns: 2, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}"  # r0c0 at x 0, r0c1 at x 8
 ABOVE = """\

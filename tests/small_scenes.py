@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import Batch, Event, Float32, Float64, Rect, Samples
 from wall.geometry.cameras import default_eye, look_at
-from wall.geometry.panels import Panel, Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Panel, Wall
 from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.builtin.shapes import sphere

@@ -207,7 +207,7 @@ def expand(
     """
     from wall.config.loading import load
     from wall.config.rewriting import with_wall
-    from wall.geometry.panels import expanded_config
+    from wall.geometry.expanding import expanded_config
 
     loaded = load(config)
     text = with_wall(loaded, expanded_config(loaded.config.wall))

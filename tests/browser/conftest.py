@@ -16,7 +16,8 @@ from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import StatisticsImage
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.display.browser import Browser
-from wall.geometry.panels import Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Wall
 
 REFRESH_S = 1 / 30
 SECOND = (20, 40, 220)  # colour of every second picture

@@ -82,14 +82,15 @@ def _ranks(layout: Layout) -> Table:
 
 def _displays(wall: Wall) -> Table | None:
     """A table of the panels and the displays that show them; None where the configuration names none."""
-    rows = [(p, p.host or "", p.display or "", "" if p.monitor is None else str(p.monitor)) for p in wall.panels]
+    configs = [(p, p.config) for p in wall.panels]
+    rows = [(p, c.host or "", c.display or "", "" if c.monitor is None else str(c.monitor)) for p, c in configs]
     if not any(any(names) for _, *names in rows):
         return None
     table = Table(title="displays", title_justify="left")
     for column in ("panel", "pixels", "host", "display", "monitor"):
         table.add_column(column)
     for panel, *names in rows:
-        turned = f", turned {panel.rotation}" if panel.rotation else ""
+        turned = f", turned {panel.config.rotation}" if panel.config.rotation else ""
         table.add_row(panel.id, f"{panel.pixels[0]}x{panel.pixels[1]}{turned}", *names)
     return table
 

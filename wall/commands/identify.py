@@ -54,8 +54,8 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
     machine, RunError if a window cannot be opened.
     """
     layout = make_layout(loaded)
-    mine = [panel for panel in layout.wall.panels if _is_here(panel.host)]
-    elsewhere = sorted({panel.host for panel in layout.wall.panels if panel.host and panel not in mine})
+    mine = [panel for panel in layout.wall.panels if _is_here(panel.config.host)]
+    elsewhere = sorted({panel.config.host for panel in layout.wall.panels if panel.config.host and panel not in mine})
     if not mine:
         hosts = ", ".join(elsewhere)
         raise ConfigError(f"{loaded.path}: no panel hangs on {socket.gethostname()}; run this on {hosts}, or give -o")
@@ -106,13 +106,13 @@ def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:
     """A panel's host, ranks and display in the configuration, as rows of a name and a text."""
     ranks = [rank for rank in layout.renderers() if layout.layer(rank).panel == panel.index]
     compositors = sorted({layer.compositor for layer in layout.graph.layers if layer.panel == panel.index})
-    where = [panel.display or "DISPLAY"]
-    if panel.monitor is not None:
-        where.append(f"monitor {panel.monitor}")
-    if panel.window is not None:
-        where.append(f"{panel.window.width} x {panel.window.height} at {panel.window.x}, {panel.window.y}")
+    where = [panel.config.display or "DISPLAY"]
+    if panel.config.monitor is not None:
+        where.append(f"monitor {panel.config.monitor}")
+    if (window := panel.config.window) is not None:
+        where.append(f"{window.width} x {window.height} at {window.x}, {window.y}")
     return [
-        ("host", panel.host or "any"),
+        ("host", panel.config.host or "any"),
         ("rendered by", f"rank{'s' * (len(ranks) > 1)} {_listed(ranks)}" if ranks else "no rank"),
         ("put together by", f"rank{'s' * (len(compositors) > 1)} {_listed(compositors)}" if compositors else "nobody"),
         ("display", ", ".join(where)),

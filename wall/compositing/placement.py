@@ -29,11 +29,13 @@ class Placement:
         self._index = {panel.id: panel.index for panel in wall.panels}
         self._area = {p.id: p.pixels[0] * p.pixels[1] for p in wall.panels}
         self.hosts: dict[int, str] = {}  # wanted, by rank
+        wanted: dict[int, set[str | None]] = {}
         for panel in wall.panels:
-            rank = self.panel[panel.index]
-            if panel.host is not None and all(p.host == panel.host for p in wall.panels if self.panel[p.index] == rank):
-                self.hosts[rank] = panel.host
-        self._named_hosts = {panel.host for panel in wall.panels if panel.host is not None}
+            wanted.setdefault(self.panel[panel.index], set()).add(panel.config.host)
+        for rank, (host, *others) in wanted.items():
+            if host is not None and not others:
+                self.hosts[rank] = host
+        self._named_hosts = {panel.config.host for panel in wall.panels if panel.config.host is not None}
 
     def find(self, order: Sequence[Node], panels: Mapping[str, frozenset[int]]) -> dict[str, int]:
         """The rank of every node but samples nodes. `order`: inputs first; `panels`: whose pixels a node holds."""
@@ -126,14 +128,14 @@ def deal(wall: Wall, compositors: int) -> tuple[int, ...]:
 
     With more compositors than hosts the head takes none of those panels.
     """
-    hosts = list(dict.fromkeys(panel.host for panel in wall.panels))
+    hosts = list(dict.fromkeys(panel.config.host for panel in wall.panels))
     count = len(wall.panels)
     if None in hosts or not 1 < len(hosts) <= compositors:
         return tuple(panel.index * compositors // count for panel in wall.panels)
     head = int(len(hosts) < compositors)
     share, ranks = compositors - head, [0] * count
     for g, host in enumerate(hosts):
-        mine = [panel.index for panel in wall.panels if panel.host == host]
+        mine = [panel.index for panel in wall.panels if panel.config.host == host]
         first, last = head + g * share // len(hosts), head + (g + 1) * share // len(hosts)
         for i, panel in enumerate(mine):
             ranks[panel] = first + i * (last - first) // len(mine)

@@ -56,15 +56,15 @@ def _window(node: SinkNode, name: str, panel: Panel, given: Rect, taken: set[str
 
     if given != rect:
         chain.append(Crop(op="crop", area=(rect.x, rect.y, rect.width, rect.height), **link("crop")))
-    if panel.colour is not None:
-        c = panel.colour
+    if panel.config.colour is not None:
+        c = panel.config.colour
         chain.append(Colour(op="colour", gain=c.gain, gamma=c.gamma, lut=c.lut, **link("colour")))
     if (ramps := _ramps(panel)) is not None:
         chain.append(BlendEdges(op="blend_edges", **ramps, **link("blend")))
-    if isinstance(panel.warp, WarpFileConfig):
-        chain.append(Warp(op="warp", file=panel.warp.file, **link("warp")))
-    elif panel.warp is not None:
-        chain.append(Warp(op="warp", mesh=panel.warp, **link("warp")))
+    if isinstance(panel.config.warp, WarpFileConfig):
+        chain.append(Warp(op="warp", file=panel.config.warp.file, **link("warp")))
+    elif panel.config.warp is not None:
+        chain.append(Warp(op="warp", mesh=panel.config.warp, **link("warp")))
     last = chain[-1].id if chain else node.input
     return [*chain, SinkNode(op="sink", id=name, kind="window", input=last, on=node.on)]
 

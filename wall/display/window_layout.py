@@ -65,15 +65,15 @@ class WindowPosition:
 
 def request_of(panel: Panel, refresh_hz: float) -> WindowRequest:
     """The request of a panel's configuration, with `refresh_hz` pictures a second on their way to it."""
-    window = panel.window
+    window, own_hz = panel.config.window, panel.config.refresh_hz
     return WindowRequest(
         id=panel.id,
         pixels=panel.pixels,
         screen=panel.screen,
-        rotation=panel.rotation,
-        monitor=panel.monitor,
+        rotation=panel.config.rotation,
+        monitor=panel.config.monitor,
         window=None if window is None else (window.x, window.y, window.width, window.height),
-        most_hz=None if panel.refresh_hz is None or panel.refresh_hz >= refresh_hz else panel.refresh_hz,
+        most_hz=None if own_hz is None or own_hz >= refresh_hz else own_hz,
     )
 
 

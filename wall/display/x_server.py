@@ -33,7 +33,7 @@ def check_displays(panels: Sequence[Panel]) -> None:
 
 def display_of(panel: Panel) -> str:
     """The X display that shows a panel: its own, or that of DISPLAY. Raises RunError where there is none."""
-    display = panel.display or os.environ.get("DISPLAY", "")
+    display = panel.config.display or os.environ.get("DISPLAY", "")
     if not display:
         raise RunError(
             f"panel {panel.id}: no X display to show it on: the configuration names none and DISPLAY is not set; "

@@ -9,9 +9,8 @@ import numpy as np
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
 from wall.geometry.eyes import panel_path, standing_eye
-from wall.geometry.layout import Overlap
 from wall.geometry.outlines import whole
-from wall.geometry.panels import Panel, Wall
+from wall.geometry.panels import Overlap, Panel, Wall
 
 SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched picture
 SAID = 3  # panels that a note names
@@ -100,7 +99,7 @@ def _fades(panel: Panel) -> bool:
 
 def _needless(loaded: Loaded, wall: Wall) -> Iterator[str]:
     sides = [panel for panel in wall.panels if panel.blend is not None and not _fades(panel)]
-    if sides and not any(panel.overlap.across or panel.overlap.down for panel in wall.panels):
+    if sides and not any(panel.config.overlap.across or panel.config.overlap.down for panel in wall.panels):
         yield _note(loaded, sides, "blend: auto is as wide as the overlap, and there is none")
 
 

@@ -42,10 +42,11 @@ def _refusal(loaded: Loaded, panel: Panel, view: int, eye: Float64) -> ConfigErr
     before = distance_before(panel, eye_of(panel, eye, config.eye_separation))
     if before >= NEAREST_EYE_M:
         return None
-    path: YamlPath = ("views", view, "eye") if panel.eye is None else (*panel_path(loaded, panel), "eye")
+    own = panel.config.eye is not None
+    path: YamlPath = (*panel_path(loaded, panel), "eye") if own else ("views", view, "eye")
     where = f"is {-before:.3g} m behind" if before < -NEAREST_EYE_M else "is in the plane of"
-    which = {0.0: ""}.get(panel.shift, f", for the {panel.stereo} eye")
-    accepted = "a point that sees the front of every panel" if panel.eye is None else "a point that sees its front"
+    which = {0.0: ""}.get(panel.shift, f", for the {panel.config.stereo} eye")
+    accepted = "a point that sees its front" if own else "a point that sees the front of every panel"
     return loaded.error(path, f"{where} panel {panel.id}{which}", accepted)
 
 
@@ -65,7 +66,7 @@ def eye_of(panel: Panel, eye: Float64, separation: float) -> Float64:
     eye : (3,) metres, wall frame, of the view
     separation : metres from the left eye to the right one; they stand at each side of the eye along the frame's x
     """
-    own = eye if panel.eye is None else panel.eye
+    own = eye if panel.config.eye is None else np.array(panel.config.eye)
     return own + np.array([panel.shift * separation, 0.0, 0.0]) if panel.shift else own
 
 

@@ -8,76 +8,36 @@ of its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.displays import SidesConfig
 from wall.core.data import Float64
+from wall.geometry.panels import Overlap, Panel, Plane, Wall
 
 PARALLEL = 1e-6  # sine: a hundredth of a pixel across 16,384 pixels
 SAME_PLANE = 0.01  # pixels behind or before it
 EMPTIEST = 4  # a picture may be at most so many times as large as its panels
 TOUCHING = 0.5  # pixels that rounding may let neighbours share
-
-Sight = tuple[float, tuple[float, float, float] | None]  # shift in eye separations, own eye; who looks
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Placement:
-    """One panel before it has a place in the virtual screen. Its rectangle is what its pixels span."""
-
-    upper_left: Float64  # (3,) metres, wall frame
-    per_x: Float64  # (3,) metres a pixel to the right
-    per_y: Float64  # (3,) metres a pixel down
-    pixels: tuple[int, int]
-    bezel: SidesConfig  # that is hidden
-    overlap: SidesConfig
-    sight: Sight
-
-    @property
-    def pitch(self) -> tuple[float, float]:
-        """Metres a pixel, across and down."""
-        return float(np.linalg.norm(self.per_x)), float(np.linalg.norm(self.per_y))
+ON_GRID = 0.01  # pixels: panels that stand so near to whole pixels of another's plane are put there
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Overlap:
-    """A rectangle that two panels of one face light for the same eye."""
+def place(panels: Sequence[Panel], *, regular: bool = False) -> Wall:
+    """Lay panels out, each with its own plane, faces side by side in the order of their first panels.
 
-    first: int  # index in Wall.panels, the smaller
-    second: int
-    size: tuple[float, float]  # metres
-    declared: tuple[float, float]  # metres side by side and above each other that both panels say, where they meet
-    allowed: bool  # it is no larger than declared, side by side or above each other
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Placed:
-    """The virtual screen: where each panel's top left pixel is, and what belongs together."""
-
-    screens: list[tuple[int, int]]
-    spans: list[tuple[int, int]]  # width and height there: more than its pixels where others of its face are finer
-    faces: list[list[int]]  # indices of panels that lie as they stand
-    overlaps: list[Overlap]
-    width: int
-    height: int
-
-
-def place(placements: Sequence[Placement], *, regular: bool = False) -> Placed:
-    """Lay panels out, faces side by side in the order of their first panels, their bezels between them.
-
-    `regular`: it is a grid, and lies as it stands however wide its gaps.
+    Between faces are their bezels. Panels of a face that stand on one grid of pixels get one plane. `regular`: it is a
+    grid, and lies as it stands however wide its gaps.
     """
     faces: list[list[int]] = []
     overlaps: list[Overlap] = []
-    screens: list[tuple[int, int]] = [(0, 0)] * len(placements)
-    for face in _planes(placements):
-        found = _overlaps(placements, face)
+    screens: list[tuple[int, int]] = [(0, 0)] * len(panels)
+    for face in _in_one_plane(panels):
+        found = _overlaps(panels, face)
         overlaps.extend(found)
-        corners = _as_they_stand(placements, face)
-        scattered = _crowded(placements, face, corners, found) or _mostly_empty(placements, face, corners)
+        corners = _as_they_stand(panels, face)
+        scattered = _crowded(panels, face, corners, found) or _mostly_empty(panels, face, corners)
         if scattered and not regular:
             faces.extend([k] for k in face)
         else:
@@ -85,32 +45,38 @@ def place(placements: Sequence[Placement], *, regular: bool = False) -> Placed:
             for k, corner in zip(face, corners, strict=True):
                 screens[k] = corner
     faces.sort(key=lambda face: face[0])
-    spans = _spans(placements, faces)
-    _side_by_side(placements, faces, screens, spans)
+    spans = _spans(panels, faces)
+    _side_by_side(panels, faces, screens, spans)
+    planes = _shared_planes(panels, faces, screens)
     ends = [(x + w, y + h) for (x, y), (w, h) in zip(screens, spans, strict=True)]
-    width, height = max(x for x, _ in ends), max(y for _, y in ends)
-    return Placed(screens=screens, spans=spans, faces=faces, overlaps=overlaps, width=width, height=height)
+    return Wall(
+        panels=tuple(replace(p, screen=screens[k], span=spans[k], plane=planes[k]) for k, p in enumerate(panels)),
+        width=max(x for x, _ in ends),
+        height=max(y for _, y in ends),
+        faces=tuple(map(tuple, faces)),
+        overlaps=tuple(overlaps),
+    )
 
 
-def _spans(placements: Sequence[Placement], faces: list[list[int]]) -> list[tuple[int, int]]:
+def _spans(panels: Sequence[Panel], faces: list[list[int]]) -> list[tuple[int, int]]:
     """Widths and heights in pixels of the finest panel of each one's face."""
-    spans = [(0, 0)] * len(placements)
+    spans = [(0, 0)] * len(panels)
     for face in faces:
-        finest = np.min([placements[k].pitch for k in face], axis=0)
+        finest = np.min([panels[k].pitch for k in face], axis=0)
         for k in face:
-            p = placements[k]
+            p = panels[k]
             w, h = (round(n * mine / least) for n, mine, least in zip(p.pixels, p.pitch, finest, strict=True))
             spans[k] = (w, h)
     return spans
 
 
-def _planes(placements: Sequence[Placement]) -> list[list[int]]:
+def _in_one_plane(panels: Sequence[Panel]) -> list[list[int]]:
     """Indices of panels that share a plane, its directions, and the eye's shift."""
-    right, down = _units(placements, "per_x"), _units(placements, "per_y")
-    upper_left = np.array([p.upper_left for p in placements])
-    pitch = np.array([min(p.pitch) for p in placements])
-    shift = np.array([p.sight[0] for p in placements])
-    left, faces = np.arange(len(placements)), []
+    right, down = _units(panels, "per_x"), _units(panels, "per_y")
+    upper_left = np.array([p.plane.origin for p in panels])
+    pitch = np.array([min(p.pitch) for p in panels])
+    shift = np.array([p.shift for p in panels])
+    left, faces = np.arange(len(panels)), []
     while len(left):
         first = left[0]
         turned = np.linalg.norm(right[left] - right[first], axis=1) + np.linalg.norm(down[left] - down[first], axis=1)
@@ -122,35 +88,35 @@ def _planes(placements: Sequence[Placement]) -> list[list[int]]:
     return faces
 
 
-def _units(placements: Sequence[Placement], name: str) -> Float64:
-    vectors = np.array([getattr(p, name) for p in placements])
+def _units(panels: Sequence[Panel], name: str) -> Float64:
+    vectors = np.array([getattr(p.plane, name) for p in panels])
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
-def _rectangles(placements: Sequence[Placement], face: list[int]) -> tuple[Float64, Float64]:
+def _rectangles(panels: Sequence[Panel], face: list[int]) -> tuple[Float64, Float64]:
     """Top left and bottom right corners, each (n, 2) metres right and down of the first panel's, in the face."""
-    own = [placements[k] for k in face]
+    own = [panels[k] for k in face]
     right, down = _units(own[:1], "per_x")[0], _units(own[:1], "per_y")[0]
-    away = np.array([p.upper_left - own[0].upper_left for p in own])
+    away = np.array([p.plane.origin - own[0].plane.origin for p in own])
     low = np.stack([away @ right, away @ down], axis=1)
     size = np.array([(p.pitch[0] * p.pixels[0], p.pitch[1] * p.pixels[1]) for p in own])
     return low, low + size
 
 
-def _as_they_stand(placements: Sequence[Placement], face: list[int]) -> list[tuple[int, int]]:
-    finest = np.min([placements[k].pitch for k in face], axis=0)
-    places = np.rint(_rectangles(placements, face)[0] / finest)
+def _as_they_stand(panels: Sequence[Panel], face: list[int]) -> list[tuple[int, int]]:
+    finest = np.min([panels[k].pitch for k in face], axis=0)
+    places = np.rint(_rectangles(panels, face)[0] / finest)
     return [(int(x), int(y)) for x, y in places - places.min(axis=0)]
 
 
-def _overlaps(placements: Sequence[Placement], face: list[int]) -> list[Overlap]:
-    low, high = _rectangles(placements, face)
+def _overlaps(panels: Sequence[Panel], face: list[int]) -> list[Overlap]:
+    low, high = _rectangles(panels, face)
     shared = np.minimum(high[:, None], high[None]) - np.maximum(low[:, None], low[None])
-    pitch = np.array([placements[k].pitch for k in face])
+    pitch = np.array([panels[k].pitch for k in face])
     least = TOUCHING * np.minimum(pitch[:, None], pitch[None])
     found = []
     for i, j in np.argwhere(np.triu((shared > least).all(axis=2), 1)):
-        a, b = placements[face[i]], placements[face[j]]
+        a, b = panels[face[i]], panels[face[j]]
         if a.sight == b.sight:
             declared = _declared(a, b, low[j] - low[i])
             allowed = bool((shared[i, j] <= np.array(declared) + least[i, j]).any())
@@ -159,32 +125,33 @@ def _overlaps(placements: Sequence[Placement], face: list[int]) -> list[Overlap]
     return found
 
 
-def _declared(a: Placement, b: Placement, away: Float64) -> tuple[float, float]:
+def _declared(a: Panel, b: Panel, away: Float64) -> tuple[float, float]:
     """What both panels say of the sides that meet; `away` is from a's corner to b's, right and down."""
-    across = (a.overlap.right, b.overlap.left) if away[0] >= 0 else (a.overlap.left, b.overlap.right)
-    down = (a.overlap.bottom, b.overlap.top) if away[1] >= 0 else (a.overlap.top, b.overlap.bottom)
+    one, other = a.config.overlap, b.config.overlap
+    across = (one.right, other.left) if away[0] >= 0 else (one.left, other.right)
+    down = (one.bottom, other.top) if away[1] >= 0 else (one.top, other.bottom)
     return min(across), min(down)
 
 
 def _crowded(
-    placements: Sequence[Placement], face: list[int], corners: list[tuple[int, int]], known: list[Overlap]
+    panels: Sequence[Panel], face: list[int], corners: list[tuple[int, int]], known: list[Overlap]
 ) -> bool:
     """Whether pixels lie on others that they were not said to."""
     low = np.array(corners)
-    high = low + np.array([placements[k].pixels for k in face])
+    high = low + np.array([panels[k].pixels for k in face])
     shared = (np.minimum(high[:, None], high[None]) > np.maximum(low[:, None], low[None])).all(axis=2)
     allowed = {(overlap.first, overlap.second) for overlap in known if overlap.allowed}
     return any((face[i], face[j]) not in allowed for i, j in np.argwhere(np.triu(shared, 1)))
 
 
-def _mostly_empty(placements: Sequence[Placement], face: list[int], corners: list[tuple[int, int]]) -> bool:
-    pixels: NDArray[np.int64] = np.array([placements[k].pixels for k in face])
+def _mostly_empty(panels: Sequence[Panel], face: list[int], corners: list[tuple[int, int]]) -> bool:
+    pixels: NDArray[np.int64] = np.array([panels[k].pixels for k in face])
     width, height = (np.array(corners) + pixels).max(axis=0)
     return bool(width * height > EMPTIEST * pixels.prod(axis=1).sum())
 
 
 def _side_by_side(
-    placements: Sequence[Placement],
+    panels: Sequence[Panel],
     faces: list[list[int]],
     screens: list[tuple[int, int]],
     spans: Sequence[tuple[int, int]],
@@ -192,10 +159,46 @@ def _side_by_side(
     """Move faces to the right of each other."""
     x, frame = 0, 0.0
     for face in faces:
-        first = placements[min(face, key=lambda k: screens[k][0])]
-        x += round((frame + first.bezel.left) / first.pitch[0]) if x else 0
+        first = panels[min(face, key=lambda k: screens[k][0])]
+        x += round((frame + _bezel(first).left) / first.pitch[0]) if x else 0
         last = max(face, key=lambda k: screens[k][0] + spans[k][0])
         end = x + screens[last][0] + spans[last][0]
         for k in face:
             screens[k] = (screens[k][0] + x, screens[k][1])
-        x, frame = end, placements[last].bezel.right
+        x, frame = end, _bezel(panels[last]).right
+
+
+def _bezel(panel: Panel) -> SidesConfig:
+    """What its frame hides."""
+    return SidesConfig() if panel.skip else panel.config.bezel
+
+
+def _shared_planes(panels: Sequence[Panel], faces: list[list[int]], screens: list[tuple[int, int]]) -> list[Plane]:
+    """Each panel's plane; panels of a face that stand on one grid of pixels share one."""
+    planes: dict[int, Plane] = {}
+    for face in faces:
+        left = np.array(face)
+        while len(left):
+            first = int(left[0])
+            own, (x, y) = panels[first].plane, screens[first]
+            plane = Plane(origin=own.point(-x, -y), per_x=own.per_x, per_y=own.per_y)
+            there = _on_grid(plane, [panels[j] for j in left], [screens[j] for j in left])
+            there[0] = True
+            planes.update(dict.fromkeys((int(j) for j in left[there]), plane))
+            left = left[~there]
+    return [planes[k] for k in range(len(panels))]
+
+
+def _on_grid(plane: Plane, panels: list[Panel], screens: list[tuple[int, int]]) -> NDArray[np.bool_]:
+    """(n,) whether all corners of a panel are where its pixels have them in a plane, to ON_GRID pixels."""
+    upper_left, screen = np.array([p.plane.origin for p in panels]), np.array(screens, np.float64)
+    pixels = np.array([p.pixels for p in panels], np.float64)
+    across = np.array([p.plane.per_x for p in panels]) * pixels[:, :1]
+    down = np.array([p.plane.per_y for p in panels]) * pixels[:, 1:]
+    most = ON_GRID * min(np.linalg.norm(plane.per_x), np.linalg.norm(plane.per_y))
+    near = np.ones(len(panels), np.bool_)
+    for x, y in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        position = screen + pixels * (x, y)
+        away = upper_left + x * across + y * down - plane.origin - position @ np.array([plane.per_x, plane.per_y])
+        near &= np.linalg.norm(away, axis=1) <= most
+    return near

@@ -23,7 +23,7 @@ def whole(wall: Wall) -> Whole | None:
 
     Where all panels share a plane it is theirs, and its pixels are those of the virtual screen.
     """
-    first, sights = wall.panels[0], {_sight(panel) for panel in wall.panels}
+    first, sights = wall.panels[0], {panel.sight for panel in wall.panels}
     if len(sights) > 1 or not wall.flat:
         return None
     if all(panel.plane is first.plane for panel in wall.panels):
@@ -33,11 +33,6 @@ def whole(wall: Wall) -> Whole | None:
     pitch = np.min([panel.pitch for panel in wall.panels], axis=0)
     width, height = (max(1, round(float(np.linalg.norm(v)) / p)) for v, p in zip((across, down), pitch, strict=True))
     return Whole(Plane(origin=corners[2], per_x=across / width, per_y=down / height), width, height)
-
-
-def _sight(panel: Panel) -> tuple[float, ...]:
-    """Who looks at it."""
-    return (panel.shift, *(() if panel.eye is None else panel.eye))
 
 
 def outline(wall: Wall) -> Float64:

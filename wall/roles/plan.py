@@ -19,7 +19,8 @@ from wall.core.data import Event, Region
 from wall.core.errors import ConfigError, SceneError
 from wall.geometry.cameras import View, resolve_view
 from wall.geometry.checks import check_wall
-from wall.geometry.panels import Panel, Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
 from wall.geometry.regions import regions
 from wall.operators.base import Operator

@@ -9,7 +9,7 @@ from wall.compositing.graph import Graph
 from wall.config.graph import PresetGraph
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.geometry.regions import Source, regions
 
 HEAD = """\

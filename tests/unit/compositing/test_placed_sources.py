@@ -7,7 +7,7 @@ import pytest
 from wall.compositing.build import build
 from wall.config.loading import loads
 from wall.core.data import Rect
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 
 WALL = """\
 version: 1

@@ -13,7 +13,8 @@ from wall.commands import terminal
 from wall.config.loading import load, loads
 from wall.config.rewriting import with_wall
 from wall.core.errors import ConfigError
-from wall.geometry.panels import Wall, expand, expanded_config
+from wall.geometry.expanding import expand, expanded_config
+from wall.geometry.panels import Wall
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = sorted(CONFIGS.rglob("*.yaml"))

@@ -11,7 +11,7 @@ from wall.compositing.build import build
 from wall.config import json_schema
 from wall.config.loading import dump, load, loads
 from wall.geometry.cameras import resolve_view
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.geometry.regions import regions
 
 CONFIGS = Path(__file__).parents[3] / "configs"

@@ -9,7 +9,8 @@ import pytest
 
 from wall.config.screens import GridConfig, WallConfig
 from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
-from wall.geometry.panels import Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Wall
 
 PictureMaker = Callable[..., WallPicture]
 

@@ -16,7 +16,8 @@ from wall.display.patterns import KINDS, Kind, pattern
 from wall.display.patterns.draw import CYAN, FAINT, GREEN, PLAIN, fitting_size, size_of
 from wall.display.patterns.gamma import CURVES, dither, gamma
 from wall.display.patterns.unfolding import round_number, unfold
-from wall.geometry.panels import Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Wall
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 RGB = NDArray[np.uint8]

@@ -10,7 +10,7 @@ import pytest
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.errors import RunError
 from wall.display.window_layout import TURNS, Box, Monitor, WindowRequest, lay_out, request_of
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 
 LEFT = Monitor("DP-1", Box(0, 0, 1920, 1080), 60)
 RIGHT = Monitor("HDMI-1", Box(1920, 0, 1280, 1024), 120)
@@ -77,7 +77,8 @@ def test_a_slower_panel_is_shown_at_every_second_blank() -> None:
 
 def test_a_panel_that_is_not_slower_than_its_pictures_waits_for_no_more_than_one_blank() -> None:
     [panel] = expand(WallConfig(grid=GridConfig(columns=1, rows=1, pixels=(64, 48), size=(0.4, 0.3)))).panels
-    rates = [request_of(replace(panel, refresh_hz=hz), 60.0).most_hz for hz in (None, 30.0, 60.0, 120.0)]
+    configs = [panel.config.model_copy(update={"refresh_hz": hz}) for hz in (None, 30.0, 60.0, 120.0)]
+    rates = [request_of(replace(panel, config=config), 60.0).most_hz for config in configs]
     assert rates == [None, 30.0, None, None]
 
 

@@ -19,11 +19,12 @@ from Xlib import XK, X
 from Xlib.display import Display
 
 from wall.config.displays import WindowConfig
-from wall.config.screens import GridConfig, WallConfig
+from wall.config.screens import GridConfig, PanelConfig, WallConfig
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture
 from wall.display.window import WindowSink
-from wall.geometry.panels import Panel, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Panel
 
 RGB = NDArray[np.uint8]
 SETTLED_S = 20.0
@@ -41,9 +42,11 @@ def panels(*pixels: tuple[int, int], **changes: Any) -> list[Panel]:
     made, x = list[Panel](), 0
     for k, (width, height) in enumerate(pixels):
         own = {name: value[k] if isinstance(value, list) else value for name, value in changes.items()}
+        configured = {name: own.pop(name) for name in set(own) & set(PanelConfig.model_fields)}
         grid = GridConfig(columns=1, rows=1, pixels=(width, height), size=(width / 100, height / 100), id=f"p{k}")
         panel = expand(WallConfig(grid=grid)).panels[0]
-        made.append(replace(panel, **({"screen": (x, 0), "index": k, "of": f"p{k}"} | own)))
+        config = panel.config.model_copy(update=configured)
+        made.append(replace(panel, **({"config": config, "screen": (x, 0), "index": k, "of": f"p{k}"} | own)))
         x += width
     return made
 

@@ -14,8 +14,9 @@ from wall.config.loading import Loaded, loads
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import View, default_eye, look_at, resolve_view
 from wall.geometry.curves import catmull_rom, wrapped
+from wall.geometry.expanding import expand
 from wall.geometry.frusta import project
-from wall.geometry.panels import Wall, expand
+from wall.geometry.panels import Wall
 from wall.geometry.twist import rotation_by
 
 GRID = "grid: {columns: 2, rows: 2, pixels: [160, 90], size: [0.16, 0.09], bezel: 0.004}"

@@ -7,7 +7,7 @@ import pytest
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
 from wall.geometry.checks import check_wall
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 
 HEAD = "version: 1\nscene: {source: x}\nviews: [{id: main}]\nwall:\n"
 

@@ -15,8 +15,9 @@ from wall.core.data import Event, Float64
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView, View, resolve_view, seen_from
 from wall.geometry.checks import check_wall
+from wall.geometry.expanding import expand
 from wall.geometry.frusta import project, ray_frame
-from wall.geometry.panels import Panel, Wall, expand
+from wall.geometry.panels import Panel, Wall
 
 PIXEL = 1e-9  # pixels; see test_frusta
 STEREO = "grid: {columns: 1, rows: 1, pixels: [200, 100], size: [2, 1], stereo: side_by_side}"

@@ -11,8 +11,9 @@ from numpy.testing import assert_allclose
 from wall.config.screens import CornersConfig, GridConfig, PanelConfig, WallConfig
 from wall.core.data import Float64
 from wall.geometry.cameras import look_at
+from wall.geometry.expanding import expand
 from wall.geometry.frusta import cone_inside, distance_before, project, ray_frame
-from wall.geometry.panels import Panel, expand
+from wall.geometry.panels import Panel
 
 PIXEL = 1e-9  # pixels; float64 leaves 1e-13, divisions by a near-zero depth cost the rest
 FAR_PIXEL = 1e-6  # pixels, 1e6 units from the origin: positions there step by 1.2e-10, times 1e3 pixels

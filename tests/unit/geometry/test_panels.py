@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 
 from wall.config.displays import SidesConfig
 from wall.config.screens import CornersConfig, GridConfig, PanelConfig, WallConfig
-from wall.geometry.panels import Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Wall
 
 ROUNDING = 1e-12  # metres; float64 sums of a few numbers near 1
 
@@ -79,7 +80,7 @@ def test_single_panel_keeps_its_corners() -> None:
 
     expected = [config.corners.lower_left, config.corners.lower_right, config.corners.upper_left]
     assert_allclose(only.corners, expected, atol=ROUNDING)
-    assert only.host == "left-machine"
+    assert only.config.host == "left-machine"
 
 
 def test_panels_in_one_plane_lie_as_they_stand() -> None:

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
-from wall.geometry.panels import Wall, expand
+from wall.geometry.expanding import expand
+from wall.geometry.panels import Wall
 from wall.geometry.regions import MAX_EDGE, Source, regions, split
 
 

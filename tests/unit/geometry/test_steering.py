@@ -15,8 +15,8 @@ from wall.config.loading import loads
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import look_at, resolve_view
+from wall.geometry.expanding import expand
 from wall.geometry.frusta import project
-from wall.geometry.panels import expand
 from wall.geometry.steering import STEEPEST, ZOOM_RANGE, Command, Steering, parse
 
 START = look_at((3, 2, 6), (0, 1, 0), (0, 1, 0))

@@ -9,7 +9,7 @@ from equalizer_texts import BINARY_SWAP, DIRECT_SEND, HYBRID, STREAM, WALL, draw
 
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.importers.command import convert_text
 from wall.importers.equalizer import convert
 from wall.importers.equalizer.conversion_report import described

@@ -10,7 +10,7 @@ import pytest
 from wall.config.loading import load
 from wall.core.data import Float64
 from wall.geometry.cameras import View, resolve_view
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.scene.build import Scene, build
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.model import Mesh

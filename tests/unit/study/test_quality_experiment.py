@@ -16,7 +16,7 @@ from wall.commands.render import render
 from wall.config.loading import loads
 from wall.core.data import Float32
 from wall.core.errors import ConfigError, RunError
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.roles.plan import make_layout, make_plan
 from wall.study.quality import command
 from wall.study.quality.clocks import CpuClock

@@ -12,8 +12,9 @@ from small_scenes import Picture, View, picture
 from wall.config.loading import Loaded, loads
 from wall.config.yaml_text import write
 from wall.geometry.cameras import look_at, resolve_view, seen_from
+from wall.geometry.expanding import expand, expanded_config
 from wall.geometry.outlines import whole
-from wall.geometry.panels import Panel, Wall, expand, expanded_config
+from wall.geometry.panels import Panel, Wall
 from wall.scene.build import Scene
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 

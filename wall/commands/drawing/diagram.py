@@ -55,12 +55,12 @@ def _screen(layout: Layout, panels: list[Panel], eye: Float64, separation: float
     names = list(dict.fromkeys(panel.of or panel.id for panel in panels))
     eyes = {tuple(eye_of(panel, eye, separation)) for panel in panels}
     processes = {_maker(layout.graph, panel.index) for panel in panels}
-    hung = dict.fromkeys(" ".join(filter(None, (panel.host, panel.display))) for panel in panels)
+    hung = dict.fromkeys(" ".join(filter(None, (panel.config.host, panel.config.display))) for panel in panels)
     return Screen(
         id=_together(names),
         pixels=first.pixels,
         corners=first.lit,
-        bezel=(first.bezel.left, first.bezel.right, first.bezel.top, first.bezel.bottom),
+        bezel=(first.config.bezel.left, first.config.bezel.right, first.config.bezel.top, first.config.bezel.bottom),
         eyes=tuple(np.array(one) for one in sorted(eyes)),
         notes=(*_peculiar(panels, len(eyes)), *(host for host in hung if host not in ("", first.id))),
         process=processes.pop() if len(processes) == 1 else "",
@@ -78,10 +78,10 @@ def _together(names: list[str]) -> str:
 def _peculiar(panels: list[Panel], eyes: int) -> list[str]:
     """Notes on a screen that its outline does not show: stereo, shared positions, rotation."""
     first = panels[0]
-    said = [first.stereo.replace("_", " ")] if first.stereo != "mono" and len(panels) == 1 else []
+    said = [first.config.stereo.replace("_", " ")] if first.config.stereo != "mono" and len(panels) == 1 else []
     if len(panels) > 1:
         said.append("stereo" if eyes == len(panels) else f"{len(panels)} in one place")
-    return [*said, f"turned {first.rotation}°"] if first.rotation else said
+    return [*said, f"turned {first.config.rotation}°"] if first.config.rotation else said
 
 
 def _maker(graph: Graph, panel: int) -> str:

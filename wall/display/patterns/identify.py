@@ -50,7 +50,7 @@ def _own_rows(panel: Panel, unfolded: UnfoldedPanel) -> list[tuple[str, str]]:
         ("pixels", f"{width} x {height} at {panel.screen[0]}, {panel.screen[1]}"),
         ("size", f"{width * pitch[0]:.3f} x {height * pitch[1]:.3f} m, {1000 * unfolded.pitch:.3g} mm a pixel"),
     ]
-    return [*rows, ("mounted", f"turned {panel.rotation}° clockwise")] if panel.rotation else rows
+    return [*rows, ("mounted", f"turned {panel.config.rotation}° clockwise")] if panel.config.rotation else rows
 
 
 def _table(picture: NDArray[np.uint8], rows: Sequence[tuple[str, str]], *, top: float, bottom: float) -> None:

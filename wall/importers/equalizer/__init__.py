@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from wall.config.screens import WallConfig
 from wall.core.errors import ConfigError
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.importers.equalizer.canvases import drop_other_layouts, read_canvases
 from wall.importers.equalizer.conversion_report import described, report_items
 from wall.importers.equalizer.destinations import Destinations

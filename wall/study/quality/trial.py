@@ -13,7 +13,7 @@ from wall.config.sampling import FramelessSampling
 from wall.config.screens import GridConfig, WallConfig
 from wall.config.views import KeyframesPathConfig
 from wall.geometry.cameras import resolve_view
-from wall.geometry.panels import expand
+from wall.geometry.expanding import expand
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.study.quality.method import Setup
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene

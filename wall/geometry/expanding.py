@@ -1,4 +1,4 @@
-"""Shorthand written out: the panels of a grid, and the two eyes of a panel that shows both in one picture.
+"""From a configuration to its panels: grids, and the two eyes of a panel that shows both in one picture, written out.
 
 What comes out has the same rays: a grid's gaps and overlaps are whole pixels, and its panels' corners say so.
 """
@@ -12,6 +12,10 @@ import numpy as np
 from wall.config.displays import BlendConfig, SidesConfig, WindowConfig
 from wall.config.screens import CornersConfig, GridConfig, PanelConfig, Stereo, WallConfig
 from wall.core.data import Float64
+from wall.geometry.layout import place
+from wall.geometry.panels import Panel, Plane, Wall, widened
+
+SHIFTS = {"left": -0.5, "right": 0.5}  # eye separations
 
 
 class Raster(NamedTuple):
@@ -26,6 +30,11 @@ class Raster(NamedTuple):
     def point(self, x: float, y: float) -> Float64:
         """(3,) float64, metres, wall frame; its middle is the origin."""
         return np.array([(x - self.width / 2) * self.pitch[0], (self.height / 2 - y) * self.pitch[1], 0.0])
+
+    def plane(self, row: int, column: int) -> Plane:
+        """The plane of a panel's pixels."""
+        across, down = np.array([self.pitch[0], 0.0, 0.0]), np.array([0.0, -self.pitch[1], 0.0])
+        return Plane(origin=self.point(column * self.step[0], row * self.step[1]), per_x=across, per_y=down)
 
 
 class Eye(NamedTuple):
@@ -129,6 +138,55 @@ def _halved(pixels: tuple[int, int], stereo: Stereo) -> tuple[int, int]:
 
 def expanded_config(config: WallConfig) -> WallConfig:
     """The same wall, its panels one by one, each for one eye. It expands to the same panels with the same rays."""
-    panels = config.panels if config.grid is None else grid_panels(config.grid, skip=config.bezel == "skip")
-    single = tuple(eye.panel for panel in panels or () for eye in eyes(panel))
+    single = tuple(eye.panel for panel in _physical(config) for eye in eyes(panel))
     return WallConfig(bezel=config.bezel, panels=single)
+
+
+def expand(config: WallConfig) -> Wall:
+    """All panels with their positions, in the order of the file; a grid row by row from the top left.
+
+    A panel whose picture holds both eyes becomes two, ID.left and ID.right, with its corners.
+
+    Gaps of a grid are rounded to whole pixels, so two neighbours are at most half a pixel nearer or farther
+    than their bezels say; `corners` hold the rounded positions, and rays are exact for those. So are those of panels
+    one by one, but that a panel within a hundredth of a pixel of the whole pixels of another's plane is put there.
+    """
+    skip, grid = config.bezel == "skip", config.grid
+    drawn = raster(grid, skip=skip) if grid is not None else None
+    panels: list[Panel] = []
+    for k, physical in enumerate(_physical(config)):
+        for eye in eyes(physical):
+            plane = drawn.plane(*divmod(k, grid.columns)) if grid and drawn else _own_plane(eye.panel, skip=skip)
+            panels.append(_panel(len(panels), eye, plane, skip=skip))
+    return place(panels, regular=grid is not None)
+
+
+def _physical(config: WallConfig) -> tuple[PanelConfig, ...]:
+    """The panels of the file, those of a grid written out."""
+    return config.panels or () if config.grid is None else grid_panels(config.grid, skip=config.bezel == "skip")
+
+
+def _own_plane(config: PanelConfig, *, skip: bool) -> Plane:
+    """The plane of a panel's corners."""
+    corners = np.array([config.corners.lower_left, config.corners.lower_right, config.corners.upper_left])
+    lower_left, lower_right, upper_left = widened(corners, config.bezel, 1.0) if skip else corners
+    w, h = config.pixels
+    return Plane(origin=upper_left, per_x=(lower_right - lower_left) / w, per_y=(lower_left - upper_left) / h)
+
+
+def _panel(index: int, eye: Eye, plane: Plane, *, skip: bool) -> Panel:
+    config, blend = eye.panel, eye.panel.blend
+    if blend == "auto":
+        blend = BlendConfig(**config.overlap.model_dump())
+    return Panel(
+        config=config,
+        id=config.id,
+        index=index,
+        pixels=config.pixels,
+        plane=plane,
+        shift=SHIFTS.get(config.stereo, 0.0),
+        of=eye.of,
+        at=eye.at,
+        skip=skip,
+        blend=blend if isinstance(blend, BlendConfig) else None,
+    )
