@@ -45,6 +45,9 @@ def run(
     until_complete: Annotated[
         bool, typer.Option("--until-complete", help="Show time 0 and stop when the picture has all its samples")
     ] = False,
+    record: Annotated[
+        Path | None, typer.Option(help="Folder that keeps every picture shown, lossless: large, for short runs")
+    ] = None,
 ) -> None:
     """Run a wall: start its processes here, or use the ranks that mpirun made.
 
@@ -62,6 +65,7 @@ def run(
         headless=headless,
         until_complete=until_complete,
         still=still or until_complete,
+        record=record,
     )
     with StartProgress(open_page=loaded.config.output.browser.open) as progress:
         outcome = launch.run(loaded, options, progress.say, progress.opened)

@@ -106,6 +106,7 @@ def test_run_of_some_seconds_ends_by_itself(tmp_path: Path) -> None:
     assert found["bytes"] >= 12 * found["samples_shown"]
     assert [rank["role"] for rank in found["ranks"]] == ["head", "renderer"]
     assert all(rank["peak_memory"] > 0 for rank in found["ranks"])
+    assert all(0 < rank["cpu_s"] < found["seconds"] * os.cpu_count() for rank in found["ranks"])
     assert found["latency_ms"]["p50"] > 0
 
 

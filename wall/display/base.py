@@ -36,6 +36,7 @@ class WallPicture:
     time: float  # seconds of the head's clock
     camera_event: int
     scene_event: int
+    scene_time: float = 0.0  # of that event, seconds
     compared: tuple[PanelPicture, ...] = ()  # second pictures of the panels, while two samplers are compared
     statistics_images: tuple[StatisticsImage, ...] = ()  # while a viewer shows them; the same object until they change
 

@@ -68,6 +68,7 @@ class Heartbeat:
     bytes: int = 0
     seconds: float = 0.0  # since it began
     peak_memory: int = 0  # bytes
+    cpu_seconds: float = 0.0  # of its process, all threads, since its loop began
     dropped: dict[str, int] = field(default_factory=dict)
     complete: bool = False  # nothing left to do under the event below
     camera_event: int = -1

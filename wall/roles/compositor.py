@@ -186,6 +186,7 @@ class Compositor:
                 time=now,
                 camera_event=event.camera_event,
                 scene_event=event.scene_event,
+                scene_time=event.scene_time,
                 compared=compared[k].pictures() if compared else (),
                 statistics_images=self._statistics_images,
             )

@@ -178,4 +178,5 @@ def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Hel
         "samples_per_s": round(beat.samples_traced * a_second) if beat else 0,
         "bytes_per_s": round(beat.bytes * a_second) if beat else 0,
         "peak_memory": beat.peak_memory if beat else 0,
+        "cpu_s": round(beat.cpu_seconds, 3) if beat else 0.0,
     }

@@ -16,6 +16,7 @@ from typing import Any
 
 from wall.core.errors import WallError
 from wall.display.files import replaced
+from wall.display.picture_log import PictureLog
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End
 from wall.roles.manager import Manager
@@ -43,6 +44,7 @@ class Options:
     headless: bool = False  # no browser page
     until_complete: bool = False  # stop when the still picture has all its samples
     still: bool = False  # begin paused
+    record: Path | None = None  # folder that keeps every picture shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,12 +109,18 @@ class HeadProcess:
             closing.later(sink.close)
         for note in notes_of(sinks):
             say(f"note: {note}")
-        loop = compositor_loop(plan, HEAD, data, ways, clock, sinks)
+        log = PictureLog(options.record) if options.record is not None else None
+        if log is not None:
+            closing.later(log.close)
+        loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, log=log)
         assert isinstance(loop.role, Compositor)
         self._compositor = loop.role
+        began = clock.now()
         self._manager = Manager(
-            plan, clock.now(), still=options.still, seconds=options.seconds, until_complete=options.until_complete
+            plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete
         )
+        if log is not None:
+            log.begin(began=began, display_delay_s=plan.view.display_delay_s)
         sources: list[Source] = [window_input_of(HEAD, sinks), self._take_ends, self._deaths]
         managing = ManagerThread(Loop(self._manager, manager_ways, clock, sources=sources, longest_wait_s=INPUT_POLL_S))
         with ended_by_signals(self._ends):

@@ -15,6 +15,7 @@ from itertools import chain
 from wall.core.clock import Clock
 from wall.core.errors import RunError
 from wall.display.base import Sink
+from wall.display.picture_log import PictureLog
 from wall.packets.control import Heartbeat, Message
 from wall.roles.instructions import (
     Broadcast,
@@ -34,7 +35,7 @@ from wall.roles.instructions import (
 )
 from wall.run.ports import Ports
 from wall.run.tracers import Tracers
-from wall.run.usage import peak_memory
+from wall.run.usage import cpu_seconds, peak_memory
 
 Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
 
@@ -52,9 +53,14 @@ class Loop:
         sinks: Sequence[Sink | None] = (),
         sources: Sequence[Source] = (),
         longest_wait_s: float = 0.05,
+        log: PictureLog | None = None,
     ) -> None:
-        """`tracers` execute Trace, `sinks` take what is shown; `sources` are asked at least every `longest_wait_s`."""
+        """`tracers` execute Trace, `sinks` and `log` take what is shown.
+
+        `sources` are asked at least every `longest_wait_s`.
+        """
         self.role, self.finished = role, False
+        self._log, self._cpu = log, cpu_seconds()
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sources, self._longest_wait_s = sources, longest_wait_s
 
@@ -106,6 +112,8 @@ class Loop:
                 for sink, picture in zip(self._sinks, pictures, strict=True):
                     if sink is not None:
                         sink.show(picture, status)
+                if self._log is not None:
+                    self._log.take(pictures, self._clock.now())
                 return [Presented()]
             case Finish(failure):
                 self.finished = True
@@ -114,11 +122,12 @@ class Loop:
         return ()
 
     def _completed(self, message: Message) -> Message:
-        """A heartbeat with what its role cannot know: this process's memory, and drops at links and sinks."""
+        """A heartbeat with what its role cannot know: this process's memory, CPU time, drops at links and sinks."""
         if not isinstance(message, Heartbeat):
             return message
         dropped = self._ports.drops()
         dropped.update(message.dropped)
         for sink in {id(sink): sink for sink in self._sinks if sink is not None}.values():
             dropped.update(sink.dropped())
-        return replace(message, peak_memory=peak_memory(), dropped=dict(+dropped))
+        spent = cpu_seconds() - self._cpu
+        return replace(message, peak_memory=peak_memory(), cpu_seconds=spent, dropped=dict(+dropped))

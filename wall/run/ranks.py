@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from wall.display.base import Sink
+from wall.display.picture_log import PictureLog
 from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
@@ -75,11 +76,12 @@ def compositor_loop(
     clock: HeadClock,
     sinks: list[Sink | None],
     sources: Sequence[Source] = (),
+    log: PictureLog | None = None,
 ) -> Loop:
-    """A compositor, at the head or elsewhere."""
+    """A compositor, at the head or elsewhere; `log` keeps what its sinks are given."""
     run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
     compositor = Compositor(plan, hello_of(rank, hub.endpoint), ports.ready, run_all)
-    return Loop(compositor, ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S)
+    return Loop(compositor, ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, log=log)
 
 
 def ways_of(plan: Plan, rank: int, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
