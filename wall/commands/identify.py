@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
-from wall.display.base import PanelPicture
+from wall.display.base import PanelPicture, WallPicture
 from wall.display.patterns import KINDS, Kind, pattern
-from wall.display.png import BEZEL_RGB, file_names, make_folder, write_png
-from wall.display.strip_file import STRIP_ROWS, write_strips
+from wall.display.png import make_folder, write_picture
 from wall.display.window import WindowSink
-from wall.geometry.panels import Panel, Wall
+from wall.geometry.panels import Panel
 from wall.roles.plan import Layout, make_layout
 
 POLL_S = 0.1  # seconds between looks whether Escape was pressed
@@ -36,15 +32,10 @@ def write_patterns(loaded: Loaded, kind: Kind, folder: Path) -> list[Path]:
     """Write panel-ID.png for every panel, and wall.png, the whole wall with its bezels. Returns their paths."""
     layout = make_layout(loaded)
     make_folder(folder)
-    wall, names = layout.wall, file_names([panel.id for panel in layout.wall.panels])
-
-    def written(panel: Panel) -> NDArray[np.uint8]:
-        picture = _picture(layout, kind, panel)
-        write_png(folder / names[panel.index], picture)
-        return picture
-
-    write_strips(folder / "wall.png", whole_wall_strips(wall, written), width=wall.width, height=wall.height)
-    return [folder / name for name in (*names, "wall.png")]
+    panels = tuple(_picture(layout, kind, panel) for panel in layout.wall.panels)
+    width, height = layout.wall.width, layout.wall.height
+    picture = WallPicture(width=width, height=height, panels=panels, time=0.0, camera_event=0, scene_event=0)
+    return write_picture(folder, picture)
 
 
 def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Callable[[str], None]) -> str:
@@ -61,7 +52,7 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
         raise ConfigError(f"{loaded.path}: no panel hangs on {socket.gethostname()}; run this on {hosts}, or give -o")
     sink = WindowSink(mine, refresh_hz=layout.config.views[0].refresh_hz)
     try:
-        sink.put([PanelPicture(id=p.id, rgb=_picture(layout, kind, p), screen=p.screen, version=1) for p in mine])
+        sink.put([_picture(layout, kind, panel) for panel in mine])
         sink.settled(SHOWN_S)
         for note in (*sink.notes, *(f"panels of {host} are shown by the same command there" for host in elsewhere)):
             say(note)
@@ -78,28 +69,10 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
         sink.close()
 
 
-def whole_wall_strips(wall: Wall, picture_of: Callable[[Panel], NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
-    """Yield the whole wall in strips of STRIP_ROWS; a panel's image is kept from its first strip to its last."""
-    made: dict[int, NDArray[np.uint8]] = {}
-    for y in range(0, wall.height, STRIP_ROWS):
-        strip = np.empty((min(STRIP_ROWS, wall.height - y), wall.width, 3), np.uint8)
-        strip[:] = BEZEL_RGB
-        for panel in wall.panels:
-            (left, above), (width, height) = panel.screen, panel.pixels
-            top, end = max(y, above), min(y + len(strip), above + height)
-            if top >= end:
-                continue
-            if panel.index not in made:
-                made[panel.index] = picture_of(panel)
-            strip[top - y : end - y, left : left + width] = made[panel.index][top - above : end - above]
-            if end == above + height:
-                del made[panel.index]
-        yield strip
-
-
-def _picture(layout: Layout, kind: Kind, panel: Panel) -> NDArray[np.uint8]:
+def _picture(layout: Layout, kind: Kind, panel: Panel) -> PanelPicture:
     """A panel's test pattern with what the configuration says of it."""
-    return pattern(kind, panel, layout.wall, about(layout, panel))
+    rgb = pattern(kind, panel, layout.wall, about(layout, panel))
+    return PanelPicture(id=panel.id, rgb=rgb, screen=panel.screen, version=1, span=panel.span)
 
 
 def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:

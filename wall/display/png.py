@@ -17,14 +17,14 @@ BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keep
 QUICK = 1  # zlib level: half the time of the default for 15 % more bytes
 
 
-def whole_wall(picture: WallPicture, bezel_rgb: tuple[int, int, int] = BEZEL_RGB) -> NDArray[np.uint8]:
+def whole_wall(picture: WallPicture) -> NDArray[np.uint8]:
     """All panels at their positions in the virtual screen.
 
-    Returns (height, width, 3) uint8 sRGB; pixels that belong to no panel have `bezel_rgb`. Where panels
+    Returns (height, width, 3) uint8 sRGB; pixels that belong to no panel have BEZEL_RGB. Where panels
     overlap, the later one is seen. Raises LocalProtocolError when a panel leaves the virtual screen.
     """
     out = np.empty((picture.height, picture.width, 3), np.uint8)
-    out[:] = bezel_rgb
+    out[:] = BEZEL_RGB
     for panel in picture.panels:
         (x, y), rgb = panel.screen, spread(panel)
         h, w = rgb.shape[:2]
@@ -72,12 +72,24 @@ def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
         Image.fromarray(rgb).save(part, format="PNG", compress_level=QUICK)
 
 
-class PngSink:
-    """Keeps the newest picture; `close` writes it as wall.png and panel-ID.png."""
+def write_picture(folder: Path, picture: WallPicture) -> list[Path]:
+    """Write wall.png, the whole wall with its bezels, and panel-ID.png for every panel. Returns the files.
 
-    def __init__(self, folder: Path, *, bezel_rgb: tuple[int, int, int] = BEZEL_RGB) -> None:
+    Raises RunError naming the file that could not be written.
+    """
+    files = [folder / name for name in ("wall.png", *file_names([panel.id for panel in picture.panels]))]
+    write_png(files[0], whole_wall(picture))
+    for file, panel in zip(files[1:], picture.panels, strict=True):
+        write_png(file, panel.rgb)
+    return files
+
+
+class PngSink:
+    """Keeps the newest picture; `close` writes it, see write_picture."""
+
+    def __init__(self, folder: Path) -> None:
         make_folder(folder)
-        self._folder, self._bezel_rgb = folder, bezel_rgb
+        self._folder = folder
         self._picture: WallPicture | None = None
 
     def show(self, picture: WallPicture, status: Status) -> None:
@@ -87,11 +99,8 @@ class PngSink:
     def close(self) -> None:
         """Write the files, if a picture was shown. Raises RunError naming the file that could not be."""
         picture, self._picture = self._picture, None
-        if picture is None:
-            return
-        write_png(self._folder / "wall.png", whole_wall(picture, self._bezel_rgb))
-        for panel, name in zip(picture.panels, file_names([p.id for p in picture.panels]), strict=True):
-            write_png(self._folder / name, panel.rgb)
+        if picture is not None:
+            write_picture(self._folder, picture)
 
     def dropped(self) -> dict[str, int]:
         """Nothing is ever dropped."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import TypeAlias
 
@@ -19,7 +19,7 @@ from wall.geometry.panels import Panel
 from wall.packets.control import parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
-from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, checked_step, needed_from_others
+from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
 from wall.roles.instructions import Offer, Ready
 from wall.roles.layer import PanelCompositor
 from wall.roles.lockstep import Lockstep
@@ -57,12 +57,17 @@ class Composition:
         steps = [step for step in graph.steps if step.rank == rank]
         self._skies = {step.index: SkyLayer(plan, step) for step in steps if isinstance(step.node, SkyNode)}
         self.lockstep = Lockstep(graph, rank) if isinstance(graph.sync, FrameSync) else None
-        self._pictures = _Pictures(self, compared=False)
-        self._compared: _Pictures | None = None  # while two samplers are compared
+        self._nodes = self._make_nodes({index: layer.framelet for index, layer in self.layers.items()})
+        self._compared: _Nodes | None = None  # while two samplers are compared
         self._refreshed: float | None = None  # when, seconds of the head's clock
-        self._statistics_images: dict[
-            tuple[int, bool], StatisticsImage
-        ] = {}  # of other ranks, the newest of each panel and sampler
+        # of other ranks, the newest of each panel and sampler
+        self._statistics_images: dict[tuple[int, bool], StatisticsImage] = {}
+
+    def _make_nodes(self, of_layers: Mapping[int, Framelet], *, compared: bool = False) -> _Nodes:
+        """The rank's nodes, fresh; `of_layers`: the framelets of the layers that are shown."""
+        sources = {step: sky.framelet for step, sky in self._skies.items()}
+        sources |= {self._source_of[index]: framelet for index, framelet in of_layers.items()}
+        return _Nodes(self._plan, self._rank, sources, self._ready, self.lockstep, compared=compared)
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
@@ -71,7 +76,9 @@ class Composition:
         if not event.compare:
             self._compared = None
         elif self._compared is None:
-            self._compared = _Pictures(self, compared=True)
+            seconds = {index: layer.compared for index, layer in self.layers.items()}
+            framelets = {index: second.image.framelet for index, second in seconds.items() if second is not None}
+            self._compared = self._make_nodes(framelets, compared=True)
 
     def insert(self, packet: bytes) -> None:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
@@ -87,13 +94,13 @@ class Composition:
         if isinstance(message, StatisticsImage):
             self._keep(message)
         elif isinstance(message, FrameletPart):
-            pictures = self._compared if message.compared else self._pictures
-            if pictures is not None:
-                pictures.insert(message)
+            if (nodes := self._nodes_of(message)) is not None:
+                nodes.insert(message)
         else:
-            raise RemoteProtocolError(
-                "neither samples, a framelet nor a statistics_image of another compositor's panel"
-            )
+            raise RemoteProtocolError("neither samples, a framelet nor another compositor's statistics image")
+
+    def _nodes_of(self, part: FrameletPart) -> _Nodes | None:
+        return self._compared if part.compared else self._nodes
 
     def _layer_of(self, rank: int, panel: int, rect: Rect) -> PanelCompositor:
         """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
@@ -105,17 +112,17 @@ class Composition:
             raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
         return self.layers[region.layer]
 
-    def _keep(self, statistics_image: StatisticsImage) -> None:
+    def _keep(self, image: StatisticsImage) -> None:
         """Keep a renderer's tiles for its layer, another compositor's image for the head."""
-        if statistics_image.rank != HEAD:
-            layer = self._layer_of(statistics_image.rank, statistics_image.panel, statistics_image.bounds)
-            layer.reprojected.tiles_of[statistics_image.rank] = statistics_image
+        if image.rank != HEAD:
+            layer = self._layer_of(image.rank, image.panel, image.bounds)
+            layer.reprojected.tiles_of[image.rank] = image
             return
         panels = self._plan.layout.wall.panels
-        if self._rank != HEAD or statistics_image.panel >= len(panels):
-            raise RemoteProtocolError(f"statistics_image of panel {statistics_image.panel}, which is not needed here")
-        check_statistics_image(statistics_image, panels[statistics_image.panel])
-        self._statistics_images[statistics_image.panel, statistics_image.compared] = statistics_image
+        if self._rank != HEAD or image.panel >= len(panels):
+            raise RemoteProtocolError(f"statistics_image of panel {image.panel}, which is not needed here")
+        check_statistics_image(image, panels[image.panel])
+        self._statistics_images[image.panel, image.compared] = image
 
     def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
         """Bring the layers and then the nodes of this rank up to date. Returns what changed, by step.
@@ -123,55 +130,47 @@ class Composition:
         In lock step nothing happens before the frame of `event` is there, or its time is up, unless `force`.
         """
         self._refreshed = now
-        late: tuple[str, ...] = ()
         if self.lockstep is not None and not force:
-            done = self.lockstep.take(event, self.layers, self._pictures.remote, now)
-            if done is None:
+            late = self.lockstep.take(event, self.layers, self._nodes.remote, now)
+            if late is None:
                 return {}
-            late = done
-        for name in late:
-            counted = len(self.counters) < MOST_NAMES or f"late {name}" in self.counters
-            self.counters[f"late {name}" if counted else "late others"] += 1
+            for name in late:
+                counted = len(self.counters) < MOST_NAMES or f"late {name}" in self.counters
+                self.counters[f"late {name}" if counted else "late others"] += 1
         layers = list(self.layers.values())
         on_gpu = any(layer.reprojected.on_gpu for layer in layers)  # such an image belongs to the thread that inserts
         refreshed = (one_by_one if on_gpu else self._run_all)([partial(layer.refresh, event, now) for layer in layers])
-        fresh: Changes = {}
-        for layer, dirty in zip(self.layers.values(), refreshed, strict=True):
-            if dirty.any():
-                fresh[self._source_of[layer.layer.index]] = tiles_to_regions(dirty, TILE, layer.framelet.rect)
-        for step, sky in self._skies.items():
-            fresh[step] = sky.refresh(event, now)
+        fresh = self._regions_of(zip(layers, refreshed, strict=True))
+        fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items()}
         if self._compared is not None:
-            self._compared.step(self._compared_changes(now), event)
-        return self._pictures.step(fresh, event)
+            seconds = [(layer, layer.compared.refresh(now)) for layer in layers if layer.compared is not None]
+            self._compared.step(self._regions_of(seconds), event)
+        return self._nodes.step(fresh, event)
 
-    def _compared_changes(self, now: float) -> Changes:
-        found: Changes = {}
-        for layer in self.layers.values():
-            if layer.compared is not None:
-                dirty = layer.compared.refresh(now)
-                found[self._source_of[layer.layer.index]] = (
-                    tiles_to_regions(dirty, TILE, layer.framelet.rect) if dirty.any() else []
-                )
-        return found
+    def _regions_of(self, dirty_tiles: Iterable[tuple[PanelCompositor, NDArray[np.bool_]]]) -> Changes:
+        """What changed, by step, of the tiles of layers that changed."""
+        return {
+            self._source_of[layer.layer.index]: tiles_to_regions(dirty, TILE, layer.framelet.rect)
+            for layer, dirty in dirty_tiles
+            if dirty.any()
+        }
 
     def say(self, statistics: Mapping[str, float]) -> None:
         """Tell the overlays of this rank how the run is doing."""
-        self._pictures.executor.set_statistics(statistics)
+        self._nodes.executor.set_statistics(statistics)
 
     def send(self) -> Iterator[Offer]:
         """Offer other ranks what changed for them, as far as there is credit."""
-        for pictures in (self._pictures, self._compared):
-            if pictures is not None:
-                yield from pictures.send()
+        number = self.newest_event if self.lockstep is None else self.lockstep.done
+        for nodes in (self._nodes, self._compared):
+            if nodes is not None:
+                yield from nodes.outlets.send(nodes.executor.framelets, number)
 
     def lose(self, target: int, packet: bytes) -> None:
         """A packet to another rank was dropped: its pixels are sent again."""
         part = parse_control(packet)
-        if isinstance(part, FrameletPart):
-            pictures = self._compared if part.compared else self._pictures
-            if pictures is not None:
-                pictures.outlets.lose(target, part)
+        if isinstance(part, FrameletPart) and (nodes := self._nodes_of(part)) is not None:
+            nodes.outlets.lose(target, part)
 
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
         """Statistics images of every panel and sampler: made now for own panels, the newest that came of the others.
@@ -179,19 +178,12 @@ class Composition:
         Of several layers of a panel the first speaks for it.
         """
         first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
-        own = [statistics_image for panel in sorted(first) for statistics_image in first[panel].statistics_images(now)]
-        return (
-            *own,
-            *(
-                statistics_image
-                for (_, second), statistics_image in self._statistics_images.items()
-                if comparing or not second
-            ),
-        )
+        own = [image for panel in sorted(first) for image in first[panel].statistics_images(now)]
+        return (*own, *(image for image in self._statistics_images.values() if comparing or not image.compared))
 
     def shown(self) -> list[PanelCrops]:
         """What every sink of this rank shows, in the order of the graph."""
-        return self._pictures.shown
+        return self._nodes.shown
 
     def compared(self) -> list[PanelCrops]:
         """The second pictures, black until something came. None unless two samplers are compared."""
@@ -201,13 +193,13 @@ class Composition:
     def newest_event(self) -> Number:
         """The newest event that has a sample in an image."""
         numbers = [layer.newest_event for layer in self.layers.values()]
-        numbers += [remote.newest_event for remote in self._pictures.remote.values()]
+        numbers += [remote.newest_event for remote in self._nodes.remote.values()]
         return max(numbers, default=NEVER)
 
     @property
     def idle(self) -> bool:
         """Whether every framelet that others need has been sent."""
-        return self._pictures.outlets.idle
+        return self._nodes.outlets.idle
 
     def samples_shown(self) -> int:
         """Number of samples that the images of all layers show."""
@@ -217,68 +209,45 @@ class Composition:
         """What was dropped here, by name."""
         return sum((layer.counters for layer in self.layers.values()), Counter(self.counters))
 
-    def pictures_of(self, *, compared: bool) -> tuple[dict[int, Framelet], dict[int, RemoteFramelet]]:
-        """Fresh: framelets of the sources of this rank by step, and those that come from elsewhere."""
-        graph = self._plan.layout.graph
-        remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, self._rank)}
-        sources: dict[int, Framelet] = {step: sky.framelet for step, sky in self._skies.items()}
-        for index, layer in self.layers.items():
-            second = layer.compared
-            if not compared or second is not None:
-                sources[self._source_of[index]] = second.image.framelet if compared and second else layer.framelet
-        return sources | {step: far.framelet for step, far in remote.items()}, remote
 
-    def executor_of(self, sources: Mapping[int, Framelet]) -> Executor:
-        """Returns the executor of this rank's graph steps, which read the framelets `sources` by node."""
-        graph, folder = self._plan.layout.graph, self._plan.layout.loaded.folder
-        reproject = Timewarp(self._plan) if self.lockstep is None else None
-        return Executor(graph, self._rank, sources, folder, reproject)
+class _Nodes:
+    """The graph's nodes on a rank, working on one set of samples; on two while samplers are compared."""
 
-    def outlets_of(self, *, compared: bool) -> Outlets:
-        """Returns the outlets through which framelets leave this rank; `compared`: those of the second sampler."""
-        return Outlets(self._plan.layout.graph, self._rank, self._ready, compared=compared)
-
-    def shown_of(self) -> list[PanelCrops]:
-        """Returns the panel crops of each sink on this rank."""
-        layout = self._plan.layout
-        return [PanelCrops(layout.graph, sink, layout.wall) for sink in layout.graph.sinks_on(self._rank)]
-
-
-class _Pictures:
-    """What the nodes of a rank make of one set of samples; of two while samplers are compared."""
-
-    def __init__(self, owner: Composition, *, compared: bool) -> None:
-        self._owner = owner
-        sources, self.remote = owner.pictures_of(compared=compared)
-        self.executor = owner.executor_of(sources)
-        self.outlets = owner.outlets_of(compared=compared)
-        self.shown = owner.shown_of()
+    def __init__(
+        self, plan: Plan, rank: int, sources: dict[int, Framelet], ready: Ready, lockstep: Lockstep | None,
+        *, compared: bool,
+    ) -> None:  # fmt: skip
+        """`sources`: framelets that this rank makes of samples and skies, by step."""
+        graph, layout = plan.layout.graph, plan.layout
+        self.remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, rank)}
+        sources = sources | {step: remote.framelet for step, remote in self.remote.items()}
+        reproject = Timewarp(plan) if lockstep is None else None
+        self.executor = Executor(graph, rank, sources, layout.loaded.folder, reproject)
+        self.outlets = Outlets(graph, rank, ready, compared=compared)
+        self.shown = [PanelCrops(graph, sink, layout.wall) for sink in graph.sinks_on(rank)]
+        self._lockstep = lockstep
 
     def insert(self, part: FrameletPart) -> None:
-        checked_step(part, self.remote).insert(part)
+        if part.step not in self.remote:
+            raise RemoteProtocolError(f"a framelet of step {part.step}, which is not needed here")
+        self.remote[part.step].insert(part)
 
     def step(self, fresh: Changes, event: Event) -> Changes:
         arrived: dict[int, Regions] = {step: remote.take_changes() for step, remote in self.remote.items()}
         changes = self.executor.step({**fresh, **arrived}, event)
         for shown in self.shown:
             shown.take(changes, self.executor.framelets)
-        lockstep = self._owner.lockstep  # a frame's number is sent once: a frame made again sends only what changed
-        self.outlets.add(changes, all_due=lockstep is not None and not lockstep.again)
+        # a frame's number is sent once: a frame made again sends only what changed
+        self.outlets.add(changes, all_due=self._lockstep is not None and not self._lockstep.again)
         return changes
 
-    def send(self) -> Iterator[Offer]:
-        number = self._owner.newest_event
-        if self._owner.lockstep is not None:
-            number = self._owner.lockstep.done
-        return self.outlets.send(self.executor.framelets, number)
 
-
-def check_statistics_image(statistics_image: StatisticsImage, panel: Panel) -> None:
+def check_statistics_image(image: StatisticsImage, panel: Panel) -> None:
     """Raise RemoteProtocolError for a statistics image whose tiles are not this panel's."""
     width, height = panel.pixels
-    if statistics_image.age.shape != (-(-height // TILE), -(-width // TILE)):
+    if image.age.shape != (-(-height // TILE), -(-width // TILE)):
         raise RemoteProtocolError(
-            f"statistics_image of {statistics_image.age.shape} tiles, panel {panel.id} has {width}x{height}"
+            f"statistics_image of {image.age.shape} tiles, panel {panel.id} has {width}x{height}"
         )
-    if not Rect(x=0, y=0, width=width, height=height).contains(statistics_image.bounds):
+    if not Rect(x=0, y=0, width=width, height=height).contains(image.bounds):
         raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

@@ -12,7 +12,6 @@ from dataclasses import replace
 from wall.compositing.executor import Changes, Regions, merged
 from wall.compositing.graph import Graph, Step
 from wall.core.data import STILL, Event, Framelet, Rect
-from wall.core.errors import RemoteProtocolError
 from wall.packets.control import serialise
 from wall.packets.framelets import FrameletPart, bands
 from wall.roles.instructions import Offer, Ready
@@ -135,11 +134,3 @@ def needed_from_others(graph: Graph, rank: int) -> tuple[Step, ...]:
     """Steps of other ranks whose framelets are needed here."""
     found = {k for step in graph.steps if step.rank == rank for k in step.inputs if graph.steps[k].rank != rank}
     return tuple(graph.steps[k] for k in sorted(found))
-
-
-def checked_step(part: FrameletPart, remote: Mapping[int, RemoteFramelet]) -> RemoteFramelet:
-    """Where a part belongs. Raises RemoteProtocolError where that is not here."""
-    found = remote.get(part.step)
-    if found is None:
-        raise RemoteProtocolError(f"a framelet of step {part.step}, which is not needed here")
-    return found

@@ -7,11 +7,11 @@ import ctypes
 import multiprocessing
 import os
 import signal
-import socket
 import sys
 import time
 import traceback
 from collections.abc import Callable
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError, WallError
@@ -24,7 +24,7 @@ _PR_SET_PDEATHSIG = 1
 class LocalBootstrap:
     """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
 
-    def __init__(self, rank: int, size: int, pipes: list[socket.socket], children: list[BaseProcess]) -> None:
+    def __init__(self, rank: int, size: int, pipes: list[Connection], children: list[BaseProcess]) -> None:
         self.rank, self.size = rank, size
         self._pipes, self._children = pipes, children
 
@@ -34,18 +34,18 @@ class LocalBootstrap:
         sys.stdout.flush()
         sys.stderr.flush()
         context = multiprocessing.get_context("fork")
-        pairs = [socket.socketpair() for _ in range(size - 1)]
+        pipes = [context.Pipe(duplex=False) for _ in range(size - 1)]
         children = []
         ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)  # ranks leave Ctrl-C to the head, from their start
         for rank in range(1, size):
-            args = (rank, size, pairs, main, os.getpid())
+            args = (rank, size, pipes, main, os.getpid())
             child = context.Process(target=_run_child, args=args, name=f"wall rank {rank}")
             child.start()
             children.append(child)
         signal.signal(signal.SIGINT, ctrl_c)
-        for _, theirs in pairs:
-            theirs.close()
-        return cls(0, size, [ours for ours, _ in pairs], list(children))
+        for reader, _ in pipes:
+            reader.close()
+        return cls(0, size, [writer for _, writer in pipes], list(children))
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank."""
@@ -53,7 +53,7 @@ class LocalBootstrap:
             return _receive(self._pipes[0])
         for pipe in self._pipes:
             with contextlib.suppress(BrokenPipeError):  # that rank has ended; `dead` says how
-                _send(pipe, text)
+                pipe.send_bytes(text.encode())
         return text
 
     def dead(self) -> dict[int, str]:
@@ -80,7 +80,7 @@ class LocalBootstrap:
 def _run_child(
     rank: int,
     size: int,
-    pairs: list[tuple[socket.socket, socket.socket]],
+    pipes: list[tuple[Connection, Connection]],
     main: Callable[[LocalBootstrap], None],
     parent: int,
 ) -> None:
@@ -89,13 +89,13 @@ def _run_child(
     if os.getppid() != parent:
         os._exit(1)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    for k, (ours, theirs) in enumerate(pairs, start=1):
-        ours.close()
+    for k, (reader, writer) in enumerate(pipes, start=1):
+        writer.close()
         if k != rank:
-            theirs.close()
+            reader.close()
     code = 1
     try:
-        main(LocalBootstrap(rank, size, [pairs[rank - 1][1]], []))
+        main(LocalBootstrap(rank, size, [pipes[rank - 1][0]], []))
         code = 0
     except WallError as error:
         print(f"rank {rank}: {error}", file=sys.stderr, flush=True)
@@ -106,25 +106,11 @@ def _run_child(
         os._exit(code)  # no exit handlers of the parent's libraries
 
 
-def _send(pipe: socket.socket, text: str) -> None:
-    data = text.encode()
-    pipe.sendall(len(data).to_bytes(4, "little") + data)
-
-
-def _receive(pipe: socket.socket) -> str:
-    pipe.settimeout(START_WAIT_S)
+def _receive(pipe: Connection) -> str:
+    why = ""
     try:
-        size = int.from_bytes(_exactly(pipe, 4), "little")
-        return _exactly(pipe, size).decode()
+        if pipe.poll(START_WAIT_S):
+            return pipe.recv_bytes().decode()
     except (OSError, EOFError) as error:
-        raise RunError(f"rank 0 did not start: it ended or said nothing for {START_WAIT_S:.0f} s ({error})") from error
-
-
-def _exactly(pipe: socket.socket, size: int) -> bytes:
-    data = b""
-    while len(data) < size:
-        part = pipe.recv(size - len(data))
-        if not part:
-            raise EOFError("connection closed")
-        data += part
-    return data
+        why = f" ({error!r})"
+    raise RunError(f"rank 0 did not start: it ended or said nothing for {START_WAIT_S:.0f} s{why}")

@@ -84,7 +84,7 @@ class HeadProcess:
         self._manager: Manager | None = None
         self._compositor: Compositor | None = None
         self.failures: list[str] = []
-        self._summary: dict[str, Any] | None = None  # None: the run did not even begin
+        self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
     def run(self, say: Say, opened: Say) -> None:
         """Open everything, run both loops, close everything."""
@@ -147,20 +147,20 @@ class HeadProcess:
             return
         seconds = self._clock.now() - self._began
         cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
-        self._summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
+        self.summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
         with replaced(self._options.out / "summary.json") as part:  # what fails here is kept by Closing
-            part.write_text(json.dumps(self._summary, indent=2) + "\n", encoding="utf-8")
+            part.write_text(json.dumps(self.summary, indent=2) + "\n", encoding="utf-8")
 
     def _finish(self) -> None:
         """End the launch; the exit code says whether the run failed."""
         self._bootstrap.finish(1 if self._manager is None or self._manager.lost or self.failures else 0)
 
-    def outcome(self) -> Outcome | None:
-        """The run's outcome. None where it did not even begin."""
-        if self._manager is None or self._summary is None:
-            return None
+    def outcome(self) -> Outcome:
+        """The outcome of a run that began."""
+        assert self._manager is not None
+        assert self.summary is not None
         lost = [f"rank {rank} {how}" for rank, how in sorted(self._manager.lost.items())]
-        return Outcome(summary=self._summary, failed="; ".join([*lost, *self.failures]))
+        return Outcome(summary=self.summary, failed="; ".join([*lost, *self.failures]))
 
 
 def lead(plan: Plan, bootstrap: Bootstrap, options: Options, say: Say, opened: Say) -> Outcome:
@@ -169,14 +169,10 @@ def lead(plan: Plan, bootstrap: Bootstrap, options: Options, say: Say, opened: S
     try:
         head.run(say, opened)
     except WallError as error:
-        head.failures.append(str(error))
-        outcome = head.outcome()
-        if outcome is None:
+        if head.summary is None:
             raise
-        return outcome
-    outcome = head.outcome()
-    assert outcome is not None
-    return outcome
+        head.failures.append(str(error))
+    return head.outcome()
 
 
 class ManagerThread(threading.Thread):

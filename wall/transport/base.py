@@ -10,11 +10,11 @@ Each end belongs to one thread.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections import Counter
+from collections import Counter, deque
 
 from wall.core.errors import LocalProtocolError
+from wall.transport.credit import HubCredit, LinkCredit
 
-QUEUED_PACKETS = 2  # that wait at a link for credit; the oldest gives way to a newer one
 MAX_CONTROL = 1024  # control messages that wait unread at one end
 MAX_MESSAGE_BYTES = 1 << 26  # a larger message is not one of ours
 
@@ -29,19 +29,23 @@ def checked(message: bytes) -> bytes:
 class Link(ABC):
     """A rank's end. `counters` holds what was dropped: no_credit, control_overflow, ..."""
 
-    counters: Counter[str]
+    def __init__(self) -> None:
+        self.counters = Counter[str]()
+        self.credit = LinkCredit(self.counters)
 
-    @abstractmethod
     def offer(self, packet: bytes) -> list[bytes]:
         """Send a data packet, or let it wait for credit. Never blocks.
 
         Returns packets that gave way to it, oldest first, so that their samples can be traced again. Raises
         LocalProtocolError above MAX_MESSAGE_BYTES.
         """
+        self._pump()
+        return self.credit.offer(checked(packet), self._put_data)
 
-    @abstractmethod
     def ready(self) -> bool:
         """Whether a packet offered now would be sent at once, if it is no larger than the one before."""
+        self._pump()
+        return self.credit.ready
 
     @abstractmethod
     def send(self, message: bytes) -> None:
@@ -59,6 +63,14 @@ class Link(ABC):
     def close(self) -> None:
         """Let go of everything, within a bounded time. May be called twice."""
 
+    @abstractmethod
+    def _pump(self) -> None:
+        """Take in what came, send what waits."""
+
+    @abstractmethod
+    def _put_data(self, packet: bytes) -> bool:
+        """Send a packet whose credit is there. Returns whether there was room for it."""
+
 
 class Hub(ABC):
     """The end that many links talk to. A peer is an opaque name of one link.
@@ -67,16 +79,33 @@ class Hub(ABC):
     them lies here.
     """
 
-    counters: Counter[str]
     endpoint: str  # where links connect to
 
-    @abstractmethod
+    def __init__(self, *, credit_bytes: int) -> None:
+        self.counters = Counter[str]()
+        self._window = credit_bytes
+        self._credits: dict[bytes, HubCredit] = {}  # by peer
+        self._data: deque[tuple[bytes, bytes]] = deque()
+
     def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
         """Data packets that have come, (peer, packet), in turn between peers; about max_bytes at most."""
+        self._pump(max_bytes)
+        taken, size = [], 0
+        while self._data and size < max_bytes:
+            taken.append(self._data.popleft())
+            size += len(taken[-1][1])
+        return taken
 
-    @abstractmethod
     def release(self, peer: bytes, size: int) -> None:
         """A packet of `size` bytes has been consumed: its credit goes back."""
+        if (credit := self._credits.get(peer)) is not None:
+            credit.consume(size)
+            self._grant(peer, credit)
+
+    def broadcast(self, message: bytes) -> None:
+        """Send a control message to everyone who has spoken."""
+        for peer in list(self._credits):
+            self.send(peer, message)
 
     @abstractmethod
     def messages(self) -> list[tuple[bytes, bytes]]:
@@ -87,13 +116,22 @@ class Hub(ABC):
         """Send a control message to one peer. Never blocks; a peer that is gone or full is counted."""
 
     @abstractmethod
-    def broadcast(self, message: bytes) -> None:
-        """Send a control message to everyone who has spoken."""
-
-    @abstractmethod
     def wait(self, seconds: float) -> None:
         """Sleep until something comes or the time is over."""
 
     @abstractmethod
     def close(self) -> None:
         """Let go of everything, within a bounded time. May be called twice."""
+
+    @abstractmethod
+    def _pump(self, max_bytes: int) -> None:
+        """Take in what came, until about so many bytes of data lie here."""
+
+    def _grant(self, peer: bytes, credit: HubCredit) -> None:
+        limit = credit.due()
+        if limit is not None:
+            self._send_grant(peer, limit)
+
+    @abstractmethod
+    def _send_grant(self, peer: bytes, limit: int) -> None:
+        """Tell a peer how many bytes it may have sent in all."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable
 
-from wall.transport.base import QUEUED_PACKETS, checked
+QUEUED_PACKETS = 2  # that wait at a link for credit; the oldest gives way to a newer one
 
 
 class LinkCredit:
@@ -38,7 +38,7 @@ class LinkCredit:
 
     def offer(self, packet: bytes, send: Callable[[bytes], bool]) -> list[bytes]:
         """Queue a packet, send what credit allows, and give back what had to give way."""
-        self._queue.append(checked(packet))
+        self._queue.append(packet)
         self._last_size = max(len(packet), 1)
         self.flush(send)
         dropped = []

@@ -12,7 +12,7 @@ from collections import Counter, deque
 from typing import TypeVar
 
 from wall.transport.base import MAX_CONTROL, Hub, Link, checked
-from wall.transport.credit import HubCredit, LinkCredit
+from wall.transport.credit import HubCredit
 
 T = TypeVar("T")
 _hubs: dict[str, LoopbackHub] = {}
@@ -23,39 +23,32 @@ class LoopbackHub(Hub):
     """Links find it by its endpoint, as with sockets."""
 
     def __init__(self, *, credit_bytes: int) -> None:
-        self.counters = Counter[str]()
+        super().__init__(credit_bytes=credit_bytes)
         self.endpoint = f"loopback:{next(_numbers)}"
-        self.window = credit_bytes
         self.links: dict[bytes, LoopbackLink] = {}
-        self.data: deque[tuple[bytes, bytes]] = deque()
+        self.arrived: deque[tuple[bytes, bytes]] = deque()  # packets that links have put here
         self.control: deque[tuple[bytes, bytes]] = deque()
         self.something = threading.Condition()
-        self._credits: dict[bytes, HubCredit] = {}
         _hubs[self.endpoint] = self
 
     def welcome(self, link: LoopbackLink) -> bytes:
         """Connects a link, grants its first credit and returns its peer id."""
         peer = b"%d" % next(_numbers)
-        self._credits[peer] = HubCredit(self.window)
-        self.links[peer] = link
-        self._grant(peer)
+        self.links[peer], self._credits[peer] = link, HubCredit(self._window)
+        self._grant(peer, self._credits[peer])
         return peer
 
-    def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
-        """Takes packets of up to `max_bytes` in all (the last may exceed it), each with its peer."""
-        taken, size = [], 0
-        while self.data and size < max_bytes:
-            peer, packet = self.data.popleft()
-            self._credits[peer].arrive(len(packet))
-            taken.append((peer, packet))
-            size += len(packet)
-        return taken
+    def leave(self, peer: bytes) -> None:
+        """Disconnects a link; what it has sent is still here."""
+        self.links.pop(peer, None)
+        self._credits.pop(peer, None)
 
-    def release(self, peer: bytes, size: int) -> None:
-        """Returns the credit of `size` processed bytes to a peer."""
-        if peer in self.links:
-            self._credits[peer].consume(size)
-            self._grant(peer)
+    def _pump(self, max_bytes: int) -> None:
+        while self.arrived:
+            peer, packet = self.arrived.popleft()
+            if (credit := self._credits.get(peer)) is not None:
+                credit.arrive(len(packet))
+            self._data.append((peer, packet))
 
     def messages(self) -> list[tuple[bytes, bytes]]:
         """Takes all control messages that arrived, each with its peer."""
@@ -69,15 +62,10 @@ class LoopbackHub(Hub):
             return
         _keep(link.inbox, checked(message), link.counters, link.something)
 
-    def broadcast(self, message: bytes) -> None:
-        """Sends a control message to every peer."""
-        for peer in list(self.links):
-            self.send(peer, message)
-
     def wait(self, seconds: float) -> None:
         """Waits up to `seconds` for a packet or message."""
         with self.something:
-            if not (self.data or self.control):
+            if not (self._data or self.arrived or self.control):
                 self.something.wait(seconds)
 
     def close(self) -> None:
@@ -85,11 +73,9 @@ class LoopbackHub(Hub):
         self.links.clear()
         _hubs.pop(self.endpoint, None)
 
-    def _grant(self, peer: bytes) -> None:
-        limit = self._credits[peer].due()
-        link = self.links.get(peer)
-        if limit is not None and link is not None:
-            link.credit.grant(limit, self.window)
+    def _send_grant(self, peer: bytes, limit: int) -> None:
+        if (link := self.links.get(peer)) is not None:
+            link.credit.grant(limit, self._window)
             _wake(link.something)
 
 
@@ -97,21 +83,11 @@ class LoopbackLink(Link):
     """Link to a hub in the same process."""
 
     def __init__(self, endpoint: str) -> None:
-        self.counters = Counter[str]()
-        self.credit = LinkCredit(self.counters)
+        super().__init__()
         self.inbox: deque[bytes] = deque()
         self.something = threading.Condition()
         self._hub = _hubs[endpoint]
         self._peer = self._hub.welcome(self)
-
-    def offer(self, packet: bytes) -> list[bytes]:
-        """Sends a packet or queues it; returns the packets dropped for it."""
-        return self.credit.offer(packet, self._put)
-
-    def ready(self) -> bool:
-        """True if the credit allows another packet."""
-        self.credit.flush(self._put)
-        return self.credit.ready
 
     def send(self, message: bytes) -> None:
         """Sends a control message to the hub."""
@@ -119,7 +95,7 @@ class LoopbackLink(Link):
 
     def receive(self) -> list[bytes]:
         """Takes all control messages that arrived."""
-        self.credit.flush(self._put)
+        self._pump()
         return _take_all(self.inbox, self.something)
 
     def wait(self, seconds: float) -> None:
@@ -130,10 +106,13 @@ class LoopbackLink(Link):
 
     def close(self) -> None:
         """Disconnects from the hub."""
-        self._hub.links.pop(self._peer, None)
+        self._hub.leave(self._peer)
 
-    def _put(self, packet: bytes) -> bool:
-        self._hub.data.append((self._peer, packet))
+    def _pump(self) -> None:
+        self.credit.flush(self._put_data)
+
+    def _put_data(self, packet: bytes) -> bool:
+        self._hub.arrived.append((self._peer, packet))
         _wake(self._hub.something)
         return True
 

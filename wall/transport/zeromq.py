@@ -18,7 +18,7 @@ import zmq
 from wall.core.errors import RunError
 from wall.transport.addresses import reachable
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
-from wall.transport.credit import HubCredit, LinkCredit
+from wall.transport.credit import HubCredit
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
 LINGER_MS = 200  # for the last words of a socket that is closed
@@ -47,26 +47,15 @@ class ZmqLink(Link):
     """Belongs to the thread that made it."""
 
     def __init__(self, endpoint: str, *, rank: int) -> None:
-        self.counters = Counter[str]()
+        super().__init__()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.DEALER)
         self._socket.setsockopt(zmq.ROUTING_ID, b"rank %d " % rank + os.urandom(8).hex().encode())
         self._socket.connect(endpoint)
-        self._credit = LinkCredit(self.counters)
         self._messages: deque[bytes] = deque()
         self._outgoing: deque[bytes] = deque()
         self._asked = float("-inf")
         self._ask()
-
-    def offer(self, packet: bytes) -> list[bytes]:
-        """Sends a packet or queues it; returns the packets dropped for it."""
-        self._pump()
-        return self._credit.offer(packet, lambda data: self._put(DATA, data))
-
-    def ready(self) -> bool:
-        """True if the credit allows another packet."""
-        self._pump()
-        return self._credit.ready
 
     def send(self, message: bytes) -> None:
         """Sends a control message to the hub; the oldest waiting one is dropped if too many wait."""
@@ -97,26 +86,28 @@ class ZmqLink(Link):
             self._context.term()
 
     def _pump(self) -> None:
-        """Take in what came, send what waits."""
         while (parts := _receive(self._socket)) is not None:
             if len(parts) == 2 and parts[0] == CONTROL:
                 _keep(self._messages, parts[1], self.counters)
             elif len(parts) == 2 and parts[0] == GRANT and len(parts[1]) == _GRANT.size:
-                self._credit.grant(*_GRANT.unpack(parts[1]))
+                self.credit.grant(*_GRANT.unpack(parts[1]))
             else:
                 self.counters["bad_frame"] += 1
-        self._credit.flush(lambda data: self._put(DATA, data))
+        self.credit.flush(self._put_data)
         self._flush_control()
-        if not self._credit.ready and time.monotonic() - self._asked > ASK_AGAIN_S:
+        if not self.credit.ready and time.monotonic() - self._asked > ASK_AGAIN_S:
             self._ask()
 
     def _ask(self) -> None:
         self._asked = time.monotonic()
-        self._put(ASK, _ASK.pack(self._credit.sent))
+        self._put(ASK, _ASK.pack(self.credit.sent))
 
     def _flush_control(self) -> None:
         while self._outgoing and self._put(CONTROL, self._outgoing[0]):
             self._outgoing.popleft()
+
+    def _put_data(self, packet: bytes) -> bool:
+        return self._put(DATA, packet)
 
     def _put(self, tag: bytes, body: bytes) -> bool:
         try:
@@ -130,7 +121,7 @@ class ZmqHub(Hub):
     """Belongs to the thread that uses it first; it may be made by another."""
 
     def __init__(self, bind: str, *, credit_bytes: int) -> None:
-        self.counters = Counter[str]()
+        super().__init__(credit_bytes=credit_bytes)
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
@@ -142,26 +133,7 @@ class ZmqHub(Hub):
             self._context.term()
             raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
         self.endpoint = f"tcp://{reachable(bind)}:{port}"
-        self._window = credit_bytes
-        self._peers: dict[bytes, HubCredit] = {}
-        self._data: deque[tuple[bytes, bytes]] = deque()
         self._messages: deque[tuple[bytes, bytes]] = deque()
-
-    def drain(self, max_bytes: int) -> list[tuple[bytes, bytes]]:
-        """Takes packets of up to `max_bytes` in all (the last may exceed it), each with its peer."""
-        self._pump(max_bytes)
-        taken, size = [], 0
-        while self._data and size < max_bytes:
-            taken.append(self._data.popleft())
-            size += len(taken[-1][1])
-        return taken
-
-    def release(self, peer: bytes, size: int) -> None:
-        """Returns the credit of `size` processed bytes to a peer."""
-        credit = self._peers.get(peer)
-        if credit is not None:
-            credit.consume(size)
-            self._grant(peer, credit)
 
     def messages(self) -> list[tuple[bytes, bytes]]:
         """Takes all control messages that arrived, each with its peer."""
@@ -173,11 +145,6 @@ class ZmqHub(Hub):
     def send(self, peer: bytes, message: bytes) -> None:
         """Sends a control message to one peer."""
         self._put(peer, CONTROL, checked(message))
-
-    def broadcast(self, message: bytes) -> None:
-        """Sends a control message to every peer."""
-        for peer in list(self._peers):
-            self._put(peer, CONTROL, checked(message))
 
     def wait(self, seconds: float) -> None:
         """Waits up to `seconds` for a packet or message."""
@@ -200,11 +167,11 @@ class ZmqHub(Hub):
                 continue
             peer, tag, body = parts
             if tag == BYE:
-                self._peers.pop(peer, None)
+                self._credits.pop(peer, None)
                 continue
-            if peer not in self._peers and not self._welcome(peer):
+            if peer not in self._credits and not self._welcome(peer):
                 continue
-            if tag == DATA and body and not self._peers[peer].arrive(len(body)):
+            if tag == DATA and body and not self._credits[peer].arrive(len(body)):
                 self.counters["over_credit"] += 1
             elif tag == DATA and body:
                 self._data.append((peer, body))
@@ -212,22 +179,20 @@ class ZmqHub(Hub):
             elif tag == CONTROL:
                 _keep(self._messages, (peer, body), self.counters)
             elif tag == ASK and len(body) == _ASK.size and _ASK.unpack(body)[0] <= MAX_SENT:
-                self._peers[peer].resume(*_ASK.unpack(body))
-                self._grant(peer, self._peers[peer])
+                self._credits[peer].resume(*_ASK.unpack(body))
+                self._grant(peer, self._credits[peer])
             else:
                 self.counters["bad_frame"] += 1
 
     def _welcome(self, peer: bytes) -> bool:
-        if len(self._peers) >= MAX_PEERS:
+        if len(self._credits) >= MAX_PEERS:
             self.counters["too_many_peers"] += 1
             return False
-        self._peers[peer] = HubCredit(self._window)
+        self._credits[peer] = HubCredit(self._window)
         return True
 
-    def _grant(self, peer: bytes, credit: HubCredit) -> None:
-        limit = credit.due()
-        if limit is not None:
-            self._put(peer, GRANT, _GRANT.pack(limit, self._window))
+    def _send_grant(self, peer: bytes, limit: int) -> None:
+        self._put(peer, GRANT, _GRANT.pack(limit, self._window))
 
     def _put(self, peer: bytes, tag: bytes, body: bytes) -> None:
         try:
@@ -237,7 +202,7 @@ class ZmqHub(Hub):
         except zmq.ZMQError as error:
             if error.errno != zmq.EHOSTUNREACH:
                 raise
-            self._peers.pop(peer, None)  # it says hello again if it comes back
+            self._credits.pop(peer, None)  # it says hello again if it comes back
             self.counters["peer_gone"] += 1
 
 

@@ -10,7 +10,7 @@ from PIL import Image
 from running import start, wall
 from x_servers import comes_true, screenshot, x_server
 
-from wall.commands.identify import about, whole_wall_strips
+from wall.commands.identify import about
 from wall.config.loading import load
 from wall.display.patterns import pattern
 from wall.display.png import BEZEL_RGB
@@ -92,13 +92,6 @@ def test_an_unknown_pattern_is_refused_with_the_known_ones(tmp_path: Path) -> No
     done = wall("identify", config(tmp_path), "--pattern", "rings")
     assert done.returncode == 2
     assert "accepted: identify, grid, seam, gamma" in done.stderr
-
-
-def test_panel_images_are_made_once_and_freed_after_their_last_strip(tmp_path: Path) -> None:
-    made: list[str] = []
-    whole = make_layout(load(config(tmp_path))).wall
-    list(whole_wall_strips(whole, lambda panel: made.append(panel.id) or np.zeros((120, 160, 3), np.uint8)))
-    assert made == ["r0c0", "r0c1"]
 
 
 @pytest.mark.parametrize("name", ["cave_corner", "demo"])

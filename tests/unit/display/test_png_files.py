@@ -10,9 +10,7 @@ from PIL import Image
 
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture, WallPicture
-from wall.display.png import PngSink, file_names, whole_wall, write_png
-
-BEZEL = (1, 2, 3)
+from wall.display.png import BEZEL_RGB, PngSink, file_names, whole_wall, write_png
 
 
 def wall_of(*panels: PanelPicture, size: tuple[int, int]) -> WallPicture:
@@ -26,12 +24,12 @@ def panel(rgb: np.ndarray, x: int, y: int, name: str = "p") -> PanelPicture:
 def test_every_pixel_is_its_panels_or_the_bezels():
     rng = np.random.default_rng(4)
     a, b = (rng.integers(0, 256, (3, 4, 3), dtype=np.uint8) for _ in range(2))
-    out = whole_wall(wall_of(panel(a, 0, 1), panel(b, 6, 0), size=(10, 4)), BEZEL)
+    out = whole_wall(wall_of(panel(a, 0, 1), panel(b, 6, 0), size=(10, 4)))
     expected = np.empty((4, 10, 3), np.uint8)
     for y in range(4):
         for x in range(10):
             in_a, in_b = x < 4 and y >= 1, x >= 6 and y < 3
-            expected[y, x] = a[y - 1, x] if in_a else b[y, x - 6] if in_b else BEZEL
+            expected[y, x] = a[y - 1, x] if in_a else b[y, x - 6] if in_b else BEZEL_RGB
     assert np.array_equal(out, expected)
 
 
@@ -50,14 +48,14 @@ def test_panel_that_leaves_the_virtual_screen_is_named(place):
 
 
 def test_files_hold_exactly_the_last_picture(tmp_path, picture, status):
-    sink = PngSink(tmp_path / "deep" / "OUT", bezel_rgb=BEZEL)
+    sink = PngSink(tmp_path / "deep" / "OUT")
     last = picture(2, value=77)
     sink.show(picture(1), status)
     sink.show(last, status)
     sink.close()
     files = {path.name: np.array(Image.open(path)) for path in (tmp_path / "deep" / "OUT").iterdir()}
     assert sorted(files) == ["panel-r0c0.png", "panel-r0c1.png", "wall.png"]
-    assert np.array_equal(files["wall.png"], whole_wall(last, BEZEL))
+    assert np.array_equal(files["wall.png"], whole_wall(last))
     assert np.array_equal(files["panel-r0c1.png"], last.panels[1].rgb)
 
 

@@ -136,7 +136,7 @@ def test_a_compositor_is_complete_when_what_others_need_is_sent() -> None:
     plan = one_panel(SKY)
     for credit in (False, True):
         remote = Rank(plan, 1, credit=credit)
-        remote.role.composition._pictures.outlets.add({plan.layout.graph.step("picture").index: [RECT]})
+        remote.role.composition._nodes.outlets.add({plan.layout.graph.step("picture").index: [RECT]})
         (beat,) = of(Heartbeat, remote.tell(first_event(plan, 0.0)))
         assert beat.complete == credit
 
@@ -191,7 +191,7 @@ def test_an_overlay_away_from_the_head_shows_the_numbers_that_the_head_tells() -
     plan = one_panel(OVERLAY)
     head, remote, event = Rank(plan), Rank(plan, 1), first_event(plan, 0.0)
     [index] = [step.index for step in plan.layout.graph.steps if isinstance(step.node, Overlay)]
-    framelets = remote.role.composition._pictures.executor.framelets
+    framelets = remote.role.composition._nodes.executor.framelets
     remote.tell(event)
     before = framelets[index].colour.copy()
     asked = head.tell(event)

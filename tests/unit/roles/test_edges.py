@@ -14,7 +14,7 @@ from wall.core.data import ORIGIN_STEP_S, Camera, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
-from wall.roles.edges import NEVER, Outlets, RemoteFramelet, checked_step, needed_from_others, targets_of
+from wall.roles.edges import NEVER, Outlets, RemoteFramelet, needed_from_others, targets_of
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 EVENT = Event(
@@ -215,13 +215,9 @@ def test_times_are_counted_from_the_newest_part_s_moment() -> None:
     assert np.isneginf(remote.framelet.channel("time")[1]).all()
 
 
-def test_parts_of_others_nodes_or_of_another_shape_are_refused(graph: Graph) -> None:
+def test_parts_of_another_shape_are_refused(graph: Graph) -> None:
     wire = Wire(graph)
     good = FrameletPart.of(wire.step.index, wire.framelet, wire.step.rect)
-    remote = {wire.step.index: wire.remote}
-    assert checked_step(good, remote) is wire.remote
-    with pytest.raises(RemoteProtocolError, match="step 0, which is not needed here"):
-        checked_step(replace(good, step=0), remote)
     with pytest.raises(RemoteProtocolError, match="wanted: inside"):
         wire.remote.insert(replace(good, rect=rect(0, 0, 8, 6)))
     assert wire.remote.newest_event == NEVER

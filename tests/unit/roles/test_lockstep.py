@@ -52,7 +52,7 @@ def frame_of(event: Event, value: float) -> bytes:
 
 def other_panel(head: Composition, event: Event, value: int) -> bytes:
     """The right panel's framelet, as compositor 1 sends it."""
-    (far,) = head._pictures.remote.values()
+    (far,) = head._nodes.remote.values()
     framelet = replace(far.framelet, colour=np.full_like(far.framelet.colour, value), event=event)
     return serialise(FrameletPart.of(far.step.index, framelet, far.step.rect))
 

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from flat_batches import flat, plan_of
 
-from wall.core.data import Batch, Rect
+from wall.core.data import Batch, Framelet, Rect
+from wall.core.errors import RemoteProtocolError
+from wall.packets.control import serialise
+from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
-from wall.roles.composition import MOST_APART_S
+from wall.roles.composition import MOST_APART_S, Composition
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import Packet
 from wall.roles.plan import HEAD, Plan, first_event
@@ -58,3 +61,10 @@ def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, c
 
     assert composition.counters == {"bad_packet": 1}
     assert np.abs(composition.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1
+
+
+def test_a_framelet_that_is_not_needed_here_is_refused(plan: Plan) -> None:
+    rect = Rect(x=0, y=0, width=4, height=4)
+    part = FrameletPart.of(0, Framelet.blank(rect, frozenset({"colour"}), encoded=True), rect)
+    with pytest.raises(RemoteProtocolError, match="step 0, which is not needed here"):
+        Composition(plan, HEAD).insert(serialise(part))

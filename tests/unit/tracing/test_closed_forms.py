@@ -203,7 +203,7 @@ def test_lights_beyond_the_mask_change_no_bit_of_it(compiled_only: None) -> None
     scene = scene_of([quad(8.0, 8.0)], [instance(0), roof], lights=[above] * 32 + [aside] * 2)
     seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(4, 4), fov=10.0)
     tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
-    tracer.take(seen.event)
+    tracer.set_event(seen.event)
     xy = (np.stack(np.meshgrid(np.arange(4), np.arange(4)), axis=-1).reshape(-1, 2) + 0.5).astype(np.float32)
     _, traced = tracer.trace(xy)
     assert traced.shadow == 34 * 16

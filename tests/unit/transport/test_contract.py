@@ -11,7 +11,8 @@ import pytest
 
 from wall.core.errors import LocalProtocolError
 from wall.transport import zeromq
-from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, QUEUED_PACKETS, Hub, Link
+from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link
+from wall.transport.credit import QUEUED_PACKETS
 from wall.transport.factory import connect, open_hub
 
 KINDS = ("loopback", "zmq")

@@ -7,8 +7,7 @@ from collections import Counter, deque
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wall.transport.base import QUEUED_PACKETS
-from wall.transport.credit import HubCredit, LinkCredit
+from wall.transport.credit import QUEUED_PACKETS, HubCredit, LinkCredit
 
 WINDOW = 1000
 LARGEST = 1500  # above the window, too
