@@ -142,9 +142,8 @@ def test_two_eyes_in_one_picture_are_two_panels_with_the_same_corners() -> None:
     assert [p.shift for p in wall.panels] == [-0.5, 0.5, -0.5]
     assert left.pixels == right.pixels == (20, 30)
     assert_allclose(left.corners, right.corners, atol=ROUNDING)
-    assert left.config.window is not None
-    assert right.config.window is not None
-    assert (left.config.window.x, left.config.window.width, right.config.window.x, right.config.window.width) == (0, 20, 20, 20)
+    windows = [panel.config.window for panel in (left, right)]
+    assert [window and (window.x, window.width) for window in windows] == [(0, 20), (20, 20)]
     assert alone.screen == (40, 0)  # beside a.left, whose eye it shares; its pixels are half as wide
     assert wall.faces == ((0, 2), (1,))
     assert not wall.overlaps
