@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -148,9 +149,7 @@ def merged(regions: Regions) -> Regions:
     distinct = list(dict.fromkeys(regions))
     if len(distinct) < 2:
         return distinct
-    box = distinct[0]
-    for region in distinct[1:]:
-        box = box.join(region)
+    box = reduce(Rect.join, distinct)
     return [box] if sum(region.area for region in distinct) > DENSE * box.area else distinct
 
 

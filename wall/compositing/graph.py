@@ -9,8 +9,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from wall.config.graph import FrameSync, SinkNode
-from wall.core.data import CHANNELS, Channels, Rect
-from wall.geometry.regions import Source
+from wall.core.data import CHANNELS, Channels, Rect, Region
+from wall.geometry.panels import Wall
+from wall.geometry.regions import panel_regions
 from wall.operators.base import Node
 
 
@@ -57,10 +58,14 @@ class Graph:
     hosts: dict[int, str] = field(default_factory=dict)  # wanted machines, by rank
     sync: FrameSync | Literal["none"] = "none"
 
-    @property
-    def sources(self) -> tuple[Source, ...]:
-        """The panel and ranks of every layer."""
-        return tuple(Source(layer=layer.index, panel=layer.panel, ranks=layer.ranks) for layer in self.layers)
+    def regions(self, wall: Wall) -> tuple[Region, ...]:
+        """The region of every renderer, in rank order. Raises ConfigError: regions too large, or too many ranks."""
+        found: dict[int, Region] = {}
+        for layer in self.layers:
+            rects = panel_regions(wall.panels[layer.panel], len(layer.ranks))
+            for rank, rect in zip(layer.ranks, rects, strict=True):
+                found[rank] = Region(layer=layer.index, panel=layer.panel, rect=rect)
+        return tuple(found[rank] for rank in sorted(found))
 
     @property
     def renderers(self) -> int:
@@ -125,8 +130,6 @@ class Graph:
 
     @property
     def plain(self) -> bool:
-        """Whether every panel's samples are its picture, and the sinks show just those."""
-        ops = {step.node.op_name for step in self.steps}
-        return ops <= {"reconstruct", "tile", "sink"} and len({layer.panel for layer in self.layers}) == len(
-            self.layers
-        )
+        """Whether every panel's samples are its image, and the sinks show just those."""
+        ops, panels = {step.node.op_name for step in self.steps}, {layer.panel for layer in self.layers}
+        return ops <= {"reconstruct", "tile", "sink"} and len(panels) == len(self.layers)

@@ -26,8 +26,6 @@ class Placement:
     def __init__(self, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
         self._config, self._refusals = config, refusals
         self.panel = deal(wall, config.compositors)  # by panel index
-        self._index = {panel.id: panel.index for panel in wall.panels}
-        self._area = {p.id: p.pixels[0] * p.pixels[1] for p in wall.panels}
         self.hosts: dict[int, str] = {}  # wanted, by rank
         wanted: dict[int, set[str | None]] = {}
         for panel in wall.panels:

@@ -10,14 +10,9 @@ from wall.operators.depth import Depth
 
 
 def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
-    """The nodes of a preset: each panel its own samples and framelet, one picture of all, its sinks."""
-    nodes: list[Node] = []
-    for panel in wall.panels:
-        nodes += (
-            _sort_last(panel, preset.ranks_per_panel)
-            if preset.preset == "sort-last"
-            else _sort_first(panel, preset.ranks_per_panel)
-        )
+    """The nodes of a preset: each panel its own samples and framelet, one image of all, its sinks."""
+    panel_nodes = _sort_last if preset.preset == "sort-last" else _sort_first
+    nodes = [node for panel in wall.panels for node in panel_nodes(panel, preset.ranks_per_panel)]
     if set(preset.sinks) != {"window"}:
         nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{panel.index}" for panel in wall.panels)))
     for kind in dict.fromkeys(preset.sinks):

@@ -9,6 +9,7 @@ from typing import Any
 from wall.config.schema import Config
 
 FILE_NAME = "wall.schema.json"
+BOUNDS = {"minimum": "from", "exclusiveMinimum": "above", "maximum": "to", "exclusiveMaximum": "below"}
 KINDS = "kinds"  # in a resolved union: the values that its `type` or `op` may have
 
 
@@ -144,16 +145,5 @@ def _list_words(node: dict[str, Any]) -> str:
 
 
 def _bounds(node: dict[str, Any]) -> str:
-    low, above = node.get("minimum"), node.get("exclusiveMinimum")
-    high, below = node.get("maximum"), node.get("exclusiveMaximum")
     form = "d" if node.get("type") == "integer" else "g"
-    parts = []
-    if low is not None:
-        parts.append(f"from {low:{form}}")
-    if above is not None:
-        parts.append(f"above {above:{form}}")
-    if high is not None:
-        parts.append(f"to {high:{form}}")
-    if below is not None:
-        parts.append(f"below {below:{form}}")
-    return " " + " ".join(parts) if parts else ""
+    return "".join(f" {word} {node[key]:{form}}" for key, word in BOUNDS.items() if key in node)

@@ -37,10 +37,10 @@ class Position:
 class Problem:
     """A part of the text that is refused."""
 
-    position: Position | None
-    path: YamlPath
     what: str
     accepted: str = ""
+    path: YamlPath = ()
+    position: Position | None = None
 
 
 @dataclass(slots=True, kw_only=True)
@@ -71,7 +71,7 @@ def parse(text: str) -> Document:
     document = Document()
     if len(text) > MAX_CHARACTERS:
         what = f"{len(text)} characters are too many"
-        document.problems.append(Problem(position=None, path=(), what=what, accepted=f"at most {MAX_CHARACTERS}"))
+        document.problems.append(Problem(what=what, accepted=f"at most {MAX_CHARACTERS}"))
         return document
     try:
         node = YAML(typ="safe", pure=True).compose(io.StringIO(text))
@@ -79,14 +79,14 @@ def parse(text: str) -> Document:
             return document
         document.values = _value(document, node, ())
     except RecursionError:
-        document.problems.append(Problem(position=None, path=(), what="lists or mappings are nested too deeply"))
+        document.problems.append(Problem(what="lists or mappings are nested too deeply"))
     except MarkedYAMLError as error:
         document.problems.append(_syntax(error))
     except ReaderError as error:
         document.problems.append(_character(text, error))
     except (YAMLError, ValueError, AttributeError, KeyError, AssertionError, NotImplementedError) as error:
         # the library's scanner leaks such errors for some malformed directives and escapes
-        document.problems.append(Problem(position=None, path=(), what=f"not valid YAML ({_one_line(error)})"))
+        document.problems.append(Problem(what=f"not valid YAML ({_one_line(error)})"))
     return document
 
 
@@ -114,31 +114,23 @@ def _syntax(error: MarkedYAMLError) -> Problem:
     mark = error.problem_mark or error.context_mark
     what = _one_line(": ".join(part for part in (error.context, error.problem) if part)) or "not valid YAML"
     if "\\t" in what:
-        return Problem(position=mark and _position(mark), path=(), what="a tab cannot indent YAML", accepted="spaces")
-    return Problem(position=mark and _position(mark), path=(), what=f"not valid YAML: {what}")
+        return Problem(what="a tab cannot indent YAML", accepted="spaces", position=mark and _position(mark))
+    return Problem(what=f"not valid YAML: {what}", position=mark and _position(mark))
 
 
 def _character(text: str, error: ReaderError) -> Problem:
     before = text[: error.position]
     position = Position(before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1)
     code = error.character if isinstance(error.character, int) else ord(str(error.character)[:1] or "\0")
-    return Problem(
-        position=position,
-        path=(),
-        what=f"the character U+{code:04X} is not allowed in YAML",
-        accepted="printable text",
-    )
+    what = f"the character U+{code:04X} is not allowed in YAML"
+    return Problem(what=what, accepted="printable text", position=position)
 
 
 def _value(document: Document, node: Node, path: YamlPath) -> Any:
     document.positions[path] = _position(node.start_mark)
     if node.anchor is not None:
-        document.refuse(
-            node,
-            path,
-            f"anchors and aliases (&{node.anchor}) are not used here",
-            accepted="the value written out",
-        )
+        what = f"anchors and aliases (&{node.anchor}) are not used here"
+        document.refuse(node, path, what, accepted="the value written out")
         return None
     if len(path) > MAX_DEPTH:
         document.refuse(node, path, "nested too deeply", accepted=f"at most {MAX_DEPTH} levels")

@@ -1,59 +1,30 @@
-"""Which rank renders what: panels cut into rectangles of nearly equal area."""
+"""Panels cut into rectangles of nearly equal area, one for each rank that renders a part."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
-
-from wall.core.data import Rect, Region
+from wall.core.data import Rect
 from wall.core.errors import ConfigError
-from wall.geometry.panels import Wall
+from wall.geometry.panels import Panel
 
 MAX_EDGE = 4096  # pixels; positions on the wire keep two sub-pixel bits up to this
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
-    """A layer of a panel, and the ranks that share it."""
+def panel_regions(panel: Panel, ranks: int) -> tuple[Rect, ...]:
+    """A panel cut by `split` among its ranks.
 
-    layer: int  # index in Graph.layers
-    panel: int  # index in Wall.panels
-    ranks: tuple[int, ...]
-
-
-class HasSources(Protocol):
-    """What `regions` needs to know of a compositing graph."""
-
-    @property
-    def sources(self) -> Sequence[Source]:
-        """The sources of samples, in order."""
-
-
-def regions(graph: HasSources, wall: Wall) -> tuple[Region, ...]:
-    """The region of every renderer, in rank order: each source is cut by `split`, among its ranks in their order.
-
-    Raises
-    ------
-    ConfigError : a region would have an edge above MAX_EDGE pixels, or a panel has fewer pixels than ranks
+    Raises ConfigError: a region would have an edge above MAX_EDGE pixels, or the panel has fewer pixels than ranks.
     """
-    found: dict[int, Region] = {}
-    for source in graph.sources:
-        panel = wall.panels[source.panel]
-        whole = Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
-        size = f"{whole.width} x {whole.height} pixels"
-        ranks = len(source.ranks)
-        if ranks > whole.area:
-            raise ConfigError(f"panel {panel.id} ({size}): {ranks} ranks are too many; accepted: up to {whole.area}")
-        rects = split(whole, ranks)
-        if any(max(rect.width, rect.height) > MAX_EDGE for rect in rects):
-            raise ConfigError(
-                f"panel {panel.id} ({size}): with ranks: {ranks} a region is larger than {MAX_EDGE} "
-                f"pixels; accepted: {_ranks_needed(whole, ranks)} ranks for this panel, or more"
-            )
-        for rank, rect in zip(source.ranks, rects, strict=True):
-            found[rank] = Region(layer=source.layer, panel=source.panel, rect=rect)
-    return tuple(found[rank] for rank in sorted(found))
+    whole = Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
+    size = f"{whole.width} x {whole.height} pixels"
+    if ranks > whole.area:
+        raise ConfigError(f"panel {panel.id} ({size}): {ranks} ranks are too many; accepted: up to {whole.area}")
+    rects = split(whole, ranks)
+    if any(max(rect.width, rect.height) > MAX_EDGE for rect in rects):
+        raise ConfigError(
+            f"panel {panel.id} ({size}): with ranks: {ranks} a region is larger than {MAX_EDGE} "
+            f"pixels; accepted: {_ranks_needed(whole, ranks)} ranks for this panel, or more"
+        )
+    return rects
 
 
 def split(rect: Rect, n: int) -> tuple[Rect, ...]:

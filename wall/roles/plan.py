@@ -22,7 +22,6 @@ from wall.geometry.checks import check_wall
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
-from wall.geometry.regions import regions
 from wall.operators.base import Operator
 from wall.scene.build import Scene
 from wall.scene.build import build as build_scene
@@ -125,7 +124,7 @@ def make_layout(loaded: Loaded) -> Layout:
     wall = expand(loaded.config.wall)
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
-    return Layout(loaded=loaded, wall=wall, graph=graph, regions=regions(graph, wall), notes=notes)
+    return Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes)
 
 
 def check_files(layout: Layout) -> None:

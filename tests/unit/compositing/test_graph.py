@@ -10,7 +10,6 @@ from wall.config.graph import PresetGraph
 from wall.config.loading import loads
 from wall.core.errors import ConfigError
 from wall.geometry.expanding import expand
-from wall.geometry.regions import Source, regions
 
 HEAD = """\
 version: 1
@@ -53,7 +52,7 @@ def changed(*pairs: tuple[str, str]) -> str:
 def test_preset_gives_each_panel_its_ranks_and_one_picture() -> None:
     graph = built("graph: {preset: sort-first, ranks_per_panel: 3, sinks: [png, recorder]}\n")
 
-    assert graph.sources == (Source(layer=0, panel=0, ranks=(1, 2, 3)), Source(layer=1, panel=1, ranks=(4, 5, 6)))
+    assert [(layer.panel, layer.ranks) for layer in graph.layers] == [(0, (1, 2, 3)), (1, (4, 5, 6))]
     assert (graph.compositors, graph.renderers, graph.ranks_needed) == (1, 6, 7)
     assert [sink.kind for sink in graph.sinks] == ["png", "recorder"]
     assert graph.has_sink("png")
@@ -91,7 +90,7 @@ def test_renderers_follow_the_order_of_the_panels() -> None:
     loaded = loads(HEAD + NODES)
     wall = expand(loaded.config.wall)
 
-    found = regions(build(loaded, wall), wall)
+    found = build(loaded, wall).regions(wall)
 
     assert [region.panel for region in found] == [0, 0, 1, 1, 1]
 
@@ -107,7 +106,7 @@ def test_written_out_preset_is_the_preset() -> None:
     )
     preset = built("graph: {compositors: 2, sinks: [png]}\n")
 
-    assert written.sources == preset.sources
+    assert [(a.panel, a.ranks) for a in written.layers] == [(b.panel, b.ranks) for b in preset.layers]
     assert [layer.compositor for layer in written.layers] == [layer.compositor for layer in preset.layers]
     assert written.ranks_needed == preset.ranks_needed
 

@@ -12,7 +12,6 @@ from wall.config import json_schema
 from wall.config.loading import dump, load, loads
 from wall.geometry.cameras import resolve_view
 from wall.geometry.expanding import expand
-from wall.geometry.regions import regions
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = sorted(CONFIGS.rglob("*.yaml"))
@@ -77,7 +76,7 @@ def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) ->
     assert graph.ranks_needed == RANKS[shipped_name(path)]
     pixels = sum(math.prod(wall.panels[layer.panel].pixels) for layer in graph.layers)
     assert {layer.panel for layer in graph.layers} == set(range(len(wall.panels)))
-    assert sum(region.rect.area for region in regions(graph, wall)) == pixels
+    assert sum(region.rect.area for region in graph.regions(wall)) == pixels
     assert view.camera_at(1.5) == view.camera_at(1.5)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -14,12 +12,7 @@ from wall.core.data import Rect
 from wall.core.errors import ConfigError
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
-from wall.geometry.regions import MAX_EDGE, Source, regions, split
-
-
-@dataclass(frozen=True)
-class Sources:
-    sources: tuple[Source, ...]
+from wall.geometry.regions import MAX_EDGE, panel_regions, split
 
 
 def a_wall(columns: int, pixels: tuple[int, int]) -> Wall:
@@ -61,14 +54,6 @@ def test_more_parts_than_pixels_are_refused(n: int) -> None:
         split(Rect(x=0, y=0, width=3, height=2), n)
 
 
-def test_regions_come_in_rank_order_each_of_its_source() -> None:
-    graph = Sources((Source(layer=0, panel=1, ranks=(2, 4)), Source(layer=1, panel=0, ranks=(3,))))
-
-    found = regions(graph, a_wall(2, (40, 20)))
-
-    assert [(r.layer, r.panel, r.rect.x, r.rect.width) for r in found] == [(0, 1, 0, 20), (1, 0, 0, 40), (0, 1, 20, 20)]
-
-
 def test_region_too_large_for_the_wire_says_how_many_ranks_are_needed() -> None:
     wall = a_wall(1, (15360, 8640))
 
@@ -76,13 +61,13 @@ def test_region_too_large_for_the_wire_says_how_many_ranks_are_needed() -> None:
         ConfigError,
         match=r"panel r0c0 .15360 x 8640 pixels.*: 1 a region is larger than 4096 pixels; accepted: (.+) ranks",
     ) as caught:
-        regions(Sources((Source(layer=0, panel=0, ranks=(1,)),)), wall)
+        panel_regions(wall.panels[0], 1)
 
     needed = int(str(caught.value).split("accepted: ")[1].split()[0])
-    for region in regions(Sources((Source(layer=0, panel=0, ranks=tuple(range(1, needed + 1))),)), wall):
-        assert max(region.rect.width, region.rect.height) <= MAX_EDGE
+    for region in panel_regions(wall.panels[0], needed):
+        assert max(region.width, region.height) <= MAX_EDGE
 
 
 def test_more_ranks_than_pixels_are_refused() -> None:
     with pytest.raises(ConfigError, match="5 ranks are too many; accepted: up to 4"):
-        regions(Sources((Source(layer=0, panel=0, ranks=(1, 2, 3, 4, 5)),)), a_wall(1, (2, 2)))
+        panel_regions(a_wall(1, (2, 2)).panels[0], 5)
