@@ -21,7 +21,6 @@ from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.configured import configured
 from wall.scene.lights import STUDIO_SKY, default_lights
-from wall.scene.loading import load
 from wall.scene.model import (
     DirectionalLight,
     Instance,
@@ -117,6 +116,8 @@ def make_source(name: str, base_folder: Path) -> Source:
     """A built-in scene by its name, or a model file."""
     if name in BUILT_IN:
         return BUILT_IN[name]()
+    from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
+
     return load(base_folder / name)
 
 
