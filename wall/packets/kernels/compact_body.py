@@ -9,7 +9,7 @@ from wall.packets.kernels.colour_codes import TOP_CODE, code_of, colour_of, dith
 from wall.packets.kernels.normals import NORMAL_CODES, normal_code, normal_of
 from wall.packets.kernels.plain_body import INFINITY_BITS, LARGEST_FINITE_BITS, SHORTEST_SPAN_S, depth_range
 
-POSITION, LUMA, CO, CG, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, VISIBILITY = range(10)  # columns; CO, CG: chroma of YCoCg-R
+POSITION, LUMA, CO, CG, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, VISIBILITY = range(10)  # columns; YCoCg-R
 COLUMNS, RELIGHTABLE_COLUMNS = 7, 10  # without and with normals and light visibility masks
 SUBPIXEL_BITS = 3
 DEPTH_BITS = 11  # mantissa bits of a depth code
