@@ -1,4 +1,4 @@
-"""Batches of one grey for a small panel, and the picture they make: what shows whose samples are on it."""
+"""Batches of one grey for a small panel, and the image they make: what shows whose samples are on it."""
 
 from __future__ import annotations
 

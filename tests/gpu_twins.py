@@ -1,4 +1,4 @@
-"""The same samples to the picture on the CPU and to the one on a GPU, and what may differ between the two."""
+"""The same samples to the image on the CPU and to the one on a GPU, and what may differ between the two."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from adaptive_pictures import traced
+from adaptive_images import traced
 from numpy.testing import assert_array_equal
 from small_scenes import View
 
@@ -40,7 +40,7 @@ class Twins:
         self.gpu.refresh(event, now)
 
     def agree(self, *, rounding: float = ROUNDING, decided: float = 0.0) -> None:
-        """Assert the same picture, the same changed tiles, the same number of samples stored."""
+        """Assert the same image, the same changed tiles, the same number of samples stored."""
         height, width = self.cpu.radiance.shape[:2]
         assert self.gpu.radiance.shape == (height, width, 3)
         assert np.isfinite(self.gpu.radiance).all()

@@ -138,7 +138,7 @@ def check_depths(sent: NDArray[np.float32], came: NDArray[np.float32]) -> None:
 
 
 def check_sane(batch: Batch) -> None:
-    """What any decoded batch must hold, whoever sent it: nothing that could harm a picture or an array."""
+    """What any decoded batch must hold, whoever sent it: nothing that could harm an image or an array."""
     samples, rect = batch.samples, batch.rect
     assert len(samples) <= 65536
     assert 0 < rect.width <= 4096

@@ -58,7 +58,7 @@ def graph(
 
 
 def sort_first(panels: int, *, compositors: int = 1) -> Diagram:
-    """Samples, reconstruction a panel, one picture, its page."""
+    """Samples, reconstruction a panel, one image, its page."""
     boxes: dict[str, tuple[str, str, Sequence[str]]] = {}
     for k in range(panels):
         process = k * compositors // panels

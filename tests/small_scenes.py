@@ -1,4 +1,4 @@
-"""Scenes of a few triangles, views of them, and the pictures that the tracer makes of them."""
+"""Scenes of a few triangles, views of them, and the images that the tracer makes of them."""
 
 from __future__ import annotations
 
@@ -152,14 +152,14 @@ def directions(seen: View) -> Float64:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
+class TracedImage:
     radiance: Float32  # (h, w, 3); NaN where a sample was dropped
     depth: Float32  # (h, w)
     objects: NDArray[np.uint32]  # (h, w)
     cost: Traced
 
 
-def picture(scene: Scene | TracerScene, seen: View, *, coherent: bool = True) -> Picture:
+def traced_image(scene: Scene | TracerScene, seen: View, *, coherent: bool = True) -> TracedImage:
     """One sample in the middle of every pixel."""
     tracer_scene = make_tracer_scene(scene) if isinstance(scene, Scene) else scene
     tracer = Tracer(tracer_scene, seen.panel, seen.eye, coherent=coherent)
@@ -170,13 +170,13 @@ def picture(scene: Scene | TracerScene, seen: View, *, coherent: bool = True) ->
     return raster(samples, seen.panel.pixels, cost)
 
 
-def raster(samples: Samples, size: tuple[int, int], cost: Traced) -> Picture:
+def raster(samples: Samples, size: tuple[int, int], cost: Traced) -> TracedImage:
     width, height = size
     radiance = np.full((height, width, 3), np.nan, np.float32)
     depth, objects = np.full((height, width), np.nan, np.float32), np.zeros((height, width), np.uint32)
     x, y = samples["xy"].astype(int).T
     radiance[y, x], depth[y, x], objects[y, x] = samples["radiance"], samples["depth"], samples["object_id"]
-    return Picture(radiance=radiance, depth=depth, objects=objects, cost=cost)
+    return TracedImage(radiance=radiance, depth=depth, objects=objects, cost=cost)
 
 
 def batch_of(samples: Samples, event: Event, rect: Rect, *, sequence: int = 1, blend: float = 1.0) -> Batch:

@@ -17,7 +17,7 @@ from Xlib import X
 from Xlib.display import Display
 from Xlib.ext import xtest
 
-SEEN_WITHIN_S = 20.0  # a picture that was put is on the screen; a loaded machine may take a second
+SEEN_WITHIN_S = 20.0  # an image that was put is on the screen; a loaded machine may take a second
 
 
 @contextmanager

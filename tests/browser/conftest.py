@@ -1,4 +1,4 @@
-"""A real headless Chromium, and a wall whose picture follows the commands that arrive."""
+"""A real headless Chromium, and a wall whose image follows the commands that arrive."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
 
 REFRESH_S = 1 / 30
-SECOND = (20, 40, 220)  # colour of every second picture
+SECOND = (20, 40, 220)  # colour of every second image
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
 
@@ -47,7 +47,7 @@ class Source(threading.Thread):
     """Shows a flat colour a panel at 30 Hz; what the page asks for changes colour, sampler and pause.
 
     Panel k has red 40 + 50 k; the sum of orbits moves green by 100 a wall height; blue counts nothing and is 30. Second
-    pictures, while something is compared, are blue. Statistics images: see `statistics_images`.
+    images, while something is compared, are blue. Statistics images: see `statistics_images`.
     """
 
     wall: Wall
@@ -69,7 +69,7 @@ class Source(threading.Thread):
             for command in self.sink.commands():
                 self.obey(command)
             self.refreshes += 1
-            self.sink.show(self.picture(), self.status())
+            self.sink.show(self.image(), self.status())
 
     def obey(self, command: dict[str, Any]) -> None:
         self.received.append(command)
@@ -88,7 +88,7 @@ class Source(threading.Thread):
     def green(self) -> int:
         return int(np.clip(100 + 100 * self.turned, 0, 255))
 
-    def picture(self) -> WallPicture:
+    def image(self) -> WallPicture:
         panels = self.panels(lambda k: (40 + 50 * k, self.green(), 30))
         return WallPicture(
             width=self.wall.width, height=self.wall.height, panels=panels, time=self.refreshes * REFRESH_S,
@@ -170,7 +170,7 @@ def source(grid: Wall) -> Iterator[Source]:
 
 @pytest.fixture
 def page(chromium: Any, source: Source) -> Iterator[Any]:
-    """The page on `source`, its first picture drawn. Fails the test when the page complained."""
+    """The page on `source`, its first image drawn. Fails the test when the page complained."""
     context = chromium.new_context(viewport={"width": 1280, "height": 720})
     page = context.new_page()
     page.set_default_timeout(15_000)

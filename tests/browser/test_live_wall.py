@@ -1,4 +1,4 @@
-"""The whole system as a viewer has it: real renderers, packets and Chromium; the hand moves, the picture follows."""
+"""The whole system as a viewer has it: real renderers, packets and Chromium; the hand moves, the image follows."""
 
 from __future__ import annotations
 
@@ -55,16 +55,16 @@ def shown(address: str) -> NDArray[np.int16]:
 
 
 def settled(address: str) -> NDArray[np.int16]:
-    """The picture once every pixel has a sample, no renderer traces any more, and it has stopped changing."""
+    """The image once every pixel has a sample, no renderer traces any more, and it has stopped changing."""
     deadline, last = time.monotonic() + PATIENCE_S, shown(address)
     while time.monotonic() < deadline:
         ranks = [rank for rank in status(address)["ranks"] if rank["role"] == "renderer"]
-        picture = shown(address)
+        image = shown(address)
         idle = all(rank["oldest_sample_s"] is not None and rank["samples_per_s"] == 0 for rank in ranks)
-        if idle and np.array_equal(picture, last):
-            assert picture.std() > 20, "nothing is shown"
-            return picture
-        last = picture
+        if idle and np.array_equal(image, last):
+            assert image.std() > 20, "nothing is shown"
+            return image
+        last = image
     pytest.fail("the picture never settled")
 
 

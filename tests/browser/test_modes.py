@@ -1,4 +1,4 @@
-"""The live page in a real Chromium: two samplers side by side, and overlays over the picture."""
+"""The live page in a real Chromium: two samplers side by side, and overlays over the image."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.browser
 
 STEPS = 6  # of 255: JPEG's, and the screenshot's own colour rounding
 FIRST = (40, 100, 30)  # panel r0c0 of the source,
-SECOND = (20, 40, 220)  # and all of its second pictures
+SECOND = (20, 40, 220)  # and all of its second images
 
 
 def seen(page, x, y, *, panel="r0c0", face=".face:not(.second)", size=2):
@@ -60,7 +60,7 @@ def test_divider_is_dragged_and_moved_by_keys_without_turning_the_wall(page, sou
     page.mouse.up()
     assert page.get_attribute("#divider", "aria-valuenow") == "10"
     eventually(page, lambda: similar(looks(page, 0.5, 0.5), SECOND), "the second picture reaches to the divider")
-    assert not page.is_visible("#left-tag")  # it would stand on the other's picture
+    assert not page.is_visible("#left-tag")  # it would stand on the other's image
 
     for _ in range(5):
         page.keyboard.press("ArrowRight")

@@ -32,7 +32,7 @@ def total(source, kind, axis):
     return sum(command[axis] for command in list(source.received) if command["kind"] == kind)
 
 
-def test_page_shows_every_panel_with_its_own_picture(page, source):
+def test_page_shows_every_panel_with_its_own_image(page, source):
     colours = page.evaluate(COLOURS)
     assert list(colours) == ["r0c0", "r0c1", "r1c0", "r1c1"]
     for k, colour in enumerate(colours.values()):
@@ -51,7 +51,7 @@ def test_panels_stand_at_their_true_places_with_bezels_between(page, grid):
     assert boxes[1]["x"] > boxes[0]["x"] + boxes[0]["width"] + 2
 
 
-def test_dragging_orbits_by_heights_of_the_wall_and_the_picture_follows(page, source):
+def test_dragging_orbits_by_heights_of_the_wall_and_the_image_follows(page, source):
     before = page.evaluate(COLOURS)["r0c0"]
     drag(page, 0.5, -0.25)
     eventually(page, lambda: total(source, "orbit", "x") == pytest.approx(0.5, abs=0.01), "orbit by 0.5")

@@ -1,4 +1,4 @@
-"""A still view ends, and what it ends with is the converged picture, however the region is cut and shared."""
+"""A still view ends, and what it ends with is the converged image, however the region is cut and shared."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def test_a_still_view_ends_and_equals_the_reference(
     assert reference is not None
 
     single = SingleProcess(plan, make_tracer_scene(tiny_scene))
-    (picture,) = single.until_complete()
+    (image,) = single.until_complete()
 
-    shown = picture.rgb.astype(np.float32) / 255.0
+    shown = image.rgb.astype(np.float32) / 255.0
     assert shown.std() > 0.1, "the picture shows nothing"
     assert np.sqrt(((shown - display(reference)) ** 2).mean()) < RMSE
     assert sum(worker.work.samples for worker in single.workers) < 2000 * shown.shape[0] * shown.shape[1]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adaptive_pictures import GREEN, RED, START, event_at, glowing, hits, picture_of
+from adaptive_images import GREEN, RED, START, event_at, glowing, hits, image_of
 from small_scenes import instance, quad, view
 
 from wall.core.data import Batch, Rect
@@ -53,11 +53,11 @@ def test_a_sample_of_object_20001_moves_with_it(scene: Scene, adaptive: bool) ->
     came = decode(packet)
     assert (came.samples["object_id"] == LAST + 1).all()
 
-    picture = picture_of(scene, SEEN)
-    picture.refresh(event, START)
-    picture.insert(came.samples, came.base_time, event)
-    picture.refresh(event_at(1, SEEN, scene_time=1.0), START + 0.1)
+    image = image_of(scene, SEEN)
+    image.refresh(event, START)
+    image.insert(came.samples, came.base_time, event)
+    image.refresh(event_at(1, SEEN, scene_time=1.0), START + 0.1)
 
-    stored = picture.stored()
+    stored = image.stored()
     assert stored.in_use == len(samples)
     assert (stored.screen_position[0, : stored.in_use] < 20).all(), "they moved right, with the others"

@@ -1,4 +1,4 @@
-"""Sort-last gives the picture of sort-first: parts of the objects traced apart, put together by depth."""
+"""Sort-last gives the image of sort-first: parts of the objects traced apart, put together by depth."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def in_lock_step(graph: str) -> str:
 def still(text: str) -> NDArray[np.uint8]:
     """What a still view ends in, in one process: (panels, h, w, 3)."""
     plan = make_plan(make_layout(loads(text.replace("  SYNC\n", ""), path=Path("wall.yaml"))))
-    pictures = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
-    return np.stack([picture.rgb for picture in sorted(pictures, key=lambda picture: picture.id)])
+    images = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
+    return np.stack([image.rgb for image in sorted(images, key=lambda image: image.id)])
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +64,13 @@ def truth() -> NDArray[np.uint8]:
 
 
 @pytest.mark.parametrize("graph", [SORT_LAST, tree()], ids=["direct-send", "tree"])
-def test_whole_frames_put_together_by_depth_are_the_sort_first_picture(graph: str, truth: NDArray[np.uint8]) -> None:
+def test_whole_frames_put_together_by_depth_are_the_sort_first_image(graph: str, truth: NDArray[np.uint8]) -> None:
     """Every pixel's ray is the same and hits the same object: only the sky is computed at another place."""
     found = still(TEXT + FRAMED + in_lock_step(graph))
     assert np.abs(found.astype(int) - truth).max() <= 1
 
 
-def test_a_part_alone_is_not_the_picture(truth: NDArray[np.uint8]) -> None:
+def test_a_part_alone_is_not_the_image(truth: NDArray[np.uint8]) -> None:
     """That the parts differ is what makes the test above say something."""
     graph = (
         in_lock_step(tree())
@@ -85,14 +85,14 @@ def test_a_part_alone_is_not_the_picture(truth: NDArray[np.uint8]) -> None:
 UNUSED = [f"{kind}{k}{r}" for kind in "sf" for k in range(2) for r in (2, 3)] + ["b0", "b1"]
 
 
-def test_adaptive_samples_at_rest_put_together_are_the_sort_first_picture_within_the_filters() -> None:
+def test_adaptive_samples_at_rest_put_together_are_the_sort_first_image_within_the_filters() -> None:
     text = TEXT.replace("[64, 48]", "[32, 24]") + "sampling: {method: adaptive, samples_per_batch: 256}\n"
     first, last = (still(text + graph) for graph in (SORT_FIRST, tree()))
     assert np.abs(first.astype(int) - last).mean() <= ADAPTIVE_CODES
 
 
 @pytest.mark.parametrize("graph", [SORT_LAST, tree(compositors=2)], ids=["direct-send", "tree on two compositors"])
-def test_processes_over_zeromq_give_the_single_process_picture(tmp_path: Path, graph: str) -> None:
+def test_processes_over_zeromq_give_the_single_process_image(tmp_path: Path, graph: str) -> None:
     text = TEXT + FRAMED + in_lock_step(graph)
     config = tmp_path / "wall.yaml"
     config.write_text(text.replace("  SYNC\n", ""), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A wall for two eyes, from rays to pictures: each eye's panel shows what that eye sees, at rest and after a move."""
+"""A wall for two eyes, from rays to images: each eye's panel shows what that eye sees, at rest and after a move."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def error(one: Float32, other: Float32) -> float:
 
 
 def assert_shown(chain: SingleProcess, expected: list[Float32]) -> None:
-    left, right = (picture.rgb.astype(np.float32) / 255.0 for picture in chain.until_complete())
+    left, right = (image.rgb.astype(np.float32) / 255.0 for image in chain.until_complete())
     for own, reference, other in ((left, expected[0], expected[1]), (right, expected[1], expected[0])):
         assert error(own, reference) < RMSE
         assert error(own, other) > OTHER_EYE * error(own, reference)
@@ -71,12 +71,12 @@ def test_each_eye_is_shown_what_it_sees_before_and_after_a_move(tmp_path: Path, 
     camera = look_at((0.7, 2.0, 4.8), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0))
     moved = replace(plan, views=(replace(plan.view, still=camera),))
     chain.event = replace(first_event(moved, chain.clock.now()), camera_event=1)
-    chain.clock.advance(1.0)  # samplers look at their pictures at every refresh, not at every event
+    chain.clock.advance(1.0)  # samplers look at their images at every refresh, not at every event
     assert_shown(chain, references(moved))
 
 
 @pytest.mark.parametrize("method", ["adaptive", "framed", "frameless", "hilbert"])
-def test_left_eye_s_picture_is_that_of_a_wall_for_one_eye_that_stands_there(
+def test_left_eye_s_image_is_that_of_a_wall_for_one_eye_that_stands_there(
     tmp_path: Path, tiny_scene: Scene, method: str
 ) -> None:
     plan, tracer_scene = plan_of(tmp_path, tiny_scene, method), make_tracer_scene(tiny_scene)

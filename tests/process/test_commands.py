@@ -1,4 +1,4 @@
-"""The `wall` command as a user types it: every shipped configuration, models, pictures, refusals, exit codes."""
+"""The `wall` command as a user types it: every shipped configuration, models, images, refusals, exit codes."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def test_model_of_the_users_own_is_framed_and_lit(tmp_path: Path, suffix: str) -
     )
 
     assert done.returncode == 0, done.stderr
-    (picture,) = panels(tmp_path / "out")
-    middle, corner = picture[24, 32].astype(int), picture[1, 1].astype(int)
+    (image,) = panels(tmp_path / "out")
+    middle, corner = image[24, 32].astype(int), image[1, 1].astype(int)
     assert np.abs(middle - corner).max() > 20, "the ball is not in the middle of the picture"
     assert 60 < middle.max() < 255, "neither black nor blown out"
 
 
-def test_reference_picture_has_the_same_bits_for_any_number_of_ranks_and_cores(tmp_path: Path) -> None:
+def test_reference_image_has_the_same_bits_for_any_number_of_ranks_and_cores(tmp_path: Path) -> None:
     config = write_config(tmp_path)
     options = ("--spp", 5, "--size", "70x50", "--seed", 7)
     one_core = ("taskset", "-c", str(min(os.sched_getaffinity(0))))
@@ -59,15 +59,15 @@ def test_reference_picture_has_the_same_bits_for_any_number_of_ranks_and_cores(t
     }
 
     assert all(done.returncode == 0 for done in runs.values()), [done.stderr for done in runs.values()]
-    pictures = {name: np.load(tmp_path / f"{name}.npy") for name in runs}
-    assert pictures["cores"].shape == (50, 70, 3)
-    assert pictures["cores"].dtype == np.float32
-    assert np.array_equal(pictures["cores"], pictures["core"])
-    assert np.array_equal(pictures["cores"], pictures["mpi"])
-    assert not np.array_equal(pictures["cores"], pictures["other"]), "another seed, another picture"
+    images = {name: np.load(tmp_path / f"{name}.npy") for name in runs}
+    assert images["cores"].shape == (50, 70, 3)
+    assert images["cores"].dtype == np.float32
+    assert np.array_equal(images["cores"], images["core"])
+    assert np.array_equal(images["cores"], images["mpi"])
+    assert not np.array_equal(images["cores"], images["other"]), "another seed, another picture"
 
 
-def test_pictures_of_every_kind_hold_the_same_light(tmp_path: Path) -> None:
+def test_images_of_every_kind_hold_the_same_light(tmp_path: Path) -> None:
     import OpenEXR
 
     config = write_config(tmp_path)
@@ -77,8 +77,8 @@ def test_pictures_of_every_kind_hold_the_same_light(tmp_path: Path) -> None:
     with OpenEXR.File(str(tmp_path / "p.exr")) as exr:
         np.testing.assert_array_equal(exr.channels()["RGB"].pixels, linear)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.clip(linear, 0, 1) ** (1 / 2.4) - 0.055)
-    picture = np.asarray(Image.open(tmp_path / "p.png")).astype(float)
-    assert np.abs(picture - np.clip(encoded, 0, 1) * 255).max() <= 0.5 + 1e-3
+    image = np.asarray(Image.open(tmp_path / "p.png")).astype(float)
+    assert np.abs(image - np.clip(encoded, 0, 1) * 255).max() <= 0.5 + 1e-3
 
 
 def test_check_tells_ranks_features_and_rates(tmp_path: Path) -> None:

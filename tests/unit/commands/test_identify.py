@@ -66,9 +66,9 @@ def test_files_are_the_panels_and_the_wall_around_them(tmp_path: Path) -> None:
     assert entire.shape == (layout.wall.height, layout.wall.width, 3)
     assert (entire[:, 160 : layout.wall.panels[1].screen[0]] == BEZEL_RGB).all()
     for panel in layout.wall.panels:
-        picture = np.asarray(Image.open(out / f"panel-{panel.id}.png"))
-        np.testing.assert_array_equal(picture, pattern("identify", panel, layout.wall, about(layout, panel)))
-        np.testing.assert_array_equal(picture, entire[:, panel.screen[0] : panel.screen[0] + 160])
+        image = np.asarray(Image.open(out / f"panel-{panel.id}.png"))
+        np.testing.assert_array_equal(image, pattern("identify", panel, layout.wall, about(layout, panel)))
+        np.testing.assert_array_equal(image, entire[:, panel.screen[0] : panel.screen[0] + 160])
 
 
 def test_the_text_on_a_pattern_comes_from_the_configuration(tmp_path: Path) -> None:

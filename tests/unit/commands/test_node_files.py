@@ -44,7 +44,7 @@ def test_a_mask_of_another_size_is_refused_at_its_node(tmp_path: Path) -> None:
         check_files(layout)
 
 
-def test_a_mask_from_a_file_takes_its_part_of_a_run_s_picture(tmp_path: Path, compiled_only: None) -> None:
+def test_a_mask_from_a_file_takes_its_part_of_a_run_s_image(tmp_path: Path, compiled_only: None) -> None:
     mask = np.zeros((18, 24), np.uint8)
     mask[:, 9:] = 255
     shown = {}

@@ -66,9 +66,9 @@ def shoot(config: Path, name: str, **changes: Any) -> list[Written]:
 
 
 def rendered(config: Path, size: tuple[int, int] | None = None) -> Float32:
-    picture = render(make_plan(make_layout(load(config))), spp=2, seed=3, size=size, at=0.5, progress=quiet)
-    assert picture is not None
-    return picture
+    image = render(make_plan(make_layout(load(config))), spp=2, seed=3, size=size, at=0.5, progress=quiet)
+    assert image is not None
+    return image
 
 
 def read(path: Path) -> NDArray[Any]:
@@ -80,10 +80,10 @@ def read(path: Path) -> NDArray[Any]:
 @pytest.mark.parametrize("suffix", [".png", ".tiff", ".exr"])
 def test_a_screenshot_has_the_pixels_of_wall_render(flat: Path, suffix: str, compiled_only: None) -> None:
     [one] = shoot(flat, f"wall{suffix}", size=(130, 2 * STRIP_ROWS + 9))
-    picture = rendered(flat, (130, 2 * STRIP_ROWS + 9))
+    image = rendered(flat, (130, 2 * STRIP_ROWS + 9))
     assert (one.width, one.height) == (130, 2 * STRIP_ROWS + 9)
-    np.testing.assert_array_equal(read(one.path), picture if suffix == ".exr" else display_values(picture))
-    assert picture.std() > 0.01
+    np.testing.assert_array_equal(read(one.path), image if suffix == ".exr" else display_values(image))
+    assert image.std() > 0.01
 
 
 def test_panels_at_angles_have_their_positions_in_the_virtual_screen(corner: Path, compiled_only: None) -> None:
@@ -92,7 +92,7 @@ def test_panels_at_angles_have_their_positions_in_the_virtual_screen(corner: Pat
 
 
 def test_scale_gives_the_same_view_in_more_pixels(corner: Path, compiled_only: None) -> None:
-    """Each pixel's area is four of the larger picture's; their means differ by the noise of edges, not by a shift."""
+    """Each pixel's area is four of the larger image's; their means differ by the noise of edges, not by a shift."""
     small, large = (read(shoot(corner, f"{s}.exr", scale=s, spp=16)[0].path) for s in (1.0, 2.0))
     assert large.shape == (2 * small.shape[0], 2 * small.shape[1], 3)
     halved = large.reshape(small.shape[0], 2, small.shape[1], 2, 3).mean(axis=(1, 3))
@@ -122,10 +122,10 @@ def test_each_panel_can_have_a_file_of_its_own(corner: Path, compiled_only: None
         ("shot-left.exr", 30, 75),
         ("shot-front.exr", 100, 75),
     ]
-    picture = rendered(corner)
+    image = rendered(corner)
     for one, x in zip(written, (0, 30), strict=True):
         # The panel alone has the same rays but for the rounding of its corner's place.
-        np.testing.assert_allclose(read(one.path).mean(), picture[:, x : x + one.width].mean(), rtol=1e-3)
+        np.testing.assert_allclose(read(one.path).mean(), image[:, x : x + one.width].mean(), rtol=1e-3)
 
 
 def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: None) -> None:
@@ -135,9 +135,9 @@ def test_bezels_are_dark_where_they_are_asked_for(flat: Path, compiled_only: Non
     for panel in make_layout(load(flat)).wall.panels:
         (x, y), (w, h) = panel.screen, panel.pixels
         lit[y : y + h, x : x + w] = True
-    picture = read(one.path)
-    np.testing.assert_array_equal(picture[lit], plain[lit])
-    assert (picture[~lit] == BEZEL_RGB).all()
+    image = read(one.path)
+    np.testing.assert_array_equal(image[lit], plain[lit])
+    assert (image[~lit] == BEZEL_RGB).all()
     assert (~lit).any()
 
 
@@ -159,8 +159,8 @@ def test_invalid_options_are_refused_before_anything_is_rendered(
 
 def test_an_image_wider_than_any_tile_is_rendered_whole(flat: Path, compiled_only: None) -> None:
     shoot(flat, "large.png", size=(12000, 100), spp=1)
-    picture = read(flat.with_name("large.png")).astype(float)
-    assert picture.shape == (100, 12000, 3)
-    assert picture.std() > 10
-    beside = np.abs(np.diff(picture, axis=1)).mean(axis=(0, 2))
+    image = read(flat.with_name("large.png")).astype(float)
+    assert image.shape == (100, 12000, 3)
+    assert image.std() > 10
+    beside = np.abs(np.diff(image, axis=1)).mean(axis=(0, 2))
     assert beside[8191] < 3 * np.median(beside) + 3  # nothing marks where tiles meet

@@ -49,7 +49,7 @@ def changed(*pairs: tuple[str, str]) -> str:
     return text
 
 
-def test_preset_gives_each_panel_its_ranks_and_one_picture() -> None:
+def test_preset_gives_each_panel_its_ranks_and_one_image() -> None:
     graph = built("graph: {preset: sort-first, ranks_per_panel: 3, sinks: [png, recorder]}\n")
 
     assert [(layer.panel, layer.ranks) for layer in graph.layers] == [(0, (1, 2, 3)), (1, (4, 5, 6))]

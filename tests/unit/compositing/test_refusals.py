@@ -295,7 +295,7 @@ def test_a_panel_that_is_cut_out_of_several_is_one_panel() -> None:
     assert graph.step("c").rank == 1
 
 
-def test_a_panel_is_found_where_turning_a_picture_took_it() -> None:
+def test_a_panel_is_found_where_turning_a_image_took_it() -> None:
     turned = ("id: f, op: flip, input: w, axis: horizontal", "id: c, op: crop, input: f, area: [0, 0, 8, 6]")
     graph = built(nodes(*WHOLE, *turned, "id: two, op: sink, kind: png, input: c"))
     assert graph.step("c").panels == (1,)

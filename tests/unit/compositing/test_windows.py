@@ -61,7 +61,7 @@ def test_added_nodes_do_not_take_a_name_that_is_there() -> None:
     assert graph.step("out.0.crop_").node.op == "crop"  # type: ignore[attr-defined]
 
 
-def test_a_picture_without_a_whole_panel_is_refused_as_a_window() -> None:
+def test_a_image_without_a_whole_panel_is_refused_as_a_window() -> None:
     small = ("id: s, op: scale, input: w, factor: 0.5, filter: box", "id: out, op: sink, kind: window, input: s")
     found = refusals(nodes(*WHOLE[:5], "id: f, op: sink, kind: png, input: w", *small))
 

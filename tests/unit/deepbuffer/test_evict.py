@@ -44,7 +44,7 @@ def test_with_fewer_than_wanted_all_stay() -> None:
     assert cutoff(np.zeros(0, np.float32), 1) == -np.inf
 
 
-def test_what_is_outside_the_picture_is_not_counted() -> None:
+def test_what_is_outside_the_image_is_not_counted() -> None:
     times = np.float32([100.4, 100.3, 100.2, 100.1])
     outside = np.float32([1, 0, 0, 0])
     limit = cutoff(times, 2, outside=outside)

@@ -118,8 +118,8 @@ def test_oldest_sample_is_unknown_until_every_pixel_has_one() -> None:
     assert PixelBuffer(2, 2).oldest_sample(12.5) == float("inf")
 
 
-def test_old_picture_fades_exponentially_and_is_gone_with_the_fourth_sample() -> None:
-    """With blend b and old picture 1, after k black samples the pixel shows (1 - b)^k, and 0 after the fourth."""
+def test_old_image_fades_exponentially_and_is_gone_with_the_fourth_sample() -> None:
+    """With blend b and old image 1, after k black samples the pixel shows (1 - b)^k, and 0 after the fourth."""
     deep = buffer_of(batch([sample(1 + dx, 1 + dy, 1.0) for dx, dy in QUARTERS], blend=0.3))
     shown = []
     for k, (dx, dy) in enumerate(QUARTERS):
@@ -129,7 +129,7 @@ def test_old_picture_fades_exponentially_and_is_gone_with_the_fourth_sample() ->
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations(range(4))))
-def test_still_picture_is_the_plain_mean_of_four_in_any_order_of_arrival(order: tuple[int, ...]) -> None:
+def test_still_image_is_the_plain_mean_of_four_in_any_order_of_arrival(order: tuple[int, ...]) -> None:
     values = [1.0, 2.0, 4.0, 9.0]
     deep = buffer_of(batch(sample(1, 1, 50.0), event=0, blend=0.5))
     for k in order:
@@ -140,7 +140,7 @@ def test_still_picture_is_the_plain_mean_of_four_in_any_order_of_arrival(order: 
     assert not deep.counters
 
 
-def test_first_samples_ever_are_not_darkened_by_the_empty_picture() -> None:
+def test_first_samples_ever_are_not_darkened_by_the_empty_image() -> None:
     deep = PixelBuffer(8, 8)
     for k, (dx, dy) in enumerate(QUARTERS):
         deep.insert(batch(sample(1 + dx, 1 + dy, 6.0), time=10.0 + k, blend=0.5))
@@ -162,7 +162,7 @@ def frame_part(xs: Sequence[int], *, number: int = 1, event: int = 1, of: int = 
     return batch(samples, event=event, frame=number, frame_samples=of, **more)
 
 
-def test_a_framed_picture_is_shown_only_when_complete() -> None:
+def test_a_framed_image_is_shown_only_when_complete() -> None:
     deep = buffer_of(frame_part([0, 1, 2], sequence=1))
     assert not deep.radiance.any()
     deep.insert(frame_part([3], sequence=2))

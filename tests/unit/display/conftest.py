@@ -1,4 +1,4 @@
-"""Small walls, pictures and a status, made by hand."""
+"""Small walls, images and a status, made by hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
 
-PictureMaker = Callable[..., WallPicture]
+ImageMaker = Callable[..., WallPicture]
 
 
 @pytest.fixture
@@ -23,8 +23,8 @@ def two_panels() -> Wall:
 
 
 @pytest.fixture
-def picture(two_panels: Wall) -> PictureMaker:
-    """picture(version, time=..., value=...): both panels filled with `value` plus their index."""
+def image(two_panels: Wall) -> ImageMaker:
+    """image(version, time=..., value=...): both panels filled with `value` plus their index."""
 
     def make(version: int = 1, *, time: float = 0.0, value: int = 100, events: tuple[int, int] = (0, 0)) -> WallPicture:
         panels = tuple(

@@ -51,8 +51,8 @@ class Viewer:
         self.socket = socket
         self.statuses = []
 
-    async def next_picture(self):
-        """Number and panels {index: (version, rgb)} of the next picture; a second picture's index has "compared"."""
+    async def next_image(self):
+        """Number and panels {index: (version, rgb)} of the next image; a second image's index has "compared"."""
         while (message := await self.socket.receive_json())["kind"] != "picture":
             self.statuses.append(message)
         panels = {}
@@ -96,16 +96,16 @@ async def until(condition):
         await asyncio.sleep(0.005)
 
 
-def test_only_changed_panels_are_sent(browser, picture, status):
-    first = picture(1)
+def test_only_changed_panels_are_sent(browser, image, status):
+    first = image(1)
     changed = replace(first, panels=(first.panels[0], replace(first.panels[1], version=2)))
 
     async def act(viewer):
         browser.show(first, status)
-        number, panels = await viewer.next_picture()
+        number, panels = await viewer.next_image()
         await viewer.drawn(number)
         browser.show(changed, status)
-        return panels, (await viewer.next_picture())[1]
+        return panels, (await viewer.next_image())[1]
 
     first_panels, second_panels = with_viewer(browser, act)
     assert {k: v for k, (v, _) in first_panels.items()} == {0: 1, 1: 1}
@@ -113,38 +113,38 @@ def test_only_changed_panels_are_sent(browser, picture, status):
     assert abs(first_panels[1][1].astype(int) - first.panels[1].rgb).max() <= 2  # flat colour
 
 
-def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, picture, status):
+def test_slow_viewer_has_no_backlog_and_gets_the_newest_next(browser, image, status):
     async def act(viewer):
-        browser.show(picture(1), status)
-        numbers = [(await viewer.next_picture())[0]]
+        browser.show(image(1), status)
+        numbers = [(await viewer.next_image())[0]]
         for version in range(2, 2 + IN_FLIGHT - 1):
-            browser.show(picture(version), status)
-            numbers.append((await viewer.next_picture())[0])
+            browser.show(image(version), status)
+            numbers.append((await viewer.next_image())[0])
         for version in range(100, 200):
-            browser.show(picture(version), status)
+            browser.show(image(version), status)
         quiet = await viewer.silent_while(0.3)
         await viewer.drawn(numbers[-1])
-        return quiet, await viewer.next_picture()
+        return quiet, await viewer.next_image()
 
     quiet, (_, panels) = with_viewer(browser, act)
     assert quiet
     assert panels[0][0] == 199
 
 
-def test_new_viewer_gets_the_whole_wall_though_nothing_changes(browser, picture, status):
-    browser.show(picture(5), status)
+def test_new_viewer_gets_the_whole_wall_though_nothing_changes(browser, image, status):
+    browser.show(image(5), status)
 
     async def act(viewer):
-        return (await viewer.next_picture())[1]
+        return (await viewer.next_image())[1]
 
     assert {k: v for k, (v, _) in with_viewer(browser, act).items()} == {0: 5, 1: 5}
 
 
-def test_viewer_hears_layout_then_status(browser, picture, status):
-    browser.show(picture(1), status)
+def test_viewer_hears_layout_then_status(browser, image, status):
+    browser.show(image(1), status)
 
     async def act(viewer):
-        await viewer.next_picture()
+        await viewer.next_image()
         return viewer.statuses
 
     layout, first = with_viewer(browser, act)
@@ -153,16 +153,16 @@ def test_viewer_hears_layout_then_status(browser, picture, status):
     assert first["sampler"] == "hilbert"
 
 
-def test_second_pictures_are_sent_while_there_are_some_and_only_when_they_changed(browser, picture, status):
-    alone, second = picture(1), picture(4, value=20)
+def test_second_images_are_sent_while_there_are_some_and_only_when_they_changed(browser, image, status):
+    alone, second = image(1), image(4, value=20)
     both = replace(alone, compared=second.panels)
     one_newer = replace(both, compared=(second.panels[0], replace(second.panels[1], version=5)))
 
     async def act(viewer):
         found = []
-        for shown in (alone, both, one_newer, picture(2)):
+        for shown in (alone, both, one_newer, image(2)):
             browser.show(shown, status)
-            number, panels = await viewer.next_picture()
+            number, panels = await viewer.next_image()
             await viewer.drawn(number)
             found.append(panels)
         return found
@@ -190,16 +190,16 @@ def statistics_image(panel=0, value=1):
     )  # fmt: skip
 
 
-def test_statistics_go_only_to_those_who_look_and_once(browser, picture, status):
+def test_statistics_go_only_to_those_who_look_and_once(browser, image, status):
     async def act(viewer):
-        browser.show(replace(picture(1), statistics_images=(statistics_image(),)), status)
-        number, _ = await viewer.next_picture()
+        browser.show(replace(image(1), statistics_images=(statistics_image(),)), status)
+        number, _ = await viewer.next_image()
         await viewer.drawn(number)
         quiet_before = await viewer.silent_while(0.1)
         await viewer.socket.send_json({"kind": "overlay", "value": "density"})
         density = await received_statistics(viewer)
         quiet_between = await viewer.silent_while(0.1)
-        browser.show(replace(picture(1), statistics_images=(statistics_image(value=7),)), status)
+        browser.show(replace(image(1), statistics_images=(statistics_image(value=7),)), status)
         newer = await received_statistics(viewer)
         await viewer.socket.send_json({"kind": "overlay", "value": "tiles"})
         return quiet_before, quiet_between, density, newer, await received_statistics(viewer)
@@ -232,14 +232,14 @@ def test_compositors_make_statistics_from_the_first_overlay_to_the_last_even_if_
     assert with_viewer(browser, act) == [{"kind": "statistics", "value": "on"}, {"kind": "statistics", "value": ""}]
 
 
-def test_answer_to_a_command_does_not_wait_for_the_next_status(browser, picture, status, monkeypatch):
+def test_answer_to_a_command_does_not_wait_for_the_next_status(browser, image, status, monkeypatch):
     monkeypatch.setattr("wall.display.browser.STATUS_PERIOD_S", 10 * PATIENCE_S)
-    browser.show(picture(1), status)
+    browser.show(image(1), status)
 
     async def act(viewer):
-        number, _ = await viewer.next_picture()
+        number, _ = await viewer.next_image()
         await viewer.drawn(number)
-        browser.show(picture(1), replace(status, paused=True))
+        browser.show(image(1), replace(status, paused=True))
         return await viewer.socket.receive_json()
 
     assert with_viewer(browser, act)["paused"] is True
@@ -273,7 +273,7 @@ def test_commands_that_nobody_fetches_are_bounded(browser):
     assert [c["x"] for c in kept] == [k / 100 for k in range(256)]
 
 
-def test_message_that_is_too_long_ends_only_that_viewer(browser, picture, status):
+def test_message_that_is_too_long_ends_only_that_viewer(browser, image, status):
     async def shout(viewer):
         await viewer.socket.send_str("x" * 100_000)
         while (message := await viewer.socket.receive()).type is aiohttp.WSMsgType.TEXT:
@@ -281,10 +281,10 @@ def test_message_that_is_too_long_ends_only_that_viewer(browser, picture, status
         return message.data
 
     assert with_viewer(browser, shout) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
-    browser.show(picture(1), status)
+    browser.show(image(1), status)
 
     async def act(viewer):
-        return await viewer.next_picture()
+        return await viewer.next_image()
 
     assert with_viewer(browser, act)[0] == 1
 
@@ -301,8 +301,8 @@ def test_viewers_beyond_the_limit_are_told_to_come_again(browser):
     assert browser.dropped() == {"browser_viewer_refused": 1}
 
 
-def test_foreign_pages_get_nothing(browser, picture, status):
-    browser.show(picture(1), status)
+def test_foreign_pages_get_nothing(browser, image, status):
+    browser.show(image(1), status)
     assert run(get(browser, Host="evil.example"))[0] == 403
     assert run(get(browser, "wall.png", Sec_Fetch_Site="cross-site"))[0] == 403
     with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
@@ -327,9 +327,9 @@ def test_page_and_its_parts_are_served_and_load_nothing_from_elsewhere(browser):
         assert b"@import" not in text
 
 
-def test_scripts_get_picture_and_status(browser, picture, status):
+def test_scripts_get_image_and_status(browser, image, status):
     assert run(get(browser, "wall.png"))[0] == run(get(browser, "status.json"))[0] == 503  # nothing yet
-    shown = picture(3)
+    shown = image(3)
     browser.show(shown, status)
     code, _, png = run(get(browser, "wall.png"))
     assert code == 200
@@ -352,12 +352,12 @@ def test_address_that_is_not_ours_is_refused_by_name(two_panels, host):
         Browser(host, 0, two_panels)
 
 
-def test_close_tells_the_viewers_within_a_second_even_one_that_does_not_listen(browser, picture, status):
-    browser.show(picture(1), status)
+def test_close_tells_the_viewers_within_a_second_even_one_that_does_not_listen(browser, image, status):
+    browser.show(image(1), status)
 
     async def act(viewer):
         async with aiohttp.ClientSession() as session, session.ws_connect(browser.address + "stream"):  # deaf
-            await viewer.next_picture()
+            await viewer.next_image()
             before = time.monotonic()
             closing_it = asyncio.get_running_loop().run_in_executor(None, browser.close)
             while (message := await viewer.socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
@@ -371,8 +371,8 @@ def test_close_tells_the_viewers_within_a_second_even_one_that_does_not_listen(b
     assert not browser._thread.is_alive()
 
 
-def test_show_after_close_is_harmless(browser, picture, status):
+def test_show_after_close_is_harmless(browser, image, status):
     browser.close()
-    browser.show(picture(1), status)
+    browser.show(image(1), status)
     browser.close()
     assert browser.commands() == []

@@ -155,8 +155,8 @@ def test_websocket_origin_must_be_the_served_page(origin, ours):
     assert origin_is_ours(origin, "127.0.0.1:8080") is ours
 
 
-def test_panel_message_is_a_20_byte_header_and_a_jpeg(picture):
-    panel = picture(2**32 + 5).panels[1]
+def test_panel_message_is_a_20_byte_header_and_a_jpeg(image):
+    panel = image(2**32 + 5).panels[1]
     message = panel_message(1, panel, jpeg=encode_jpeg(panel), number=9)
     assert HEADER.size == 20
     assert HEADER.unpack(message[:20]) == (b"WP", 2, 0, 1, 16, 8, 5, 9)
@@ -165,7 +165,7 @@ def test_panel_message_is_a_20_byte_header_and_a_jpeg(picture):
     assert np.array(Image.open(io.BytesIO(message[20:]))).shape == (8, 16, 3)
 
 
-def test_jpeg_stays_close_to_a_smooth_picture(two_panels):
+def test_jpeg_stays_close_to_a_smooth_image(two_panels):
     """Quality 88 quantises the low frequencies by at most 3 steps, halved by rounding; 3 channels mix them."""
     y, x = np.mgrid[:64, :96]
     rgb = np.stack([2 * x, 3 * y, 255 - x - y], -1).astype(np.uint8)

@@ -37,8 +37,8 @@ def whole(kind: Kind, wall: Wall) -> RGB:
     return screen
 
 
-def of_colour(picture: RGB, colour: tuple[int, int, int]) -> NDArray[np.bool_]:
-    return np.asarray((picture == colour).all(axis=2))
+def of_colour(image: RGB, colour: tuple[int, int, int]) -> NDArray[np.bool_]:
+    return np.asarray((image == colour).all(axis=2))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -46,10 +46,10 @@ def of_colour(picture: RGB, colour: tuple[int, int, int]) -> NDArray[np.bool_]:
 def test_every_pattern_has_the_panels_pixels_and_is_made_the_same_again(kind: Kind, name: str) -> None:
     wall = expand(load(CONFIGS / f"{name}.yaml").config.wall)
     for panel in wall.panels:
-        picture = pattern(kind, panel, wall, [("host", "node3")])
-        assert (picture.shape, picture.dtype) == ((panel.pixels[1], panel.pixels[0], 3), np.uint8)
-        np.testing.assert_array_equal(picture, pattern(kind, panel, wall, [("host", "node3")]))
-        assert picture.std() > 5
+        image = pattern(kind, panel, wall, [("host", "node3")])
+        assert (image.shape, image.dtype) == ((panel.pixels[1], panel.pixels[0], 3), np.uint8)
+        np.testing.assert_array_equal(image, pattern(kind, panel, wall, [("host", "node3")]))
+        assert image.std() > 5
     assert get_args(Kind) == KINDS
 
 
@@ -63,8 +63,8 @@ def test_the_smallest_panels_have_patterns_too(pixels: tuple[int, int]) -> None:
 def test_grid_lines_are_one_pixel_and_a_round_number_of_metres_apart() -> None:
     wall = grid_wall(2, 1, (400, 300), bezel=0.0125)
     assert unfold(wall.panels[0], wall).step == pytest.approx(0.02)  # 20 pixels of a millimetre
-    picture = whole("grid", wall)
-    row = picture[np.flatnonzero(~of_colour(picture, FAINT)[:, 200:210].any(axis=1))[40]]
+    image = whole("grid", wall)
+    row = image[np.flatnonzero(~of_colour(image, FAINT)[:, 200:210].any(axis=1))[40]]
     lines = np.flatnonzero((row == FAINT).all(axis=1) | (row == PLAIN).all(axis=1))
     gaps = np.diff(lines)
     assert gaps.min() == 20  # never two beside each other
@@ -74,10 +74,10 @@ def test_grid_lines_are_one_pixel_and_a_round_number_of_metres_apart() -> None:
 def test_the_outermost_pixels_of_every_panel_are_marked() -> None:
     wall = grid_wall(2, 2, (90, 70))
     for panel in wall.panels:
-        picture = pattern("grid", panel, wall)
+        image = pattern("grid", panel, wall)
         border = np.ones((70, 90), bool)
         border[1:-1, 1:-1] = False
-        np.testing.assert_array_equal(of_colour(picture, GREEN), border)
+        np.testing.assert_array_equal(of_colour(image, GREEN), border)
 
 
 def test_diagonals_run_straight_over_all_panels_and_their_bezels() -> None:
@@ -105,7 +105,7 @@ def test_panels_without_bezels_share_the_sheet_of_one_large_panel() -> None:
 def test_hairlines_go_on_at_the_other_side_of_a_seam() -> None:
     wall = grid_wall(2, 1, (200, 300))
     left, right = (pattern("seam", panel, wall).astype(int) for panel in wall.panels)
-    inked = [np.flatnonzero(picture[1:-1, column].max(axis=1) > 90) for picture, column in ((left, -2), (right, 1))]
+    inked = [np.flatnonzero(image[1:-1, column].max(axis=1) > 90) for image, column in ((left, -2), (right, 1))]
     assert len(inked[0]) >= 15  # one line each 20 pixels, and slanted ones
     apart = np.abs(inked[0][:, None] - inked[1]).min(axis=1)
     assert np.mean(apart == 0) > 0.5  # level ones
@@ -114,8 +114,8 @@ def test_hairlines_go_on_at_the_other_side_of_a_seam() -> None:
 
 def test_circles_are_round_in_metres_where_pixels_are_not_square() -> None:
     wall = expand(WallConfig(grid=GridConfig(columns=1, rows=1, pixels=(400, 150), size=(0.4, 0.3))))
-    picture = pattern("grid", wall.panels[0], wall)
-    white = (picture > 200).all(axis=2)
+    image = pattern("grid", wall.panels[0], wall)
+    white = (image > 200).all(axis=2)
     ys, xs = np.nonzero(white)
     across, along = (xs.max() - xs.min()) * 0.001, (ys.max() - ys.min()) * 0.002
     assert across == pytest.approx(0.21, abs=0.004)  # twice 0.35 of the shorter side
@@ -134,22 +134,22 @@ def test_dithers_have_the_light_that_they_stand_for(share: float) -> None:
 
 
 def test_the_smooth_ramp_and_the_dithered_one_have_the_same_light() -> None:
-    picture = gamma(1024, 270)
-    smooth = srgb_decoded(picture[:8, :, 0] / 255.0).reshape(8, 64, 16).mean(axis=(0, 2))
-    dithered = (picture[32:48, :, 0] / 255.0).reshape(16, 64, 16).mean(axis=(0, 2))
+    image = gamma(1024, 270)
+    smooth = srgb_decoded(image[:8, :, 0] / 255.0).reshape(8, 64, 16).mean(axis=(0, 2))
+    dithered = (image[32:48, :, 0] / 255.0).reshape(16, 64, 16).mean(axis=(0, 2))
     assert np.abs(smooth - dithered).max() < 1 / 64 + 1 / 510  # a dither's step, and an 8-bit value's
 
 
 def test_the_patch_marked_srgb_is_as_bright_as_the_dither_around_it() -> None:
-    picture, columns = gamma(1400, 900), 7
+    image, columns = gamma(1400, 900), 7
     k = list(CURVES).index("sRGB")
     for row, share in ((3, 0.25), (4, 0.5), (5, 0.75)):
         y, x = 100 * row + 50, 1400 // columns * k + 100
-        assert srgb_decoded(picture[y, x, :1] / 255.0)[0] == pytest.approx(share, abs=0.004)  # half an 8-bit step
+        assert srgb_decoded(image[y, x, :1] / 255.0)[0] == pytest.approx(share, abs=0.004)  # half an 8-bit step
 
 
 def test_identify_says_what_it_was_told() -> None:
-    """Rows appear as ink: each adds some, and two texts give two pictures."""
+    """Rows appear as ink: each adds some, and two texts give two images."""
     wall = grid_wall(1, 1, (640, 360))
     plain, told, other = (
         pattern("identify", wall.panels[0], wall, about)

@@ -1,4 +1,4 @@
-"""Panels to one picture, and pictures to files."""
+"""Panels to one image, and images to files."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_every_pixel_is_its_panels_or_the_bezels():
     assert np.array_equal(out, expected)
 
 
-def test_composing_leaves_the_panels_pictures_alone():
+def test_composing_leaves_the_panels_images_alone():
     rgb = np.full((2, 2, 3), 9, np.uint8)
     out = whole_wall(wall_of(panel(rgb, 0, 0), size=(2, 2)))
     out[:] = 0
@@ -42,15 +42,15 @@ def test_composing_leaves_the_panels_pictures_alone():
 
 @pytest.mark.parametrize("place", [(-1, 0), (0, -1), (3, 0), (0, 3)])
 def test_panel_that_leaves_the_virtual_screen_is_named(place):
-    picture = wall_of(panel(np.zeros((2, 2, 3), np.uint8), *place, name="left"), size=(4, 4))
+    image = wall_of(panel(np.zeros((2, 2, 3), np.uint8), *place, name="left"), size=(4, 4))
     with pytest.raises(LocalProtocolError, match=r"panel left: 2 x 2 pixels at .* 4 x 4"):
-        whole_wall(picture)
+        whole_wall(image)
 
 
-def test_files_hold_exactly_the_last_picture(tmp_path, picture, status):
+def test_files_hold_exactly_the_last_image(tmp_path, image, status):
     sink = PngSink(tmp_path / "deep" / "OUT")
-    last = picture(2, value=77)
-    sink.show(picture(1), status)
+    last = image(2, value=77)
+    sink.show(image(1), status)
     sink.show(last, status)
     sink.close()
     files = {path.name: np.array(Image.open(path)) for path in (tmp_path / "deep" / "OUT").iterdir()}
@@ -67,7 +67,7 @@ def test_nothing_shown_writes_nothing(tmp_path):
 def test_file_is_replaced_whole_or_not_at_all(tmp_path):
     path = tmp_path / "wall.png"
     write_png(path, np.zeros((4, 4, 3), np.uint8))
-    held = path.open("rb")  # a reader of the old picture keeps all of it
+    held = path.open("rb")  # a reader of the old image keeps all of it
     write_png(path, np.full((4, 4, 3), 255, np.uint8))
     with held:
         assert (np.array(Image.open(held)) == 0).all()

@@ -19,10 +19,10 @@ def index(folder):
 
 
 @pytest.mark.parametrize("hz", [10, 30, 60])
-def test_at_most_hz_pictures_a_second_are_kept(hz, tmp_path, picture, status):
+def test_at_most_hz_images_a_second_are_kept(hz, tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=float(hz))
     for k in range(61):  # one second at 60 Hz
-        recorder.show(picture(k + 1, time=5.0 + k / 60), status)
+        recorder.show(image(k + 1, time=5.0 + k / 60), status)
     recorder.close()
     times = [line["time"] for line in index(tmp_path)]
     turns = [5.0 + k / hz for k in range(hz + 1)]
@@ -31,25 +31,25 @@ def test_at_most_hz_pictures_a_second_are_kept(hz, tmp_path, picture, status):
     assert all(min(abs(time - turn) for turn in turns) < 1e-9 for time in times)
 
 
-def test_a_stall_does_not_make_it_catch_up(tmp_path, picture, status):
+def test_a_stall_does_not_make_it_catch_up(tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=10.0)
     for version, time in enumerate([0.0, 3.0, 3.05, 3.1], start=1):
-        recorder.show(picture(version, time=time), status)
+        recorder.show(image(version, time=time), status)
     recorder.close()
     assert [line["time"] for line in index(tmp_path)] == [0.0, 3.0, 3.1]
 
 
-def test_unchanged_picture_is_not_written_again(tmp_path, picture, status):
+def test_unchanged_image_is_not_written_again(tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=10.0)
     for time, version in [(0.0, 1), (1.0, 1), (2.0, 2)]:
-        recorder.show(picture(version, time=time), status)
+        recorder.show(image(version, time=time), status)
     recorder.close()
     assert [line["time"] for line in index(tmp_path)] == [0.0, 2.0]
 
 
-def test_index_and_pictures_belong_together(tmp_path, picture, status):
+def test_index_and_images_belong_together(tmp_path, image, status):
     recorder = Recorder(tmp_path / "recording", hz=100.0)
-    shown = [picture(k, time=float(k), value=60 * k, events=(k, 2 * k)) for k in (1, 2, 3)]
+    shown = [image(k, time=float(k), value=60 * k, events=(k, 2 * k)) for k in (1, 2, 3)]
     for one in shown:
         recorder.show(one, status)
     recorder.close()
@@ -65,13 +65,13 @@ def test_index_and_pictures_belong_together(tmp_path, picture, status):
         assert abs(int(kept[4, centre, 0]) - int(one.panels[0].rgb[4, 8, 0])) <= 6
 
 
-def test_slow_disk_drops_pictures_and_counts_them(tmp_path, picture, status):
+def test_slow_disk_drops_images_and_counts_them(tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=1000.0)
     pipe = tmp_path / "000000.jpg"  # a disk that hangs: nobody reads this pipe yet
     os.mkfifo(pipe)
     shown = QUEUE_PICTURES + 12
     for k in range(shown):
-        recorder.show(picture(k + 1, time=float(k)), status)
+        recorder.show(image(k + 1, time=float(k)), status)
     behind = recorder.dropped()["recorder_behind"]
     with pipe.open("rb") as reader:
         reader.read()
@@ -82,20 +82,20 @@ def test_slow_disk_drops_pictures_and_counts_them(tmp_path, picture, status):
     assert kept == [float(k) for k in range(len(kept))]  # what was queued first is kept, in order
 
 
-def test_unwritable_pictures_are_counted_and_told_at_the_end(tmp_path, picture, status):
+def test_unwritable_images_are_counted_and_told_at_the_end(tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=1000.0)
-    (tmp_path / "000000.jpg").mkdir()  # in the way of the first picture
-    recorder.show(picture(1), status)
+    (tmp_path / "000000.jpg").mkdir()  # in the way of the first image
+    recorder.show(image(1), status)
     with pytest.raises(RunError, match="1 pictures could not be recorded: Is a directory"):
         recorder.close()
     assert recorder.dropped() == {"recorder_unwritten": 1}
 
 
-def test_old_recording_is_replaced(tmp_path, picture, status):
+def test_old_recording_is_replaced(tmp_path, image, status):
     for count in (3, 1):
         recorder = Recorder(tmp_path, hz=1000.0)
         for k in range(count):
-            recorder.show(picture(k + 1, time=float(k)), status)
+            recorder.show(image(k + 1, time=float(k)), status)
         recorder.close()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["000000.jpg", "index.jsonl"]
 

@@ -1,4 +1,4 @@
-"""Pictures written strip by strip: read back by other libraries, and a gigapixel without holding it in memory."""
+"""Images written strip by strip: read back by other libraries, and a gigapixel without holding it in memory."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def noise(width: int, height: int, *, linear: bool) -> NDArray[Any]:
     return values.astype(np.float32) * np.float32(0.037) - np.float32(1) if linear else values
 
 
-def strips_of(picture: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    for y in range(0, len(picture), STRIP_ROWS):
-        yield picture[y : y + STRIP_ROWS]
+def strips_of(image: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    for y in range(0, len(image), STRIP_ROWS):
+        yield image[y : y + STRIP_ROWS]
 
 
 def read(path: Path) -> NDArray[Any]:
@@ -44,11 +44,11 @@ def read(path: Path) -> NDArray[Any]:
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_what_is_written_is_read_back_exactly(tmp_path: Path, suffix: str, width: int, height: int) -> None:
     path = tmp_path / f"picture{suffix}"
-    picture = noise(width, height, linear=is_linear(path))
-    write_strips(path, strips_of(picture), width=width, height=height)
-    np.testing.assert_array_equal(read(path), picture)
+    image = noise(width, height, linear=is_linear(path))
+    write_strips(path, strips_of(image), width=width, height=height)
+    np.testing.assert_array_equal(read(path), image)
     if path.suffix.startswith(".tif"):
-        np.testing.assert_array_equal(tifffile.imread(path).reshape(picture.shape), picture)
+        np.testing.assert_array_equal(tifffile.imread(path).reshape(image.shape), image)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
@@ -64,11 +64,11 @@ def test_display_values_are_rounded_srgb() -> None:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_strips_that_are_not_the_picture_leave_no_file(tmp_path: Path, suffix: str) -> None:
+def test_strips_that_are_not_the_image_leave_no_file(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
-    picture = noise(8, STRIP_ROWS + 3, linear=is_linear(path))
+    image = noise(8, STRIP_ROWS + 3, linear=is_linear(path))
     with pytest.raises(LocalProtocolError, match=r"row 64: a strip \(3, 8, 3\).*wanted \(4, 8, 3\)"):
-        write_strips(path, strips_of(picture), width=8, height=STRIP_ROWS + 4)
+        write_strips(path, strips_of(image), width=8, height=STRIP_ROWS + 4)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -105,7 +105,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 GIGAPIXEL = 32768
 # VmHWM, since what getrusage says begins with the peak of the process that started this one.
-PEAK_MB = 160  # of the process: Python, NumPy and the libraries have 35, four strips 25; the picture would be 3,221
+PEAK_MB = 160  # of the process: Python, NumPy and the libraries have 35, four strips 25; the image would be 3,221
 WRITE = """\
 import re, sys
 from pathlib import Path

@@ -75,7 +75,7 @@ def test_a_slower_panel_is_shown_at_every_second_blank() -> None:
     assert lay_out([wanted(most_hz=30.0)], [LEFT._replace(blanks_per_s=0)], display=":0")[0].interval == 1
 
 
-def test_a_panel_that_is_not_slower_than_its_pictures_waits_for_no_more_than_one_blank() -> None:
+def test_a_panel_that_is_not_slower_than_its_images_waits_for_no_more_than_one_blank() -> None:
     [panel] = expand(WallConfig(grid=GridConfig(columns=1, rows=1, pixels=(64, 48), size=(0.4, 0.3)))).panels
     configs = [panel.config.model_copy(update={"refresh_hz": hz}) for hz in (None, 30.0, 60.0, 120.0)]
     rates = [request_of(replace(panel, config=config), 60.0).most_hz for config in configs]

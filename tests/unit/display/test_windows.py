@@ -64,7 +64,7 @@ def shown(panel: Any, rgb: RGB, version: int = 1) -> PanelPicture:
 
 
 def on_black(width: int, height: int, *parts: tuple[int, int, RGB]) -> RGB:
-    """A black screen with pictures at their (x, y)."""
+    """A black screen with images at their (x, y)."""
     screen = np.zeros((height, width, 3), np.uint8)
     for x, y, rgb in parts:
         screen[y : y + rgb.shape[0], x : x + rgb.shape[1]] = rgb
@@ -116,7 +116,7 @@ def test_panels_on_two_x_servers_are_shown_by_one_sink(screens: tuple[str, str])
 
 
 @pytest.mark.parametrize("rotation", [90, 180, 270])
-def test_a_turned_display_is_sent_the_picture_turned_back(screens: tuple[str, str], rotation: int) -> None:
+def test_a_turned_display_is_sent_the_image_turned_back(screens: tuple[str, str], rotation: int) -> None:
     size = (90, 120) if rotation % 180 else (120, 90)
     [one] = panels(size, display=screens[1], rotation=rotation)
     rgb = noise(*size)
@@ -141,14 +141,14 @@ def test_both_eyes_of_a_panel_share_its_window(screens: tuple[str, str]) -> None
         sink.close()
 
 
-def test_a_picture_of_another_size_is_scaled_without_borders_and_that_is_said_once(screens: tuple[str, str]) -> None:
+def test_a_image_of_another_size_is_scaled_without_borders_and_that_is_said_once(screens: tuple[str, str]) -> None:
     [one] = panels((60, 30), display=screens[1])
     ramp = np.zeros((30, 60, 3), np.uint8)
     ramp[..., 0] = 4 * np.arange(60)
     sink = WindowSink([one], refresh_hz=60)
     try:
         sink.put([shown(one, ramp)])
-        # Linear filtering of a ramp is the ramp: pixel x of the screen sees picture x / 2 - 0.25, held at both ends.
+        # Linear filtering of a ramp is the ramp: pixel x of the screen sees image x / 2 - 0.25, held at both ends.
         wanted = np.clip(4 * (np.arange(120) / 2 - 0.25), 0, 4 * 59)
         assert comes_true(lambda: bool(np.all(np.abs(screenshot(screens[1])[..., 0] - wanted) <= 1)))
         assert sink.notes == ("panel p0: 60x30 pixels are scaled to the 120x90 of monitor screen",)
@@ -170,7 +170,7 @@ def test_panels_that_name_nothing_lie_side_by_side_as_on_the_wall(
         sink.close()
 
 
-def test_a_slow_display_gets_the_newest_picture_and_the_rest_is_counted(screens: tuple[str, str]) -> None:
+def test_a_slow_display_gets_the_newest_image_and_the_rest_is_counted(screens: tuple[str, str]) -> None:
     [one] = panels((120, 90), display=screens[1])
     sink = WindowSink([one], refresh_hz=60)
     try:
@@ -202,7 +202,7 @@ def test_an_unknown_monitor_is_refused_with_those_that_there_are(screens: tuple[
         WindowSink(panels((8, 8), display=screens[0], monitor="HDMI-7"), refresh_hz=60)
 
 
-def test_a_picture_that_has_not_its_panels_size_is_refused(screens: tuple[str, str]) -> None:
+def test_a_image_that_has_not_its_panels_size_is_refused(screens: tuple[str, str]) -> None:
     [one] = panels((20, 10), display=screens[0], window=window(0, 0, 20, 10))
     sink = WindowSink([one], refresh_hz=60)
     try:

@@ -1,4 +1,4 @@
-"""Shorthand is written out exactly: grids with gaps and overlaps, two eyes in one picture, frames that are skipped."""
+"""Shorthand is written out exactly: grids with gaps and overlaps, two eyes in one image, frames that are skipped."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ def test_panels_one_by_one_on_one_grid_of_pixels_share_a_plane_and_others_do_not
     assert_allclose(d.corners[0], [1.263, 0, 0], atol=ROUNDING)
 
 
-def test_two_eyes_in_one_picture_are_two_panels_with_the_same_corners() -> None:
+def test_two_eyes_in_one_image_are_two_panels_with_the_same_corners() -> None:
     wall = wall_of(panels=[panel("a", 0, 0, stereo="side_by_side", display=":0.1"), panel("b", 0.4, 0, stereo="left")])
     left, right, alone = wall.panels
 
@@ -161,7 +161,7 @@ def test_eyes_above_each_other_share_the_window_that_is_given() -> None:
     assert (right.config.window.y, right.config.window.height, right.config.window.x) == (65, 16, 100)
 
 
-def test_walls_of_each_eye_stand_beside_each_other_in_the_picture() -> None:
+def test_walls_of_each_eye_stand_beside_each_other_in_the_image() -> None:
     wall = wall_of(grid=grid(bezel=0.01, stereo="top_bottom"))
 
     assert (wall.width, wall.height) == (1480 + 20 + 1480, 2 * 135 + 10)  # two bezels between the eyes' walls

@@ -1,4 +1,4 @@
-"""Rays of panel pixels are exact off-axis perspectives, and adjacent panels are one picture."""
+"""Rays of panel pixels are exact off-axis perspectives, and adjacent panels are one image."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def test_large_and_narrow_rectangles_are_visited_once(size: tuple[int, int]) -> 
     assert np.abs(np.diff(order, axis=0)).max() == 1
 
 
-def test_neighbours_on_the_curve_are_neighbours_in_the_picture() -> None:
+def test_neighbours_on_the_curve_are_neighbours_in_the_image() -> None:
     # 64 consecutive pixels of a Hilbert curve fill an 8 x 8 block; of raster order, a line of 64
     order = hilbert_order(64, 64)
     blocks = order.reshape(-1, 64, 2)

@@ -108,7 +108,7 @@ def test_panels_that_overlap_or_stand_far_apart_or_behind_lie_side_by_side(other
     assert_allclose(wall.panels[1].corners[0], other, atol=ROUNDING)
 
 
-def test_panels_of_different_pitch_do_not_overlap_in_the_picture() -> None:
+def test_panels_of_different_pitch_do_not_overlap_in_the_image() -> None:
     fine = panel("fine", (0.4, 0, 0), pixels=(400, 300))
 
     wall = expand(WallConfig(panels=(panel("coarse", (0, 0, 0)), fine)))
@@ -116,7 +116,7 @@ def test_panels_of_different_pitch_do_not_overlap_in_the_picture() -> None:
     assert wall.panels[1].screen[0] >= 40
 
 
-def test_the_face_behind_a_coarse_panel_begins_where_that_panel_ends_in_the_picture() -> None:
+def test_the_face_behind_a_coarse_panel_begins_where_that_panel_ends_in_the_image() -> None:
     fine, coarse = panel("fine", (0, 0, 0), pixels=(400, 300)), panel("coarse", (0.4, 0, 0))
 
     wall = expand(WallConfig(panels=(fine, coarse, panel("turned", (0.8, 0, 0), angle=60))))

@@ -265,7 +265,7 @@ def test_clock_that_goes_back_starts_anew() -> None:
     assert predictor.at(0.1) is earlier
 
 
-def test_pictures_that_differ_have_numbers_that_differ() -> None:
+def test_images_that_differ_have_numbers_that_differ() -> None:
     predictor = heard(lambda t: orbiting(1.2 * t), ticks(0.5), delay=REFRESH_S)
 
     first, second, again = predictor.at(0.502), predictor.at(0.505), predictor.at(0.505)

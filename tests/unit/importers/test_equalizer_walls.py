@@ -229,7 +229,7 @@ def test_an_off_screen_panel_is_dropped_for_those_that_take_its_frames() -> None
     assert any(item.why.startswith("off-screen") for item in conversion.not_carried)
 
 
-def test_an_odd_picture_for_two_eyes_is_cut_to_one_that_can_be_halved() -> None:
+def test_an_odd_image_for_two_eyes_is_cut_to_one_that_can_be_halved() -> None:
     text = one_panel("", ("a",), mode="mode STEREO")
     for size, stereo, pixels in (
         ("401 301", "side_by_side", [400, 301]),

@@ -127,14 +127,14 @@ def test_yaw_turns_right_and_pitch_up(turn: dict[str, float], middle: tuple[floa
     np.testing.assert_allclose(found, middle, atol=1e-8)
 
 
-def test_roll_turns_the_picture_to_the_right() -> None:
+def test_roll_turns_the_image_to_the_right() -> None:
     corners = panel(planar({"hfov": 90, "vfov": 20}, orientation={"yaw": 0, "pitch": 0, "roll": 90}))["corners"]
 
     across = np.array(corners["lower_right"]) - np.array(corners["lower_left"])
     np.testing.assert_allclose(across, [0, -2, 0], atol=1e-8)  # what was right is down
 
 
-def test_a_wider_field_of_view_than_flat_pictures_have_ends_there_and_is_listed() -> None:
+def test_a_wider_field_of_view_than_flat_images_have_ends_there_and_is_listed() -> None:
     made = converted(window(planar({"hfov": 200, "vfov": 50})))
 
     assert angles(made.values["wall"]["panels"][0]["corners"], np.zeros(3))[0] == pytest.approx(170)

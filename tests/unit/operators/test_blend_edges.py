@@ -29,7 +29,7 @@ def emitted(values: Float64, gamma: float) -> Float64:
 
 @pytest.mark.parametrize("gamma", [1.0, 1.8, 2.2, 2.6])
 @pytest.mark.parametrize("light", [LIGHT, [0.5, 3.0, 40.0]])
-def test_light_sums_to_one_picture_across_an_overlap(gamma: float, light: list[float]) -> None:
+def test_light_sums_to_one_image_across_an_overlap(gamma: float, light: list[float]) -> None:
     """Two projectors 30 pixels wide that overlap by 12."""
     left = applied(made(BlendEdges, input="a", right=12, gamma=gamma), lit(rect(0, 0, 30, 2), light))
     right = applied(made(BlendEdges, input="a", left=12, gamma=gamma), lit(rect(18, 0, 30, 2), light))

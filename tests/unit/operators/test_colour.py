@@ -41,7 +41,7 @@ def test_gain_then_opacity_scale_light_alpha_and_variance(random_numbers: np.ran
     np.testing.assert_array_equal(out.channel("depth"), source.channel("depth"))
 
 
-def test_opacity_gives_alpha_to_an_opaque_picture() -> None:
+def test_opacity_gives_alpha_to_an_opaque_image() -> None:
     out = applied(made(Colour, input="a", opacity=0.25), Framelet.blank(rect(0, 0, 2, 1), frozenset()))
     assert out.channel("alpha").tolist() == [[0.25, 0.25]]
 

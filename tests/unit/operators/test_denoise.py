@@ -16,7 +16,7 @@ from wall.operators.denoise import Denoise
 DENOISE = made(Denoise, input="a")
 
 
-def test_noise_becomes_less_and_the_picture_stays(random_numbers: np.random.Generator) -> None:
+def test_noise_becomes_less_and_the_image_stays(random_numbers: np.random.Generator) -> None:
     """A ramp up to 4 under noise of 20 %: at least three quarters of the error go, and other channels stay."""
     source = random_framelet(random_numbers, rect(0, 0, 96, 64), channels=frozenset({"depth", "variance"}))
     ideal = np.repeat(np.linspace(0.1, 4.0, 96, dtype=np.float32)[None, :, None], 64, axis=0).repeat(3, axis=2)

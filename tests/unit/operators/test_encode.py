@@ -1,4 +1,4 @@
-"""`encode`: the same display values as pictures that are shown directly."""
+"""`encode`: the same display values as images that are shown directly."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_the_box_is_the_same_whatever_the_numbers_are() -> None:
         assert (out.channel("alpha")[inside] > 0.5).all()
 
 
-def test_a_picture_smaller_than_the_text_gets_its_beginning() -> None:
+def test_a_image_smaller_than_the_text_gets_its_beginning() -> None:
     source = Framelet.blank(rect(0, 0, 9, 5), frozenset())
     assert drawn(overlay(), source, Statistics()).rect == rect(0, 0, 9, 5)
 

@@ -29,7 +29,7 @@ def scaled(values: Float32, size: tuple[int, int], shape: str) -> Float32:
 
 
 def mean_of_area(values: Float32, size: tuple[int, int]) -> Float64:
-    """Through integrals: of a picture of constant pixels they are linear between pixel corners."""
+    """Through integrals: of an image of constant pixels they are linear between pixel corners."""
     integral = np.zeros((values.shape[0] + 1, values.shape[1] + 1))
     integral[1:, 1:] = values.astype(np.float64).cumsum(axis=0).cumsum(axis=1)
     ys, xs = (np.linspace(0, n, m + 1) for n, m in zip(values.shape, size[::-1], strict=True))

@@ -111,7 +111,7 @@ def test_of_equally_far_surfaces_the_earlier_input_is_seen() -> None:
     assert (applied(OPERATORS["depth"], other, one).colour == 2.0).all()
 
 
-def test_bands_of_a_large_picture_meet(compiled_only: None, random_numbers: np.random.Generator) -> None:
+def test_bands_of_a_large_image_meet(compiled_only: None, random_numbers: np.random.Generator) -> None:
     where = rect(0, 0, 700, 3 * BAND_PIXELS // 700)
     inputs = [random_framelet(random_numbers, where, channels=frozenset({"depth", "object_id"})) for _ in range(3)]
     out = applied(OPERATORS["depth"], *inputs)

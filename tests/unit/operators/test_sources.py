@@ -75,7 +75,7 @@ def test_an_exr_is_taken_as_it_is_with_its_depth(tmp_path: Path, random_numbers:
         ("uv.exr", "it has the channels U, V, not Y"),
     ],
 )
-def test_a_picture_that_does_not_fit_is_refused(name: str, problem: str, tmp_path: Path) -> None:
+def test_a_image_that_does_not_fit_is_refused(name: str, problem: str, tmp_path: Path) -> None:
     for text in ("text.png", "text.exr"):
         (tmp_path / text).write_text("no picture")
     Image.effect_noise((6, 4), 50).save(tmp_path / "whole.png")

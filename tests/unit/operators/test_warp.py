@@ -1,4 +1,4 @@
-"""`warp`: positions found again, pictures moved, meshes refused."""
+"""`warp`: positions found again, images moved, meshes refused."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def warp(nodes: Float64) -> Warp:
 
 
 def forward(nodes: Float64, u: Float64, v: Float64) -> Float64:
-    """(n, 2) where positions (u, v) of the picture, 0..1, go: bilinear between the nodes around."""
+    """(n, 2) where positions (u, v) of the image, 0..1, go: bilinear between the nodes around."""
     rows, columns = nodes.shape[0] - 1, nodes.shape[1] - 1
     i, j = np.minimum((v * rows).astype(int), rows - 1), np.minimum((u * columns).astype(int), columns - 1)
     f, g = (v * rows - i)[:, None], (u * columns - j)[:, None]

@@ -78,13 +78,13 @@ EXAMPLES: list[Message] = [
 ]
 
 
-def picture(width: int, height: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
+def image(width: int, height: int) -> np.ndarray[Any, np.dtype[np.uint8]]:
     return np.random.default_rng(width).integers(0, 9, (height, width, 3)).astype(np.uint8)
 
 
 def framelet(width: int = 32, height: int = 16) -> FrameletPart:
     rect = Rect(x=16, y=48, width=width, height=height)
-    return FrameletPart.of(2, Framelet(rect=rect, colour=picture(width, height), refreshed_at=2.5), rect)
+    return FrameletPart.of(2, Framelet(rect=rect, colour=image(width, height), refreshed_at=2.5), rect)
 
 
 def pixels_of(data: bytes) -> np.ndarray[Any, np.dtype[np.uint8]]:
@@ -111,7 +111,7 @@ def test_any_message_comes_back_equal(message: Message) -> None:
 def test_a_framelet_s_pixels_come_back_exactly(size: tuple[int, int]) -> None:
     sent = serialise(framelet(*size))
     assert parse_control(sent) == framelet(*size)
-    assert (pixels_of(sent) == picture(*size)).all()
+    assert (pixels_of(sent) == image(*size)).all()
 
 
 @pytest.mark.parametrize("message", [*EXAMPLES, framelet()], ids=lambda m: type(m).__name__)

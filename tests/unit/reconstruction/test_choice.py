@@ -1,4 +1,4 @@
-"""Where pictures are made: `auto` takes a real GPU only and says why not, `gpu` insists."""
+"""Where images are made: `auto` takes a real GPU only and says why not, `gpu` insists."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_moderngl_is_not_loaded_where_nobody_asks_for_a_gpu() -> None:
 def test_a_panel_that_is_too_large_for_the_gpu_is_refused_or_left_to_the_cpu(
     opengl: Device, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    from adaptive_pictures import FRONT, plate_before_wall
+    from adaptive_images import FRONT, plate_before_wall
 
     monkeypatch.setattr(opengl, "largest_buffer", 1 << 16)
     scene = plate_before_wall((0.0, 0.0, 2.0))

@@ -29,9 +29,9 @@ def displayed(radiance: Float32) -> np.ndarray[tuple[int, ...], np.dtype[np.uint
 def test_every_half_float_is_within_one_code_of_exact_srgb(compiled_only: None) -> None:
     values = np.arange(65536, dtype=np.uint16).view(np.float16).astype(np.float32)
     values = values[~np.isnan(values)]
-    picture = np.zeros((256, 256, 3), np.float32)
-    picture.reshape(-1)[: len(values)] = values
-    got = displayed(picture).reshape(-1)[: len(values)].astype(float)
+    image = np.zeros((256, 256, 3), np.float32)
+    image.reshape(-1)[: len(values)] = values
+    got = displayed(image).reshape(-1)[: len(values)].astype(float)
     exact = np.round(exact_codes(values.astype(np.float64)))
     assert np.abs(got - exact).max() <= CODES_OFF
     assert (got != exact).mean() < 0.02

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from adaptive_pictures import GREEN, RED, START, centres, event_at, hits, plate_before_wall
+from adaptive_images import GREEN, RED, START, centres, event_at, hits, plate_before_wall
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import view
@@ -19,7 +19,7 @@ AWAY, BEFORE = (9.0, 0.0, 2.0), (0.0, 0.0, 2.0)  # where the plate is at 0 s and
 
 
 def around_the_plate(twins: Twins) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
-    """(h, w) bool: pixels within one of its outline, as the CPU's picture found them."""
+    """(h, w) bool: pixels within one of its outline, as the CPU's image found them."""
     return np.asarray(twins.cpu._bounds[..., DECAY] >= SILHOUETTE_PER_S)
 
 
@@ -93,14 +93,14 @@ def test_watchers_see_the_same_ages_and_densities(
         samples["change"] = 0.0
         twins.refresh(event, START + 0.05 * k)
         twins.insert(samples, START + 0.05 * k, event)
-    on_cpu, on_gpu = (statistics_of_store(picture, START + 0.3) for picture in (twins.cpu, twins.gpu))
+    on_cpu, on_gpu = (statistics_of_store(image, START + 0.3) for image in (twins.cpu, twins.gpu))
     assert np.count_nonzero(on_cpu[0]) >= 34, "all tiles but a corner of one pixel"
     assert_allclose(on_gpu[0].astype(int), on_cpu[0].astype(int), rtol=0, atol=1)
     assert_allclose(on_gpu[1], on_cpu[1], rtol=0.02)
     twins.agree(decided=DECIDED_BY_ROUNDING)
 
 
-def test_an_empty_picture_has_nothing_to_statistics_image(opengl: Device) -> None:
+def test_an_empty_image_has_nothing_to_statistics_image(opengl: Device) -> None:
     twins = Twins(plate_before_wall(AWAY), SEEN)
     age, density = statistics_of_store(twins.gpu, START)
     assert age.shape == density.shape == (5, 7)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adaptive_pictures import GREEN, START, centres, event_at, glowing, hits
+from adaptive_images import GREEN, START, centres, event_at, glowing, hits
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
 from small_scenes import instance, material, quad, sphere_mesh, view
@@ -61,7 +61,7 @@ def at_refresh(k: int) -> Event:
     return event_at(number, SEEN, scene_time=0.05 * number, position=(0.01 * max(number - 8, 0), 0.0, 4.0))
 
 
-def test_under_lights_that_move_the_picture_is_the_same_at_every_refresh(
+def test_under_lights_that_move_the_image_is_the_same_at_every_refresh(
     opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
 ) -> None:
     twins, source = Twins(scene, SEEN), Noise(random_numbers, 900)

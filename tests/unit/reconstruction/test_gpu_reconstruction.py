@@ -1,4 +1,4 @@
-"""Samples give the same picture on a GPU as on the CPU, whatever happens to them. Tested on llvmpipe as well."""
+"""Samples give the same image on a GPU as on the CPU, whatever happens to them. Tested on llvmpipe as well."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from adaptive_pictures import FRONT, GREEN, SIZE, START, centres, event_at, hits, plate_before_wall
+from adaptive_images import FRONT, GREEN, SIZE, START, centres, event_at, hits, plate_before_wall
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose, assert_array_equal
 from small_scenes import view
@@ -106,7 +106,7 @@ def test_far_from_the_corner_of_a_wide_panel_rounding_stays_small(
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (17, 1), (33, 16)])
-def test_pictures_of_any_size_are_the_same(opengl: Device, size: tuple[int, int]) -> None:
+def test_images_of_any_size_are_the_same(opengl: Device, size: tuple[int, int]) -> None:
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=size)
     twins = Twins(plate_before_wall((9.0, 0.0, 2.0)), seen)
     twins.insert(hits(centres(size)[::3] + 0.2, GREEN), START, event_at(0, seen))
@@ -140,7 +140,7 @@ def test_samples_of_no_object_beside_the_panel_or_not_a_number_are_left_out(open
     assert_allclose(twins.gpu.radiance, np.broadcast_to(GREEN, (8, 16, 3)), rtol=0, atol=ROUNDING)
 
 
-def test_an_empty_picture_is_black_and_a_cleared_one_forgets_everything(opengl: Device) -> None:
+def test_an_empty_image_is_black_and_a_cleared_one_forgets_everything(opengl: Device) -> None:
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))
     twins = Twins(plate_before_wall((9.0, 0.0, 2.0)), seen)
     for k in range(4):
@@ -181,9 +181,9 @@ def test_a_part_of_a_panel_is_the_same(opengl: Device, rect: Rect) -> None:
     twins.agree()
 
 
-def test_the_same_moments_later_on_the_clock_give_the_same_picture(opengl: Device) -> None:
+def test_the_same_moments_later_on_the_clock_give_the_same_image(opengl: Device) -> None:
     """A machine that has been up for months, and a clock that starts anew while samples and rejections are about."""
-    pictures: list[Float32] = []
+    images: list[Float32] = []
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))
     scene = plate_before_wall((9.0, 0.0, 2.0))
     for start in (0.0, 511.96875, 2.0**24):
@@ -194,9 +194,9 @@ def test_the_same_moments_later_on_the_clock_give_the_same_picture(opengl: Devic
             picture.refresh(event_at(k, seen), start + k / 64)
             picture.insert(samples, start + k / 64, event_at(k, seen))
         picture.refresh(event_at(4, seen), start + 4 / 64)
-        pictures.append(picture.radiance.copy())
-    assert_array_equal(pictures[0], pictures[1])
-    assert_array_equal(pictures[0], pictures[2])
+        images.append(picture.radiance.copy())
+    assert_array_equal(images[0], images[1])
+    assert_array_equal(images[0], images[2])
 
 
 def test_the_eye_amid_samples_gives_finite_pixels(opengl: Device) -> None:

@@ -1,4 +1,4 @@
-"""What a picture of reprojected samples shows: the samples themselves, moved with camera and objects, and no ghosts."""
+"""What an image of reprojected samples shows: the samples themselves, moved with camera and objects, and no ghosts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adaptive_pictures import (
+from adaptive_images import (
     EVENT_S,
     FRONT,
     GREEN,
@@ -17,13 +17,13 @@ from adaptive_pictures import (
     event_at,
     hits,
     image,
-    picture_of,
+    image_of,
     plate_before_wall,
     traced,
 )
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
-from small_scenes import View, picture, view
+from small_scenes import View, traced_image, view
 
 from wall.core.data import Float32, Rect
 from wall.geometry.cameras import look_at
@@ -31,14 +31,14 @@ from wall.reconstruction.reconstruction import Reconstruction
 from wall.scene.build import Scene
 
 CENTRE = (0.0, 0.0, 2.0)
-AWAY = (9.0, 0.0, 2.0)  # outside the picture
+AWAY = (9.0, 0.0, 2.0)  # outside the image
 ROUNDING = 1e-5  # of a radiance of 0.5: sums of few float32
 
 
 def test_samples_at_all_pixel_centres_of_a_still_scene_are_shown_as_they_are(
     tiny_scene: Scene, tiny_view: View, compiled_only: None
 ) -> None:
-    shown = picture_of(tiny_scene, tiny_view)
+    shown = image_of(tiny_scene, tiny_view)
     event = event_at(0, tiny_view)
     samples = traced(tiny_scene, event, seen=tiny_view)
 
@@ -49,7 +49,7 @@ def test_samples_at_all_pixel_centres_of_a_still_scene_are_shown_as_they_are(
     assert_allclose(shown.radiance, image(samples, tiny_view.panel.pixels), rtol=0, atol=4 * 2 * 3e-4)
 
 
-def test_after_the_camera_turned_the_picture_is_that_of_the_new_camera(tiny_scene: Scene, compiled_only: None) -> None:
+def test_after_the_camera_turned_the_image_is_that_of_the_new_camera(tiny_scene: Scene, compiled_only: None) -> None:
     """96 x 72 pixels, 4 stratified samples a pixel, a turn of 3 degrees and a step aside of 0.15.
 
     Away from edges of objects, shadows and the border, radiance differs between neighbours by less than SMOOTH, and
@@ -58,15 +58,15 @@ def test_after_the_camera_turned_the_picture_is_that_of_the_new_camera(tiny_scen
     smooth = 0.02
     seen = view((0.0, 2.2, 5.0), (0.0, 0.6, 0.0), pixels=(96, 72))
     turned = replace(event_at(1, seen), camera=look_at((0.15, 2.2, 5.0), (0.25, 0.6, 0.0), (0, 1, 0)))
-    shown = picture_of(tiny_scene, seen)
+    shown = image_of(tiny_scene, seen)
     quarter = np.array([[-0.25, -0.25], [0.25, -0.25], [-0.25, 0.25], [0.25, 0.25]], np.float32)
     xy = (centres(seen.panel.pixels)[:, None] + quarter).reshape(-1, 2)
     shown.insert(traced(tiny_scene, event_at(0, seen), xy, seen), START, event_at(0, seen))
 
     shown.refresh(turned, START + EVENT_S)
 
-    truth = picture(tiny_scene, replace(seen, event=turned))
-    before = picture(tiny_scene, seen)
+    truth = traced_image(tiny_scene, replace(seen, event=turned))
+    before = traced_image(tiny_scene, seen)
     compared = calm(truth.radiance, truth.objects, smooth)
     assert compared.mean() > 0.4
     error = np.abs(shown.radiance - truth.radiance).max(axis=2)[compared]
@@ -89,7 +89,7 @@ def calm(radiance: Float32, objects: NDArray[np.uint32], smooth: float) -> NDArr
 
 def test_what_an_object_uncovers_is_filled_from_around_it_and_never_from_the_object() -> None:
     scene = plate_before_wall(CENTRE, AWAY)
-    shown = picture_of(scene)
+    shown = image_of(scene)
     first, second = event_at(0), event_at(1, scene_time=1.0)
     samples = traced(scene, first)
     assert (samples["radiance"] == np.array(RED, np.float32)).all(axis=1).mean() > 0.1
@@ -104,7 +104,7 @@ def test_what_an_object_uncovers_is_filled_from_around_it_and_never_from_the_obj
 def test_a_moved_object_is_shown_where_it_is_now_and_hides_what_is_behind() -> None:
     """By 0.5 at 2 from the eye. The plate was sampled once a pixel and has not grown, so it has no hole inside."""
     scene = plate_before_wall(CENTRE, (0.5, 0.0, 2.0))
-    shown = picture_of(scene)
+    shown = image_of(scene)
     first, second = event_at(0), event_at(1, scene_time=1.0)
     shown.insert(traced(scene, first), START, first)
     shown.refresh(first, START)
@@ -122,7 +122,7 @@ def test_what_was_hidden_comes_out_again_if_it_is_young() -> None:
     """A plate comes over the wall and leaves: samples of the wall under it were too old to wait, or not yet."""
     scene = plate_before_wall(AWAY, CENTRE, AWAY)
     for age, wanted in ((0.6, False), (0.1, True), (0.01, True)):
-        shown = picture_of(scene)
+        shown = image_of(scene)
         first, second, third = (event_at(k, scene_time=float(k)) for k in range(3))
         shown.insert(traced(scene, first), START, first)
         shown.insert(traced(scene, second), START, second)
@@ -141,7 +141,7 @@ def test_what_was_hidden_comes_out_again_if_it_is_young() -> None:
 def test_a_nearer_surface_hides_a_deeper_one_of_the_same_object() -> None:
     """Hits by hand: one object at depth 4 and, in the middle, at depth 2; a rest of the deeper one would be seen."""
     scene = plate_before_wall(AWAY)
-    shown = picture_of(scene)
+    shown = image_of(scene)
     event = event_at(0)
     xy = centres(SIZE)
     middle = np.abs(xy - (24, 16)).max(axis=1) < 8
@@ -158,7 +158,7 @@ def test_a_nearer_surface_hides_a_deeper_one_of_the_same_object() -> None:
 def test_a_part_of_a_panel_shows_what_the_whole_shows_there(rect: Rect) -> None:
     scene = plate_before_wall(CENTRE)
     event = event_at(0)
-    whole = picture_of(scene)
+    whole = image_of(scene)
     part = Reconstruction(FRONT.panel, FRONT.eye, scene, detects_change=False, rect=rect)
     samples = traced(scene, event)
     for shown in (whole, part):
@@ -169,16 +169,16 @@ def test_a_part_of_a_panel_shows_what_the_whole_shows_there(rect: Rect) -> None:
     assert_allclose(part.radiance, cut, rtol=0, atol=1e-3)
 
 
-def test_the_same_moments_later_on_the_clock_give_the_same_picture() -> None:
+def test_the_same_moments_later_on_the_clock_give_the_same_image() -> None:
     """A machine that has been up for months: float32 seconds since then would step by 1."""
     scene = plate_before_wall(CENTRE, (0.2, 0.0, 2.0), (0.4, 0.1, 2.0))
-    pictures = []
+    images = []
     for start in (START, 2.0**24):
-        shown = picture_of(scene)
+        shown = image_of(scene)
         for k in range(3):
             event = event_at(k, scene_time=float(k))
             shown.refresh(event, start + k / 64)
             shown.insert(traced(scene, event), start + k / 64, event)
         shown.refresh(event_at(3, scene_time=2.0), start + 4 / 64)
-        pictures.append(shown.splat_sums.copy())
-    assert_array_equal(pictures[0], pictures[1])
+        images.append(shown.splat_sums.copy())
+    assert_array_equal(images[0], images[1])

@@ -1,4 +1,4 @@
-"""A picture at rest averages; a contradicted one lets go of what was contradicted, and of nothing else."""
+"""An image at rest averages; a contradicted one lets go of what was contradicted, and of nothing else."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from adaptive_pictures import (
+from adaptive_images import (
     GREEN,
     PLATE,
     RED,
@@ -17,7 +17,7 @@ from adaptive_pictures import (
     centres,
     event_at,
     hits,
-    picture_of,
+    image_of,
     plate_before_wall,
 )
 from numpy.testing import assert_allclose, assert_array_equal
@@ -49,31 +49,31 @@ def all_pixels(light: float = NO_CHANGE) -> Samples:
 
 def at_rest_after(scene: Scene, *batches: Samples, detects_change: bool = False) -> Reconstruction:
     """Event 0 was shown with nothing in it; batch k came k refreshes later."""
-    picture = picture_of(scene, detects_change=detects_change)
-    picture.refresh(event_at(0), START)
-    picture.take_dirty()
+    image = image_of(scene, detects_change=detects_change)
+    image.refresh(event_at(0), START)
+    image.take_dirty()
     for k, samples in enumerate(batches):
-        picture.insert(samples, START + k * REFRESH_S, event_at(0))
-        picture.refresh(event_at(0), START + (k + 1) * REFRESH_S)
-    return picture
+        image.insert(samples, START + k * REFRESH_S, event_at(0))
+        image.refresh(event_at(0), START + (k + 1) * REFRESH_S)
+    return image
 
 
 def seen_then_contradicted(
     scene: Scene, second: Samples, *, detects_change: bool = False, quiet: int = 0
 ) -> Reconstruction:
     """Pixel centres sampled once, shown (after `quiet` more events like it), then `second`, then one more event."""
-    picture = picture_of(scene, detects_change=detects_change)
+    image = image_of(scene, detects_change=detects_change)
     for k in range(1 + quiet):
-        picture.insert(all_pixels(), START + (k - 0.5) * REFRESH_S, event_at(k))
-        picture.refresh(event_at(k), START + k * REFRESH_S)
+        image.insert(all_pixels(), START + (k - 0.5) * REFRESH_S, event_at(k))
+        image.refresh(event_at(k), START + k * REFRESH_S)
     when = START + (1 + quiet) * REFRESH_S
-    picture.insert(second, when, event_at(quiet))
-    picture.refresh(event_at(1 + quiet), when)
-    return picture
+    image.insert(second, when, event_at(quiet))
+    image.refresh(event_at(1 + quiet), when)
+    return image
 
 
-def weights(picture: Reconstruction) -> Float32:
-    return picture.splat_sums[1:-1, 1:-1, 3]
+def weights(image: Reconstruction) -> Float32:
+    return image.splat_sums[1:-1, 1:-1, 3]
 
 
 def test_at_rest_a_pixel_shows_the_mean_of_its_samples_nearly(scene: Scene) -> None:
@@ -81,18 +81,18 @@ def test_at_rest_a_pixel_shows_the_mean_of_its_samples_nearly(scene: Scene) -> N
     random = np.random.default_rng(2)
     rounds = random.uniform(0, 1, (12, SIZE[0] * SIZE[1], 3)).astype(np.float32)
 
-    picture = at_rest_after(scene, *(hits(centres(SIZE), colors) for colors in rounds))
+    image = at_rest_after(scene, *(hits(centres(SIZE), colors) for colors in rounds))
 
     mean = rounds.mean(axis=0).reshape(SIZE[1], SIZE[0], 3)
-    assert_allclose(picture.radiance, mean * (1 - 1 / 13**2), rtol=1e-5)
+    assert_allclose(image.radiance, mean * (1 - 1 / 13**2), rtol=1e-5)
 
 
 def test_at_rest_samples_anywhere_in_a_pixel_count_for_that_pixel_alone(scene: Scene) -> None:
     random = np.random.default_rng(3)
     xy = np.add((20, 11), random.uniform(0.01, 0.99, (500, 2))).astype(np.float32)
-    picture = at_rest_after(scene, hits(xy, GREEN))
-    assert picture.buffer.history.accumulation[11, 20, 3] == 500
-    assert picture.buffer.history.accumulation[..., 3].sum() == 500
+    image = at_rest_after(scene, hits(xy, GREEN))
+    assert image.buffer.history.accumulation[11, 20, 3] == 500
+    assert image.buffer.history.accumulation[..., 3].sum() == 500
 
 
 @pytest.mark.parametrize("foreseen", [{"camera": (0.01, 0.0, 4.0)}, {"scene_time": 0.01}, {"turned": 1e-6}])
@@ -100,30 +100,30 @@ def test_at_rest_samples_that_were_traced_ahead_of_their_event_are_no_part_of_th
     scene: Scene, foreseen: dict[str, Any]
 ) -> None:
     """They have the number of the event that came true, but not its pose."""
-    picture = at_rest_after(scene, hits(centres(SIZE), GREEN))
+    image = at_rest_after(scene, hits(centres(SIZE), GREEN))
     event = event_at(0)
     x, *rest = event.camera.world_from_wall
     position = foreseen.get("camera", event.camera.position)
     camera = Camera(position=position, world_from_wall=(x + foreseen.get("turned", 0.0), *rest))
     ahead = replace(event, camera=camera, scene_time=foreseen.get("scene_time", 0.0))
-    assert (picture.buffer.history.accumulation[..., 3] == 1).all()
+    assert (image.buffer.history.accumulation[..., 3] == 1).all()
 
-    picture.insert(hits(centres(SIZE), RED), START + 1.0, ahead)
-    assert (picture.buffer.history.accumulation[..., 3] == 1).all()
+    image.insert(hits(centres(SIZE), RED), START + 1.0, ahead)
+    assert (image.buffer.history.accumulation[..., 3] == 1).all()
 
-    picture.insert(hits(centres(SIZE), RED), START + 1.0, event)
-    assert (picture.buffer.history.accumulation[..., 3] == 2).all()
+    image.insert(hits(centres(SIZE), RED), START + 1.0, event)
+    assert (image.buffer.history.accumulation[..., 3] == 2).all()
 
 
 def test_many_samples_of_one_pixel_at_rest_do_not_drive_out_the_others(scene: Scene) -> None:
     """Edges take thousands of samples at rest and plain surfaces a few; when something moves again, all are needed."""
     edge = hits(np.full((4096, 2), (20.5, 11.5)), RED)
-    picture = at_rest_after(scene, hits(centres(SIZE), GREEN), *(edge.copy() for _ in range(8)))
+    image = at_rest_after(scene, hits(centres(SIZE), GREEN), *(edge.copy() for _ in range(8)))
 
-    picture.refresh(event_at(1), START + 1.0)
+    image.refresh(event_at(1), START + 1.0)
 
-    assert (weights(picture) > 0.5).all(), "a hole where there was a sample"
-    assert_allclose(picture.resolved[20, 30], GREEN, atol=1e-5)
+    assert (weights(image) > 0.5).all(), "a hole where there was a sample"
+    assert_allclose(image.resolved[20, 30], GREEN, atol=1e-5)
 
 
 def test_what_a_pixel_at_rest_accumulates_is_numpys_mean_and_variance(scene: Scene) -> None:
@@ -146,90 +146,90 @@ def test_what_a_pixel_at_rest_accumulates_is_numpys_mean_and_variance(scene: Sce
 @pytest.mark.parametrize("value", [0.7, 1e-3, 300.0])
 def test_the_mean_of_a_million_equal_samples_is_the_sample(scene: Scene, value: float, compiled_only: None) -> None:
     """A float32 sum of 10^6 times 0.7 is off by 1 %."""
-    picture = at_rest_after(scene)
+    image = at_rest_after(scene)
     batch = hits(np.full((10_000, 2), (20.5, 11.5)), (value, value, value))
     for _ in range(100):
-        picture.insert(batch, START + REFRESH_S, event_at(0))
-    picture.refresh(event_at(0), START + REFRESH_S)
-    assert picture.accumulated_counts()[11, 20] == 1e6
-    assert_allclose(picture.radiance[11, 20], value, rtol=1e-6)
+        image.insert(batch, START + REFRESH_S, event_at(0))
+    image.refresh(event_at(0), START + REFRESH_S)
+    assert image.accumulated_counts()[11, 20] == 1e6
+    assert_allclose(image.radiance[11, 20], value, rtol=1e-6)
 
 
 def test_at_rest_only_tiles_that_got_samples_change_and_without_samples_none(scene: Scene) -> None:
-    picture = at_rest_after(scene)
-    picture.refresh(event_at(0), START + REFRESH_S)
-    assert not picture.take_dirty().any()
+    image = at_rest_after(scene)
+    image.refresh(event_at(0), START + REFRESH_S)
+    assert not image.take_dirty().any()
 
-    picture.insert(hits([(20.5, 11.5), (47.9, 31.9)], GREEN), START, event_at(0))
-    picture.refresh(event_at(0), START + 2 * REFRESH_S)
+    image.insert(hits([(20.5, 11.5), (47.9, 31.9)], GREEN), START, event_at(0))
+    image.refresh(event_at(0), START + 2 * REFRESH_S)
 
-    assert_array_equal(picture.take_dirty(), [[False, True, False], [False, False, True]])
-    changed = picture.radiance.any(axis=2)
+    assert_array_equal(image.take_dirty(), [[False, True, False], [False, False, True]])
+    changed = image.radiance.any(axis=2)
     assert set(zip(*np.nonzero(changed), strict=True)) == {(11, 20), (31, 47)}
-    picture.refresh(event_at(0), START + 3 * REFRESH_S)
-    assert not picture.take_dirty().any()
+    image.refresh(event_at(0), START + 3 * REFRESH_S)
+    assert not image.take_dirty().any()
 
 
 def test_with_another_number_every_tile_changes(scene: Scene) -> None:
-    picture = at_rest_after(scene, all_pixels())
-    picture.take_dirty()
-    picture.refresh(event_at(1), START + 1)
-    assert not picture.nothing_moves
-    assert picture.take_dirty().all()
+    image = at_rest_after(scene, all_pixels())
+    image.take_dirty()
+    image.refresh(event_at(1), START + 1)
+    assert not image.nothing_moves
+    assert image.take_dirty().all()
 
 
 def test_a_contradiction_takes_weight_from_the_same_object_around_and_from_nothing_else(scene: Scene) -> None:
     """Rejection is 1 / (1 + d^2 / 2) at a distance of d pixels, up to 1: all at the pixel, 2/3 beside, 1/2 across."""
     plain = weights(seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE)))
-    picture = seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE, change=1.0))
+    image = seen_then_contradicted(scene, lit(hits([(23.5, 9.5)], RED), NO_CHANGE, change=1.0))
 
-    kept = weights(picture) / plain
+    kept = weights(image) / plain
 
     expected = np.ones((SIZE[1], SIZE[0]))
     expected[8:11, 22:25] = [[0.5, 1 / 3, 1], [1 / 3, 0, 1], [0.5, 1 / 3, 1]]  # from column 24 on it is the plate
     kept[9, 23] -= 1 / plain[9, 23]  # the red sample itself
     assert_allclose(kept, expected, atol=1e-5)
-    assert_allclose(picture.resolved[9, 23], RED, atol=1e-5)
+    assert_allclose(image.resolved[9, 23], RED, atol=1e-5)
 
 
 def test_the_newest_samples_are_not_rejected_by_themselves(scene: Scene) -> None:
     """Of two contradicting samples in one pixel both stay: only older ones are rejected."""
-    picture = seen_then_contradicted(scene, lit(hits([(10.5, 9.5), (10.5, 9.5)], RED), NO_CHANGE, change=1.0))
-    assert_allclose(weights(picture)[9, 10], 2.0, rtol=1e-5)
+    image = seen_then_contradicted(scene, lit(hits([(10.5, 9.5), (10.5, 9.5)], RED), NO_CHANGE, change=1.0))
+    assert_allclose(weights(image)[9, 10], 2.0, rtol=1e-5)
 
 
 def test_a_contradicted_pixel_at_rest_forgets_its_mean(scene: Scene) -> None:
     """8 samples agreed, and one with another number contradicts: the next refresh shows the new one."""
-    picture = at_rest_after(scene, *(all_pixels() for _ in range(8)))
-    picture.refresh(event_at(1), START + 1)
-    assert_allclose(picture.radiance, np.broadcast_to(GREEN, picture.radiance.shape), atol=1e-3)
+    image = at_rest_after(scene, *(all_pixels() for _ in range(8)))
+    image.refresh(event_at(1), START + 1)
+    assert_allclose(image.radiance, np.broadcast_to(GREEN, image.radiance.shape), atol=1e-3)
 
-    picture.insert(lit(hits([(10.5, 9.5)], RED), NO_CHANGE, change=1.0), START + 1, event_at(1))
-    picture.refresh(event_at(2), START + 1 + REFRESH_S)
+    image.insert(lit(hits([(10.5, 9.5)], RED), NO_CHANGE, change=1.0), START + 1, event_at(1))
+    image.refresh(event_at(2), START + 1 + REFRESH_S)
 
-    assert_allclose(picture.radiance[9, 10], RED, atol=1e-3)
-    assert_allclose(picture.radiance[9, 14], GREEN, atol=1e-3)
+    assert_allclose(image.radiance[9, 10], RED, atol=1e-3)
+    assert_allclose(image.radiance[9, 14], GREEN, atol=1e-3)
 
 
 def test_changes_of_lighting_are_detected_and_nothing_else(scene: Scene) -> None:
     """A texture changes radiance and not irradiance; less than 0.018 counts as noise, 0.078 and more as all."""
-    picture = picture_of(scene, detects_change=True)
-    picture.insert(all_pixels(), START, event_at(0))
-    picture.refresh(event_at(0), START)
+    image = image_of(scene, detects_change=True)
+    image.insert(all_pixels(), START, event_at(0))
+    image.refresh(event_at(0), START)
     found = hits([(2.5, 2.5), (6.5, 2.5), (10.5, 2.5), (14.5, 2.5), (18.5, 2.5), (40.5, 2.5)], RED)
     found["sqrt_irradiance"] = NO_CHANGE + np.array([0.0, 0.017, 0.018 + 0.03, -0.018 - 0.03, 0.2, 0.2], np.float32)
     found["object_id"] = WALL  # the last one hits another object than what was seen there
     found["change"] = np.nan
 
-    picture.insert(found, START, event_at(0))
+    image.insert(found, START, event_at(0))
 
     assert_allclose(found["change"], [0, 0, 0.5, 0.5, 1, 0], atol=1e-5)
 
 
 def test_at_rest_changes_count_as_noise(scene: Scene) -> None:
-    picture = at_rest_after(scene, all_pixels(), detects_change=True)
+    image = at_rest_after(scene, all_pixels(), detects_change=True)
     second = all_pixels(CHANGED)
-    picture.insert(second, START + 1, event_at(0))
-    picture.refresh(event_at(0), START + 1 + REFRESH_S)
+    image.insert(second, START + 1, event_at(0))
+    image.refresh(event_at(0), START + 1 + REFRESH_S)
     assert (second["change"] == 0.0).all()
-    assert (picture.buffer.history.accumulation[..., 3] == 2).all()
+    assert (image.buffer.history.accumulation[..., 3] == 2).all()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from adaptive_pictures import START, event_at, picture_of, traced
+from adaptive_images import START, event_at, image_of, traced
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from small_scenes import instance, material, quad, sphere_mesh, view
@@ -75,7 +75,7 @@ EVERY_LIGHT = 2**32 - 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stored:
-    xy: Float32  # (n, 2) in the picture
+    xy: Float32  # (n, 2) in the image
     depth: Float32
     object_id: NDArray[np.uint32]
     radiance: Float32  # (n, 3)
@@ -84,7 +84,7 @@ class Stored:
 
 
 def stored(shown: Reconstruction) -> Stored:
-    """What a picture holds and shows."""
+    """What an image holds and shows."""
     s, n = shown.buffer.store, shown.count
     kept = s.screen_position[2, :n] > 0
     return Stored(
@@ -96,8 +96,8 @@ def stored(shown: Reconstruction) -> Stored:
 
 
 def later(scene: Scene, samples: Samples, event: Event) -> tuple[Reconstruction, Stored]:
-    """The picture at another time, made of samples that were traced at time 0."""
-    shown = picture_of(scene, SEEN)
+    """The image at another time, made of samples that were traced at time 0."""
+    shown = image_of(scene, SEEN)
     return shown, through_time(shown, samples, event)
 
 
@@ -250,7 +250,7 @@ def test_more_than_thirty_two_lights_turn_it_off(count: int, compiled_only: None
 
 
 def test_a_scene_in_which_nothing_moves_stores_no_surfaces() -> None:
-    shown = picture_of(yard(moving=False), SEEN)
+    shown = image_of(yard(moving=False), SEEN)
     assert shown.buffer.store.albedo.shape == (3, 0)
     assert shown.buffer.store.normal.shape == shown.buffer.store.light_visibility.shape == (0,)
 

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adaptive_pictures import START, event_at, picture_of, traced
+from adaptive_images import START, event_at, image_of, traced
 from numpy.testing import assert_array_equal
 from small_scenes import instance, material, quad, sphere_mesh, view
 
@@ -126,7 +126,7 @@ def test_lights_that_go_and_come_back_leave_the_radiance_that_was_traced(compile
     """Traced at time 0, lit for a second later, lit for time 0 again."""
     seen = view((0.0, 3.0, 5.0), (0.2, 0.8, 0.0), pixels=(64, 48))
     scene, begin, later = hall(), event_at(0, seen), event_at(1, seen, scene_time=1.0)
-    shown = picture_of(scene, seen)
+    shown = image_of(scene, seen)
     shown.insert(traced(scene, begin, seen=seen), START, begin)
     shown.refresh(begin, START)
     n, store = shown.count, shown.buffer.store

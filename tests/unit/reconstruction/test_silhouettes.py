@@ -17,7 +17,7 @@ NEAR, FAR = 1.0, 2.0
 
 
 def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
-    """(m,) which of deeper samples (m, 2) samples (n, 2) before them hide, all xy in pixels of a square picture."""
+    """(m,) which of deeper samples (m, 2) samples (n, 2) before them hide, all xy in pixels of a square image."""
     places = np.concatenate([nearer, deeper])
     screen = np.concatenate([places.T, np.where(np.arange(len(places)) < len(nearer), NEAR, FAR)[None]])
     screen = screen.astype(np.float32)
@@ -30,8 +30,8 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     bounds, decay = np.zeros((SIZE, SIZE, 3), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     find_nearest(store, n, nearest)
-    no_picture: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_picture, bounds)
+    no_image: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
+    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_image, bounds)
     weigh(
         store, n, np.float32(-np.inf), nearest, bounds, now, np.float32(0.0), np.zeros(n, np.float32),
         np.zeros(n, np.uint32),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from adaptive_pictures import GREEN, SIZE, START, event_at, hits, picture_of, plate_before_wall
+from adaptive_images import GREEN, SIZE, START, event_at, hits, image_of, plate_before_wall
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -57,12 +57,12 @@ def test_the_kernel_codes_ages_like_the_table(age: float) -> None:
 
 def test_median_age_and_density_of_stored_samples() -> None:
     """Upper left tile: 3 samples of 0.5 s and 2 of 0.02 s; lower right one: 1 of 2 s; nothing elsewhere."""
-    picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)))
+    image = image_of(plate_before_wall((100.0, 0.0, 0.0)))
     event = event_at(0)
     for count, place, age in ((3, (4.5, 4.5), 0.5), (2, (9.5, 9.5), 0.02), (1, (40.5, 20.5), 2.0)):
-        picture.insert(hits([place] * count, GREEN), START - age, event)
+        image.insert(hits([place] * count, GREEN), START - age, event)
 
-    age, density = statistics_of_store(picture, START)
+    age, density = statistics_of_store(image, START)
 
     assert near(age[0, 0], 0.5)
     assert near(age[1, 2], 2.0)
@@ -72,23 +72,23 @@ def test_median_age_and_density_of_stored_samples() -> None:
 
 
 def test_dead_samples_are_not_counted() -> None:
-    picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)))
-    picture.insert(hits([(4.5, 4.5), (5.5, 5.5)], GREEN), START, event_at(0))
-    stored = picture.stored()
+    image = image_of(plate_before_wall((100.0, 0.0, 0.0)))
+    image.insert(hits([(4.5, 4.5), (5.5, 5.5)], GREEN), START, event_at(0))
+    stored = image.stored()
     assert stored.in_use == 2
-    stored.confidence[0], picture.buffer.history.accumulation[:] = 0.0, 0.0
-    assert statistics_of_store(picture, START + 1.0)[1][0, 0] == pytest.approx(1 / 256)
+    stored.confidence[0], image.buffer.history.accumulation[:] = 0.0, 0.0
+    assert statistics_of_store(image, START + 1.0)[1][0, 0] == pytest.approx(1 / 256)
 
 
-def test_a_still_picture_counts_the_samples_that_it_has_accumulated() -> None:
+def test_a_still_image_counts_the_samples_that_it_has_accumulated() -> None:
     """Stored are at most `kept` a pixel, here 1; the pixel shows the mean of all 7."""
-    picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)), kept=1.0)
+    image = image_of(plate_before_wall((100.0, 0.0, 0.0)), kept=1.0)
     event = event_at(0)
-    picture.refresh(event, START)
-    picture.refresh(event, START)
+    image.refresh(event, START)
+    image.refresh(event, START)
     for _ in range(7):
-        picture.insert(hits([(4.5, 4.5)], GREEN), START, event)
-    assert statistics_of_store(picture, START)[1][0, 0] == pytest.approx(7 / 256)
+        image.insert(hits([(4.5, 4.5)], GREEN), START, event)
+    assert statistics_of_store(image, START)[1][0, 0] == pytest.approx(7 / 256)
 
 
 def test_age_and_density_of_newest_samples() -> None:
@@ -142,7 +142,7 @@ def test_error_reduction_of_a_sample_is_contrast_over_n_times_n_plus_1() -> None
     assert expected_error_reduction(contrast, density) == pytest.approx([0.36 / 6, 0.0])
 
 
-def test_size_of_the_maps_is_that_of_the_picture() -> None:
-    picture = picture_of(plate_before_wall((100.0, 0.0, 0.0)))
-    age, density = statistics_of_store(picture, START)
+def test_size_of_the_maps_is_that_of_the_image() -> None:
+    image = image_of(plate_before_wall((100.0, 0.0, 0.0)))
+    age, density = statistics_of_store(image, START)
     assert age.shape == density.shape == (SIZE[1] // 16, SIZE[0] // 16)

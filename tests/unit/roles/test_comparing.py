@@ -1,4 +1,4 @@
-"""Two samplers on one budget, two pictures: half of the rays each, nothing mixed, everything given back at the end."""
+"""Two samplers on one budget, two images: half of the rays each, nothing mixed, everything given back at the end."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_tiles_of_a_statistics_image_are_those_that_the_adaptive_sampler_goes_by
     ]  # fmt: skip
 
 
-def test_each_sampler_makes_its_own_picture(plan: Plan) -> None:
+def test_each_sampler_makes_its_own_image(plan: Plan) -> None:
     panel, event = PanelCompositor(plan, 0), replace(first_event(plan, 0.0), compare="frameless", camera_event=1)
     panel.follow(event)
     for k in range(2):
@@ -85,7 +85,7 @@ def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) 
     assert grey(panel.picture()) == 0, "a sampler that is chosen afterwards is shown"
 
 
-def test_versions_of_second_pictures_grow_from_one_comparison_to_the_next(plan: Plan) -> None:
+def test_versions_of_second_images_grow_from_one_comparison_to_the_next(plan: Plan) -> None:
     panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
     seen = []
     for k in range(3):
@@ -99,7 +99,7 @@ def test_versions_of_second_pictures_grow_from_one_comparison_to_the_next(plan: 
     assert seen == sorted(set(seen))
 
 
-def test_nothing_is_kept_for_a_second_picture_when_nobody_compares(plan: Plan) -> None:
+def test_nothing_is_kept_for_a_second_image_when_nobody_compares(plan: Plan) -> None:
     panel = PanelCompositor(plan, 0)
     assert panel.compared is None
     assert len(panel.statistics_images(1.0)) == 1
@@ -141,13 +141,13 @@ def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int
         compared.step()
     assert np.isfinite(compared.composition.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
 
-    pictures = []
+    images = []
     for single in (compared, fresh):
         single.event = replace(single.event, sampler="frameless", compare="", camera_event=2)
-        pictures.append(single.until_complete()[0].rgb)
+        images.append(single.until_complete()[0].rgb)
 
-    assert pictures[1].std() > 10
-    assert np.array_equal(*pictures)
+    assert images[1].std() > 10
+    assert np.array_equal(*images)
 
 
 def test_lost_samples_come_back_to_the_sampler_that_chose_them(
@@ -200,7 +200,7 @@ class Pair:
         self.head.refresh(event, self.now)
 
 
-def test_a_remote_compositor_sends_both_pictures_and_statistics_only_while_asked(plan: Plan) -> None:
+def test_a_remote_compositor_sends_both_images_and_statistics_only_while_asked(plan: Plan) -> None:
     pair, event = Pair(), first_event(plan, 0.0)
     pair.show(event, flat(1.0, event, adaptive=True))
     assert pair.head.statistics_images(0.0, comparing=False) == ()
@@ -229,7 +229,7 @@ def test_a_statistics_image_of_other_tiles_is_refused(plan: Plan) -> None:
             head.insert(serialise(wrong))
 
 
-def test_a_framelet_keeps_whether_it_is_of_the_second_picture() -> None:
+def test_a_framelet_keeps_whether_it_is_of_the_second_image() -> None:
     black = Framelet.blank(Rect(x=0, y=0, width=4, height=4), frozenset({"colour"}), encoded=True)
     for compared in (False, True):
         sent = FrameletPart.of(0, black, black.rect, compared=compared)

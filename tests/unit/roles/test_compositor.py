@@ -61,7 +61,7 @@ class Rank:
         self.role = Compositor(plan, hello_of(rank), lambda target: credit)
 
     def tell(self, *messages: Input, after: float = 0.1) -> list[Instruction]:
-        """Give it messages and, a while later, a tick; pictures that it shows are presented."""
+        """Give it messages and, a while later, a tick; images that it shows are presented."""
         asked: list[Instruction] = []
         for message in messages:
             asked += self.role.on_message(message, self.now)
@@ -98,10 +98,10 @@ def test_a_refresh_is_of_the_newest_event_in_all_its_parts(plan: Plan) -> None:
     for number, compare in enumerate(("frameless", "")):
         asked = replace(event, camera_event=number + 1, compare=compare, sampler="adaptive")
         (show,) = of(Show, head.tell(asked, after=1.0))
-        (picture,) = show.pictures
-        assert (picture.camera_event, show.status.compare) == (number + 1, compare)
-        second = [panel.id for panel in picture.compared]
-        assert second == ([panel.id for panel in picture.panels] if compare else []), "each on its own panel, or none"
+        (image,) = show.pictures
+        assert (image.camera_event, show.status.compare) == (number + 1, compare)
+        second = [panel.id for panel in image.compared]
+        assert second == ([panel.id for panel in image.panels] if compare else []), "each on its own panel, or none"
 
 
 def test_an_older_event_changes_nothing(plan: Plan) -> None:
@@ -205,7 +205,7 @@ def test_there_is_a_statistic_for_each_placeholder_of_an_overlay() -> None:
     assert tuple(field.name for field in fields(Statistics)) == PLACEHOLDERS
 
 
-def test_second_pictures_come_of_all_panels_or_of_none(plan: Plan) -> None:
+def test_second_images_come_of_all_panels_or_of_none(plan: Plan) -> None:
     """The head's own panel begins a comparison with an event; framelets of other compositors' may come sooner."""
     head, event = Rank(plan), first_event(plan, 0.0)
     assert head.role.composition.compared() == []

@@ -1,4 +1,4 @@
-"""A panel whose picture is made on a GPU, and what happens when the GPU is lost."""
+"""A panel whose image is made on a GPU, and what happens when the GPU is lost."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def lose(opengl: Device) -> None:
 
 
 def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device, compiled_only: None) -> None:
-    """Adaptive until nothing is left to do: the sampler's own picture is on the CPU, so both trace the same rays."""
+    """Adaptive until nothing is left to do: the sampler's own image is on the CPU, so both trace the same rays."""
     shown = {}
     for wish in ("cpu", "gpu"):
         plan = plan_of(wish)
@@ -84,7 +84,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
 
 
 def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, compiled_only: None) -> None:
-    """On the CPU each panel is refreshed by a thread of its own; OpenGL's pictures stay with theirs."""
+    """On the CPU each panel is refreshed by a thread of its own; OpenGL's images stay with theirs."""
     shown = {}
     for wish in ("cpu", "gpu"):
         plan = plan_of(wish, columns=2)
@@ -96,12 +96,12 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
             compositor.refresh(moved(event, number), 0.02 * number)
         assert len(compositor.statistics_images(0.1, comparing=False)) == 2
         assert {panel.reprojected.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
-        shown[wish] = np.stack([picture.rgb.astype(int) for picture in compositor.shown()[0].pictures()])
+        shown[wish] = np.stack([image.rgb.astype(int) for image in compositor.shown()[0].pictures()])
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 
 
-def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
+def test_a_lost_gpu_under_auto_leaves_the_image_to_the_cpu_and_is_counted(
     opengl: Device, anything_is_a_gpu: None, compiled_only: None
 ) -> None:
     plan, panel, event = shown_on_gpu()
@@ -127,7 +127,7 @@ def test_a_lost_gpu_under_auto_leaves_the_picture_to_the_cpu_and_is_counted(
     assert panel.counters["gpu_lost"] == 1
 
 
-def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_picture_to_the_cpu(
+def test_a_gpu_that_is_lost_while_somebody_looks_at_ages_leaves_them_and_the_image_to_the_cpu(
     opengl: Device, anything_is_a_gpu: None, compiled_only: None
 ) -> None:
     _, panel, _ = shown_on_gpu()

@@ -79,7 +79,7 @@ def test_without_a_choice_the_configured_sampler_is_shown() -> None:
         assert grey(panel.picture()) == pytest.approx(expected, abs=1)
 
 
-def test_a_second_picture_has_only_samples_of_its_own_comparison(plan: Plan) -> None:
+def test_a_second_image_has_only_samples_of_its_own_comparison(plan: Plan) -> None:
     alone, both = asking("frameless", 1, plan), asking("adaptive", 2, plan, compare="framed")
     panel = shown(plan, alone, radiance=BLACK)
     panel.insert(flat(WHITE, both, adaptive=True, sequence=2))  # before its event
@@ -122,7 +122,7 @@ def test_old_samples_of_another_sampler_of_the_same_kind_are_late(plan: Plan) ->
     assert panel.counters["late"] == RECT.area
 
 
-def test_the_picture_stays_until_samples_of_the_other_sampler_come(plan: Plan) -> None:
+def test_the_image_stays_until_samples_of_the_other_sampler_come(plan: Plan) -> None:
     before, after = asking("adaptive", 1, plan), asking("frameless", 2, plan)
     panel = shown(plan, before, radiance=WHITE)
     panel.insert(flat(BLACK, before, adaptive=True, sequence=2))  # not refreshed any more
@@ -156,7 +156,7 @@ def test_adaptive_samples_are_stored_once_and_still_counted(plan: Plan) -> None:
     assert not np.isfinite(panel.newest.buffer.records["time"]).any()
 
 
-def test_back_at_the_adaptive_sampler_all_of_its_picture_is_shown_at_once(plan: Plan) -> None:
+def test_back_at_the_adaptive_sampler_all_of_its_image_is_shown_at_once(plan: Plan) -> None:
     first, other, again = (asking(method, k, plan) for k, method in enumerate(("adaptive", "frameless", "adaptive")))
     panel = shown(plan, first, radiance=WHITE)
     panel.follow(other)

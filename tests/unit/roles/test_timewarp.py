@@ -62,7 +62,7 @@ def later(plan: Plan, event: Event) -> Event:
 
 
 def surfaces(plan: Plan, old: Framelet, event: Event) -> Float64:
-    """(h, w, 3) where each pixel's point of the old picture is in the world under `event`, by its object."""
+    """(h, w, 3) where each pixel's point of the old image is in the world under `event`, by its object."""
     assert old.event is not None
     panel = plan.layout.wall.panels[PANEL]
     frame = ray_frame(panel, plan.view.eye, old.event.camera)
@@ -121,7 +121,7 @@ def test_things_that_move_go_with_their_object_while_the_camera_stands(plan: Pla
     np.testing.assert_array_equal(moved.colour[stood], old.colour[stood], err_msg="what stands stays, pixel for pixel")
 
 
-def test_where_nothing_of_the_old_picture_is_seen_there_is_nothing(plan: Plan, old: Framelet) -> None:
+def test_where_nothing_of_the_old_image_is_seen_there_is_nothing(plan: Plan, old: Framelet) -> None:
     assert old.event is not None
     around = np.diag([-1.0, 1.0, -1.0]) @ old.event.camera.rotation()
     event = replace(old.event, camera=replace(old.event.camera, world_from_wall=tuple(around.ravel().tolist())))

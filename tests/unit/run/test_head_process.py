@@ -22,7 +22,7 @@ class FullDisk:
     def __init__(self, *, shows: bool) -> None:
         self.shows, self.closed = shows, 0
 
-    def show(self, picture: WallPicture, status: Status) -> None:
+    def show(self, image: WallPicture, status: Status) -> None:
         if not self.shows:
             raise RunError(FULL)
 

@@ -199,7 +199,7 @@ def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
 
 
 def observe(accumulated: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -> None:
-    """Welford's update, in the order in which values came; what Picture does for pixels at rest."""
+    """Welford's update, in the order in which values came; what Image does for pixels at rest."""
     for row, column, value in zip(np.asarray(i), np.asarray(j), values, strict=True):
         pixel = accumulated[row, column]
         pixel[3] += 1

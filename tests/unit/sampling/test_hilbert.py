@@ -184,7 +184,7 @@ def test_statistics_leave_foreign_samples_out(camera_path: Path) -> None:
 
 
 def test_a_still_view_converges_to_the_plain_mean_of_its_four_samples(camera_path: Path) -> None:
-    """Old picture 9 everywhere; the new one is x + 2 y at a position: the mean of four is that of the centre."""
+    """Old image 9 everywhere; the new one is x + 2 y at a position: the mean of four is that of the centre."""
     sampler, deep = hilbert(), PixelBuffer(32, 24)
     old, event = samples_at(np.float32([[x, y] for x in range(32) for y in range(24)]), 9.0), camera_path(1)
     deep.insert(batch_of(old, camera_path(0), RECT))

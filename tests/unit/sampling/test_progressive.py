@@ -24,7 +24,7 @@ def parts() -> list[Rect]:
 
 
 @pytest.mark.parametrize("k", [0, 1, 63])
-def test_positions_are_the_same_however_the_picture_is_divided(k: int) -> None:
+def test_positions_are_the_same_however_the_image_is_divided(k: int) -> None:
     whole = by_pixel(ProgressiveSampler(WHOLE, seed=3).positions(k))
     divided: dict[tuple[int, int], tuple[float, float]] = {}
     for rect in parts():

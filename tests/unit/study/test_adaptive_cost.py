@@ -12,7 +12,7 @@ SMALL = (64, 36)
 
 def test_session_charges_every_stage_and_counts_its_samples(compiled_only: None) -> None:
     session = Session(SMALL)
-    assert sum(len(batch.samples) for batch in session.first_picture()) == SMALL[0] * SMALL[1]
+    assert sum(len(batch.samples) for batch in session.first_image()) == SMALL[0] * SMALL[1]
     session.refresh(0.0)
     batches = [session.step(k / 1000, 64) for k in range(1, 4)]
     assert session.samples == sum(len(batch.samples) for batch in batches) == 3 * 64
@@ -20,9 +20,9 @@ def test_session_charges_every_stage_and_counts_its_samples(compiled_only: None)
     assert len({batch.camera.position for batch in batches}) == 3
 
 
-def test_live_session_refreshes_its_picture_and_ends(compiled_only: None) -> None:
+def test_live_session_refreshes_its_image_and_ends(compiled_only: None) -> None:
     session = Session(SMALL)
-    session.first_picture()
+    session.first_image()
     adaptive_cost.live(session, 0.05)
     assert session.samples > 0
     assert 0.0 < sum(session.seconds.values()) < 0.5  # the last batch may overrun

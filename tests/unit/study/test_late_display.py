@@ -34,11 +34,11 @@ def orbit(tmp_path_factory: pytest.TempPathFactory) -> Setup:
 
 
 def shown(setup: Setup, name: str) -> list[Float32]:
-    method, pictures = make_method(name, setup), []
+    method, images = make_method(name, setup), []
     for refresh in range(1, REFRESHES + 1):
         method.advance(refresh / REFRESH_HZ)
-        pictures.append(method.show(refresh / REFRESH_HZ).copy())
-    return pictures
+        images.append(method.show(refresh / REFRESH_HZ).copy())
+    return images
 
 
 @pytest.mark.parametrize(("name", "late"), [("adaptive:delayed", 1), ("adaptive:delayed_2", 2)])
@@ -57,7 +57,7 @@ def test_prediction_takes_most_of_the_delays_error_off_a_steady_orbit(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     reference = Reference(orbit.plan, orbit.tracer_scene, [0.0, REFRESHES / REFRESH_HZ], spp=16)
     reference.make([1])
-    reference = display_values(reference.picture(1))
+    reference = display_values(reference.image(1))
 
     names = ("adaptive", "adaptive:delayed_2", "adaptive:predicted_2")
     prompt, delayed, predicted = (
@@ -77,7 +77,7 @@ def moving(time: float) -> Event:
     )
 
 
-def test_rays_and_pictures_are_for_the_moment_of_display_and_rays_keep_their_number() -> None:
+def test_rays_and_images_are_for_the_moment_of_display_and_rays_keep_their_number() -> None:
     display = LateDisplay(REFRESH_HZ, refreshes=2, predicted=True, ahead=True)
     for k in range(201):
         traced = display.traced(moving(k / 2000), k / 2000)

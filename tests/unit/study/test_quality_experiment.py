@@ -1,4 +1,4 @@
-"""The experiment itself: reference pictures, clocks, plain methods, trials, and the command around them."""
+"""The experiment itself: reference images, clocks, plain methods, trials, and the command around them."""
 
 from __future__ import annotations
 
@@ -67,33 +67,33 @@ def test_eye_before_the_wall_becomes_the_angle_that_it_saw() -> None:
     assert loaded.config.views[0].camera.fov == pytest.approx(90.0)
 
 
-def test_every_second_refresh_has_an_reference_picture_and_every_eighth_of_large_ones() -> None:
+def test_every_second_refresh_has_an_reference_image_and_every_eighth_of_large_ones() -> None:
     small = reference_refreshes((256, 256), seconds=4.0, refresh_hz=60.0)
     assert (small[:3], small[-1], len(small)) == ((0, 2, 4), 240, 121)
     assert reference_refreshes((960, 540), seconds=0.4, refresh_hz=60.0) == (0, 8, 16, 24)
 
 
-def test_reference_picture_is_what_wall_render_gives_rounded_to_half_precision(setup: Setup) -> None:
+def test_reference_image_is_what_wall_render_gives_rounded_to_half_precision(setup: Setup) -> None:
     reference = Reference(setup.plan, setup.tracer_scene, [0.0, 0.5], spp=4)
     reference.make(reference.missing())
     rendered = render(setup.plan, spp=4, seed=SEED, at=0.5)
     assert rendered is not None
-    assert reference.picture(1) == pytest.approx(rendered, rel=HALF_WAY, abs=1e-7)
+    assert reference.image(1) == pytest.approx(rendered, rel=HALF_WAY, abs=1e-7)
 
 
-def test_reference_pictures_are_made_once_and_found_again(setup: Setup) -> None:
+def test_reference_images_are_made_once_and_found_again(setup: Setup) -> None:
     times = [0.0, 0.1, 0.2]
     first = Reference(setup.plan, setup.tracer_scene, times, spp=1)
     assert first.missing() == [0, 1, 2]
     first.make([1])
     again = Reference(setup.plan, setup.tracer_scene, times, spp=1)
     assert again.missing() == [0, 2]
-    assert np.array_equal(again.picture(1), first.picture(1))
+    assert np.array_equal(again.image(1), first.image(1))
     assert Reference(setup.plan, setup.tracer_scene, times, spp=2).missing() == [0, 1, 2]
     assert Reference(setup.plan, setup.tracer_scene, [0.0, 0.1, 0.3], spp=1).missing() == [0, 1, 2]
 
 
-def test_refreshes_between_which_nothing_moves_share_a_picture(config: Path, compiled_only: None) -> None:
+def test_refreshes_between_which_nothing_moves_share_a_image(config: Path, compiled_only: None) -> None:
     text = MOVING.replace(", path: {type: orbit, period_s: 4}", "").replace("courtyard}", "courtyard, animation: []}")
     config.write_text(text)
     still = setup_of(trial_of(config))
@@ -101,11 +101,11 @@ def test_refreshes_between_which_nothing_moves_share_a_picture(config: Path, com
     assert reference.missing() == [0]
     reference.make([0])
     assert reference.missing() == []
-    assert reference.picture(2).max() > 0.0
-    assert np.array_equal(reference.picture(0), reference.picture(2))
+    assert reference.image(2).max() > 0.0
+    assert np.array_equal(reference.image(0), reference.image(2))
 
 
-def test_reference_pictures_of_another_scene_have_another_name(config: Path, setup: Setup) -> None:
+def test_reference_images_of_another_scene_have_another_name(config: Path, setup: Setup) -> None:
     plan = make_plan(make_layout(on_one_panel(loads(MOVING.replace("position: [6,", "position: [6.01,")), SIZE)))
     keys = {Reference(p, setup.tracer_scene, [0.0], spp=1).key for p in (setup.plan, plan)}
     assert len(keys) == 2
@@ -118,7 +118,7 @@ def test_frame_is_shown_from_its_last_ray_on_with_the_inputs_of_its_beginning(se
     for refresh in range(1, 7):
         method.advance(refresh / 60)
         shown.append(method.show(refresh / 60).copy())
-    assert [np.array_equal(picture, first) for picture in shown] == [True] * 4 + [False] * 2
+    assert [np.array_equal(image, first) for image in shown] == [True] * 4 + [False] * 2
     assert np.array_equal(shown[4], shown[5])
     assert method.rays == 768
 
@@ -135,7 +135,7 @@ def test_plain_method_spends_its_rate_and_never_more(setup: Setup, name: str) ->
     assert method.show(0.5).shape == (24, 32, 3)
 
 
-def test_same_seed_gives_the_same_picture_and_another_one_does_not(setup: Setup) -> None:
+def test_same_seed_gives_the_same_image_and_another_one_does_not(setup: Setup) -> None:
     def shown(seed: int) -> Float32:
         method = make_method("frameless", replace(setup, seed=seed))
         method.advance(0.05)
@@ -172,7 +172,7 @@ def test_missing_extra_is_named_before_anything_is_measured(monkeypatch: pytest.
 
 
 class Burning:
-    """A method whose rays and pictures take CPU time of a clock turned by hand; rays are traced `frame` at a time."""
+    """A method whose rays and images take CPU time of a clock turned by hand; rays are traced `frame` at a time."""
 
     def __init__(self, *, ray_s: float, show_s: float, frame: int = 1, idle_until: float = 0.0) -> None:
         self.rays = self.secondary = self.bytes = 0
@@ -195,7 +195,7 @@ class Burning:
 
 def burnt(method: Burning, *, cores: float, refreshes: int, guess: float = 1.0) -> CpuClock:
     clock = CpuClock(
-        cores, ray_s=guess * method.ray_s, show_s=guess * method.show_s, picture=np.zeros((1, 1, 3), np.float32),
+        cores, ray_s=guess * method.ray_s, show_s=guess * method.show_s, image=np.zeros((1, 1, 3), np.float32),
         timer=lambda: method.cpu,
     )  # fmt: skip
     for k in range(refreshes):
@@ -214,7 +214,7 @@ def test_equal_cpu_time_is_spent_whole_whatever_the_first_guess(guess: float, fr
     assert clock.shown >= 225  # a first guess that is wrong costs some
 
 
-def test_pictures_that_cost_more_than_there_is_miss_refreshes_and_leave_a_quarter_to_the_rays() -> None:
+def test_images_that_cost_more_than_there_is_miss_refreshes_and_leave_a_quarter_to_the_rays() -> None:
     method = Burning(ray_s=1e-6, show_s=50e-3)  # three times a core's refresh
     clock = burnt(method, cores=1.0, refreshes=240)
     assert clock.spent == pytest.approx(4.0, rel=0.05)

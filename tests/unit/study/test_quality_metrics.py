@@ -50,7 +50,7 @@ def test_flicker_counts_changes_that_the_reference_does_not_have() -> None:
     assert (steady.flicker, blinking.flicker, following.flicker) == (0.0, pytest.approx(1.0), 0.0)
 
 
-def test_flip_and_ssim_know_equal_pictures_and_order_worse_ones(random_numbers: np.random.Generator) -> None:
+def test_flip_and_ssim_know_equal_images_and_order_worse_ones(random_numbers: np.random.Generator) -> None:
     reference = random_numbers.random((64, 64, 3)).astype(np.float32)
     noise = random_numbers.normal(size=reference.shape).astype(np.float32)
     near, far = (np.clip(reference + share * noise, 0, 1) for share in (0.05, 0.3))
@@ -60,7 +60,7 @@ def test_flip_and_ssim_know_equal_pictures_and_order_worse_ones(random_numbers: 
     assert 1.0 > ssim(near, reference) > ssim(far, reference)
 
 
-def test_judged_pictures_are_those_asked_for() -> None:
+def test_judged_images_are_those_asked_for() -> None:
     reference = np.full((16, 16, 3), 0.5, np.float32)
     score = Score(judged=frozenset({1}))
     score.add(0 * reference, reference)

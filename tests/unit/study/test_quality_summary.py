@@ -14,7 +14,7 @@ from PIL import Image
 
 from wall.core.errors import ConfigError
 from wall.study.quality import rows as files
-from wall.study.quality.pictures import GAP, REFERENCE, moments, picture_path
+from wall.study.quality.image_strips import GAP, REFERENCE, image_path, moments
 from wall.study.quality.plots import lines
 from wall.study.quality.report import write_report
 from wall.study.quality.requirements import verdicts
@@ -185,7 +185,7 @@ def test_report_is_one_page_with_nothing_outside_it(tmp_path: Path) -> None:
     rows += [row("a", "taa_half", 0.03), row("a", "taa_full", 0.02), row("a", "adaptive:no_xyz", 0.02)]
     rng = np.random.default_rng(1)
     for method in (REFERENCE, "adaptive", "framed"):
-        path = picture_path(tmp_path, 0, scene="a", size=(256, 256), method=method, spent="400000")
+        path = image_path(tmp_path, 0, scene="a", size=(256, 256), method=method, spent="400000")
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(rng.integers(0, 256, (8, 8, 3), np.uint8)).save(path)
     page = write_report(tmp_path, rows).read_text()
@@ -212,9 +212,9 @@ def test_plots_draw_a_family_as_its_best_method_on_each_scene() -> None:
     assert (line.name, line.methods) == ("best TAA", {("a", 4e5): "taa_full", ("b", 4e5): "taa_half"})
 
 
-def test_kept_picture_says_how_far_it_is_off(tmp_path: Path) -> None:
+def test_kept_image_says_how_far_it_is_off(tmp_path: Path) -> None:
     for method, value in ((REFERENCE, 0), ("adaptive", 51), ("framed", 102)):
-        path = picture_path(tmp_path, 1, scene="a", size=(256, 256), method=method, spent="400000")
+        path = image_path(tmp_path, 1, scene="a", size=(256, 256), method=method, spent="400000")
         path.parent.mkdir(parents=True, exist_ok=True)
         Image.fromarray(np.full((4, 4, 3), value, np.uint8)).save(path)
     (moment,) = moments(tmp_path, [row("a", "adaptive", 0.01), row("a", "framed", 0.06)])
@@ -223,7 +223,7 @@ def test_kept_picture_says_how_far_it_is_off(tmp_path: Path) -> None:
     assert [int(s.error.max()) for s in moment.shown] == [153, 255]
 
 
-def test_picture_at_rest_is_held_against_the_progressive_one_two_seconds_after_the_stop() -> None:
+def test_image_at_rest_is_held_against_the_progressive_one_two_seconds_after_the_stop() -> None:
     rested = {"times": [1.0, 2.0, 3.0, 4.0], "still_s": [0.0, 0.0, 1.9, 2.1]}
     ours = replace(row("a", "adaptive", 0.02), error_over_time=[0.1, 0.1, 0.1, 0.01], **rested)
     other = replace(row("a", "progressive", 0.1), error_over_time=[0.1, 0.1, 0.01, 0.02], **rested)

@@ -39,7 +39,7 @@ def test_catmull_rom_does_not_overshoot_an_edge() -> None:
     assert found == sorted(found)
 
 
-def test_holes_of_a_plain_picture_take_its_colour_and_the_rest_stays() -> None:
+def test_holes_of_a_plain_image_take_its_colour_and_the_rest_stays() -> None:
     picture = np.zeros((13, 21, 4), np.float32)
     picture[3, 4] = picture[9, 17] = (0.25, 0.5, 0.75, 1.0)
     fill_holes(picture)
@@ -58,7 +58,7 @@ def test_a_hole_in_a_ramp_is_filled_between_its_neighbours() -> None:
     np.testing.assert_array_equal(picture, whole)
 
 
-def test_an_empty_picture_stays_black() -> None:
+def test_an_empty_image_stays_black() -> None:
     picture = np.zeros((5, 6, 4), np.float32)
     fill_holes(picture)
     assert not picture[:, :, :3].any()
@@ -89,7 +89,7 @@ def warped(colour: np.ndarray, found: np.ndarray, table: np.ndarray) -> tuple[np
 
 
 @pytest.mark.parametrize("pixels", [0.0, 2.0, 2.5])
-def test_a_plane_that_moves_sideways_is_the_picture_moved(pixels: float) -> None:
+def test_a_plane_that_moves_sideways_is_the_image_moved(pixels: float) -> None:
     colour = ramp(10, 16)
     picture, holes = warped(colour, surfaces(np.full((10, 16), 3.0)), sideways(pixels))
     assert holes == 10 * int(pixels)

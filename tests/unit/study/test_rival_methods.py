@@ -107,7 +107,7 @@ def test_a_frameless_method_owes_less_than_a_crosshair_of_its_rays(name: str, se
 
 @pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("name", FRAMED | FRAMELESS)
-def test_equal_setups_show_equal_pictures_of_finite_light(name: str, setup: MakeSetup) -> None:
+def test_equal_setups_show_equal_images_of_finite_light(name: str, setup: MakeSetup) -> None:
     given = setup(CAMERA_ORBITS)
     first, second = (run((FRAMED | FRAMELESS)[name](given), 0.1) for _ in range(2))
     assert first.shape == (HEIGHT, WIDTH, 3)
@@ -175,7 +175,7 @@ def test_points_of_objects_follow_them_and_points_of_the_world_do_not(name: str,
     given, errors = setup(THE_FLOOR_TURNS), {}
     for space in (name, f"{name}_object"):
         method = FRAMELESS[space](given)
-        method.advance(0.1, rays=0)  # only the free picture's samples, 0.1 s old
+        method.advance(0.1, rays=0)  # only the free image's samples, 0.1 s old
         errors[space] = error(given, method.show(0.1), 0.1)
     assert errors[f"{name}_object"] < 0.9 * errors[name]  # the filters blur either; 0.84 and 0.86
 

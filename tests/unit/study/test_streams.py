@@ -1,4 +1,4 @@
-"""Pictures as messages: what comes out, what is sent, what it adds up to."""
+"""Images as messages: what comes out, what is sent, what it adds up to."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ views:
 graph: {preset: sort-first, sinks: [png]}
 """
 RATE, REFRESH_HZ = 20_000.0, 60.0
-JPEG_CODES = 6.0  # RMS that quality 90 with colour at half resolution may add to a smooth picture
+JPEG_CODES = 6.0  # RMS that quality 90 with colour at half resolution may add to a smooth image
 H264_CODES = 6.0  # RMS, at rate factor 18
 
 
@@ -65,8 +65,8 @@ def setup() -> Setup:
     return Setup(plan=plan, tracer_scene=make_tracer_scene(plan.scene), rate=RATE, refresh_hz=REFRESH_HZ, seed=1)
 
 
-def through(stream: Stream, picture: Bytes) -> Bytes:
-    return stream.decode(stream.encode(picture))
+def through(stream: Stream, image: Bytes) -> Bytes:
+    return stream.decode(stream.encode(image))
 
 
 def off(a: Bytes, b: Bytes) -> float:
@@ -74,7 +74,7 @@ def off(a: Bytes, b: Bytes) -> float:
     return float(np.sqrt(np.mean((a.astype(np.float64) - b) ** 2)))
 
 
-def test_raw_pictures_come_out_as_they_went_in(noise: Bytes) -> None:
+def test_raw_images_come_out_as_they_went_in(noise: Bytes) -> None:
     assert np.array_equal(through(Raw(SIZE), noise), noise)
     assert len(Raw(SIZE).encode(noise)) == 3 * SIZE[0] * SIZE[1]
 
@@ -92,7 +92,7 @@ def test_filter_leaves_little_of_a_grey_ramp() -> None:
     assert not planes[2].any()
 
 
-def test_lossless_tiles_are_lossless_picture_after_picture(noise: Bytes, random_numbers: np.random.Generator) -> None:
+def test_lossless_tiles_are_lossless_image_after_image(noise: Bytes, random_numbers: np.random.Generator) -> None:
     stream = Tiles(SIZE, zstd_tiles())
     for _ in range(3):
         assert np.array_equal(through(stream, noise), noise)
@@ -101,7 +101,7 @@ def test_lossless_tiles_are_lossless_picture_after_picture(noise: Bytes, random_
 
 
 @pytest.mark.parametrize("codec", [zstd_tiles(), jpeg_tiles(90)], ids=["zstd", "jpeg"])
-def test_tiles_of_an_unchanged_picture_are_not_sent(codec: object, smooth: Bytes) -> None:
+def test_tiles_of_an_unchanged_image_are_not_sent(codec: object, smooth: Bytes) -> None:
     stream = Tiles(SIZE, codec)  # type: ignore[arg-type]
     first = through(stream, smooth).copy()
     assert stream.encode(smooth.copy()) == b""
@@ -133,11 +133,11 @@ def test_mosaic_of_more_tiles_than_a_row_holds_keeps_their_order(random_numbers:
     assert np.abs(codec.unpack(codec.pack(tiles), 150).astype(int) - tiles).max() <= 2
 
 
-def test_video_shows_every_picture_at_once_and_within_its_bound(smooth: Bytes) -> None:
+def test_video_shows_every_image_at_once_and_within_its_bound(smooth: Bytes) -> None:
     stream = H264(SIZE, crf=18, pixels="yuv420p", preset="veryfast", refresh_hz=REFRESH_HZ)
     for k in range(4):
-        picture = np.roll(smooth, 2 * k, axis=1)
-        assert off(through(stream, picture), picture) < H264_CODES
+        image = np.roll(smooth, 2 * k, axis=1)
+        assert off(through(stream, image), image) < H264_CODES
 
 
 def test_video_without_its_library_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch, setup: Setup) -> None:
@@ -152,8 +152,8 @@ class Recorded:
     def __init__(self, stream: Stream) -> None:
         self.stream, self.messages = stream, list[bytes]()
 
-    def encode(self, picture: Bytes) -> bytes:
-        self.messages.append(self.stream.encode(picture))
+    def encode(self, image: Bytes) -> bytes:
+        self.messages.append(self.stream.encode(image))
         return self.messages[-1]
 
     def decode(self, message: bytes) -> Bytes:
@@ -180,7 +180,7 @@ def test_lossless_stream_shows_what_the_samples_do_but_for_eight_bits(setup: Set
     assert (method.rays, method.secondary) == (ours.rays, ours.secondary)
 
 
-def test_picture_that_did_not_change_costs_nothing(setup: Setup, compiled_only: None) -> None:
+def test_image_that_did_not_change_costs_nothing(setup: Setup, compiled_only: None) -> None:
     method = methods_streams.METHODS["stream_raw"](setup)
     method.show(0.0)
     method.show(0.0)

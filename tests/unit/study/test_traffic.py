@@ -38,7 +38,7 @@ def row(
     )  # fmt: skip
 
 
-def test_only_bytes_of_a_moving_picture_count_as_such() -> None:
+def test_only_bytes_of_a_moving_image_count_as_such() -> None:
     """2 MB in the first second, 1 in the third: at the second and the last refresh nothing had moved for a second."""
     assert moving(row("adaptive", [2e6, 9e6, 10e6, 19e6], still=[0.0, 1.0, 0.0, 1.0])) == (3e6, 8e5, 2.0)
 
@@ -62,8 +62,8 @@ def test_rows_that_do_not_say_when_bytes_were_sent_are_left_out(tmp_path: Path) 
     assert traffic([found]) == at_rest([found]) == []
 
 
-def test_at_the_crossover_samples_and_pictures_cost_the_same() -> None:
-    """Pictures: 2 MB/s over 256 x 256 x 60 pixels a second; samples: 4 bytes. Each solution put back into the costs."""
+def test_at_the_crossover_samples_and_images_cost_the_same() -> None:
+    """Images: 2 MB/s over 256 x 256 x 60 pixels a second; samples: 4 bytes. Each solution put back into the costs."""
     rows = [row("adaptive", [1.6e6, 3.2e6]), row("stream_jpeg90", [2e6, 4e6], error=0.012)]
     (found,) = crossovers(rows)
     pixels = 256 * 256
@@ -109,7 +109,7 @@ def test_samples_must_have_stopped_once_there_was_time_for_enough(more: float, m
     seconds = math.ceil(COMPLETE * 256 * 256 / 4e5) + 1
     sent = [1e6] * (seconds - 1) + [1e6 + more]
     still = [float(k) for k in range(seconds)]
-    assert [v.met for v in verdicts([row("adaptive", sent, still=still)]) if "picture at rest" in v.what] == [met]
+    assert [v.met for v in verdicts([row("adaptive", sent, still=still)]) if "image at rest" in v.what] == [met]
 
 
 def test_streams_are_in_no_best_other_and_drawn_only_where_bytes_are() -> None:
@@ -120,7 +120,7 @@ def test_streams_are_in_no_best_other_and_drawn_only_where_bytes_are() -> None:
     assert set(STREAMED) == set(methods_streams.METHODS)
 
 
-def test_report_holds_the_tables_of_the_wire_only_where_pictures_were_sent_too(tmp_path: Path) -> None:
+def test_report_holds_the_tables_of_the_wire_only_where_images_were_sent_too(tmp_path: Path) -> None:
     still = [0.0, 0.0, 1.0]
     ours, theirs = (row(method, [1e6, 2e6, 2.5e6], still=still) for method in ("adaptive", "stream_jpeg90"))
     assert wire_tables([ours]) == []

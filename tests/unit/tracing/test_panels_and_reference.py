@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_scenes import View, flat_wall, picture, view
+from small_scenes import View, flat_wall, traced_image, view
 
 from wall.commands import offline
 from wall.commands.render import render
@@ -40,9 +40,9 @@ def test_panels_rendered_apart_equal_the_wall_rendered_whole(
 ) -> None:
     event, eye = replace(tiny_view.event, camera=camera), default_eye(wall, 50.0)
     tracer_scene = make_tracer_scene(tiny_scene)
-    entire = picture(tracer_scene, View(wall=whole(wall), eye=eye, event=event))
+    entire = traced_image(tracer_scene, View(wall=whole(wall), eye=eye, event=event))
     for panel in wall.panels:
-        part = picture(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
+        part = traced_image(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
         x, y = panel.screen
         inside = np.s_[y : y + panel.pixels[1], x : x + panel.pixels[0]]
         np.testing.assert_array_equal(part.radiance, entire.radiance[inside])
@@ -52,7 +52,7 @@ def test_panels_rendered_apart_equal_the_wall_rendered_whole(
 
 def test_coherent_and_incoherent_traversal_see_the_same(tiny_scene: Scene) -> None:
     seen = view((0.0, 2.2, 5.0), (0.0, 0.6, 0.0), pixels=(20, 16))
-    one, other = (picture(tiny_scene, seen, coherent=c) for c in (True, False))
+    one, other = (traced_image(tiny_scene, seen, coherent=c) for c in (True, False))
     np.testing.assert_array_equal(one.radiance, other.radiance)
     np.testing.assert_array_equal(one.objects, other.objects)
 
@@ -77,13 +77,13 @@ def test_converged_image_has_the_same_bits_for_any_number_of_threads_and_any_ban
 ) -> None:
     config = tmp_path / "wall.yaml"
     config.write_text(CONFIG)
-    pictures = []
+    images = []
     for threads, rows in ((1, 16), (3, 16), (2, 5), (1, 64)):
         monkeypatch.setattr(offline.os, "sched_getaffinity", lambda _, n=threads: set(range(n)))
         monkeypatch.setattr(offline, "BAND_ROWS", rows)
-        pictures.append(rendered(config))
-    assert pictures[0].shape == (37, 45, 3)
-    assert pictures[0].any()
-    for other in pictures[1:]:
-        np.testing.assert_array_equal(pictures[0], other)
-    assert (pictures[0] != rendered(config, seed=4)).any()
+        images.append(rendered(config))
+    assert images[0].shape == (37, 45, 3)
+    assert images[0].any()
+    for other in images[1:]:
+        np.testing.assert_array_equal(images[0], other)
+    assert (images[0] != rendered(config, seed=4)).any()

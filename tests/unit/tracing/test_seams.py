@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_scenes import Picture, View, picture
+from small_scenes import TracedImage, View, traced_image
 
 from wall.config.loading import Loaded, loads
 from wall.config.yaml_text import write
@@ -49,11 +49,11 @@ WALLS = {
 CAMERA = look_at((3.0, 2.2, 4.1), (0.0, 0.6, 0.0), (0.1, 1.0, 0.2))
 
 
-def drawn(tracer_scene: TracerScene, seen: View, panel: Panel, wall: Wall) -> Picture:
-    return picture(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=seen.eye, event=seen.event))
+def drawn(tracer_scene: TracerScene, seen: View, panel: Panel, wall: Wall) -> TracedImage:
+    return traced_image(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=seen.eye, event=seen.event))
 
 
-def entire(tracer_scene: TracerScene, seen: View, wall: Wall) -> Picture:
+def entire(tracer_scene: TracerScene, seen: View, wall: Wall) -> TracedImage:
     """One panel over all of the virtual screen."""
     found = whole(wall)
     assert found is not None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_scenes import Picture, instance, material, quad, raster, scene_of, sphere_mesh, view
+from small_scenes import TracedImage, instance, material, quad, raster, scene_of, sphere_mesh, view
 
 from wall.core.data import Rect
 from wall.sampling.ownership import block_order
@@ -34,7 +34,7 @@ def tracer_scene_of(objects: int) -> TracerScene:
     return make_tracer_scene(scene_of(meshes, PLACED[:objects], materials=materials, lights=[LIGHT]))
 
 
-def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> Picture:
+def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> TracedImage:
     seen = np.array([k not in without for k in range(len(tracer_scene.meshes))]) if without else None
     tracer = Tracer(tracer_scene, SEEN_FROM.panel, SEEN_FROM.eye, coherent=coherent, seen=seen)
     tracer.set_event(SEEN_FROM.event)

@@ -12,16 +12,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_scenes import (
-    Picture,
+    TracedImage,
     Triple,
     View,
     instance,
     material,
     moved_scene,
-    picture,
     quad,
     scene_of,
     sphere_mesh,
+    traced_image,
     view,
 )
 
@@ -51,7 +51,7 @@ def directional(direction: Float64, strength: float = math.pi) -> DirectionalLig
     [((1e6, -1e6, 1e6), 0.0), ((1e8, 1e8, -1e8), 1e-3), ((2.0**40, 0.0, 0.0), 1e-2)],
     ids=["1e6", "1e8", "1e12"],
 )
-def test_a_scene_moved_with_its_camera_gives_the_same_picture(
+def test_a_scene_moved_with_its_camera_gives_the_same_image(
     tiny_scene: Scene, by: Triple, differing: float, compiled_only: None
 ) -> None:
     """At 1e6 float64 places are exact to 1.2e-10 units: no pixel of 128 x 96 differs in 8 bits. At 1e8 to 1.5e-8, a
@@ -59,7 +59,7 @@ def test_a_scene_moved_with_its_camera_gives_the_same_picture(
     seen = view((0.0, 2.2, 5.0), (0.0, 0.6, 0.0), pixels=(128, 96))
     x, y, z = np.add(seen.event.camera.position, by).tolist()
     moved = replace(seen, event=replace(seen.event, camera=replace(seen.event.camera, position=(x, y, z))))
-    here, there = picture(tiny_scene, seen), picture(moved_scene(tiny_scene, by), moved)
+    here, there = traced_image(tiny_scene, seen), traced_image(moved_scene(tiny_scene, by), moved)
     changed = (codes(here.radiance) != codes(there.radiance)).any(axis=-1)
     assert changed.mean() <= differing
     assert (here.objects != there.objects).mean() <= differing
@@ -67,7 +67,7 @@ def test_a_scene_moved_with_its_camera_gives_the_same_picture(
 
 def test_a_scene_scaled_by_a_power_of_two_gives_the_same_bits(tiny_scene: Scene, tiny_view: View) -> None:
     """Float32 has no scale of its own: 2^-13 (a courtyard in a matchbox) and 2^13 change exponents only."""
-    here = picture(replace(tiny_scene, point_lights=(), rest=tiny_scene.rest[[0, 1, 2, 4]]), tiny_view)
+    here = traced_image(replace(tiny_scene, point_lights=(), rest=tiny_scene.rest[[0, 1, 2, 4]]), tiny_view)
     for power in (-13, 13):
         matrices = [np.diag([2.0**power] * 3 + [1.0]) @ i.world_from_object for i in tiny_scene.instances]
         placed = [
@@ -79,7 +79,7 @@ def test_a_scene_scaled_by_a_power_of_two_gives_the_same_bits(tiny_scene: Scene,
         )
         x, y, z = (2.0**power * np.array(tiny_view.event.camera.position)).tolist()
         camera = replace(tiny_view.event.camera, position=(x, y, z))
-        there = picture(scene, replace(tiny_view, event=replace(tiny_view.event, camera=camera)))
+        there = traced_image(scene, replace(tiny_view, event=replace(tiny_view.event, camera=camera)))
         np.testing.assert_array_equal(here.radiance, there.radiance)
 
 
@@ -145,10 +145,10 @@ def acne(scene: Scene, seen: View, monkeypatch: pytest.MonkeyPatch, *, ulps: flo
     Radiance below 2e-3 of the brightest is left out: there the cosine itself is within rounding of nothing.
     """
     monkeypatch.setattr(tracer, "OFFSET_ULPS", 512.0)
-    lit = picture(scene, seen, coherent=False).radiance[..., 0]
+    lit = traced_image(scene, seen, coherent=False).radiance[..., 0]
     lit_side = lit > 2e-3 * lit.max()
     monkeypatch.setattr(tracer, "OFFSET_ULPS", ulps)
-    got = picture(scene, seen, coherent=False).radiance[..., 0]
+    got = traced_image(scene, seen, coherent=False).radiance[..., 0]
     return int((got == 0.0)[lit_side].sum()), int(lit_side.sum())
 
 
@@ -168,14 +168,14 @@ def test_without_an_offset_these_cases_do_show_acne(monkeypatch: pytest.MonkeyPa
     assert failing > 0.8 * len(CASES)
 
 
-def contact(gap: float, floor: Instance) -> Picture:
+def contact(gap: float, floor: Instance) -> TracedImage:
     """A floor at the origin, 10 units, and a plate `gap` above its middle, both under light from straight above;
     seen from the side, 1.7 units away, just between the two."""
     plate = instance(1, at=(0.0, 0.0, gap))
     scene = scene_of(
         [quad(10.0, 10.0), quad(1.0, 1.0)], [floor, plate], lights=[directional(np.array([0.0, 0.0, 1.0]))]
     )
-    return picture(scene, view((0.0, -1.7, 0.5 * gap), (0.0, 0.0, 0.0), pixels=(33, 1), fov=1e-3, up=(0, 0, 1)))
+    return traced_image(scene, view((0.0, -1.7, 0.5 * gap), (0.0, 0.0, 0.0), pixels=(33, 1), fov=1e-3, up=(0, 0, 1)))
 
 
 FLOORS = {"quad": instance(0), "flattened": instance(0, scale=(1.0, 1.0, 1e-3))}
@@ -210,7 +210,7 @@ def test_a_point_light_in_a_surface_is_not_shaded_by_it() -> None:
     ceiling, floor = instance(0, at=(0.1, 0.2, 1.3), turn=("x", 180.0)), instance(0)
     light = PointLight(position=(0.3, 0.1, 1.3), intensity=(1.0, 1.0, 1.0))
     scene = scene_of([quad(9.0, 9.0)], [floor, ceiling], lights=[light])
-    got = picture(scene, view((0.0, -2.0, 0.7), (0.0, 0.0, 0.0), pixels=(40, 40)))
+    got = traced_image(scene, view((0.0, -2.0, 0.7), (0.0, 0.0, 0.0), pixels=(40, 40)))
     assert (got.radiance[got.objects == 1] > 0.0).all()
     assert (got.objects == 1).sum() > 800
 
@@ -220,7 +220,7 @@ def test_a_point_light_exactly_where_a_ray_ends_gives_numbers() -> None:
     for z in (0.0, 1e-12, 1e-30):
         light = PointLight(position=(0.0, 0.0, z), intensity=(1.0, 1.0, 1.0))
         seen = view((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), pixels=(5, 5), fov=1.0)
-        got = picture(scene_of([quad(4.0, 4.0)], lights=[light]), seen)
+        got = traced_image(scene_of([quad(4.0, 4.0)], lights=[light]), seen)
         kept = got.radiance[~np.isnan(got.radiance).any(axis=-1)]
         assert np.isfinite(kept).all()
         assert len(kept) == 25 - got.cost.bad
@@ -235,7 +235,8 @@ def test_triangles_without_area_are_never_seen_and_break_nothing() -> None:
         triangles=np.concatenate([mesh.triangles, np.uint32([[4, 5, 6], [4, 6, 7], [4, 4, 4], [0, 4, 0]])]),
     )
     seen, lights = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(33, 33)), [directional(np.array([0.1, 0.2, 1.0]))]
-    got, whole = picture(scene_of([broken], lights=lights), seen), picture(scene_of([mesh], lights=lights), seen)
+    got = traced_image(scene_of([broken], lights=lights), seen)
+    whole = traced_image(scene_of([mesh], lights=lights), seen)
     assert got.cost.bad == 0
     np.testing.assert_array_equal(got.radiance, whole.radiance)
 
@@ -243,7 +244,7 @@ def test_triangles_without_area_are_never_seen_and_break_nothing() -> None:
 def test_coplanar_surfaces_show_one_of_them_everywhere_and_light_both() -> None:
     """Which of two equal surfaces is nearer is a matter of rounding; that the result is lit like one is not."""
     scene = scene_of([quad(4.0, 4.0), quad(3.0, 3.0)], lights=[directional(np.array([0.3, 0.1, 1.0]))])
-    got = picture(scene, view((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), pixels=(32, 32), fov=30.0))
+    got = traced_image(scene, view((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), pixels=(32, 32), fov=30.0))
     assert set(np.unique(got.objects)) <= {1, 2}
     expected = 0.5 / np.linalg.norm([0.3, 0.1, 1.0])
     np.testing.assert_allclose(got.radiance, expected, rtol=1e-5)
@@ -251,7 +252,7 @@ def test_coplanar_surfaces_show_one_of_them_everywhere_and_light_both() -> None:
 
 def test_camera_inside_geometry_sees_it_from_inside_in_the_dark() -> None:
     scene = scene_of([sphere_mesh()], lights=[directional(np.array([0.0, 1.0, 0.0]))])
-    got = picture(scene, view((0.1, 0.0, 0.2), (0.0, 0.0, -1.0), pixels=(16, 16)))
+    got = traced_image(scene, view((0.1, 0.0, 0.2), (0.0, 0.0, -1.0), pixels=(16, 16)))
     assert (got.objects == 1).all()
     assert (got.radiance == 0.0).all(), "no light comes through the sphere"
 
@@ -259,7 +260,7 @@ def test_camera_inside_geometry_sees_it_from_inside_in_the_dark() -> None:
 @pytest.mark.parametrize("place", [(0.3, 0.2, 0.0), (-1.0, -1.0, 0.0), (0.0, 0.0, 0.0)], ids=["face", "vertex", "edge"])
 def test_camera_exactly_on_a_surface_gives_finite_samples(place: Triple) -> None:
     scene = scene_of([quad(2.0, 2.0), sphere_mesh()], [instance(0), instance(1, at=(0.0, 0.0, -5.0))])
-    got = picture(scene, view(place, (place[0], place[1], -1.0), pixels=(16, 16)))
+    got = traced_image(scene, view(place, (place[0], place[1], -1.0), pixels=(16, 16)))
     assert got.cost.bad == 0
     assert np.isfinite(got.radiance).all()
     assert (got.depth >= 0.0).all()
@@ -270,7 +271,7 @@ def test_no_ray_slips_through_the_edges_of_a_closed_mesh(segments: int, compiled
     """Robust traversal: from inside, a sphere covers every pixel, aimed at its vertices and edges as well."""
     ball = scene_of([sphere_mesh(segments=segments)])
     for target in ((0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)):
-        got = picture(ball, view((0.0, 0.0, 0.0), target, pixels=(128, 128), fov=90.0, up=(0.0, 0.6, 0.8)))
+        got = traced_image(ball, view((0.0, 0.0, 0.0), target, pixels=(128, 128), fov=90.0, up=(0.0, 0.6, 0.8)))
         assert (got.objects == 1).all()
 
 
@@ -282,7 +283,7 @@ def test_a_shadow_has_no_holes_along_the_edges_of_its_caster() -> None:
         lights=[directional(np.array([1.0, 0.0, 1.0]))],
     )
     seen = view((-3.0, 0.0, 1.0), (-3.0, 0.0, 0.0), pixels=(64, 64), fov=2 * math.degrees(math.atan(0.6)))
-    got = picture(scene, seen)
+    got = traced_image(scene, seen)
     assert (got.objects == 1).all()
     assert (got.radiance == 0.0).all(), "1.2 units about (-3, 0) lie inside the ellipse of half axes sqrt(2) and 1"
 
@@ -290,7 +291,7 @@ def test_a_shadow_has_no_holes_along_the_edges_of_its_caster() -> None:
 def test_sky_and_empty_space_stay_exact_whatever_surrounds_the_eye() -> None:
     """An eye 1e8 units away from a scene of one unit sees sky only, and the sky's own colour."""
     sky = Sky(zenith=(1.0, 1.0, 1.0), horizon=(1.0, 1.0, 1.0), ground=(1.0, 1.0, 1.0))
-    got = picture(scene_of([sphere_mesh()], sky=sky), view((1e8, 0.0, 0.0), (2e8, 1.0, 0.0), pixels=(4, 4)))
+    got = traced_image(scene_of([sphere_mesh()], sky=sky), view((1e8, 0.0, 0.0), (2e8, 1.0, 0.0), pixels=(4, 4)))
     assert (got.radiance == 1.0).all()
 
 
@@ -298,7 +299,7 @@ def test_sky_and_empty_space_stay_exact_whatever_surrounds_the_eye() -> None:
 def test_meshes_of_any_size_in_their_own_units_are_lit_alike(edge: float) -> None:
     """Embree's normals are as long as twice the area: 1e-24 to 1e24 here, whose squares no float32 holds."""
     direction = np.array([0.0, 0.5, 1.0])
-    got = picture(
+    got = traced_image(
         scene_of([quad(edge, edge)], lights=[directional(direction)]), view((0, 0, edge), (0, 0, 0), pixels=(4, 4))
     )
     np.testing.assert_allclose(got.radiance, 0.5 / np.linalg.norm(direction), rtol=1e-5)

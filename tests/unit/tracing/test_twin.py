@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from small_scenes import Triple, View, directions, instance, material, picture, quad, scene_of, sphere_mesh, view
+from small_scenes import Triple, View, directions, instance, material, quad, scene_of, sphere_mesh, traced_image, view
 
 from wall.core.data import Float64
 from wall.scene.build import Scene
@@ -150,7 +150,7 @@ def random_scene(seed: int) -> Scene:
 def test_random_scenes_equal_their_float64_twin(seed: int, compiled_only: None) -> None:
     scene, seen = random_scene(seed), view((1.0, 1.5, 5.0), (0.0, -0.2, 0.0), pixels=(56, 44), fov=50.0)
     radiance, objects, edge = shade(scene, seen)
-    got = picture(scene, seen)
+    got = traced_image(scene, seen)
     inside = edge > FAR_FROM_EDGES
     np.testing.assert_array_equal(got.objects.ravel()[inside], objects[inside])
     close = np.isclose(got.radiance.reshape(-1, 3), radiance, rtol=RTOL, atol=1e-5).all(axis=1)
@@ -162,7 +162,7 @@ def test_a_pixel_row_equals_its_twin_in_plain_python_too() -> None:
     """The same on few pixels, so that the kernels also run uncompiled."""
     scene, seen = random_scene(1), view((1.0, 1.5, 5.0), (0.0, -0.2, 0.0), pixels=(21, 3), fov=12.0)
     radiance, objects, edge = shade(scene, seen)
-    got = picture(scene, seen)
+    got = traced_image(scene, seen)
     inside = edge > FAR_FROM_EDGES
     np.testing.assert_array_equal(got.objects.ravel()[inside], objects[inside])
     wrong = ~np.isclose(got.radiance.reshape(-1, 3), radiance, rtol=RTOL, atol=1e-5).all(axis=1)

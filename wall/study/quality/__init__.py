@@ -1,1 +1,1 @@
-"""Speed against error: every way to spend rays, compared with a reference picture on a virtual clock."""
+"""Speed against error: every way to spend rays, compared with a reference image on a virtual clock."""

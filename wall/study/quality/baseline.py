@@ -65,7 +65,7 @@ class Display(Protocol):
         """A frame is complete: (rows, columns) SAMPLE, traced under `event`."""
         ...
 
-    def picture(self, event: Event) -> Float32:
+    def image(self, event: Event) -> Float32:
         """(h, w, 3) float32 linear RGB, shown when `event` is the newest."""
         ...
 
@@ -98,7 +98,7 @@ class FramedMethod:
         while self._now < until:
             if self._event is None:
                 event = self._inputs.event_at(self._now)
-                if event is self._last and not self._display.jittered:  # the picture is complete
+                if event is self._last and not self._display.jittered:  # the image is complete
                     self._now = min(self._now + self._step, until)
                     continue
                 self._event, self._done = event, 0.0
@@ -114,7 +114,7 @@ class FramedMethod:
 
     def show(self, time: float) -> Float32:
         """Returns what the display shows at `time`, (h, w, 3) linear RGB."""
-        return self._display.picture(self._inputs.event_at(time))
+        return self._display.image(self._inputs.event_at(time))
 
     def _finish(self, event: Event) -> None:
         """Trace the frame under way. A sample that is dropped leaves the pixel's one of the frame before."""
@@ -148,7 +148,7 @@ class Renderer(Protocol):
         """What came of the positions chosen last."""
         ...
 
-    def picture(self, event: Event, now: float) -> Float32:
+    def image(self, event: Event, now: float) -> Float32:
         """(h, w, 3) float32 linear RGB under `event`."""
         ...
 
@@ -185,15 +185,15 @@ class FramelessMethod:
 
     def show(self, time: float) -> Float32:
         """Returns what the display shows at `time`, (h, w, 3) linear RGB."""
-        return self._renderer.picture(self._inputs.event_at(time), time)
+        return self._renderer.image(self._inputs.event_at(time), time)
 
 
-def fill_holes(picture: Float32) -> None:
+def fill_holes(image: Float32) -> None:
     """Fill holes from the pixels around, near ones first: push-pull (Gortler et al. 1996).
 
-    picture : (h, w, 4) float32 colour and weight 0..1, in place: what the weight lacks comes from coarser levels
+    image : (h, w, 4) float32 colour and weight 0..1, in place: what the weight lacks comes from coarser levels
     """
-    levels = [picture]
+    levels = [image]
     while max(levels[-1].shape[:2]) > 1:
         height, width = levels[-1].shape[:2]
         levels.append(np.empty((-(-height // 2), -(-width // 2), 4), np.float32))

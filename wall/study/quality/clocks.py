@@ -2,7 +2,7 @@
 
 With the CPU clock a method has an account: it earns `cores` CPU seconds a second of virtual time, and is charged what
 its own advance() and show() took, all threads. Rays get what showing leaves, but at least RAYS_SHARE of what is
-earned; a method that is overdrawn at a refresh misses it, and the display keeps its picture. Nothing is saved up for
+earned; a method that is overdrawn at a refresh misses it, and the display keeps its image. Nothing is saved up for
 longer than a refresh.
 """
 
@@ -45,22 +45,22 @@ class VirtualClock:
         """Lets the method trace the rays of its set rate, then returns its image at `end`."""
         started = time.process_time()
         method.advance(end)
-        picture = method.show(end)
+        image = method.show(end)
         self.spent += time.process_time() - started
         self.shown += 1
-        return picture
+        return image
 
 
 class CpuClock:
     """Every method has the same CPU time."""
 
     def __init__(
-        self, cores: float, *, ray_s: float, show_s: float, picture: Float32, timer: Timer = time.process_time
+        self, cores: float, *, ray_s: float, show_s: float, image: Float32, timer: Timer = time.process_time
     ) -> None:
-        """`ray_s`, `show_s`: first estimates of what a ray and a show() cost, seconds; `picture` is shown at 0."""
+        """`ray_s`, `show_s`: first estimates of what a ray and a show() cost, seconds; `image` is shown at 0."""
         self.spent, self.shown = 0.0, 0
         self.allowed = 0  # rays so far
-        self._cores, self._picture, self._timer = cores, picture, timer
+        self._cores, self._image, self._timer = cores, image, timer
         self._show_s, self._planned, self._mispriced = show_s, 0.0, 0.0
         weight = cores * GUESS_S / ray_s
         self._rays, self._rays_s = weight, weight * ray_s  # used so far and what they cost, the guess among them
@@ -77,7 +77,7 @@ class CpuClock:
             self._advance(method, until, max((self._planned - self._show_s) / (STEPS_A_REFRESH - step), least))
         if self._planned >= 0.0:
             self._show(method, end)
-        return self._picture
+        return self._image
 
     def _advance(self, method: Method, until: float, budget: float) -> None:
         """Grant what `budget` seconds buy. It counts as used at once: a method may trace a whole frame at its end."""
@@ -93,12 +93,12 @@ class CpuClock:
 
     def _show(self, method: Method, time_shown: float) -> None:
         started = self._timer()
-        picture = method.show(time_shown)
+        image = method.show(time_shown)
         cost = self._charge(started)
         self._planned -= cost
         self._show_s += SMOOTHING * (cost - self._show_s)
         self.shown += 1
-        self._picture = picture.copy()  # the method's own may change before a later refresh that is missed
+        self._image = image.copy()  # the method's own may change before a later refresh that is missed
 
     def _charge(self, started: float) -> float:
         cost = self._timer() - started

@@ -1,4 +1,4 @@
-"""One trial, run: the method advances from refresh to refresh, what it shows is held against the reference picture."""
+"""One trial, run: the method advances from refresh to refresh, what it shows is held against the reference image."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from wall.study.quality.rows import Row
 from wall.study.quality.trial import Trial, duration, scene_of, setup_of
 from wall.study.speed import record
 
-JUDGED_PICTURES = 8  # of a run, by FLIP and SSIM, evenly spread: they are slow
-SETTLE_S = 0.05  # after the start, whose picture is free for everybody, nothing is compared
+JUDGED_IMAGES = 8  # of a run, by FLIP and SSIM, evenly spread: they are slow
+SETTLE_S = 0.05  # after the start, whose image is free for everybody, nothing is compared
 LONGEST_DELAY_S = 1.0  # that an error is expressed as
 
 Look = Callable[
     [int, float, Float32, Float32], None
-]  # number of the reference picture, its time, shown, reference (both linear)
+]  # number of the reference image, its time, shown, reference (both linear)
 
 _warm: set[tuple[str, tuple[int, int]]] = set()  # methods that this process has run, their kernels loaded
 
 
 def reference_of(trial: Trial) -> tuple[Reference, tuple[int, ...]]:
-    """The reference pictures that a trial is held against, and the refreshes they belong to."""
+    """The reference images that a trial is held against, and the refreshes they belong to."""
     return _reference(trial.config, trial.size, trial.seconds, trial.refresh_hz)
 
 
@@ -47,20 +47,20 @@ def _reference(
 
 
 def run(trial: Trial, look: Look = lambda *_: None) -> Row:
-    """Measure a trial; reference pictures that are not there yet are made first. Raises ConfigError."""
+    """Measure a trial; reference images that are not there yet are made first. Raises ConfigError."""
     reference, refreshes = reference_of(trial)
     reference.make(reference.missing())
     setup = setup_of(trial)
     method, clock = _start(trial, setup)
     scored = {refresh: k for k, refresh in enumerate(refreshes) if refresh >= max(1, SETTLE_S * trial.refresh_hz)}
-    score, times = Score(judged=_spread(JUDGED_PICTURES, len(scored))), [0.0]
+    score, times = Score(judged=_spread(JUDGED_IMAGES, len(scored))), [0.0]
     still: list[float] = []
     spent: list[tuple[int, int]] = []  # bytes and rays up to each scored refresh
     for refresh in range(1, max(refreshes) + 1):
         now = refresh / trial.refresh_hz
         shown = clock.refresh(method, (refresh - 1) / trial.refresh_hz, now)
         if refresh in scored:
-            wanted = reference.picture(scored[refresh])
+            wanted = reference.image(scored[refresh])
             score.add(shown, wanted)
             look(scored[refresh], now, shown, wanted)
             times.append(now)
@@ -87,7 +87,7 @@ def _start(trial: Trial, setup: Setup) -> tuple[Method, Clock]:
     show_s, ray_s = time.process_time() - traced, (traced - began) / setup.rect.area
     setup = replace(setup, rate=trial.cores / ray_s, input_step_s=refresh_s / STEPS_A_REFRESH)
     method = make_method(trial.method, setup)
-    return method, CpuClock(trial.cores, ray_s=ray_s, show_s=show_s, picture=method.show(0.0).copy())
+    return method, CpuClock(trial.cores, ray_s=ray_s, show_s=show_s, image=method.show(0.0).copy())
 
 
 def _spread(wanted: int, count: int) -> frozenset[int]:
@@ -142,7 +142,7 @@ def _row(
 
 
 def delay_errors(reference: Reference, step: float) -> list[float]:
-    """RMSE of the display values of the reference picture shown 0, 1, 2 ... scored refreshes late; kept beside it.
+    """RMSE of the display values of the reference image shown 0, 1, 2 ... scored refreshes late; kept beside it.
 
     Before time 0 it shows what it shows at time 0, as every method does.
     """
@@ -150,10 +150,10 @@ def delay_errors(reference: Reference, step: float) -> list[float]:
     if path.exists():
         found: list[float] = json.loads(path.read_text(encoding="utf-8"))
         return found
-    pictures = [display_values(reference.picture(k)) for k in range(len(reference))]
+    images = [display_values(reference.image(k)) for k in range(len(reference))]
     errors = []
     for late in range(min(len(reference), round(LONGEST_DELAY_S / step) + 1)):
-        squares = [mean_square(pictures[max(k - late, 0)], pictures[k]) for k in range(1, len(reference))]
+        squares = [mean_square(images[max(k - late, 0)], images[k]) for k in range(1, len(reference))]
         errors.append(math.sqrt(sum(squares) / max(len(squares), 1)))
     fresh = path.with_name(f"{path.name}.{os.getpid()}")
     fresh.write_text(json.dumps(errors), encoding="utf-8")

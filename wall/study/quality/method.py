@@ -43,7 +43,7 @@ class Setup:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) of the picture."""
+        """(width, height) of the image."""
         return self.panel.pixels
 
     @property
@@ -108,7 +108,7 @@ def steps(
 class Method(Protocol):
     """A way to spend rays: a sampler and its reconstruction. Its first image, one sample a pixel of time 0, is free."""
 
-    rays: int  # primary rays spent so far, the free first picture not counted
+    rays: int  # primary rays spent so far, the free first image not counted
     secondary: int  # shadow and mirror rays beside them
     bytes: int  # sent to the display so far, as packets that the display's side could work from
 

@@ -32,7 +32,7 @@ METHODS: tuple[str, ...] = tuple(FACTORIES)
 
 
 def make_method(name: str, setup: Setup) -> Method:
-    """The method of that name, its free picture traced. Raises ConfigError for a name that is not in METHODS."""
+    """The method of that name, its free image traced. Raises ConfigError for a name that is not in METHODS."""
     check_method(name)
     return FACTORIES[name](setup)
 

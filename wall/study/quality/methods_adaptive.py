@@ -1,10 +1,10 @@
 """The adaptive sampler and its reconstruction as a method.
 
-`adaptive`: one picture serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
-display has a picture of its own, made from nothing but the packets, as at a compositor; `..._every_2`, `..._every_6`:
+`adaptive`: one image serves the sampler and the display, as where both are in one process. `adaptive:remote`: the
+display has an image of its own, made from nothing but the packets, as at a compositor; `..._every_2`, `..._every_6`:
 the sampler's is refreshed only at every so many of the display's refreshes. `adaptive:uniform`: every pixel gains
 the same. `adaptive:cut`: tiles from a K-D cut instead of the grid. `adaptive:no_X`: without ingredient X of
-the picture. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
+the image. `adaptive:delayed`: what is made at a refresh is seen at the next; `adaptive:predicted`: the same, but
 made, and its rays traced, for what is expected then; `adaptive:predicted_picture`: made for it, but rays traced under
 the newest inputs; `..._2`: two refreshes later.
 """
@@ -30,10 +30,10 @@ class LateDisplay:
     """A display that shows an image some refreshes after it was made. Inputs come as often as a manager sends them."""
 
     def __init__(self, refresh_hz: float, *, refreshes: int, predicted: bool, ahead: bool) -> None:
-        """`refreshes`: how many lie between making a picture and seeing it, 0 is none; `predicted`: pictures are made
+        """`refreshes`: how many lie between making an image and seeing it, 0 is none; `predicted`: images are made
         for when they are seen; `ahead`: rays are traced for that moment as well."""
         self._predictor, self._ahead = Predictor(refreshes / refresh_hz, on=predicted), ahead and predicted
-        self._pictures: deque[Float32] = deque(maxlen=refreshes + 1)
+        self._images: deque[Float32] = deque(maxlen=refreshes + 1)
         self._interval, self._due = 1.0 / (refresh_hz * EVENTS_A_REFRESH), 0.0
         self._foreseen: Event | None = None
 
@@ -45,14 +45,14 @@ class LateDisplay:
         return self._foreseen if self._ahead else event
 
     def made(self, event: Event, time: float) -> Event:
-        """What a picture made at `time`, when `event` is the newest, is to show."""
+        """What an image made at `time`, when `event` is the newest, is to show."""
         self._predictor.take(event)
         return self._predictor.at(time)
 
     def seen(self, made: Float32) -> Float32:
-        """What is seen from now on, when `made` is handed in: the oldest picture under way."""
-        self._pictures.append(made if self._pictures.maxlen == 1 else made.copy())
-        return self._pictures[0]
+        """What is seen from now on, when `made` is handed in: the oldest image under way."""
+        self._images.append(made if self._images.maxlen == 1 else made.copy())
+        return self._images[0]
 
 
 class AdaptiveMethod:
@@ -72,14 +72,14 @@ class AdaptiveMethod:
         predicted: bool = False,
         ahead: bool = True,
     ) -> None:
-        """`every`: refreshes of the display from one of a remote sampler's picture to the next.
+        """`every`: refreshes of the display from one of a remote sampler's image to the next.
 
-        `sends`: whether samples are, not pictures made of them; `late`, `predicted`, `ahead`: see LateDisplay.
+        `sends`: whether samples are, not images made of them; `late`, `predicted`, `ahead`: see LateDisplay.
         """
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._picture = Reconstruction(setup.panel, eye, scene, detects_change=True, ingredients=ingredients)
-        self._shown = self._picture
+        self._image = Reconstruction(setup.panel, eye, scene, detects_change=True, ingredients=ingredients)
+        self._shown = self._image
         if remote:
             self._shown = Reconstruction(setup.panel, eye, scene, detects_change=False)
         self._tracer = MeteredTracer(
@@ -88,7 +88,7 @@ class AdaptiveMethod:
         )  # fmt: skip
         self._display = LateDisplay(setup.refresh_hz, refreshes=late, predicted=predicted, ahead=ahead)
         self._sampler = AdaptiveSampler(
-            setup.rect, self._picture.feedback(), batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
+            setup.rect, self._image.feedback(), batch=4096, seed=setup.seed, tiling=tiling, uniform=uniform
         )
         self._now, self._spent, self._every, self._refreshes = 0.0, 0, every, 0
         self._trace(centres(setup), self._inputs.event_at(0.0), 0.0)
@@ -113,7 +113,7 @@ class AdaptiveMethod:
 
     def _trace(self, xy: Float32, event: Event, now: float) -> None:
         samples, _ = self._tracer.trace_only(xy, event)
-        self._picture.insert(samples, now, event)  # which writes into them what they contradict
+        self._image.insert(samples, now, event)  # which writes into them what they contradict
         self._sampler.observe(samples)
         self._tracer.send(samples, event, now)
 
@@ -124,10 +124,10 @@ class AdaptiveMethod:
         """See Method."""
         event = self._display.made(self._inputs.event_at(time), time)
         if self._refreshes % self._every == 0:
-            self._picture.refresh(event, time)
-            self._sampler.replan(self._picture.feedback())
+            self._image.refresh(event, time)
+            self._sampler.replan(self._image.feedback())
         self._refreshes += 1
-        if self._shown is not self._picture:
+        if self._shown is not self._image:
             self._shown.refresh(event, time)
         return self._display.seen(self._shown.radiance)
 

@@ -111,21 +111,21 @@ class AdaptiveFrameless:
             kernels.remember(aimed, first, ring.position, self._centres)
         self._retile(len(samples) if self._aimed else SAMPLES_A_STEP * FIRST_TILES, now)
 
-    def picture(self, event: Event, now: float) -> Float32:
+    def image(self, event: Event, now: float) -> Float32:
         """See Renderer."""
-        tree, ring, image = self._tree, self._ring, self._image
-        image_kernels.tiles_of_cells(tree, self._cut.slot, image.tile_of)
+        tree, ring, made = self._tree, self._ring, self._image
+        image_kernels.tiles_of_cells(tree, self._cut.slot, made.tile_of)
         table = self._maps.of(event).panel_from_object
-        self._mean_age = image_kernels.project(ring, table, now, tree.cell_of, image)
-        image_kernels.extents(self._cut.nodes[: self._tiles], tree, self._fading(now), FILTER_SAMPLES, image)
-        image_kernels.scatter(ring, now, tree.cell_of, image)
-        image_kernels.normalise(image.sums)
-        fill_holes(image.sums)
-        shown: Float32 = image.sums[:, :, :3]
+        self._mean_age = image_kernels.project(ring, table, now, tree.cell_of, made)
+        image_kernels.extents(self._cut.nodes[: self._tiles], tree, self._fading(now), FILTER_SAMPLES, made)
+        image_kernels.scatter(ring, now, tree.cell_of, made)
+        image_kernels.normalise(made.sums)
+        fill_holes(made.sums)
+        shown: Float32 = made.sums[:, :, :3]
         return shown
 
     def _retile(self, samples: int, now: float) -> None:
-        """Take the steps that so many new samples are worth; those of the free picture make the first tiles."""
+        """Take the steps that so many new samples are worth; those of the free image make the first tiles."""
         self._unstepped += samples
         steps, self._unstepped = divmod(self._unstepped, SAMPLES_A_STEP)
         most, fading = (len(self._tree.parent) + 1) // 2, self._fading(now)

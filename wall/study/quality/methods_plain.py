@@ -1,7 +1,7 @@
 """The project's blind samplers as methods, with the compositor's own buffer behind their own packets.
 
 A batch is chosen under the newest event, takes its rays' time to trace, and is shown when its last ray is done. Their
-free picture is whatever completes the sampler at time 0: a sample a pixel, or four for `hilbert`.
+free image is whatever completes the sampler at time 0: a sample a pixel, or four for `hilbert`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What converges when everything stands still: the yardstick of pictures at rest, no way to show motion.
+"""What converges when everything stands still: the yardstick of images at rest, no way to show motion.
 
-While anything moves it keeps its last picture. From the first step on in which nothing did it starts empty, and adds
+While anything moves it keeps its last image. From the first step on in which nothing did it starts empty, and adds
 whole sweeps of samples, spread over each pixel, to a mean; pixels that have none yet show what was there before.
 """
 

@@ -28,20 +28,20 @@ class EnlargingDisplay:
     def __init__(self, size: tuple[int, int], grid: tuple[int, int]) -> None:
         self._columns, self._rows = (between(n, m) for n, m in zip(size, grid, strict=True))
         self._frame = np.zeros((grid[1], grid[0], 3), np.float32)
-        self._picture: Float32 | None = None
+        self._image: Float32 | None = None
 
     def take(self, raster: Samples, event: Event) -> None:
         """Takes a small frame, (h, w) samples, in place of the last."""
-        self._frame[:], self._picture = raster["radiance"], None
+        self._frame[:], self._image = raster["radiance"], None
 
-    def picture(self, event: Event) -> Float32:
+    def image(self, event: Event) -> Float32:
         """Returns the frame enlarged bilinearly to the display's size, (h, w, 3) linear RGB."""
-        if self._picture is None:
+        if self._image is None:
             (first, second, share), (left, right, part) = self._rows, self._columns
             rows = self._frame[first] * (1 - share)[:, None, None] + self._frame[second] * share[:, None, None]
             columns = rows[:, left] * (1 - part)[:, None] + rows[:, right] * part[:, None]
-            self._picture = columns.astype(np.float32)
-        return self._picture
+            self._image = columns.astype(np.float32)
+        return self._image
 
 
 def between(fine: int, coarse: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32]:

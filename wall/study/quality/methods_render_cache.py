@@ -1,4 +1,4 @@
-"""The Render Cache: points with a colour, reprojected and filtered at every refresh; rays where the picture is old.
+"""The Render Cache: points with a colour, reprojected and filtered at every refresh; rays where the image is old.
 
 Walter, Drettakis, Parker 1999; Walter, Drettakis, Greenberg 2002 (7x7 prefilter, bytes of age). As there: 1.5 points a
 pixel, one shown a pixel, depth cull against 3x3, weights 4/2/1, priorities by age with error diffusion, ageing where a
@@ -43,7 +43,7 @@ class RenderCache:
             depth=np.full((height, width), np.inf, np.float32),
         )  # fmt: skip
         self._priority = np.ones((height, width), np.float32)
-        self._picture = np.zeros((height, width, 4), np.float32)
+        self._image = np.zeros((height, width, 4), np.float32)
         self._chosen = np.zeros((width * height, 2), np.int32)
         self._count = self._at = self._cursor = self._plans = 0
         self._wanted = setup.rate / setup.refresh_hz
@@ -60,22 +60,22 @@ class RenderCache:
 
     def take(self, samples: Samples, event: Event, now: float) -> None:
         """Stores traced samples in the cache, over the oldest entries."""
-        self._since += len(samples) if now > 0.0 else 0  # the free picture says nothing of the rate
+        self._since += len(samples) if now > 0.0 else 0  # the free image says nothing of the rate
         self._cursor = kernels.store(samples, self._maps.of(event), self._cache, self._cursor)
 
-    def picture(self, event: Event, now: float) -> Float32:
+    def image(self, event: Event, now: float) -> Float32:
         """Returns the image of the reprojected points, (h, w, 3) linear RGB."""
         cache = self._cache
-        turn = self._since / cache.owner.size  # how much of the picture was sampled since
+        turn = self._since / cache.owner.size  # how much of the image was sampled since
         np.minimum(cache.age + np.float32(AGE_AT_TURN * turn), kernels.OLDEST, out=cache.age)
         kernels.project_points(cache, self._maps.of(event).panel_from_object)
         kernels.cull(cache.owner, cache.depth, self._kept)
-        kernels.interpolate(self._kept, cache.radiance, cache.age, self._picture, self._priority)
-        if not self._picture[:, :, 3].all():
-            fill_holes(self._picture)
+        kernels.interpolate(self._kept, cache.radiance, cache.age, self._image, self._priority)
+        if not self._image[:, :, 3].all():
+            fill_holes(self._image)
         self._wanted, self._since = max(self._since, 1), 0
         self._plan()
-        return self._picture[:, :, :3]
+        return self._image[:, :, :3]
 
     def _plan(self) -> None:
         """Choose the pixels of about one refresh, in random order."""

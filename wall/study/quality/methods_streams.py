@@ -1,8 +1,8 @@
-"""The adaptive renderer's own picture, sent as a picture: what its samples must beat on the wire.
+"""The adaptive renderer's own image, sent as an image: what its samples must beat on the wire.
 
-The rank reconstructs, and at every refresh sends its 8-bit picture; the display decodes and shows it at once, as
-`adaptive` shows its own: no method here is a refresh late. A picture equal to the one before is not sent, by whatever
-stream. The first picture is free, as everybody's. Encoding and decoding are in the CPU time, and the harness's way back
+The rank reconstructs, and at every refresh sends its 8-bit image; the display decodes and shows it at once, as
+`adaptive` shows its own: no method here is a refresh late. An image equal to the one before is not sent, by whatever
+stream. The first image is free, as everybody's. Encoding and decoding are in the CPU time, and the harness's way back
 from 8 bits to light; samples are not packed.
 """
 
@@ -26,7 +26,7 @@ JPEG_QUALITY = 90
 H264_PRESET = "veryfast"
 H264_METHODS = {  # x264's rate factor and colour
     "stream_h264": (18, "yuv420p"),  # what hardware decodes, said to look lossless
-    "stream_h264_fine": (8, "yuv444p"),  # loses no more than the picture lacks already
+    "stream_h264_fine": (8, "yuv444p"),  # loses no more than the image lacks already
 }
 NO_H264 = "needs PyAV, which is not installed: pip install '.[measure]' in the clone"
 

@@ -4,9 +4,9 @@
 each surface (camera and rigid motion), is resampled by Catmull-Rom, clipped to the variance of the 3x3 samples around,
 and given up where object or depth say that something else was there (Karis 2014; Yang, Liu, Salvi 2020). Beyond common
 practice, in the baseline's favour: a young history weighs as many samples as it has, and while nothing moves nothing
-is clipped and every sample weighs the same, so a picture at rest converges.
+is clipped and every sample weighs the same, so an image at rest converges.
 
-Each picture is then warped to every refresh, under the camera and objects of that very moment.
+Each image is then warped to every refresh, under the camera and objects of that very moment.
 `framed_warp`: the same warp of plain frames.
 """
 
@@ -63,7 +63,7 @@ class TemporalDisplay:
         )
         self._event, self._pose = event, pose
 
-    def picture(self, event: Event) -> Float32:
+    def image(self, event: Event) -> Float32:
         """Returns the history, warped to `event` where asked for, (h, w, 3) linear RGB."""
         if not self._warp or self._event is None or event.number == self._event.number:
             return self._shown[:, :, :3]

@@ -1,8 +1,8 @@
-"""How far shown pictures are from reference ones, at each scored refresh and over the run.
+"""How far shown images are from reference ones, at each scored refresh and over the run.
 
 *Display values* are what a screen is sent before rounding: linear RGB clipped to [0, 1], then the sRGB curve
 (IEC 61966-2-1). `rmse_display` is over pixels, channels and scored refreshes of those; `rmse` is the same of linear
-RGB as it is, unclipped, so that highlights weigh in it. Both stand for lateness too: the reference picture is the exact
+RGB as it is, unclipped, so that highlights weigh in it. Both stand for lateness too: the reference image is the exact
 refresh's.
 """
 
@@ -30,9 +30,9 @@ def mean_square(a: Float32, b: Float32) -> float:
 
 @dataclass(slots=True, kw_only=True)
 class Score:
-    """Takes a run's pictures in the order of time: `add` for each scored refresh."""
+    """Takes a run's images in the order of time: `add` for each scored refresh."""
 
-    judged: frozenset[int]  # scored pictures, counted from 0, that the slow metrics are taken of
+    judged: frozenset[int]  # scored images, counted from 0, that the slow metrics are taken of
     over_time: list[float] = field(default_factory=list)  # RMSE of display values at each scored refresh
     _linear: float = 0.0
     _display: float = 0.0
@@ -72,12 +72,12 @@ class Score:
 
     @property
     def flip(self) -> float:
-        """Mean LDR-FLIP of the judged pictures, 0 (equal) to 1; 67 pixels a degree."""
+        """Mean LDR-FLIP of the judged images, 0 (equal) to 1; 67 pixels a degree."""
         return float(np.mean(self._flip)) if self._flip else math.nan
 
     @property
     def ssim(self) -> float:
-        """Mean structural similarity of the judged pictures, up to 1 (equal)."""
+        """Mean structural similarity of the judged images, up to 1 (equal)."""
         return float(np.mean(self._ssim)) if self._ssim else math.nan
 
 
@@ -97,9 +97,9 @@ def ssim(shown: Float32, reference: Float32) -> float:
 
 
 def delay_of(error: float, errors: list[float], step_ms: float) -> float | None:
-    """The pure delay of the reference picture (ms) that has an error: the first at which the curve reaches it.
+    """The pure delay of the reference image (ms) that has an error: the first at which the curve reaches it.
 
-    `errors[k]` is the error of the reference picture shown k steps late; linear in between. None: more than any in it.
+    `errors[k]` is the error of the reference image shown k steps late; linear in between. None: more than any in it.
     """
     for k in range(1, len(errors)):
         low, high = errors[k - 1], errors[k]

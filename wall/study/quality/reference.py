@@ -1,7 +1,7 @@
-"""The reference pictures of a scene: converged, traced for the exact time of each scored refresh, kept on disk.
+"""The reference images of a scene: converged, traced for the exact time of each scored refresh, kept on disk.
 
 They depend on nothing that methods do. A cache entry is named by a hash of what the tracer is given (geometry, looks,
-every pose and camera) and of the tracer's own text, so a changed scene or tracer starts a new one. Pictures are
+every pose and camera) and of the tracer's own text, so a changed scene or tracer starts a new one. Images are
 float16: within 2^-11 of their float32 values, a seventh of the smallest step that 8 bits can show.
 """
 
@@ -24,7 +24,7 @@ from wall.study.quality.method import Inputs
 from wall.tracing.tracer_scene import TracerScene
 
 SAMPLES_A_PIXEL = 64
-SEED = 20050629  # of every reference picture, whatever the methods' seeds
+SEED = 20050629  # of every reference image, whatever the methods' seeds
 LARGEST = 65504.0  # of float16: brighter light is kept as this
 SMALL_PIXELS = 100_000  # up to here every 2nd refresh is scored, above every 8th
 SMALL_STRIDE, LARGE_STRIDE = 2, 8
@@ -38,53 +38,53 @@ TRACER_SOURCES = (
 
 
 def reference_refreshes(size: tuple[int, int], *, seconds: float, refresh_hz: float) -> tuple[int, ...]:
-    """Numbers of the refreshes that have a reference picture, 0 included."""
+    """Numbers of the refreshes that have a reference image, 0 included."""
     stride = SMALL_STRIDE if size[0] * size[1] <= SMALL_PIXELS else LARGE_STRIDE
     return tuple(range(0, int(seconds * refresh_hz + 1e-6) + 1, stride))
 
 
 class Reference:
-    """Reference pictures at given times; `make` traces those that are not there yet."""
+    """Reference images at given times; `make` traces those that are not there yet."""
 
     def __init__(
         self, plan: Plan, tracer_scene: TracerScene, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL
     ) -> None:
-        """`times` (seconds, growing) are those of the pictures, in order."""
+        """`times` (seconds, growing) are those of the images, in order."""
         self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
         self._panel = plan.layout.wall.panels[0]
         inputs = Inputs(plan)
         self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in times)
         self.key = _key(plan, self._panel.pixels, self.events, spp)
         self.folder = cache_folder() / self.key
-        self._pictures, self._done = self._open()
+        self._images, self._done = self._open()
 
     def __len__(self) -> int:
         return len(self.events)
 
-    def picture(self, k: int) -> Float32:
-        """(h, w, 3) float32 linear RGB of picture k, which make() has made."""
-        picture: Float32 = self._pictures[self.original(k)].astype(np.float32)
-        return picture
+    def image(self, k: int) -> Float32:
+        """(h, w, 3) float32 linear RGB of image k, which make() has made."""
+        image: Float32 = self._images[self.original(k)].astype(np.float32)
+        return image
 
     def original(self, k: int) -> int:
-        """The first picture that shows the same as picture k: nothing moved since."""
+        """The first image that shows the same as image k: nothing moved since."""
         while k > 0 and self.events[k - 1] is self.events[k]:
             k -= 1
         return k
 
     def missing(self) -> list[int]:
-        """Pictures still to be made."""
+        """Images still to be made."""
         return [k for k in range(len(self)) if self.original(k) == k and not self._done[k]]
 
     def make(self, wanted: Iterable[int], progress: Callable[[], None] = lambda: None) -> None:
-        """Trace pictures in this thread; each counts as there only once it is all on disk."""
+        """Trace images in this thread; each counts as there only once it is all on disk."""
         tile = Tile(panel=self._panel, seed=SEED)
         renderer = OfflineRenderer(self._plan, self._tracer_scene, self.events[0], spp=self._spp)
         for k in wanted:
             renderer.event = self.events[k]
-            picture = np.concatenate([renderer.band(*band) for band in bands_of(tile)])
-            self._pictures[k] = np.minimum(picture, LARGEST)
-            self._pictures.flush()
+            image = np.concatenate([renderer.band(*band) for band in bands_of(tile)])
+            self._images[k] = np.minimum(image, LARGEST)
+            self._images.flush()
             self._done[k] = True
             self._done.flush()
             progress()
@@ -93,8 +93,8 @@ class Reference:
         """The files, made whole before they get their name: another process may be at it too."""
         self.folder.mkdir(parents=True, exist_ok=True)
         width, height = self._panel.pixels
-        pictures = _mapped(self.folder / "pictures.npy", np.float16, (len(self), height, width, 3))
-        return pictures, _mapped(self.folder / "done.npy", np.bool_, (len(self),))
+        images = _mapped(self.folder / "pictures.npy", np.float16, (len(self), height, width, 3))
+        return images, _mapped(self.folder / "done.npy", np.bool_, (len(self),))
 
 
 def cache_folder() -> Path:

@@ -1,4 +1,4 @@
-"""report.html: one page that holds everything a run found out, with nothing outside it; and its pictures as files."""
+"""report.html: one page that holds everything a run found out, with nothing outside it; and its images as files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from wall.study.quality.pictures import ERROR_GAIN, Bytes, Moment, moments
+from wall.study.quality.image_strips import ERROR_GAIN, Bytes, Moment, moments
 from wall.study.quality.plots import DARK, LIGHT, all_plots
 from wall.study.quality.rows import Row
 from wall.study.quality.summary import (
@@ -23,7 +23,7 @@ from wall.study.quality.summary import (
 )
 from wall.study.quality.tables import REQUIRED, tables
 
-JPEG_QUALITY = 92  # of pictures inside the page; the files beside it are lossless
+JPEG_QUALITY = 92  # of images inside the page; the files beside it are lossless
 STYLE = Path(__file__).with_name("report.css")
 
 
@@ -41,7 +41,7 @@ def write_report(out: Path, rows: Sequence[Row]) -> Path:
     first = [table.html() for table in tables(rows) if table.title == REQUIRED]
     others = [table.html() for table in tables(rows) if table.title != REQUIRED]
     body = [
-        _head(rows), *first, _pictures(kept, rows[0].clock), '<h2 id="plots">Plots</h2>', *plots, *others, _about(rows)
+        _head(rows), *first, _images(kept, rows[0].clock), '<h2 id="plots">Plots</h2>', *plots, *others, _about(rows)
     ]  # fmt: skip
     path = out / "report.html"
     path.write_text(_page("".join(body)), encoding="utf-8")
@@ -65,7 +65,7 @@ def _head(rows: Sequence[Row]) -> str:
         f"{first.width} &times; {first.height} pixels, {first.refresh_hz:g} Hz, {escape(', '.join(scenes(rows)))}; "
         f"every method had {how}. "
         f"{len(seeds)} seed{'s' if len(seeds) > 1 else ''}. Error is the RMSE of display values (sRGB, 0 to 1) against "
-        "the reference picture of each refresh's exact time, so that late and coarse count alike."
+        "the reference image of each refresh's exact time, so that late and coarse count alike."
     )
     tiles = "".join(
         f'<div class="tile"><b>{c.mean:.1f}&times;</b><span>less error than {escape(c.method)}</span></div>'
@@ -77,10 +77,10 @@ def _head(rows: Sequence[Row]) -> str:
     return f'<h1>Speed against error</h1><p class="lead">{about}</p>{note}'
 
 
-def _pictures(kept: Sequence[Moment], clock: str) -> str:
+def _images(kept: Sequence[Moment], clock: str) -> str:
     if not kept:
         return ""
-    parts = [f'<h2>What was shown</h2><p class="note">Below each picture its |error| &times; {ERROR_GAIN:g}.</p>']
+    parts = [f'<h2>What was shown</h2><p class="note">Below each image its |error| &times; {ERROR_GAIN:g}.</p>']
     for scene in dict.fromkeys(moment.scene for moment in kept):
         here = [moment for moment in kept if moment.scene == scene]
         tabs = "".join(_moment(moment, clock, opened=moment is here[0]) for moment in here)
@@ -93,7 +93,7 @@ def _moment(moment: Moment, clock: str, *, opened: bool) -> str:
     for s in moment.shown:
         ours = ' class="ours"' if s.method == OURS else ""
         cards.append(
-            f"<figure{ours}>{_image(s.picture, s.method)}{_image(s.error, f'error of {s.method}')}"
+            f"<figure{ours}>{_image(s.image, s.method)}{_image(s.error, f'error of {s.method}')}"
             f"<figcaption><b>{escape(s.method)}</b> RMSE {s.rmse:.3f}</figcaption></figure>"
         )
     title = f"{moment.time:.2f} s, {spending_text(moment.spending, clock)}"
@@ -122,9 +122,9 @@ def _about(rows: Sequence[Row]) -> str:
     )
 
 
-def _image(picture: Bytes, name: str) -> str:
+def _image(image: Bytes, name: str) -> str:
     out = io.BytesIO()
-    Image.fromarray(picture).save(out, format="JPEG", quality=JPEG_QUALITY, subsampling=0)
+    Image.fromarray(image).save(out, format="JPEG", quality=JPEG_QUALITY, subsampling=0)
     return f'<img src="{_data("jpeg", out.getvalue())}" alt="{escape(name)}" loading="lazy">'
 
 

@@ -23,13 +23,13 @@ from wall.study.quality.summary import (
 from wall.study.quality.traffic import Rest, Traffic, at_rest, traffic
 
 EQUAL_ERROR = 40.0  # times faster that framed must be
-AT_REST_S = 2.0  # after everything stopped, a picture is held against the progressive renderer's
+AT_REST_S = 2.0  # after everything stopped, an image is held against the progressive renderer's
 RIVALS = ("taa_", "reduced_", "render_cache", "afr2005")  # of "best other": all must have run on all scenes
 BYTES_A_SAMPLE = 7.0  # at most, while something moves
 OF_RAW = 0.25  # of the bytes of raw frames, at most
 OF_RAW_AT = (256, 256, 60.0, 400_000.0)  # width, height, refreshes and rays a second that OF_RAW is about
 LOSSLESS = "stream_zstd_tiles"
-COMPLETE = 256  # samples a pixel that a rest must have had time for, before a picture is expected to be complete
+COMPLETE = 256  # samples a pixel that a rest must have had time for, before an image is expected to be complete
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +193,7 @@ def _silence(found: Sequence[Rest], pixels: int) -> list[Verdict]:
     verdicts = []
     for rest in found:
         if rest.method == OURS and rest.rested_s * rest.spending >= COMPLETE * pixels:
-            what = f"nothing is sent of a picture at rest, {spending_text(rest.spending, 'virtual')}, {rest.scene}"
+            what = f"nothing is sent of an image at rest, {spending_text(rest.spending, 'virtual')}, {rest.scene}"
             silent = rest.silent_s is not None
             came = f"after {rest.silent_s:.1f} s" if silent else f"not within {rest.rested_s:.1f} s"
             verdicts.append(Verdict(what=what, wanted=f"within {COMPLETE} samples a pixel", came=came, met=silent))

@@ -41,11 +41,11 @@ class Row:
     cores: float
     refresh_hz: float
     seconds: float
-    shown: int  # refreshes for which the method had CPU time to make a picture; all of them with clock "virtual"
+    shown: int  # refreshes for which the method had CPU time to make an image; all of them with clock "virtual"
     error_over_time: list[float]  # RMSE of display values at each scored refresh
     times: list[float]  # of them, seconds
     still_s: list[float]  # at them, for how long at least nothing had moved
-    reference: str  # name of the reference pictures
+    reference: str  # name of the reference images
     config: str
     ablation: str
     commit: str
@@ -67,7 +67,7 @@ class Row:
 
 
 def identity(trial: Trial, reference: str) -> Identity:
-    """Of the row that a trial will have, held against the reference pictures of that name."""
+    """Of the row that a trial will have, held against the reference images of that name."""
     cores = trial.cores if trial.clock == "cpu" else 0.0
     rate = 0.0 if trial.clock == "cpu" else trial.rate
     return (trial.scene, trial.method, rate, *trial.size, trial.seed, trial.clock, cores, trial.refresh_hz, reference)

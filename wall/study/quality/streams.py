@@ -1,7 +1,7 @@
-"""Pictures as messages: what would be sent if a rank made the picture, and not the display's side.
+"""Images as messages: what would be sent if a rank made the image, and not the display's side.
 
 A stream is a sender and a receiver that share nothing but messages, in order and without loss: the mildest conditions
-for those that build on what was sent before. Pictures are (h, w, 3) uint8 sRGB.
+for those that build on what was sent before. Images are (h, w, 3) uint8 sRGB.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ Bytes = NDArray[np.uint8]
 TILE = 16  # pixels: a block of 4:2:0 JPEG, so tiles bleed into nothing; 32 and 64 save 3 % of zstd while all moves
 ZSTD_LEVEL = 1  # of filtered tiles 3 is larger, by 3 %
 MOSAIC_COLUMNS = 64  # tiles side by side in a JPEG of tiles: neither edge of it may exceed 65535 pixels
-ENDLESS = 1 << 24  # pictures between two that stand alone: nothing is lost here, so one is enough
+ENDLESS = 1 << 24  # images between two that stand alone: nothing is lost here, so one is enough
 
 
 class Stream(Protocol):
     """Codec of a sequence of images of 8-bit RGB."""
 
-    def encode(self, picture: Bytes) -> bytes:
-        """The sender's side: the message that a picture needs after those before it."""
+    def encode(self, image: Bytes) -> bytes:
+        """The sender's side: the message that an image needs after those before it."""
         ...
 
     def decode(self, message: bytes) -> Bytes:
-        """The receiver's side: the picture that is shown then."""
+        """The receiver's side: the image that is shown then."""
         ...
 
 
@@ -44,9 +44,9 @@ class Raw:
     def __init__(self, size: tuple[int, int]) -> None:
         self._shape = (size[1], size[0], 3)
 
-    def encode(self, picture: Bytes) -> bytes:
+    def encode(self, image: Bytes) -> bytes:
         """Returns the image's bytes."""
-        return picture.tobytes()
+        return image.tobytes()
 
     def decode(self, message: bytes) -> Bytes:
         """Returns the image, (h, w, 3) uint8."""
@@ -54,14 +54,14 @@ class Raw:
 
 
 class Jpeg:
-    """Whole pictures at a libjpeg quality, colour at half resolution as libjpeg does by default."""
+    """Whole images at a libjpeg quality, colour at half resolution as libjpeg does by default."""
 
     def __init__(self, quality: int) -> None:
         self._quality = quality
 
-    def encode(self, picture: Bytes) -> bytes:
+    def encode(self, image: Bytes) -> bytes:
         """Returns the image as JPEG, with chroma at half resolution."""
-        return bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(picture), self._quality, "RGB", "420", False))
+        return bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(image), self._quality, "RGB", "420", False))
 
     def decode(self, message: bytes) -> Bytes:
         """Returns the image, (h, w, 3) uint8."""
@@ -86,9 +86,9 @@ class Tiles:
         self._sent: Bytes | None = None  # by the sender, before any loss
         self._shown = np.zeros((self._rows * self._columns, TILE, TILE, 3), np.uint8)  # by the receiver
 
-    def encode(self, picture: Bytes) -> bytes:
+    def encode(self, image: Bytes) -> bytes:
         """Returns a bit mask of the changed tiles and their pixels; no bytes if none changed."""
-        tiles = self._cut(picture)
+        tiles = self._cut(image)
         changed = np.ones(len(tiles), np.bool_)
         if self._sent is not None:
             changed = (tiles != self._sent).any((1, 2, 3))
@@ -107,18 +107,18 @@ class Tiles:
         whole: Bytes = rows.reshape(self._rows * TILE, self._columns * TILE, 3)
         return whole[: self._size[1], : self._size[0]]
 
-    def _cut(self, picture: Bytes) -> Bytes:
-        """Tiles in reading order; those that overhang repeat the picture's edge."""
-        height, width = picture.shape[:2]
+    def _cut(self, image: Bytes) -> Bytes:
+        """Tiles in reading order; those that overhang repeat the image's edge."""
+        height, width = image.shape[:2]
         spare = ((0, self._rows * TILE - height), (0, self._columns * TILE - width), (0, 0))
-        rows = np.pad(picture, spare, mode="edge").reshape(self._rows, TILE, self._columns, TILE, 3)
+        rows = np.pad(image, spare, mode="edge").reshape(self._rows, TILE, self._columns, TILE, 3)
         return rows.swapaxes(1, 2).reshape(-1, TILE, TILE, 3)
 
 
 def filtered(tiles: Bytes) -> Bytes:
     """(3, n, TILE, TILE) uint8: red and blue less green, each value less its left neighbour, modulo 256.
 
-    As PNG's filter Sub and JPEG 2000's reversible colours: a fifth off zstd's bytes of rendered pictures.
+    As PNG's filter Sub and JPEG 2000's reversible colours: a fifth off zstd's bytes of rendered images.
     """
     planes = np.moveaxis(tiles, 3, 0).copy()
     planes[0] -= planes[1]
@@ -169,7 +169,7 @@ def jpeg_tiles(quality: int) -> TileCodec:
 
 
 class H264:
-    """x264 without look-ahead or B-frames (tune zerolatency), one thread; the first picture is the only key frame."""
+    """x264 without look-ahead or B-frames (tune zerolatency), one thread; the first image is the only key frame."""
 
     def __init__(self, size: tuple[int, int], *, crf: int, pixels: str, preset: str, refresh_hz: float) -> None:
         """`crf`: x264's constant rate factor, 0 (lossless) to 51; `pixels`: yuv420p or yuv444p."""
@@ -185,10 +185,10 @@ class H264:
         self._sender, self._receiver = sender, av.CodecContext.create("h264", "r")
         self._receiver.thread_count = 1
 
-    def encode(self, picture: Bytes) -> bytes:
+    def encode(self, image: Bytes) -> bytes:
         """Returns the encoder's packet of the image, padded to even sizes."""
         (width, height), sender = self._size, self._sender
-        even = np.pad(picture, ((0, sender.height - height), (0, sender.width - width), (0, 0)), mode="edge")
+        even = np.pad(image, ((0, sender.height - height), (0, sender.width - width), (0, 0)), mode="edge")
         frame = self._av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")
         frame.pts, self._count = self._count, self._count + 1
         return b"".join(bytes(packet) for packet in sender.encode(frame))
@@ -197,6 +197,6 @@ class H264:
         """Returns the image of one packet, (h, w, 3) uint8."""
         frames: list[Any] = self._receiver.decode(self._av.Packet(message))
         if len(frames) != 1:
-            raise RemoteProtocolError(f"H.264: {len(frames)} pictures came of one message of {len(message)} bytes")
+            raise RemoteProtocolError(f"H.264: {len(frames)} images came of one message of {len(message)} bytes")
         found: Bytes = frames[0].to_ndarray(format="rgb24")
         return found[: self._size[1], : self._size[0]]

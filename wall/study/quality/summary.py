@@ -15,13 +15,13 @@ from itertools import pairwise
 from wall.study.quality.rows import Row
 
 OURS = "adaptive"
-STREAMS = "stream_"  # methods that send pictures of OURS
+STREAMS = "stream_"  # methods that send images of OURS
 BESIDE = ("framed_x10", "progressive")  # not the same spending, or not a way to show motion: in no "best of the others"
 TENFOLD = {"framed": "framed_x10"}  # further points of a method's error against its rate
 STUDENT_95 = (math.nan, 12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262)  # by degrees of freedom
 NORMAL_95 = 1.96
 
-SMALLEST = 1e-9  # error that ratios are taken of: far below what any picture has, and more than none
+SMALLEST = 1e-9  # error that ratios are taken of: far below what any image has, and more than none
 
 Key = tuple[str, str, float]  # scene, method, spending
 Errors = Mapping[Key, float]
@@ -102,7 +102,7 @@ def best_other(rows: Sequence[Row]) -> list[Comparison]:
 
 
 def is_other(method: str) -> bool:
-    """Whether a method is another way to spend the same: not ours, sent as samples or as pictures, nor one beside."""
+    """Whether a method is another way to spend the same: not ours, sent as samples or as images, nor one beside."""
     return method.partition(":")[0] != OURS and method not in BESIDE and not method.startswith(STREAMS)
 
 

@@ -1,4 +1,4 @@
-"""All trials of a quality run, in as many processes as there are cores; reference pictures first."""
+"""All trials of a quality run, in as many processes as there are cores; reference images first."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from wall.core.data import Float32
 from wall.core.errors import ConfigError
 from wall.display.image_file import write_image
 from wall.study.quality.experiment import reference_of, run
+from wall.study.quality.image_strips import LOOKS, REFERENCE, image_path, spent_by
 from wall.study.quality.methods import check_method
-from wall.study.quality.pictures import LOOKS, REFERENCE, picture_path, spent_by
 from wall.study.quality.rows import FILE, Row, append, identity, newest, read
 from wall.study.quality.trial import Trial
 
@@ -26,7 +26,7 @@ CLOCKS = ("virtual", "cpu")
 RATES = (100_000.0, 400_000.0, 800_000.0)  # the article's
 TRIED = 400_000.0  # rays a second that a method is tried out with before it is given CPU time
 SIZE, SEEDS = (256, 256), (1, 2, 3, 4, 5)
-PICTURES_A_TASK = 4  # reference pictures that a process makes in one go
+IMAGES_A_TASK = 4  # reference images that a process makes in one go
 NO_RATE_OF_ITS_OWN = ("framed_x10",)  # methods that are defined by a rate, which the CPU clock does not have
 
 Watch = Callable[[str, int, int], None]  # what is being done, how much is done, of how much
@@ -110,46 +110,46 @@ def sweep(wanted: Wanted, watch: Watch) -> list[Row]:
 
 
 def measure(trial: Trial, out: Path | None) -> Row:
-    """The row of a trial; some of its pictures are kept below `out` unless that is None."""
+    """The row of a trial; some of its images are kept below `out` unless that is None."""
     if out is None:
         return run(trial)
     reference, _ = reference_of(trial)
     looks = {round(share * (len(reference) - 1)): number for number, share in enumerate(LOOKS)}
 
-    def path(method: str, picture: int) -> Path:
+    def path(method: str, image: int) -> Path:
         spent = spent_by(trial)
-        return picture_path(out, looks[picture], scene=trial.scene, size=trial.size, method=method, spent=spent)
+        return image_path(out, looks[image], scene=trial.scene, size=trial.size, method=method, spent=spent)
 
-    def look(picture: int, time: float, shown: Float32, reference: Float32) -> None:
-        if picture in looks:
-            _keep(path(trial.method, picture), shown)
-            _keep(path(REFERENCE, picture), reference)
+    def look(image: int, time: float, shown: Float32, reference: Float32) -> None:
+        if image in looks:
+            _keep(path(trial.method, image), shown)
+            _keep(path(REFERENCE, image), reference)
 
     path(REFERENCE, next(iter(looks))).parent.mkdir(parents=True, exist_ok=True)
     return run(trial, look)
 
 
-def _keep(path: Path, picture: Float32) -> None:
-    """Write a picture that another process may be writing too."""
+def _keep(path: Path, image: Float32) -> None:
+    """Write an image that another process may be writing too."""
     own = path.with_name(f".{os.getpid()}-{path.name}")
-    write_image(own, picture)
+    write_image(own, image)
     own.replace(path)
 
 
 def _make_references(pool: ProcessPoolExecutor, trials: Sequence[Trial], watch: Watch) -> dict[Path, str]:
-    """Make every reference picture that the trials need. Returns the name of each configuration's."""
+    """Make every reference image that the trials need. Returns the name of each configuration's."""
     first = list({trial.config: trial for trial in reversed(trials)}.values())[::-1]
     keys: dict[Path, str] = {}
     tasks: list[partial[int]] = []
     total = done = 0
     for trial, (key, missing) in zip(first, pool.map(_missing, first), strict=True):
         keys[trial.config] = key
-        chunks = [missing[k : k + PICTURES_A_TASK] for k in range(0, len(missing), PICTURES_A_TASK)]
+        chunks = [missing[k : k + IMAGES_A_TASK] for k in range(0, len(missing), IMAGES_A_TASK)]
         tasks += [partial(_make, trial, chunk) for chunk in chunks]
         total += len(missing)
     for made in _as_completed(pool, tasks):
         done += made
-        watch("reference pictures", done, total)
+        watch("reference images", done, total)
     return keys
 
 
@@ -158,9 +158,9 @@ def _missing(trial: Trial) -> tuple[str, list[int]]:
     return reference.key, reference.missing()
 
 
-def _make(trial: Trial, pictures: list[int]) -> int:
-    reference_of(trial)[0].make(pictures)
-    return len(pictures)
+def _make(trial: Trial, images: list[int]) -> int:
+    reference_of(trial)[0].make(images)
+    return len(images)
 
 
 def _as_completed(pool: ProcessPoolExecutor, tasks: Sequence[Callable[[], T]]) -> Iterator[T]:

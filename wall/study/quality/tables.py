@@ -168,7 +168,7 @@ def _moving(rows: Sequence[Row]) -> Table:
     return Table(
         title="Bytes while something moves",
         note=(
-            f"Samples against pictures of the same renderer. Raw 8-bit frames: {_bytes(raw_bytes_per_s(rows[0]))}/s."
+            f"Samples against images of the same renderer. Raw 8-bit frames: {_bytes(raw_bytes_per_s(rows[0]))}/s."
         ),
         columns=("scene", "", "method", "bytes/s", "of raw", "bytes a sample", "RMSE", "CPU s a second"),
         lines=tuple(lines),
@@ -186,9 +186,9 @@ def _crossing(rows: Sequence[Row]) -> Table:
         for c in sorted(crossovers(rows), key=lambda c: (c.spending, -c.density))
     ]  # fmt: skip
     return Table(
-        title="Where samples begin to cost less than pictures",
+        title="Where samples begin to cost less than images",
         note=(
-            "Samples cost rate times bytes a sample, pictures cost pixels times refreshes times bytes a pixel. So "
+            "Samples cost rate times bytes a sample, images cost pixels times refreshes times bytes a pixel. So "
             "samples cost less below so many a displayed pixel and refresh, or second. At the rate measured that "
             f"is from so many refreshes on at {first.width}x{first.height}, or from such a panel on at "
             f"{first.refresh_hz:g} Hz, if bytes a pixel and bytes a sample stay what they were."
@@ -218,7 +218,7 @@ def _resting(rows: Sequence[Row]) -> Table:
     columns = ("scene", "", "method", *windows, "silent after")
     return Table(
         title="Bytes a second after everything stopped",
-        note="Of the first seed. A picture that does not change is not sent, nor is a sample that would gain nothing.",
+        note="Of the first seed. An image that does not change is not sent, nor is a sample that would gain nothing.",
         columns=tuple(columns[k] for k in kept),
         lines=tuple(tuple(line[k] for k in kept) for line in lines),
         text=(0, 1, 2),

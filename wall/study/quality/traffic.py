@@ -1,6 +1,6 @@
-"""What samples cost on the wire against pictures: while something moves, at rest, and where they cost the same.
+"""What samples cost on the wire against images: while something moves, at rest, and where they cost the same.
 
-Samples cost rate x (bytes a sample); pictures cost pixels x refreshes x (bytes a pixel of each). Samples are therefore
+Samples cost rate x (bytes a sample); images cost pixels x refreshes x (bytes a pixel of each). Samples are therefore
 cheaper below (bytes a pixel) / (bytes a sample) rays for each displayed pixel and refresh, whatever the panel's size:
 as far as a pixel's and a sample's bytes depend on neither. Both are measured, at one rate, size and refresh rate.
 """
@@ -30,24 +30,24 @@ class Traffic:
     spending: float
     bytes_per_s: float
     raw: float  # of the bytes of raw 8-bit frames, one every refresh
-    bytes_a_sample: float  # for pictures: for every ray that was spent on them
+    bytes_a_sample: float  # for images: for every ray that was spent on them
     error: float  # RMSE of display values, of the whole run
     cpu: float  # CPU seconds a second, of the whole run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crossover:
-    """Where samples and one kind of pictures cost the same, from geometric means over scenes."""
+    """Where samples and one kind of images cost the same, from geometric means over scenes."""
 
     method: str
     spending: float
-    bytes_a_pixel: float  # of each picture sent
+    bytes_a_pixel: float  # of each image sent
     bytes_a_sample: float
     density: float  # samples for each displayed pixel and refresh, below which samples are cheaper
     density_per_s: float  # the same for each second, at the rows' refresh rate
     refresh_hz: float  # above this samples are cheaper, at the rows' rate and size
     pixels: float  # above this, at the rows' rate and refresh rate
-    error: float  # of what the pictures show over that of what the samples do
+    error: float  # of what the images show over that of what the samples do
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

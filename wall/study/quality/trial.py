@@ -24,7 +24,7 @@ WALL_HEIGHT_M = 0.27  # of the forced panel; only the angle that it fills matter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """What one run is; two equal trials give equal pictures (with the virtual clock)."""
+    """What one run is; two equal trials give equal images (with the virtual clock)."""
 
     config: Path
     method: str

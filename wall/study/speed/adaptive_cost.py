@@ -49,9 +49,9 @@ class Session:
         panel, eye = plan.layout.wall.panels[0], plan.view.eye
         self.rect = Rect(x=0, y=0, width=pixels[0], height=pixels[1])
         self._kept = AdaptiveSampling().samples_per_pixel
-        self.picture = self.new_picture(detects_change=True)
+        self.image = self.new_image(detects_change=True)
         batch = AdaptiveSampling().samples_per_batch
-        self._sampler = AdaptiveSampler(self.rect, self.picture.feedback(), batch=batch, seed=SEED)
+        self._sampler = AdaptiveSampler(self.rect, self.image.feedback(), batch=batch, seed=SEED)
         self._tracer_scene = make_tracer_scene(plan.scene)
         self._tracer = Tracer(self._tracer_scene, panel, eye, coherent=self._sampler.coherent)
         self._first = first_event(plan, 0.0)
@@ -59,7 +59,7 @@ class Session:
         self.samples = 0
         self._now = 0.0
 
-    def new_picture(self, *, detects_change: bool) -> Reconstruction:
+    def new_image(self, *, detects_change: bool) -> Reconstruction:
         """Returns an empty reconstruction of the session's panel."""
         panel, eye = self.plan.layout.wall.panels[0], self.plan.view.eye
         return Reconstruction(panel, eye, self.plan.scene, detects_change=detects_change, samples_per_pixel=self._kept)
@@ -70,21 +70,21 @@ class Session:
         camera = replace(self._first.camera, position=(x + SLIDE * now, y, z))
         return replace(self._first, camera_event=round(now * 1e6), camera=camera)
 
-    def first_picture(self) -> list[Batch]:
+    def first_image(self) -> list[Batch]:
         """One sample a pixel at time 0."""
         xy, event = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32), self.event_at(0.0)
         self._tracer.set_event(event)
         samples, _ = self._tracer.trace(xy)
-        self.picture.insert(samples, 0.0, event)
+        self.image.insert(samples, 0.0, event)
         return [self._batch(samples[k : k + MAX_SAMPLES], event, 0.0) for k in range(0, len(samples), MAX_SAMPLES)]
 
     def refresh(self, now: float) -> None:
         """Refresh the reconstruction, and score every pixel anew."""
         began = time.thread_time()
-        self.picture.refresh(self.event_at(now), now)
+        self.image.refresh(self.event_at(now), now)
         self._charge("refresh", began)
         began = time.thread_time()
-        self._sampler.replan(self.picture.feedback())
+        self._sampler.replan(self.image.feedback())
         self._charge("choose", began)
 
     def step(self, now: float, rays: int | None = None) -> Batch:
@@ -97,7 +97,7 @@ class Session:
         self._tracer.set_event(event)
         samples, _ = self._tracer.trace(targets.xy)
         began = self._charge("trace", began)
-        self.picture.insert(samples, now, event)
+        self.image.insert(samples, now, event)
         began = self._charge("insert", began)
         self._sampler.observe(samples)
         began = self._charge("choose", began)
@@ -128,7 +128,7 @@ class Session:
 
 
 def live(session: Session, seconds: float) -> None:
-    """So much CPU time of one worker by itself, its picture refreshed when that is due, as workers do it."""
+    """So much CPU time of one worker by itself, its image refreshed when that is due, as workers do it."""
     began = time.thread_time()
     due, now = 0.0, 0.0
     while (now := time.thread_time() - began) < seconds:
@@ -148,7 +148,7 @@ def rank_side(rounds: int) -> list[Row]:
     samples = 0
     for _ in range(rounds):
         session = Session()
-        session.first_picture()
+        session.first_image()
         live(session, 0.1)
         session.seconds.clear()
         session.samples = 0
@@ -177,8 +177,8 @@ def display_side(metric: str) -> list[Row]:
     """Reconstruction of one panel that is sent RATE samples a second, from insertion to 8 bits."""
     (width, height), limit = PANELS[metric]
     session = Session((width, height))
-    shown, rgb = session.new_picture(detects_change=False), np.zeros((height, width, 3), np.uint8)
-    for batch in session.first_picture():
+    shown, rgb = session.new_image(detects_change=False), np.zeros((height, width, 3), np.uint8)
+    for batch in session.first_image():
         shown.insert(batch.samples, 0.0, batch)
     took = placing = stored = 0.0
     for refresh in range(1, SETTLED + MEASURED + 1):

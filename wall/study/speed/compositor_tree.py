@@ -28,7 +28,7 @@ PATIENCE_S = 60.0
 
 
 def measure(rounds: int) -> list[Row]:
-    """Samples a second from eight sources into one picture of the wall."""
+    """Samples a second from eight sources into one image of the wall."""
     ratios: dict[int, list[float]] = {}
     for sources in (4, 8):
         plans = [_plan(sources, tree=tree) for tree in (False, True)]
@@ -77,7 +77,7 @@ def _packets(plan: Plan) -> dict[int, list[bytes]]:
 
 
 def _rate(plan: Plan, packets: dict[int, list[bytes]]) -> float:
-    """Samples a second, from the first packet until the head's picture has the last one."""
+    """Samples a second, from the first packet until the head's image has the last one."""
     graph, context = plan.layout.graph, multiprocessing.get_context("fork")
     hub, event = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES), first_event(plan, 0.0)
     endpoints, children, pipes = {HEAD: hub.endpoint}, [], []

@@ -32,26 +32,26 @@ from wall.tracing.tracer_scene import make_tracer_scene
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 SOURCES, SOURCE_PIXELS = 8, (960, 540)
-FRAMES, SETTLING = 8, 2  # pictures in a round, after some that do not count
+FRAMES, SETTLING = 8, 2  # images in a round, after some that do not count
 CREDIT_BYTES = 1 << 14  # one framelet under way from each source
 CHANNELS = frozenset({"colour", "depth", "alpha", "object_id"})
 PATIENCE_S = 60.0  # for a process that should answer within one second
 
 
 def depth_tree(rounds: int) -> list[Row]:
-    """Pictures a second of eight depth layers: two compositors before a third one, against one that takes all."""
+    """Images a second of eight depth layers: two compositors before a third one, against one that takes all."""
     layers = _layers()
     one, two = [], []
     for _ in range(max(2, rounds // 3)):
-        one.append(_pictures_a_second(layered_graph(tree=False), layers))
-        two.append(_pictures_a_second(layered_graph(tree=True), layers))
+        one.append(_images_a_second(layered_graph(tree=False), layers))
+        two.append(_images_a_second(layered_graph(tree=True), layers))
     note = (
         f"courtyard cut into {SOURCES} layers of {SOURCE_PIXELS[0]}x{SOURCE_PIXELS[1]} with depth, alpha and object, "
-        f"every one new for every picture; three processes against one, on {len(os.sched_getaffinity(0))} cores"
+        f"every one new for every image; three processes against one, on {len(os.sched_getaffinity(0))} cores"
     )
     ratio = median([b / a for a, b in zip(one, two, strict=True)])
     more = {"one": round(median(one), 2), "ratio_to_one": round(ratio, 3)}
-    return [reported("depth_tree", median(two), unit="pictures/s", note=note, **more)]
+    return [reported("depth_tree", median(two), unit="images/s", note=note, **more)]
 
 
 def layered_graph(*, tree: bool) -> Graph:
@@ -119,7 +119,7 @@ class _Compositor:
         link = self._link
         self._outlets = Outlets(self._graph, self._rank, lambda target: link.ready())
 
-    def picture(self) -> None:
+    def image(self) -> None:
         """Wait for a new framelet of every source, then make, and send, what comes of them."""
         came: set[int] = set()
         limit = time.monotonic() + PATIENCE_S
@@ -141,7 +141,7 @@ class _Compositor:
             self._link.wait(0.001)
 
 
-def _pictures_a_second(graph: Graph, layers: list[Framelet]) -> float:
+def _images_a_second(graph: Graph, layers: list[Framelet]) -> float:
     """Of the head, with all that comes before it in processes of their own."""
     context = multiprocessing.get_context("fork")
     ranks = sorted({step.rank for step in graph.steps if isinstance(step.node, Depth)} - {0})
@@ -161,10 +161,10 @@ def _pictures_a_second(graph: Graph, layers: list[Framelet]) -> float:
         users = {k: graph.steps[graph.steps[k].users[0]].rank for k in packets}
         pipes[-1][0].send({k: endpoints[rank] for k, rank in users.items()})
         for _ in range(SETTLING):
-            head.picture()
+            head.image()
         began = time.perf_counter()
         for _ in range(FRAMES):
-            head.picture()
+            head.image()
         return FRAMES / (time.perf_counter() - began)
     finally:
         for child in children:
@@ -179,7 +179,7 @@ def _leaf(graph: Graph, rank: int, pipe: Connection) -> None:
     compositor.send_to(pipe.recv())
     pipe.send(compositor.hub.endpoint)
     while os.getppid() == parent:
-        compositor.picture()
+        compositor.image()
 
 
 def _feed(packets: dict[int, bytes], pipe: Connection) -> None:

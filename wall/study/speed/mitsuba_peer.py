@@ -1,4 +1,4 @@
-"""The same picture by Mitsuba 3: one mesh, one directional light, direct light, one sample a pixel, one core.
+"""The same image by Mitsuba 3: one mesh, one directional light, direct light, one sample a pixel, one core.
 
 Runs in its own process (python -m wall.study.speed.mitsuba_peer), because Mitsuba fixes its threads and its libLLVM
 when it is loaded. Both renderers get one core; compilation is done before the clock starts.
@@ -42,7 +42,7 @@ IRRADIANCE, ALBEDO = 3.0, 0.8
 
 
 def measure(rounds: int) -> list[Row]:
-    """mitsuba_llvm: samples a second a core, ours against theirs, and how far the two pictures are apart."""
+    """mitsuba_llvm: samples a second a core, ours against theirs, and how far the two images are apart."""
     skip = ("mitsuba_llvm", "M samples/s", "ratio >= 1")
     if find_spec("mitsuba") is None:
         return [skipped(*skip, "Mitsuba is not installed (pip install 'wall[measure]')")]
@@ -83,7 +83,7 @@ def _main(folder: str, rounds: int) -> None:
     ours, theirs = Ours(plan), Theirs(plan, Path(folder))
     ours.rate(), theirs.rate()
     turns = [(ours.rate() / 1e6, theirs.rate() / 1e6) for _ in range(rounds)]
-    reference, peer = ours.picture(), theirs.picture()
+    reference, peer = ours.image(), theirs.image()
     result = {
         "ours": [turn[0] for turn in turns],
         "theirs": [turn[1] for turn in turns],
@@ -140,11 +140,11 @@ class Ours:
         kernels.trace(*arguments)
         return len(self._xy) / (time.perf_counter() - began)
 
-    def picture(self) -> Float32:
+    def image(self) -> Float32:
         """Returns the rendered image, (h, w, 3) linear RGB."""
-        picture = render(self._plan, spp=COMPARE_SPP, seed=1, at=0.0)
-        assert picture is not None  # there is one rank
-        return picture
+        image = render(self._plan, spp=COMPARE_SPP, seed=1, at=0.0)
+        assert image is not None  # there is one rank
+        return image
 
 
 class Theirs:
@@ -204,7 +204,7 @@ class Theirs:
         self._dr.sync_thread()
         return width * height / (time.perf_counter() - began)
 
-    def picture(self) -> Float32:
+    def image(self) -> Float32:
         """Returns the rendered image, (h, w, 3) linear RGB."""
         return np.array(self._mi.render(self._scene, spp=COMPARE_SPP, seed=self._mi.UInt32(2)), np.float32)[:, :, :3]
 

@@ -1,4 +1,4 @@
-"""What a refresh of a moving picture costs on this machine's GPU, display values on the CPU included."""
+"""What a refresh of a moving image costs on this machine's GPU, display values on the CPU included."""
 
 from __future__ import annotations
 
@@ -68,18 +68,18 @@ def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
     return samples
 
 
-def _refreshes(picture: GpuReconstruction | Reconstruction, samples: Samples, event: Event, rounds: int) -> list[float]:
+def _refreshes(image: GpuReconstruction | Reconstruction, samples: Samples, event: Event, rounds: int) -> list[float]:
     """Milliseconds from each of `rounds` events to the last display value."""
     for first in range(0, len(samples), BATCH):
-        picture.insert(samples[first : first + BATCH].copy(), 0.0, event)
-    rgb = np.zeros((picture.rect.height, picture.rect.width, 3), np.uint8)
+        image.insert(samples[first : first + BATCH].copy(), 0.0, event)
+    rgb = np.zeros((image.rect.height, image.rect.width, 3), np.uint8)
     x, y, z = event.camera.position
     took = []
     for k in range(SETTLING + rounds):
         camera = replace(event.camera, position=(x + STEP * k, y, z))
         moved = replace(event, camera_event=k, camera=camera)
         began = time.perf_counter()
-        picture.refresh(moved, REFRESH_S * (k + 1))
-        display(picture, picture.take_dirty(), rgb)
+        image.refresh(moved, REFRESH_S * (k + 1))
+        display(image, image.take_dirty(), rgb)
         took.append(1e3 * (time.perf_counter() - began))
     return took[SETTLING:]

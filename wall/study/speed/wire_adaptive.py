@@ -56,7 +56,7 @@ def measure(rounds: int) -> list[Row]:
 
 
 def _moving(plan: Plan, worker: Worker, clock: ManualClock) -> list[bytes]:
-    """Packets of an eye that slides, once the picture has settled."""
+    """Packets of an eye that slides, once the image has settled."""
     event, packets = first_event(plan, 0.0), []
     for _ in range(SETTLED + BATCHES):
         event = _slid(event)

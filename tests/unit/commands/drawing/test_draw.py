@@ -177,9 +177,9 @@ def test_the_same_page_gives_the_same_bytes(kind: str) -> None:
 def test_png_is_the_page_at_300_dpi_and_not_blank(tmp_path: Path) -> None:
     target = tmp_path / "wall.png"
     page = draw(load(CONFIGS / "demo.yaml"), target, samples_per_s=1e6)
-    with Image.open(target) as picture:
-        assert picture.size == pytest.approx((page.width / 25.4 * 300, page.height / 25.4 * 300), abs=1.0)
-        grey = np.asarray(picture.convert("L"))
+    with Image.open(target) as image:
+        assert image.size == pytest.approx((page.width / 25.4 * 300, page.height / 25.4 * 300), abs=1.0)
+        grey = np.asarray(image.convert("L"))
     assert 0.005 < np.mean(grey < 100) < 0.2
     assert np.mean(grey > 200) > 0.5
 

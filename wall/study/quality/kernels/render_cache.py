@@ -89,14 +89,14 @@ def cull(owner, depth, kept):
 
 
 @kernel
-def interpolate(kept, colour, age, picture, priority):
+def interpolate(kept, colour, age, image, priority):
     """Fill small gaps, and say where samples are wanted.
 
     Parameters
     ----------
     kept : (h, w) int32, point shown by each pixel, -1 = none
     colour : (capacity, 3) float32; age : (capacity,) float32
-    picture : (h, w, 4) float32, written: 3x3 means weighted 4, 2, 1; where there is none the plain 7x7 mean; weight 1,
+    image : (h, w, 4) float32, written: 3x3 means weighted 4, 2, 1; where there is none the plain 7x7 mean; weight 1,
         or 0 where that has none either
     priority : (h, w) float32, written: the point's age; else its neighbours' with 3x3 weights, a neighbour without a
         point counting as OLDEST
@@ -120,8 +120,8 @@ def interpolate(kept, colour, age, picture, priority):
             if weight == ZERO:
                 r, g, b, weight = prefiltered(kept, colour, i, j)
             scale = ONE / max(weight, ONE)
-            picture[i, j, 0], picture[i, j, 1], picture[i, j, 2] = r * scale, g * scale, b * scale
-            picture[i, j, 3] = min(weight, ONE)
+            image[i, j, 0], image[i, j, 1], image[i, j, 2] = r * scale, g * scale, b * scale
+            image[i, j, 3] = min(weight, ONE)
 
 
 @inline_kernel
@@ -165,7 +165,7 @@ def choose_pixels(priority, wanted, first_error, chosen):
                 error = value - 1.0
                 chosen[count, 0], chosen[count, 1] = j, i
                 count += 1
-            ahead, behind = n + 1 < width, n > 0  # what would leave the picture goes straight down
+            ahead, behind = n + 1 < width, n > 0  # what would leave the image goes straight down
             straight = 5.0
             if ahead:
                 here[j + 1 + step] += error * 7.0 / 16.0

@@ -1,4 +1,4 @@
-"""A picture with its surfaces, seen from another pose: forward to find where from, then gathered there.
+"""An image with its surfaces, seen from another pose: forward to find where from, then gathered there.
 
 Two passes, as for asynchronous reprojection in object space: every pixel's surface is moved to the new pose and says
 there where it came from; each target pixel then reads the source at the mean of these places, so that colours are
@@ -19,9 +19,9 @@ SAME_DEPTH = np.float32(1.05)  # ratio of depths up to which two pixels are one 
 
 
 @inline_kernel
-def catmull_rom(picture, u, v):
-    """(r, g, b) of a (h, w, >= 3) picture at (u, v) pixels: Catmull-Rom, kept within what the four nearest show."""
-    height, width = picture.shape[0], picture.shape[1]
+def catmull_rom(image, u, v):
+    """(r, g, b) of a (h, w, >= 3) image at (u, v) pixels: Catmull-Rom, kept within what the four nearest show."""
+    height, width = image.shape[0], image.shape[1]
     x, y = u - HALF, v - HALF
     j, i = math.floor(x), math.floor(y)
     s, t = x - np.float32(j), y - np.float32(i)
@@ -33,7 +33,7 @@ def catmull_rom(picture, u, v):
         row = min(max(i - 1 + k, 0), height - 1)
         for m in range(4):
             weight = down * cubic(s, m)
-            p = picture[row, min(max(j - 1 + m, 0), width - 1)]
+            p = image[row, min(max(j - 1 + m, 0), width - 1)]
             r += weight * p[0]
             g += weight * p[1]
             b += weight * p[2]
@@ -116,10 +116,10 @@ def sources(moved, nearest, fallback, origin):
 
 
 @kernel
-def gather(colour, origin, picture):
+def gather(colour, origin, image):
     """Read the source where each pixel comes from.
 
-    colour : (h, w, >= 3) float32 source; origin : see sources; picture : (h, w, 4) float32, radiance and 1, or zeros
+    colour : (h, w, >= 3) float32 source; origin : see sources; image : (h, w, 4) float32, radiance and 1, or zeros
     where nothing came, written. Returns how many pixels are holes.
     """
     height, width = origin.shape[0], origin.shape[1]
@@ -129,12 +129,12 @@ def gather(colour, origin, picture):
             weight = origin[i, j, 2]
             if weight <= np.float32(1e-6):
                 holes += 1
-                picture[i, j, :] = ZERO
+                image[i, j, :] = ZERO
                 continue
             u = np.float32(j) + HALF + origin[i, j, 0] / weight
             v = np.float32(i) + HALF + origin[i, j, 1] / weight
             r, g, b = catmull_rom(colour, u, v)
-            picture[i, j, 0], picture[i, j, 1], picture[i, j, 2], picture[i, j, 3] = r, g, b, ONE
+            image[i, j, 0], image[i, j, 1], image[i, j, 2], image[i, j, 3] = r, g, b, ONE
     return holes
 
 

@@ -1,4 +1,4 @@
-"""The pictures that a run keeps, and strips of them side by side: reference, shown, how far off."""
+"""The images that a run keeps, and strips of them side by side: reference, shown, how far off."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from wall.study.quality.rows import Row
 from wall.study.quality.summary import OURS, averaged, is_other, methods_at, middle, scenes, spending
 from wall.study.quality.trial import Trial
 
-LOOKS = (0.2, 0.45, 0.7)  # of a run: when pictures are kept
+LOOKS = (0.2, 0.45, 0.7)  # of a run: when images are kept
 REFERENCE = "reference"
 ERROR_GAIN = 3.0  # of |error| as it is shown
-GAP = 4  # pixels between the pictures of a strip
+GAP = 4  # pixels between the images of a strip
 SHOWN = (OURS, "framed", "framed_x10", "frameless")  # and after them the best other
 
 Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MethodPicture:
+class MethodImage:
     """What one method showed at one moment."""
 
     method: str
-    rmse: float  # of this picture as it was kept, in 8 bits: within 0.002 of its display values'
-    picture: Bytes  # (h, w, 3) sRGB
-    error: Bytes  # (h, w, 3) |picture - reference| * ERROR_GAIN
+    rmse: float  # of this image as it was kept, in 8 bits: within 0.002 of its display values'
+    image: Bytes  # (h, w, 3) sRGB
+    error: Bytes  # (h, w, 3) |image - reference| * ERROR_GAIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,18 +41,18 @@ class Moment:
     time: float  # seconds
     spending: float
     reference: Bytes
-    shown: tuple[MethodPicture, ...]
+    shown: tuple[MethodImage, ...]
 
     def strip(self) -> Bytes:
         """(2 h + GAP, ..., 3) uint8 RGB: the reference and what was shown above, errors below."""
-        above = [self.reference, *(s.picture for s in self.shown)]
+        above = [self.reference, *(s.image for s in self.shown)]
         below = [np.zeros_like(self.reference), *(s.error for s in self.shown)]
         rows = [np.hstack([_edged(image) for image in images]) for images in (above, below)]
         return np.concatenate([rows[0], np.full((GAP, rows[0].shape[1], 3), 255, np.uint8), rows[1]])
 
 
-def picture_path(out: Path, number: int, *, scene: str, size: tuple[int, int], method: str, spent: str) -> Path:
-    """Where a run keeps picture `number` (of LOOKS); `spent` says at what rate, or with how many cores."""
+def image_path(out: Path, number: int, *, scene: str, size: tuple[int, int], method: str, spent: str) -> Path:
+    """Where a run keeps image `number` (of LOOKS); `spent` says at what rate, or with how many cores."""
     about = REFERENCE if method == REFERENCE else f"{method.replace(':', '.')}-{spent}"
     return out / "pictures" / scene / f"{size[0]}x{size[1]}-{about}-{number}.png"
 
@@ -63,19 +63,19 @@ def spent_by(trial_or_row: Trial | Row) -> str:
 
 
 def moments(out: Path, rows: Sequence[Row]) -> list[Moment]:
-    """Every kept moment of every scene at the middle spending, as far as its pictures are there."""
+    """Every kept moment of every scene at the middle spending, as far as its images are there."""
     spent, found = middle(rows), []
     for scene in scenes(rows):
         here = [row for row in rows if row.scene == scene]
         for number, share in enumerate(LOOKS):
             names = (REFERENCE, *methods_shown(rows, scene, spent))
             paths = {name: _path(out, here, name, spent, number) for name in names}
-            pictures = {
+            images = {
                 method: np.asarray(Image.open(path).convert("RGB")) for method, path in paths.items() if path.exists()
             }
-            if REFERENCE in pictures and len(pictures) > 1:
+            if REFERENCE in images and len(images) > 1:
                 time = min(here[0].times, key=lambda t: abs(t - share * here[0].seconds))
-                found.append(_moment(scene, time, spent, pictures))
+                found.append(_moment(scene, time, spent, images))
     return found
 
 
@@ -90,18 +90,18 @@ def methods_shown(rows: Sequence[Row], scene: str, spent: float) -> list[str]:
 def _path(out: Path, here: Sequence[Row], method: str, spent: float, number: int) -> Path:
     row = next((row for row in here if row.method == method and spending(row) == spent), here[0])
     size = (row.width, row.height)
-    return picture_path(out, number, scene=row.scene, size=size, method=method, spent=spent_by(row))
+    return image_path(out, number, scene=row.scene, size=size, method=method, spent=spent_by(row))
 
 
-def _moment(scene: str, time: float, spent: float, pictures: Mapping[str, Bytes]) -> Moment:
-    reference = pictures[REFERENCE]
+def _moment(scene: str, time: float, spent: float, images: Mapping[str, Bytes]) -> Moment:
+    reference = images[REFERENCE]
     shown = []
-    for method, picture in pictures.items():
+    for method, image in images.items():
         if method != REFERENCE:
-            off = picture.astype(np.float32) - reference
+            off = image.astype(np.float32) - reference
             error = np.clip(np.abs(off) * ERROR_GAIN, 0, 255).astype(np.uint8)
             rmse = float(np.sqrt(np.mean(np.square(off / 255.0))))
-            shown.append(MethodPicture(method=method, rmse=rmse, picture=picture, error=error))
+            shown.append(MethodImage(method=method, rmse=rmse, image=image, error=error))
     return Moment(scene=scene, time=time, spending=spent, reference=reference, shown=tuple(shown))
 
 

@@ -20,8 +20,8 @@ from wall.tracing.tracer_scene import make_tracer_scene
 
 def truth(config: Path) -> list[NDArray[np.uint8]]:
     plan = make_plan(make_layout(load(config)))
-    pictures = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
-    return [picture.rgb for picture in sorted(pictures, key=lambda p: p.id)]
+    images = SingleProcess(plan, make_tracer_scene(plan.scene)).until_complete()
+    return [image.rgb for image in sorted(images, key=lambda p: p.id)]
 
 
 def assert_same(folder: Path, config: Path) -> None:
@@ -34,7 +34,7 @@ def assert_same(folder: Path, config: Path) -> None:
 
 @pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
 @pytest.mark.parametrize("transport", ["loopback", "zmq"])
-def test_distributed_run_gives_the_single_process_picture(tmp_path: Path, transport: str, method: str) -> None:
+def test_distributed_run_gives_the_single_process_image(tmp_path: Path, transport: str, method: str) -> None:
     config = write_config(tmp_path, columns=2, transport=transport, method=method)
 
     done = wall("run", config, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
@@ -66,7 +66,7 @@ def test_compressed_packets_and_a_second_compositor_change_no_pixel(tmp_path: Pa
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(("ranks", "columns", "rows"), [(2, 1, 1), (3, 2, 1), (5, 2, 2)])
-def test_mpi_run_gives_the_single_process_picture(tmp_path: Path, ranks: int, columns: int, rows: int) -> None:
+def test_mpi_run_gives_the_single_process_image(tmp_path: Path, ranks: int, columns: int, rows: int) -> None:
     config = write_config(tmp_path, columns=columns, rows=rows)
 
     done = wall(

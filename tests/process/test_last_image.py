@@ -1,4 +1,4 @@
-"""The last picture of a run that was moving is one moment's, whatever was foreseen when it ended."""
+"""The last image of a run that was moving is one moment's, whatever was foreseen when it ended."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ AHEAD_S, STEP_S = 0.1, 0.03
 ALIKE = 12.0  # RMSE in 8-bit steps at the nearest tried moment: half a step of time and a few samples a pixel
 
 
-def test_last_picture_of_a_moving_wall_is_of_one_moment_at_all_compositors(tmp_path: Path) -> None:
+def test_last_image_of_a_moving_wall_is_of_one_moment_at_all_compositors(tmp_path: Path) -> None:
     """Each refresh looks AHEAD_S into a fast orbit; a panel that still did so at the end would fit another moment."""
     path = f", path: {{type: orbit, period_s: 3}}, display_delay_s: {AHEAD_S}"
     config = write_config(tmp_path, columns=2, compositors=2, method="adaptive", path=path)

@@ -1,4 +1,4 @@
-"""Scenes and samples for pictures made by reprojection: a glowing wall, a plate before it, hits made by hand."""
+"""Scenes and samples for images made by reprojection: a glowing wall, a plate before it, hits made by hand."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def glowing(color: Triple) -> Material:
 
 
 def plate_before_wall(*places: Triple, lights: tuple[PointLight, ...] = ()) -> Scene:
-    """A green wall that fills the picture, and a red plate of 1 x 1 before it, at places[k] at k seconds."""
+    """A green wall that fills the image, and a red plate of 1 x 1 before it, at places[k] at k seconds."""
     still = (1.0, 0.0, 0.0, 0.0)
     times = tuple(float(k) for k in range(len(places)))
     motion = Keyframes(times=times, positions=places, rotations=(still,) * len(places), loop=False)
@@ -58,7 +58,7 @@ def event_at(k: int, seen: View = FRONT, *, scene_time: float = 0.0, **camera: T
     )
 
 
-def picture_of(scene: Scene, seen: View = FRONT, *, detects_change: bool = False, kept: float = 4.0) -> Reconstruction:
+def image_of(scene: Scene, seen: View = FRONT, *, detects_change: bool = False, kept: float = 4.0) -> Reconstruction:
     return Reconstruction(seen.panel, seen.eye, scene, detects_change=detects_change, samples_per_pixel=kept)
 
 
