@@ -43,10 +43,10 @@ def flat(value: float, event: Event, *, adaptive: bool, sequence: int = 1) -> Ba
     )  # fmt: skip
 
 
-def grey(picture: PanelPicture | None) -> float:
+def grey(image: PanelPicture | None) -> float:
     """Mean of the 8-bit values."""
-    assert picture is not None
-    return float(picture.rgb.mean())
+    assert image is not None
+    return float(image.rgb.mean())
 
 
 def second(panel: PanelCompositor) -> PanelPicture:

@@ -23,8 +23,8 @@ def logged(folder, shows, **options):
     return read_log(folder)
 
 
-def test_what_was_shown_is_read_back(tmp_path, picture):
-    first, second = picture(1, time=10.5, value=7, events=(2, 3)), picture(2, time=11.0, value=90)
+def test_what_was_shown_is_read_back(tmp_path, image):
+    first, second = image(1, time=10.5, value=7, events=(2, 3)), image(2, time=11.0, value=90)
 
     found = logged(tmp_path, [(10.51, [first]), (11.02, [second])])
 
@@ -38,8 +38,8 @@ def test_what_was_shown_is_read_back(tmp_path, picture):
         assert (panel.screen, panel.size) == (wanted.screen, (16, 8))
 
 
-def test_only_panels_that_changed_are_kept(tmp_path, picture):
-    before = picture(1)
+def test_only_panels_that_changed_are_kept(tmp_path, image):
+    before = image(1)
     after = replace(before, panels=(before.panels[0], replace(before.panels[1], version=2)))
 
     found = logged(tmp_path, [(0.0, [before]), (1.0, [before]), (2.0, [after])])
@@ -47,20 +47,20 @@ def test_only_panels_that_changed_are_kept(tmp_path, picture):
     assert [(p.time, p.panel) for p in found.panels] == [(0.0, "r0c0"), (0.0, "r0c1"), (2.0, "r0c1")]
 
 
-def test_a_panel_of_two_sinks_is_kept_once(tmp_path, picture):
-    whole = picture(1)
-    window = replace(picture(5, value=3), panels=(picture(5, value=3).panels[1],))
+def test_a_panel_of_two_sinks_is_kept_once(tmp_path, image):
+    whole = image(1)
+    window = replace(image(5, value=3), panels=(image(5, value=3).panels[1],))
 
     found = logged(tmp_path, [(0.0, [whole, window]), (1.0, [whole, window])])
 
     assert [(p.panel, p.version) for p in found.panels] == [("r0c0", 1), ("r0c1", 1)]
 
 
-def test_log_has_a_largest_size_and_says_so(tmp_path, picture):
+def test_log_has_a_largest_size_and_says_so(tmp_path, image):
     log = PictureLog(tmp_path, most_bytes=BYTES_A_PICTURE)
     log.begin(began=0.0, display_delay_s=0.0)
-    log.take([picture(1)], 0.0)
-    log.take([picture(2)], 1.0)
+    log.take([image(1)], 0.0)
+    log.take([image(2)], 1.0)
 
     with pytest.raises(RunError, match=r"2 pictures of panels were not kept: .*wanted: a shorter run"):
         log.close()
@@ -69,18 +69,18 @@ def test_log_has_a_largest_size_and_says_so(tmp_path, picture):
     assert (tmp_path / picture_log.PIXELS).stat().st_size == BYTES_A_PICTURE
 
 
-def test_full_disk_is_said_at_the_end(tmp_path, picture):
+def test_full_disk_is_said_at_the_end(tmp_path, image):
     (tmp_path / picture_log.PIXELS).symlink_to("/dev/full")
     log = PictureLog(tmp_path)
     log.begin(began=0.0, display_delay_s=0.0)
-    log.take([picture(1)], 0.0)
+    log.take([image(1)], 0.0)
 
     with pytest.raises(RunError, match="2 pictures of panels were not kept: No space left on device"):
         log.close()
 
 
-def test_log_that_was_cut_short_is_refused(tmp_path, picture):
-    logged(tmp_path, [(0.0, [picture(1)])])
+def test_log_that_was_cut_short_is_refused(tmp_path, image):
+    logged(tmp_path, [(0.0, [image(1)])])
     index = tmp_path / picture_log.INDEX
     index.write_text("\n".join(index.read_text().splitlines()[:-1]))
 

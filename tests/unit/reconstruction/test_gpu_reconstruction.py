@@ -187,14 +187,14 @@ def test_the_same_moments_later_on_the_clock_give_the_same_image(opengl: Device)
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))
     scene = plate_before_wall((9.0, 0.0, 2.0))
     for start in (0.0, 511.96875, 2.0**24):
-        picture = GpuReconstruction(seen.panel, seen.eye, scene)
+        reconstruction = GpuReconstruction(seen.panel, seen.eye, scene)
         for k in range(4):
             samples = hits(centres((16, 8)), (0.0, 0.1 * k, 0.0))
             samples["change"][::3] = 0.7
-            picture.refresh(event_at(k, seen), start + k / 64)
-            picture.insert(samples, start + k / 64, event_at(k, seen))
-        picture.refresh(event_at(4, seen), start + 4 / 64)
-        images.append(picture.radiance.copy())
+            reconstruction.refresh(event_at(k, seen), start + k / 64)
+            reconstruction.insert(samples, start + k / 64, event_at(k, seen))
+        reconstruction.refresh(event_at(4, seen), start + 4 / 64)
+        images.append(reconstruction.radiance.copy())
     assert_array_equal(images[0], images[1])
     assert_array_equal(images[0], images[2])
 
@@ -213,16 +213,16 @@ def test_display_values_are_those_of_the_cpu_up_to_one_code(
 ) -> None:
     """The square roots of two machines may differ in their last bit, and so lie on two sides of a code."""
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=size)
-    picture = GpuReconstruction(seen.panel, seen.eye, plate_before_wall((9.0, 0.0, 2.0)))
+    reconstruction = GpuReconstruction(seen.panel, seen.eye, plate_before_wall((9.0, 0.0, 2.0)))
     radiance = random_numbers.random((size[0] * size[1], 3)) * 1.5 - 0.1
-    picture.insert(hits(centres(size), radiance.astype(np.float32)), START, event_at(0, seen))
-    picture.refresh(event_at(0, seen), START)
+    reconstruction.insert(hits(centres(size), radiance.astype(np.float32)), START, event_at(0, seen))
+    reconstruction.refresh(event_at(0, seen), START)
     shown, wanted = (np.full((size[1], size[0], 3), 77, np.uint8) for _ in range(2))
-    dirty = picture.take_dirty()
+    dirty = reconstruction.take_dirty()
 
-    picture.display(dirty, shown)
+    reconstruction.display(dirty, shown)
 
-    update_display(picture.radiance, dirty, 16, wanted)
+    update_display(reconstruction.radiance, dirty, 16, wanted)
     difference = np.abs(shown.astype(int) - wanted)
     assert difference.max() <= 1
     assert (difference == 0).mean() > 0.95

@@ -40,22 +40,22 @@ def test_catmull_rom_does_not_overshoot_an_edge() -> None:
 
 
 def test_holes_of_a_plain_image_take_its_colour_and_the_rest_stays() -> None:
-    picture = np.zeros((13, 21, 4), np.float32)
-    picture[3, 4] = picture[9, 17] = (0.25, 0.5, 0.75, 1.0)
-    fill_holes(picture)
-    np.testing.assert_allclose(picture[:, :, :3], np.broadcast_to((0.25, 0.5, 0.75), (13, 21, 3)), atol=ROUNDING)
+    image = np.zeros((13, 21, 4), np.float32)
+    image[3, 4] = image[9, 17] = (0.25, 0.5, 0.75, 1.0)
+    fill_holes(image)
+    np.testing.assert_allclose(image[:, :, :3], np.broadcast_to((0.25, 0.5, 0.75), (13, 21, 3)), atol=ROUNDING)
 
 
 def test_a_hole_in_a_ramp_is_filled_between_its_neighbours() -> None:
-    picture = ramp(16, 16)
-    whole = picture.copy()
-    picture[7, 7, :] = 0.0
-    fill_holes(picture)
+    image = ramp(16, 16)
+    whole = image.copy()
+    image[7, 7, :] = 0.0
+    fill_holes(image)
     around = whole[6:9, 6:9].reshape(-1, 4)
-    assert (picture[7, 7] >= around.min(axis=0)).all()
-    assert (picture[7, 7] <= around.max(axis=0)).all()
-    picture[7, 7] = whole[7, 7]
-    np.testing.assert_array_equal(picture, whole)
+    assert (image[7, 7] >= around.min(axis=0)).all()
+    assert (image[7, 7] <= around.max(axis=0)).all()
+    image[7, 7] = whole[7, 7]
+    np.testing.assert_array_equal(image, whole)
 
 
 def test_an_empty_image_stays_black() -> None:
