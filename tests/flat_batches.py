@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.config.loading import loads
 from wall.core.data import SAMPLE, Batch, Event, Rect
-from wall.display.base import PanelPicture
 from wall.packets.samples import decode, encode
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, make_layout, make_plan
+from wall.roles.present import display_bytes
 
 TEXT = """\
 version: 1
@@ -43,15 +44,15 @@ def flat(value: float, event: Event, *, adaptive: bool, sequence: int = 1) -> Ba
     )  # fmt: skip
 
 
-def grey(image: PanelPicture | None) -> float:
-    """Mean of the 8-bit values."""
-    assert image is not None
-    return float(image.rgb.mean())
+def rgb_of(panel: PanelCompositor) -> NDArray[np.uint8]:
+    """(h, w, 3) uint8, what a layer shows."""
+    return display_bytes(panel.framelet, panel.framelet.rect)
 
 
-def second(panel: PanelCompositor) -> PanelPicture:
+def second(panel: PanelCompositor) -> NDArray[np.uint8]:
+    """(h, w, 3) uint8, what its second sampler shows."""
     assert panel.compared is not None
-    return panel.compared.image.picture()
+    return display_bytes(panel.compared.framelet, panel.framelet.rect)
 
 
 def refresh(panel: PanelCompositor, event: Event) -> None:

@@ -23,7 +23,6 @@ from wall.packets.control import (
     Ping,
     Statistics,
     WindowInput,
-    commands_of,
     parse_control,
     serialise,
 )
@@ -52,7 +51,7 @@ CONTROL = [
     serialise(Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3})),
     serialise(Ping(sent=1.0)),
     serialise(Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4)),
-    serialise(WindowInput(rank=1, commands='[{"kind": "orbit", "x": 0.25, "y": -1e-3}]', closed=True)),
+    serialise(WindowInput(rank=1, commands=[{"kind": "orbit", "x": 0.25, "y": -1e-3}], closed=True)),
     framelet(encoded=True),
     framelet("depth", "alpha", encoded=False),
     framelet(*CHANNELS, encoded=False),
@@ -106,8 +105,7 @@ def survives(parse: Callable[[bytes], Parsed], data: bytes) -> bool:
     elif isinstance(value, FrameletPart):
         with_pixels(value)
     elif isinstance(value, WindowInput):
-        with contextlib.suppress(RemoteProtocolError):
-            steered(commands_of(value))
+        steered(value.commands)
     elif isinstance(value, StatisticsImage):
         assert value.age.shape == value.density.shape
         assert value.rects.shape == (len(value.error_reduction), 4)

@@ -37,12 +37,10 @@ def expand(body: memoryview, codec: int, size: int, where: str) -> bytes | memor
         elif codec == Codec.LZ4:
             data = lz4.block.decompress(body, uncompressed_size=size)
         elif codec == Codec.ZSTD:
-            if zstandard.frame_content_size(body) != size:
-                raise RemoteProtocolError(f"{where}: body does not expand to the {size} bytes its samples need")
-            data = zstandard.ZstdDecompressor().decompress(body, max_output_size=size, allow_extra_data=False)
+            data = expand_at_most(body, size, where)
         else:
             raise RemoteProtocolError(f"{where}: unknown codec {codec}; known: 0 none, 1 lz4, 2 zstd")
-    except (lz4.block.LZ4BlockError, zstandard.ZstdError, ValueError) as error:
+    except (lz4.block.LZ4BlockError, ValueError) as error:
         raise RemoteProtocolError(f"{where}: body does not decompress ({error})") from error
     if len(data) != size:
         raise RemoteProtocolError(f"{where}: body has {len(data)} bytes, its samples need {size}")
@@ -56,9 +54,8 @@ def expand_at_most(body: memoryview, size: int, where: str) -> bytes:
     """
     try:
         stated = zstandard.frame_content_size(body)
-    except zstandard.ZstdError as error:
+        if not 0 <= stated <= size:
+            raise RemoteProtocolError(f"{where}: body expands to {stated} bytes, its samples need at most {size}")
+        return zstandard.ZstdDecompressor().decompress(body, max_output_size=stated, allow_extra_data=False)
+    except (zstandard.ZstdError, ValueError) as error:
         raise RemoteProtocolError(f"{where}: body does not decompress ({error})") from error
-    if not 0 <= stated <= size:
-        raise RemoteProtocolError(f"{where}: body expands to {stated} bytes, its samples need at most {size}")
-    data = expand(body, Codec.ZSTD, stated, where)
-    return bytes(data)

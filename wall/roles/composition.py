@@ -77,7 +77,7 @@ class Composition:
             self._compared = None
         elif self._compared is None:
             seconds = {index: layer.compared for index, layer in self.layers.items()}
-            framelets = {index: second.image.framelet for index, second in seconds.items() if second is not None}
+            framelets = {index: second.framelet for index, second in seconds.items() if second is not None}
             self._compared = self._make_nodes(framelets, compared=True)
 
     def insert(self, packet: bytes) -> None:

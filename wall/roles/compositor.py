@@ -34,7 +34,7 @@ from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.statistics import Due
 from wall.roles.status import AWAY_FROM_HEAD, Latency, Rates, statistics_of, status_of
-from wall.roles.view import FollowedView, followed_views
+from wall.roles.view import FollowedView
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
 RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
@@ -49,7 +49,7 @@ class Compositor:
         self.due = -math.inf
         self.composition = Composition(plan, hello.rank, ready, run_all)
         self.latency, self.refreshes, self._refresh_rate = Latency(), 0, Rates(RATE_SPAN_S)
-        self._views = list(followed_views(plan))
+        self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
         targets = {target for targets in targets_of(graph, hello.rank).values() for target in targets} | {HEAD}
         self._standing = Standing(hello, targets - {hello.rank}, plan.layout.config.transport)
         self._sees_samples = bool(graph.layers_on(HEAD) or needed_from_others(graph, HEAD))

@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Batch, Event, StatisticsImage
-from wall.display.base import PanelPicture
 from wall.reconstruction.channels import blank_framelet
 from wall.reconstruction.choice import Wish
-from wall.roles.layer_image import LayerImage
 from wall.roles.pixel_layer import PixelLayer, compared_layer
 from wall.roles.plan import Plan
 from wall.roles.reprojected_layer import ReprojectedLayer
@@ -31,12 +29,10 @@ class PanelCompositor:
         self.layer, step = graph.layers[index], graph.step(graph.layers[index].node)
         self.panel = plan.layout.wall.panels[self.layer.panel]
         self.framelet = blank_framelet(self.panel, step.channels, encoded=step.encoded, order=step.order)
-        self._image = LayerImage(self.panel, self.framelet)
-        self.newest = PixelLayer(self._image, transparent=self.layer.transparent)
+        self.newest = PixelLayer(self.panel, self.framelet, transparent=self.layer.transparent)
         self.counters = self.newest.buffer.counters  # of samples that this layer drops
-        self.reprojected = ReprojectedLayer(plan, self.layer, self._image, self.counters, reconstruction)
+        self.reprojected = ReprojectedLayer(plan, self.layer, self.framelet, self.counters, reconstruction)
         self.compared: PixelLayer | None = None
-        self._compared_version = 0  # of the next comparison's first picture
         self._routing = SampleRouting(plan.layout.sampling.method, self.counters, reprojects=self.layer.reprojects)
 
     @property
@@ -58,10 +54,9 @@ class PanelCompositor:
     def _compare(self) -> None:
         """Begin or end a comparison; the samples of one that ends stay counted."""
         if self.compared is not None:
-            self._compared_version = self.compared.image.version + 1
             self.counters.update(self.compared.buffer.counters)
             self.newest.buffer.samples_shown += self.compared.buffer.samples_shown
-        self.compared = compared_layer(self.panel, version=self._compared_version) if self._routing.compare else None
+        self.compared = compared_layer(self.panel) if self._routing.compare else None
 
     def _switch(self) -> None:
         """Change the part that is shown. What it showed stays until samples of the other sampler come."""
@@ -122,7 +117,3 @@ class PanelCompositor:
         """Age in seconds of the oldest sample shown; None while a pixel never had one."""
         age = (self.reprojected.arrivals if self._reprojects else self.newest.buffer).oldest_sample(now)
         return age if math.isfinite(age) else None
-
-    def picture(self) -> PanelPicture:
-        """What the layer alone shows after the last refresh, as display bytes."""
-        return self._image.picture()

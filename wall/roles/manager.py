@@ -10,12 +10,12 @@ import enum
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any
 
+from wall.core.data import Event
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat, Hello, Statistics, Stop, WindowInput, commands_of
+from wall.packets.control import Heartbeat, Hello, Statistics, Stop, WindowInput
 from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
 from wall.roles.membership import Register
@@ -109,18 +109,13 @@ class Manager:
         """Take in steering and ends of the run. Raises RemoteProtocolError for a rank that has no windows."""
         if message.rank not in self._window_ranks | {HEAD}:
             raise RemoteProtocolError(f"rank {message.rank} has no windows; wanted: {sorted(self._window_ranks)}")
-        self._commands += self._parsed(commands_of(message))
         self.escape = self.escape or message.escape
         self._closed |= {message.rank} if message.closed else set()
-
-    def _parsed(self, raw: list[Any]) -> list[Command]:
-        commands = []
-        for command in raw:
+        for command in message.commands:
             try:
-                commands.append(parse(command))
+                self._commands.append(parse(command))
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
-        return commands
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Publish events, notice lost ranks, end the run in its steps."""
@@ -158,13 +153,18 @@ class Manager:
         if now >= self._update_due:
             self._update_due = max(self._update_due + self._tick_s, now)
 
+    @property
+    def _shown_event(self) -> Event:
+        """The event of the first view, the only one that panels show (Layout.view_index): the run waits for it."""
+        return self._directors[0].event
+
     def _waits(self) -> bool:
         """In lock step: whether a frame is still under way."""
-        return self._layout.graph.sync != "none" and self._released < self._directors[0].event.number
+        return self._layout.graph.sync != "none" and self._released < self._shown_event.number
 
     def _release(self) -> None:
         """In lock step: once every compositor is done with a frame, the next may begin."""
-        number = self._directors[0].event.number
+        number = self._shown_event.number
         beats = (self.heartbeats.get(k) for k in range(self._layout.graph.compositors) if k not in self.lost)
         if all(beat is not None and (beat.camera_event, beat.scene_event) >= number for beat in beats):
             self._released = number
@@ -203,7 +203,7 @@ class Manager:
 
     def _all_complete(self, *, others: bool = False) -> bool:
         """Whether every living rank says that nothing is left to do under the newest event. `others`: but the head."""
-        number = self._directors[0].event.number
+        number = self._shown_event.number
         for rank in range(int(others), self._layout.size):
             beat = self.heartbeats.get(rank)
             complete = beat is not None and beat.complete and (beat.camera_event, beat.scene_event) == number

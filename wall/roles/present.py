@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -17,6 +18,7 @@ from wall.geometry.panels import Wall
 from wall.operators.kernels import pixels as kernels
 
 _CURVE = srgb_curve()
+_versions = itertools.count(1)  # of all pictures: sinks keep pictures of panels from one comparison to the next
 
 
 class PanelCrops:
@@ -53,14 +55,14 @@ class PanelCrops:
         for name, rect in self._rects.items():
             if any(rect.overlaps(region) for region in regions):
                 old = self._pictures[name]
-                self._pictures[name] = replace(old, rgb=_bytes_of(framelet, rect), version=old.version + 1)
+                self._pictures[name] = replace(old, rgb=display_bytes(framelet, rect), version=next(_versions))
 
     def pictures(self) -> tuple[PanelPicture, ...]:
         """The image of each panel of the sink."""
         return tuple(self._pictures.values())
 
 
-def _bytes_of(framelet: Framelet, rect: Rect) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+def display_bytes(framelet: Framelet, rect: Rect) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
     """(h, w, 3) uint8 sRGB of a part of a framelet, a copy: sinks keep what they get."""
     if framelet.encoded:
         return np.array(framelet.colour[rect.inside(framelet.rect)])

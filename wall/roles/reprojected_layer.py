@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wall.compositing.graph import Layer
 from wall.config.sampling import AdaptiveSampling
-from wall.core.data import Batch, Event, StatisticsImage
+from wall.core.data import Batch, Event, Framelet, StatisticsImage
 from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.geometry.cameras import PanelView
@@ -18,7 +18,6 @@ from wall.reconstruction.choice import AnyReconstruction, Choice, Wish, choose, 
 from wall.reconstruction.gpu.device import GpuError
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
-from wall.roles.layer_image import LayerImage
 from wall.roles.plan import Plan
 from wall.roles.statistics import statistics_image_of
 
@@ -30,16 +29,19 @@ class ReprojectedLayer:
     on, GpuError is raised instead and `given_up` is set.
     """
 
-    def __init__(self, plan: Plan, layer: Layer, image: LayerImage, counters: Counter[str], wish: Wish | None) -> None:
+    def __init__(
+        self, plan: Plan, layer: Layer, framelet: Framelet, counters: Counter[str], wish: Wish | None
+    ) -> None:
         """`wish` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
-        self._plan, self._layer, self._image, self._counters = plan, layer, image, counters
-        self._panel_view = PanelView(plan.view_of(image.panel), image.panel)
+        self._plan, self._layer, self._framelet, self._counters = plan, layer, framelet, counters
+        self._panel = plan.layout.wall.panels[layer.panel]
+        self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
         self._wish: Wish = (wish or plan.layout.config.reconstruction) if self._display_bytes_only else "cpu"
         self.choice: Choice | None = choose("gpu") if self._wish == "gpu" else None  # else when samples come
         self.reconstruction: AnyReconstruction | None = None
         self._coverage: Coverage | None = None  # of a transparent layer
-        self.arrivals = Arrivals(*image.panel.pixels)
+        self.arrivals = Arrivals(*self._panel.pixels)
         self.given_up = False
         self.show_all = False  # at the next refresh, not only what changed
         self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
@@ -64,12 +66,7 @@ class ReprojectedLayer:
             self._give_up(error)
 
     def _make(self) -> AnyReconstruction:
-        sampling, eye, panel, scene = (
-            self._plan.layout.sampling,
-            self._panel_view.eye,
-            self._image.panel,
-            self._plan.scene,
-        )
+        sampling, eye, panel, scene = self._plan.layout.sampling, self._panel_view.eye, self._panel, self._plan.scene
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self._layer.transparent:
             self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
@@ -96,12 +93,10 @@ class ReprojectedLayer:
         assert self.reconstruction is not None
         self._refreshed = True
         try:
-            dirty = self._show(self.reconstruction, self._panel_view(event), now)
+            return self._show(self.reconstruction, self._panel_view(event), now)
         except GpuError as error:
             self._give_up(error)
             return self.refresh(event, now)
-        self._image.version += int(dirty.any())
-        return dirty
 
     def _show(self, reconstruction: AnyReconstruction, event: Event, now: float) -> NDArray[np.bool_]:
         reconstruction.refresh(event, now)
@@ -109,7 +104,7 @@ class ReprojectedLayer:
         if self._coverage is not None:
             dirty |= self._coverage.refresh(event, now)
         self.show_all = False
-        framelet = self._image.framelet
+        framelet = self._framelet
         if dirty.any() and isinstance(reconstruction, Reconstruction) and not self._display_bytes_only:
             framelet.stamp(now)
             show_reprojected(reconstruction, self._coverage, dirty, framelet)
@@ -126,7 +121,7 @@ class ReprojectedLayer:
             return None
         try:
             tiles = list(self.tiles_of.values())
-            return statistics_image_of(self.reconstruction, tiles, self._image.panel.index, compared=False, now=now)
+            return statistics_image_of(self.reconstruction, tiles, self._panel.index, compared=False, now=now)
         except GpuError as error:
             self._give_up(error)
             return self.statistics_image(now)

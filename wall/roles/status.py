@@ -96,7 +96,7 @@ def status_of(
         samplers=samplers_of(plan),
         compare=event.compare,
         compared_per_s=sum(beat.compared_per_s for beat in beats.values()),
-        ranks=tuple(_rank_status(layout, k, beats.get(k), k in members, oldest) for k in range(layout.size)),
+        ranks=tuple(_rank_status(layout, k, beats.get(k), oldest, known=k in members) for k in range(layout.size)),
         latency_ms=percentiles_ms(recent),
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
@@ -104,8 +104,9 @@ def status_of(
 
 
 def _rank_status(
-    layout: Layout, rank: int, beat: Heartbeat | None, alive: bool, oldest: Mapping[int, float | None]
+    layout: Layout, rank: int, beat: Heartbeat | None, oldest: Mapping[int, float | None], *, known: bool
 ) -> RankStatus:
+    alive, beat = known and beat is not None, beat or Heartbeat(rank=rank, time=0.0)
     renders = layout.role(rank) == "renderer"
     region = layout.region(rank) if renders else None
     return RankStatus(
@@ -113,12 +114,12 @@ def _rank_status(
         role=layout.role(rank),
         panel=layout.wall.panels[region.panel].id if region is not None else "",
         region=layout.describe(rank),
-        samples_per_s=beat.samples_per_s if beat else 0.0,
-        bytes_per_s=beat.bytes_per_s if beat else 0.0,
+        samples_per_s=beat.samples_per_s,
+        bytes_per_s=beat.bytes_per_s,
         oldest_sample_s=oldest.get(region.layer) if region is not None else None,
-        dropped=sum(beat.dropped.values()) if beat else 0,
-        alive=alive and beat is not None,
-        memory_mb=(beat.peak_memory if beat else 0) / 2**20,
+        dropped=sum(beat.dropped.values()),
+        alive=alive,
+        memory_mb=beat.peak_memory / 2**20,
     )
 
 
@@ -168,15 +169,16 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
 
 
 def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Hello | None) -> dict[str, Any]:
-    a_second = 1.0 / max(beat.seconds, 1e-3) if beat and beat.seconds else 0.0
+    beat = beat or Heartbeat(rank=rank, time=0.0)
+    a_second = 1.0 / max(beat.seconds, 1e-3) if beat.seconds else 0.0
     return {
         "rank": rank,
         "role": layout.role(rank),
         "region": layout.describe(rank),
         "host": member.host if member else "",
-        "samples_traced": beat.samples_traced if beat else 0,
-        "samples_per_s": round(beat.samples_traced * a_second) if beat else 0,
-        "bytes_per_s": round(beat.bytes * a_second) if beat else 0,
-        "peak_memory": beat.peak_memory if beat else 0,
-        "cpu_s": round(beat.cpu_seconds, 3) if beat else 0.0,
+        "samples_traced": beat.samples_traced,
+        "samples_per_s": round(beat.samples_traced * a_second),
+        "bytes_per_s": round(beat.bytes * a_second),
+        "peak_memory": beat.peak_memory,
+        "cpu_s": round(beat.cpu_seconds, 3),
     }

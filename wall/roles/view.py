@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from wall.core.data import Event
 from wall.roles.plan import Plan, make_predictor
@@ -30,8 +29,3 @@ class FollowedView:
         """Begin a refresh at `now`, and plan the next. Returns the event that is expected when it is seen."""
         self.due = max(self.due + self.period, now)
         return self._predictor.at(now)
-
-
-def followed_views(plan: Plan) -> Iterator[FollowedView]:
-    """All views of a plan."""
-    return (FollowedView(plan, index) for index in range(len(plan.views)))

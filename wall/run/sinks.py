@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,7 +77,7 @@ def window_input_of(rank: int, sinks: list[Sink | None]) -> Callable[[], list[Wi
         if not commands and ended == told:
             return []
         told = ended
-        parts = [json.dumps(commands[k : k + MAX_COMMANDS]) for k in range(0, len(commands) or 1, MAX_COMMANDS)]
+        parts = [commands[k : k + MAX_COMMANDS] for k in range(0, len(commands) or 1, MAX_COMMANDS)]
         return [WindowInput(rank=rank, commands=part, escape=ended[0], closed=ended[1]) for part in parts]
 
     return ask

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
+from flat_batches import RECT, TEXT, flat, plan_of, refresh, rgb_of, second
 
 from wall.core.data import Batch, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
@@ -58,8 +58,8 @@ def test_each_sampler_makes_its_own_image(plan: Plan) -> None:
         panel.insert(flat(1.0, event, adaptive=True, sequence=2 * k))
         panel.insert(flat(0.0031308, event, adaptive=False, sequence=2 * k + 1))
         refresh(panel, event)
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
-    assert grey(second(panel)) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)  # IEC 61966-2-1, the straight part
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
+    assert second(panel).mean() == pytest.approx(0.0031308 * 12.92 * 255, abs=1)  # IEC 61966-2-1, the straight part
 
 
 def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) -> None:
@@ -70,32 +70,30 @@ def test_after_the_end_late_samples_of_the_other_one_change_nothing(plan: Plan) 
     refresh(panel, event)
     alone = replace(event, compare="", camera_event=2)
     panel.follow(alone)
-    before = grey(panel.picture())
+    before = rgb_of(panel).mean()
 
     panel.insert(flat(0.1, event, adaptive=False, sequence=3))
     refresh(panel, alone)
 
     assert panel.compared is None
-    assert grey(panel.picture()) == before == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == before == pytest.approx(255, abs=1)
     assert panel.counters["late"] == RECT.area
     chosen = replace(alone, sampler="frameless", camera_event=3)
     panel.follow(chosen)
     panel.insert(flat(0.0, chosen, adaptive=False, sequence=4))
     refresh(panel, chosen)
-    assert grey(panel.picture()) == 0, "a sampler that is chosen afterwards is shown"
+    assert rgb_of(panel).mean() == 0, "a sampler that is chosen afterwards is shown"
 
 
-def test_versions_of_second_images_grow_from_one_comparison_to_the_next(plan: Plan) -> None:
-    panel, event = PanelCompositor(plan, 0), first_event(plan, 0.0)
-    seen = []
+def test_second_images_of_two_comparisons_never_have_the_same_version(plan: Plan) -> None:
+    composition, event, seen = Composition(plan, HEAD), first_event(plan, 0.0), []
     for k in range(3):
         both = replace(event, compare="frameless", camera_event=2 * k + 1)
-        panel.follow(both)
-        seen.append(second(panel).version)
-        panel.insert(flat(0.5, both, adaptive=False))
-        refresh(panel, both)
-        seen.append(second(panel).version)
-        panel.follow(replace(event, camera_event=2 * k + 2))
+        composition.follow(both)
+        composition.insert(encode(flat(0.5, both, adaptive=False)))
+        composition.refresh(both, 1.0)
+        seen.append(composition.compared()[0].pictures()[0].version)
+        composition.follow(replace(event, camera_event=2 * k + 2))
     assert seen == sorted(set(seen))
 
 
@@ -118,8 +116,8 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
     assert worker.work.compared == pytest.approx(worker.work.samples / 2, abs=128)
     (panel,) = single.composition.layers.values()
     refresh(panel, single.event)
-    assert second(panel).rgb.std() > 10
-    assert panel.picture().rgb.std() > 10
+    assert second(panel).std() > 10
+    assert rgb_of(panel).std() > 10
 
     assert worker.measure_tiles() is not None, "the adaptive sampler has tiles all the same"
     before = worker.work.compared
@@ -209,8 +207,8 @@ def test_a_remote_compositor_sends_both_images_and_statistics_only_while_asked(p
     pair.show(both, flat(1.0, both, adaptive=True), flat(0.0031308, both, adaptive=False, sequence=2))
 
     (first,), (other,) = (shown[0].pictures() for shown in (pair.head.shown(), pair.head.compared()))
-    assert grey(first) == pytest.approx(255, abs=1)
-    assert grey(other) == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
+    assert first.rgb.mean() == pytest.approx(255, abs=1)
+    assert other.rgb.mean() == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
     statistics_images = pair.head.statistics_images(0.0, comparing=True)
     assert [statistics_image.compared for statistics_image in statistics_images] == [False, True]
     assert (statistics_images[1].density == 129).all()  # code of 2^0 samples a pixel: 1 + 8 octaves of 16 steps

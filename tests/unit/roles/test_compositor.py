@@ -179,7 +179,7 @@ def test_away_from_the_head_the_end_is_a_last_word() -> None:
 
 
 def test_window_input_is_forwarded_and_an_end_of_the_run_is_repeated(alone: Plan) -> None:
-    rank, wish = Rank(alone), WindowInput(rank=HEAD, commands='[{"kind": "reset"}]')
+    rank, wish = Rank(alone), WindowInput(rank=HEAD, commands=[{"kind": "reset"}])
     end, beat_s = WindowInput(rank=HEAD, closed=True), alone.layout.config.transport.heartbeat_s
     assert Send(MANAGER, wish) in rank.tell(wish)
     assert Send(MANAGER, wish) not in rank.tell(after=beat_s)

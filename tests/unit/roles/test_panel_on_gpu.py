@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from flat_batches import rgb_of
 
 from wall.config.loading import loads
 from wall.core.data import Batch, Event, Rect
@@ -107,7 +108,7 @@ def test_a_lost_gpu_under_auto_leaves_the_image_to_the_cpu_and_is_counted(
     plan, panel, event = shown_on_gpu()
     assert panel.reprojected.choice is not None
     assert panel.reprojected.choice.on == "gpu"
-    assert panel.picture().rgb.any()
+    assert rgb_of(panel).any()
 
     lose(opengl)
     panel.refresh(moved(event, 1), 0.01)
@@ -115,7 +116,7 @@ def test_a_lost_gpu_under_auto_leaves_the_image_to_the_cpu_and_is_counted(
     assert panel.reprojected.choice.on == "cpu"
     assert "GL_INVALID_ENUM" in panel.reprojected.choice.why
     assert panel.counters["gpu_lost"] == 1
-    assert not panel.picture().rgb.any(), "the samples were the GPU's: the CPU's deep buffer starts empty"
+    assert not rgb_of(panel).any(), "the samples were the GPU's: the CPU's deep buffer starts empty"
     panel.insert(batch_of(plan, moved(event, 2)))
     panel.refresh(moved(event, 2), 0.2)
     on_cpu = PanelCompositor(plan_of("cpu"), 0)
@@ -123,7 +124,7 @@ def test_a_lost_gpu_under_auto_leaves_the_image_to_the_cpu_and_is_counted(
     on_cpu.refresh(moved(event, 1), 0.01)
     on_cpu.insert(batch_of(plan, moved(event, 2)))
     on_cpu.refresh(moved(event, 2), 0.2)
-    assert np.abs(panel.picture().rgb.astype(int) - on_cpu.picture().rgb).max() <= 1
+    assert np.abs(rgb_of(panel).astype(int) - rgb_of(on_cpu)).max() <= 1
     assert panel.counters["gpu_lost"] == 1
 
 
@@ -154,7 +155,7 @@ def test_a_lost_gpu_that_was_insisted_on_ends_the_run_with_what_the_driver_said(
         panel.refresh(event, 0.0)
     panel.insert(batch_of(plan, event))  # the end of a run takes in and shows once more what there is
     panel.refresh(event, 0.1)
-    assert (panel.picture().rgb > 0).mean() > 0.5
+    assert (rgb_of(panel) > 0).mean() > 0.5
 
 
 def moved(event: Event, number: int) -> Event:

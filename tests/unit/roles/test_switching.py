@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flat_batches import RECT, TEXT, flat, grey, plan_of, refresh, second
+from flat_batches import RECT, TEXT, flat, plan_of, refresh, rgb_of, second
 
 from wall.core.data import Event
 from wall.deepbuffer.kernels.pixel_buffer import TILE
@@ -42,12 +42,12 @@ def test_late_samples_of_the_sampler_before_are_left_out_and_counted(plan: Plan,
     panel.follow(after)
     panel.insert(flat(WHITE, after, adaptive=new == "adaptive", sequence=2))
     refresh(panel, after)
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
 
     panel.insert(flat(BLACK, before, adaptive=old == "adaptive", sequence=3))
     refresh(panel, after)
 
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
     assert panel.counters["late"] == RECT.area
 
 
@@ -58,12 +58,12 @@ def test_samples_that_come_before_their_event_wait_for_it(plan: Plan, old: str, 
     panel = shown(plan, before, radiance=BLACK)
     panel.insert(flat(WHITE, after, adaptive=new == "adaptive", sequence=2))
     refresh(panel, before)
-    assert grey(panel.picture()) == 0, "not asked for yet"
+    assert rgb_of(panel).mean() == 0, "not asked for yet"
 
     panel.follow(after)
     refresh(panel, after)
 
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
     assert "late" not in panel.counters
 
 
@@ -76,7 +76,7 @@ def test_without_a_choice_the_configured_sampler_is_shown() -> None:
         panel.follow(event)
         refresh(panel, event)
         expected = 0.0031308 * 12.92 * 255 if method == "adaptive" else 255  # IEC 61966-2-1, the straight part
-        assert grey(panel.picture()) == pytest.approx(expected, abs=1)
+        assert rgb_of(panel).mean() == pytest.approx(expected, abs=1)
 
 
 def test_a_second_image_has_only_samples_of_its_own_comparison(plan: Plan) -> None:
@@ -89,12 +89,12 @@ def test_a_second_image_has_only_samples_of_its_own_comparison(plan: Plan) -> No
     panel.insert(flat(BLACK, alone, adaptive=False, sequence=5))  # late
     refresh(panel, both)
 
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
-    assert grey(second(panel)) == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
+    assert second(panel).mean() == pytest.approx(255, abs=1)
     panel.follow(asking("adaptive", 3, plan, compare="hilbert"))
     panel.insert(flat(WHITE, both, adaptive=False, sequence=6))
     refresh(panel, both)
-    assert grey(second(panel)) == 0, "of the comparison before"
+    assert second(panel).mean() == 0, "of the comparison before"
 
 
 @pytest.mark.parametrize("compare", ["framed", ""])
@@ -108,7 +108,7 @@ def test_the_half_of_a_comparison_that_comes_before_its_event_is_not_lost(plan: 
     panel.insert(flat(WHITE, after, adaptive=False, sequence=2))
     panel.follow(after)
     refresh(panel, after)
-    assert grey(second(panel) if compare else panel.picture()) == pytest.approx(255, abs=1)
+    assert (second(panel) if compare else rgb_of(panel)).mean() == pytest.approx(255, abs=1)
     assert not panel.counters.get("late", 0)
 
 
@@ -118,7 +118,7 @@ def test_old_samples_of_another_sampler_of_the_same_kind_are_late(plan: Plan) ->
     panel.follow(after)
     panel.insert(flat(WHITE, before, adaptive=False, sequence=2))
     refresh(panel, after)
-    assert grey(panel.picture()) == 0
+    assert rgb_of(panel).mean() == 0
     assert panel.counters["late"] == RECT.area
 
 
@@ -128,7 +128,7 @@ def test_the_image_stays_until_samples_of_the_other_sampler_come(plan: Plan) -> 
     panel.insert(flat(BLACK, before, adaptive=True, sequence=2))  # not refreshed any more
     panel.follow(after)
     refresh(panel, after)
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
 
 
 def test_pixels_of_a_tile_keep_the_adaptive_image_until_samples_of_the_other_sampler_come(plan: Plan) -> None:
@@ -140,7 +140,7 @@ def test_pixels_of_a_tile_keep_the_adaptive_image_until_samples_of_the_other_sam
 
     refresh(panel, after)
 
-    rgb = panel.picture().rgb
+    rgb = rgb_of(panel)
     assert (rgb[0, 0] == 0).all()
     assert (rgb.reshape(-1, 3)[1:] >= 254).all()
 
@@ -162,14 +162,14 @@ def test_back_at_the_adaptive_sampler_all_of_its_image_is_shown_at_once(plan: Pl
     panel.follow(other)
     panel.insert(flat(BLACK, other, adaptive=False, sequence=2))
     refresh(panel, other)
-    assert grey(panel.picture()) == 0
+    assert rgb_of(panel).mean() == 0
 
     panel.follow(again)
     batch = flat(WHITE, again, adaptive=True, sequence=3)
     corner = (batch.samples["xy"] < TILE).all(1)
     panel.insert(replace(batch, samples=batch.samples[corner]))
     refresh(panel, again)
-    assert np.abs(panel.picture().rgb.astype(int) - 255).max() <= 1
+    assert np.abs(rgb_of(panel).astype(int) - 255).max() <= 1
 
 
 def test_what_comes_long_before_its_event_is_counted_and_left_out(plan: Plan) -> None:
@@ -182,4 +182,4 @@ def test_what_comes_long_before_its_event_is_counted_and_left_out(plan: Plan) ->
     panel.follow(asking("adaptive", 9, plan))
     assert panel.counters["late"] == EARLY_BATCHES * RECT.area, "of another history: nobody asked"
     refresh(panel, now)
-    assert grey(panel.picture()) == pytest.approx(255, abs=1)
+    assert rgb_of(panel).mean() == pytest.approx(255, abs=1)
