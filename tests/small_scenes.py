@@ -40,7 +40,7 @@ def quad(width: float, height: float, *, material: int = 0, uvs: bool = False, c
 
 def sphere_mesh(material: int = 0, *, segments: int = 24, smooth: bool = True) -> Mesh:
     """The unit sphere about the origin."""
-    mesh = sphere(segments=segments).mesh("sphere", material)
+    mesh = replace(sphere(segments=segments), name="sphere", uvs=None).shaded(material)
     return mesh if smooth else replace(mesh, normals=None)
 
 

@@ -20,7 +20,7 @@ NEARLY_STRAIGHT = 1e-4  # radians; below it the series' next term is under 1e-13
 def between(start: Camera, end: Camera) -> Float64:
     """(6,) the twist that takes `start` to `end`, its turn at most half a circle."""
     old = start.rotation()
-    turn = Rotation.from_matrix(old.T @ end.rotation()).as_rotvec()
+    turn = _log(old.T @ end.rotation())
     shift = np.linalg.solve(_mean_turn(turn), old.T @ (end.origin() - start.origin()))
     return np.concatenate([turn, shift])
 
@@ -45,6 +45,15 @@ def _mean_turn(turn: Float64) -> Float64:
         return np.asarray(np.eye(3) + skew / 2.0 + skew @ skew / 6.0)
     first, second = (1.0 - math.cos(angle)) / angle**2, (angle - math.sin(angle)) / angle**3
     return np.asarray(np.eye(3) + first * skew + second * (skew @ skew))
+
+
+def _log(rotation: Float64) -> Float64:
+    """(3,) axis times radians, 0 to pi. Of half a circle, whose axis has no sign, some finite turn."""
+    r = rotation
+    axis = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]) / 2.0
+    sine = float(np.linalg.norm(axis))
+    angle = math.atan2(sine, (float(np.trace(r)) - 1.0) / 2.0)
+    return axis * (angle / sine) if sine > 0.0 else axis
 
 
 def _skew(v: Float64) -> Float64:

@@ -25,20 +25,42 @@ REMOTE = 1e4  # distance from the origin over size, from which on it is worth a 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawMesh:
-    """One mesh as the file has it."""
+    """One mesh as a file has it, or code makes it."""
 
-    name: str
+    name: str = ""
     vertices: Float64  # (v, 3) object space
-    triangles: NDArray[np.int64]  # (t, 3)
+    triangles: NDArray[np.integer]  # (t, 3)
     normals: Float64 | None = None  # (v, 3)
     uvs: Float64 | None = None  # (v, 2), v up
     colors: Float32 | None = None  # (v, 3) linear RGB
 
-    def taken(self, rows: NDArray[np.int64], triangles: NDArray[np.int64]) -> RawMesh:
+    def taken(self, rows: NDArray[np.integer], triangles: NDArray[np.integer]) -> RawMesh:
         """The mesh of some of its vertices, which `triangles` count by their positions in `rows`."""
         values = {name: getattr(self, name) for name in ("vertices", "normals", "uvs", "colors")}
         taken: dict[str, Any] = {name: value[rows] for name, value in values.items() if value is not None}
         return replace(self, triangles=triangles, **taken)
+
+    def shaded(self, material: int, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Mesh:
+        """As a scene's mesh, with its own normals, or else smooth ones by the crease rule."""
+        raw = self
+        if raw.normals is None:
+            if raw.uvs is None and raw.colors is None:  # equal positions once: an STL repeats each about six times
+                positions = same_position(raw.vertices)
+                raw = raw.taken(np.unique(positions, return_index=True)[1], positions[raw.triangles])
+            smoothed = crease_normals(raw.vertices, raw.triangles)
+            if smoothed is not None:
+                raw = replace(raw.taken(smoothed.source, smoothed.triangles), normals=smoothed.normals)
+        normals, uvs, colors = (None if a is None else a.astype(np.float32) for a in (raw.normals, raw.uvs, raw.colors))
+        return Mesh(
+            name=raw.name,
+            vertices=raw.vertices.astype(np.float32),
+            triangles=raw.triangles.astype(np.uint32),
+            material=material,
+            origin=origin,
+            normals=normals,
+            uvs=uvs,
+            colors=colors,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,10 +99,10 @@ def repair(raw: RawMesh, material: int) -> Repaired | tuple[str, ...]:
     if len(kept.triangles) == 0:
         return (*notes, f"mesh {raw.name!r} has no area, and is left out")
     x, y, z = (origin / unit).tolist()
-    return Repaired(mesh=_shaded(kept, material, (x, y, z)), unit=unit, notes=tuple(notes))
+    return Repaired(mesh=kept.shaded(material, (x, y, z)), unit=unit, notes=tuple(notes))
 
 
-def _usable(raw: RawMesh) -> tuple[NDArray[np.int64], list[str]]:
+def _usable(raw: RawMesh) -> tuple[NDArray[np.integer], list[str]]:
     """Triangles whose corners exist and are finite."""
     notes = []
     there = np.all((raw.triangles >= 0) & (raw.triangles < len(raw.vertices)), axis=1)
@@ -115,7 +137,7 @@ def _without_slivers(raw: RawMesh, notes: list[str]) -> RawMesh:
     return raw.taken(used, flat.reshape(-1, 3))
 
 
-def _given_normals(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> Float64 | None:
+def _given_normals(raw: RawMesh, used: NDArray[np.integer], notes: list[str]) -> Float64 | None:
     """The file's normals at unit length; None, said, where some are no directions."""
     if raw.normals is None or len(raw.normals) != len(raw.vertices):
         return None
@@ -130,7 +152,7 @@ def _given_normals(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> F
     return np.asarray(normals / length, np.float64)
 
 
-def _given_uvs(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> Float64 | None:
+def _given_uvs(raw: RawMesh, used: NDArray[np.integer], notes: list[str]) -> Float64 | None:
     if raw.uvs is None or len(raw.uvs) != len(raw.vertices):
         return None
     uvs = raw.uvs[used]
@@ -138,25 +160,3 @@ def _given_uvs(raw: RawMesh, used: NDArray[np.int64], notes: list[str]) -> Float
     if not good.all():
         notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~good)} texture coordinates are not finite, taken as 0")
     return np.where(good[:, None], uvs, 0.0)
-
-
-def _shaded(raw: RawMesh, material: int, origin: tuple[float, float, float]) -> Mesh:
-    """With the file's normals, or else smooth ones by the crease rule."""
-    if raw.normals is None:
-        if raw.uvs is None and raw.colors is None:  # equal positions once: an STL repeats each about six times
-            positions = same_position(raw.vertices)
-            raw = raw.taken(np.unique(positions, return_index=True)[1], positions[raw.triangles])
-        smoothed = crease_normals(raw.vertices, raw.triangles)
-        if smoothed is not None:
-            raw = replace(raw.taken(smoothed.source, smoothed.triangles.astype(np.int64)), normals=smoothed.normals)
-    normals, uvs, colors = (None if a is None else a.astype(np.float32) for a in (raw.normals, raw.uvs, raw.colors))
-    return Mesh(
-        name=raw.name,
-        vertices=raw.vertices.astype(np.float32),
-        triangles=raw.triangles.astype(np.uint32),
-        material=material,
-        origin=origin,
-        normals=normals,
-        uvs=uvs,
-        colors=colors,
-    )

@@ -7,10 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from wall.scene.builtin.shapes import Shape, box, join, lathe, placed, sphere, torus, torus_knot
+from wall.scene.builtin.shapes import box, join, lathe, moved, placed, sphere, torus, torus_knot
+from wall.scene.repair import RawMesh
 
 
-def volume(shape: Shape) -> float:
+def volume(shape: RawMesh) -> float:
     """Signed volume by the divergence theorem; positive if triangles face outward."""
     a, b, c = shape.vertices[shape.triangles].transpose(1, 0, 2)
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
@@ -26,7 +27,7 @@ def volume(shape: Shape) -> float:
     ],
     ids=["box", "sphere", "torus", "cylinder"],
 )
-def test_volume_is_that_of_the_solid(shape: Shape, expected: float, tolerance: float) -> None:
+def test_volume_is_that_of_the_solid(shape: RawMesh, expected: float, tolerance: float) -> None:
     assert volume(shape) == pytest.approx(expected, rel=tolerance)
 
 
@@ -35,7 +36,7 @@ def test_volume_is_that_of_the_solid(shape: Shape, expected: float, tolerance: f
     [box(1.0, 2.0, 3.0), sphere(), torus(1.0, 0.3), torus_knot(2, 3, radius=1.0, thickness=0.2)],
     ids=["box", "sphere", "torus", "knot"],
 )
-def test_every_edge_is_shared_by_two_triangles_that_wind_alike(shape: Shape) -> None:
+def test_every_edge_is_shared_by_two_triangles_that_wind_alike(shape: RawMesh) -> None:
     places = {tuple(v): i for i, v in enumerate(np.round(shape.vertices, 9).tolist())}
     same = np.array([places[tuple(v)] for v in np.round(shape.vertices, 9).tolist()])[shape.triangles]
     edges = {(a, b) for t in same.tolist() for a, b in ((t[0], t[1]), (t[1], t[2]), (t[2], t[0]))}
@@ -48,5 +49,5 @@ def test_knot_is_turned_outward() -> None:
 
 
 def test_join_and_move_keep_volumes() -> None:
-    both = join([box(1.0, 1.0, 1.0), sphere(0.5).moved(placed(9.0, 0.0, -4.0, turn_degrees=30.0, scale=2.0))])
+    both = join([box(1.0, 1.0, 1.0), moved(sphere(0.5), placed(9.0, 0.0, -4.0, turn_degrees=30.0, scale=2.0))])
     assert volume(both) == pytest.approx(1.0 + 8.0 * volume(sphere(0.5)), rel=1e-9)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.scene.animation import Motion, Vector
-from wall.scene.builtin.shapes import Shape, placed
+from wall.scene.builtin.shapes import placed
 from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, Track
+from wall.scene.repair import RawMesh
 
 
 @dataclass(slots=True)
@@ -23,31 +25,27 @@ class Assembly:
     instances: list[Instance] = field(default_factory=list)
     tracks: list[Track] = field(default_factory=list)
 
-    def material(self, material: Material) -> int:
+    def material(self, name: str, color: Vector, mirror: float = 0.0, **others: Any) -> int:
         """Adds a material."""
-        self.materials.append(material)
+        self.materials.append(Material(name=name, base_color=color, mirror=mirror, **others))
         return len(self.materials) - 1
-
-    def plain(self, name: str, color: Vector, mirror: float = 0.0) -> int:
-        """Adds a material of one colour."""
-        return self.material(Material(name=name, base_color=color, mirror=mirror))
 
     def textured(self, name: str, texels: NDArray[np.uint8]) -> int:
         """Adds a material that shows a texture, (h, w, 3) sRGB."""
         self.textures.append(Texture(name=name, texels=texels))
-        return self.material(Material(name=name, base_color=(1.0, 1.0, 1.0), texture=len(self.textures) - 1))
+        return self.material(name, (1.0, 1.0, 1.0), texture=len(self.textures) - 1)
 
-    def mesh(self, name: str, shape: Shape, material: int) -> int:
+    def mesh(self, name: str, shape: RawMesh, material: int) -> int:
         """Adds a shape as a mesh of a material, with texture coordinates where the material has a texture."""
-        textured = self.materials[material].texture is not None
-        self.meshes.append(shape.mesh(name, material, textured=textured))
+        uvs = None if self.materials[material].texture is None else shape.uvs
+        self.meshes.append(replace(shape, name=name, uvs=uvs).shaded(material))
         return len(self.meshes) - 1
 
     def place(self, name: str, mesh: int, world_from_object: Float64) -> None:
         """Adds an instance of a mesh."""
         self.instances.append(Instance(name=name, mesh=mesh, world_from_object=world_from_object))
 
-    def put(self, name: str, shape: Shape, material: int, at: Vector = (0.0, 0.0, 0.0)) -> None:
+    def put(self, name: str, shape: RawMesh, material: int, at: Vector = (0.0, 0.0, 0.0)) -> None:
         """Adds a mesh that stands once."""
         self.place(name, self.mesh(name, shape, material), placed(*at))
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 from wall.core.data import Float64
 from wall.scene.animation import Orbit, Spin, Vector
 from wall.scene.builtin.assembly import Assembly
-from wall.scene.builtin.shapes import Shape, join, lathe, placed, sheet, sphere, torus, torus_knot
+from wall.scene.builtin.shapes import join, lathe, moved, painted, placed, sheet, sphere, torus, torus_knot
 from wall.scene.lights import directional_light
-from wall.scene.model import Material, PointLight, Sky, Source, Track
+from wall.scene.model import PointLight, Sky, Source, Track
+from wall.scene.repair import RawMesh
 
 UP: Vector = (0.0, 1.0, 0.0)
 ON_AXIS: Vector = (0.0, 0.0, 0.0)
@@ -55,17 +57,17 @@ def courtyard() -> Source:
 def _terrace(parts: Assembly) -> None:
     """A floating disc of stone with steps at its rim, rock below, a mosaic on top."""
     floor = parts.textured("mosaic", _mosaic(1024))
-    stone = parts.plain("limestone", LIMESTONE)
-    rock = parts.plain("rock", (0.25, 0.19, 0.17))
+    stone = parts.material("limestone", LIMESTONE)
+    rock = parts.material("rock", (0.25, 0.19, 0.17))
     disc = lathe([(4.9, 0.0), (2.5, 0.0), (0.0, 0.0)], 96)
     flat = disc.vertices[:, [0, 2]] / 9.8 + 0.5
-    parts.put("floor", Shape(vertices=disc.vertices, triangles=disc.triangles, uvs=flat * [1, -1] + [0, 1]), floor)
+    parts.put("floor", replace(disc, uvs=flat * [1, -1] + [0, 1]), floor)
     rim = [(5.6, -0.62), (5.6, -0.36), (5.55, -0.34), (5.25, -0.34), (5.25, -0.02), (5.2, 0.0), (4.9, 0.0)]
     parts.put("rim", lathe(rim, 96), stone)
     parts.put("rock", _rock(), rock)
 
 
-def _rock() -> Shape:
+def _rock() -> RawMesh:
     """The underside: a cone of cragged rings that hangs in the air."""
     chance = np.random.default_rng(7)
     rings, sides = 12, 40
@@ -118,7 +120,7 @@ def _mosaic(size: int) -> NDArray[np.uint8]:
 
 def _colonnade(parts: Assembly) -> None:
     """Fluted columns on the rim, each with a jewel on its capital, low walls between some of them."""
-    ivory = parts.plain("ivory", IVORY)
+    ivory = parts.material("ivory", IVORY)
     profile = [(0.30, 0.0), (0.30, 0.10), (0.26, 0.12), (0.24, 0.20), (0.20, 0.24)]
     shaft = [(0.19, 0.26), (0.188, 0.9), (0.175, 1.6), (0.155, 2.2)]
     capital = [(0.18, 2.22), (0.20, 2.28), (0.24, 2.34), (0.28, 2.36), (0.28, 2.46), (0.0, 2.46)]
@@ -126,7 +128,7 @@ def _colonnade(parts: Assembly) -> None:
     column = parts.mesh("column", join(stones), ivory)
     polish = (("coral", CORAL, 0.06), ("teal", TEAL, 0.10), ("saffron", SAFFRON, 0.06), ("indigo", INDIGO, 0.12))
     jewels = [
-        parts.mesh(f"jewel {name}", sphere(0.23, segments=40), parts.plain(name, color, mirror))
+        parts.mesh(f"jewel {name}", sphere(0.23, segments=40), parts.material(name, color, mirror))
         for name, color, mirror in polish
     ]
     for k in range(COLUMNS):
@@ -137,9 +139,9 @@ def _colonnade(parts: Assembly) -> None:
 
 def _bunting(parts: Assembly) -> None:
     """Strings of little flags from column to column, each flag its own colour at its corners."""
-    cloth = parts.plain("cloth", (1.0, 1.0, 1.0))
+    cloth = parts.material("cloth", (1.0, 1.0, 1.0))
     colors = np.array([CORAL, IVORY, TEAL, SAFFRON, INDIGO])
-    flags: list[Shape] = []
+    flags: list[RawMesh] = []
     hang = np.linspace(0.0, 1.0, FLAGS + 1)
     for k in range(COLUMNS):
         start, end = (_on_circle(4.55, (k + side) / COLUMNS, 2.36)[:3, 3] for side in (0, 1))
@@ -147,8 +149,8 @@ def _bunting(parts: Assembly) -> None:
         for number, (left, right) in enumerate(itertools.pairwise(rope)):
             tip = (left + right) / 2.0 - [0.0, 0.24, 0.0]
             corners = np.stack([0.92 * left + 0.08 * right, 0.08 * left + 0.92 * right, tip])
-            one = Shape(vertices=corners, triangles=np.array([[0, 2, 1]], np.uint32), uvs=np.zeros((3, 2)))
-            flags.append(one.painted(colors[(k * 2 + number) % len(colors)] * np.array([[0.85], [0.85], [1.1]])))
+            one = RawMesh(vertices=corners, triangles=np.array([[0, 2, 1]], np.uint32))
+            flags.append(painted(one, colors[(k * 2 + number) % len(colors)] * np.array([[0.85], [0.85], [1.1]])))
     parts.put("bunting", join(flags), cloth)
 
 
@@ -160,7 +162,7 @@ def _on_circle(radius: float, turn: float, height: float = 0.0) -> Float64:
 
 def _fountain(parts: Assembly) -> None:
     """Two basins of water, a golden knot above, three moons around it."""
-    stone, water = parts.plain("basin", IVORY), parts.plain("water", (0.03, 0.16, 0.18), 0.45)
+    stone, water = parts.material("basin", IVORY), parts.material("water", (0.03, 0.16, 0.18), 0.45)
     low = [(1.55, 0.0), (1.55, 0.10), (1.45, 0.14), (1.42, 0.40), (1.50, 0.44), (1.50, 0.50)]
     low += [(1.36, 0.50), (1.34, 0.36)]
     stem = [(0.34, 0.30), (0.30, 0.44), (0.16, 0.60), (0.15, 0.80), (0.24, 0.92), (0.62, 1.06)]
@@ -168,22 +170,22 @@ def _fountain(parts: Assembly) -> None:
     parts.put("basin", join([lathe(low, 72), lathe(stem, 56)]), stone)
     parts.put("water", join([lathe([(1.36, 0.42), (0.0, 0.42)], 72), lathe([(0.63, 1.16), (0.0, 1.16)], 48)]), water)
     knot = torus_knot(2, 3, radius=0.74, thickness=0.17, steps=360, sides=24)
-    parts.place("knot", parts.mesh("knot", knot, parts.plain("gold", GOLD, 0.12)), placed(0.0, 2.25, 0.0))
+    parts.place("knot", parts.mesh("knot", knot, parts.material("gold", GOLD, 0.12)), placed(0.0, 2.25, 0.0))
     parts.move("knot", Spin(axis=UP, period_s=9.0))
     moon = sphere(0.13, segments=36)
     for k, (color, period) in enumerate(((CORAL, 5.0), (TEAL, 7.0), (IVORY, 11.0))):
-        mesh = parts.mesh(f"moon {k}", moon, parts.plain(f"moon {k}", color, 0.05))
+        mesh = parts.mesh(f"moon {k}", moon, parts.material(f"moon {k}", color, 0.05))
         parts.place(f"moon {k}", mesh, _on_circle(1.5 + 0.12 * k, k / 3.0, 2.25))
         parts.move(f"moon {k}", Orbit(center=(0.0, 2.25, 0.0), axis=(0.35 - 0.3 * k, 1.0, 0.2 * k), period_s=period))
 
 
 def _carousel(parts: Assembly) -> None:
     """Eight toys on little poles that circle the fountain; each also turns on its own pole."""
-    pole = parts.plain("pole", (0.55, 0.36, 0.14), 0.15)
+    pole = parts.material("pole", (0.55, 0.36, 0.14), 0.15)
     colors = (CORAL, TEAL, SAFFRON, PLUM)
-    paints = [parts.plain(f"paint {k}", color) for k, color in enumerate(colors)]
+    paints = [parts.material(f"paint {k}", color) for k, color in enumerate(colors)]
     toys = [
-        torus(0.27, 0.11).moved(_tilted()),
+        moved(torus(0.27, 0.11), _tilted()),
         lathe([(0.0, -0.40), (0.34, 0.0), (0.0, 0.40)], 6),
         sphere(0.31, segments=40),
         torus_knot(2, 5, radius=0.27, thickness=0.065, steps=240, sides=12),
@@ -205,8 +207,8 @@ def _tilted() -> Float64:
 
 def _garden(parts: Assembly) -> None:
     """Cypresses and round bushes in terracotta pots, between the columns."""
-    clay, leaf = parts.plain("clay", TERRACOTTA), parts.plain("sage", SAGE)
-    dark = parts.plain("cypress", (0.07, 0.17, 0.08))
+    clay, leaf = parts.material("clay", TERRACOTTA), parts.material("sage", SAGE)
+    dark = parts.material("cypress", (0.07, 0.17, 0.08))
     pot_profile = [(0.16, 0.0), (0.25, 0.34), (0.29, 0.36), (0.29, 0.44), (0.24, 0.44), (0.23, 0.38), (0.0, 0.38)]
     pot = parts.mesh("pot", lathe(pot_profile, 36), clay)
     slim = [(0.05, 0.36), (0.22, 0.5), (0.27, 0.85), (0.22, 1.4), (0.12, 1.9), (0.0, 2.2)]
@@ -221,7 +223,7 @@ def _garden(parts: Assembly) -> None:
         parts.place(f"plant {k}", cypress if k % 3 == 0 else bush, matrix)
 
 
-def _leaves(profile: list[tuple[float, float]], seed: int) -> Shape:
+def _leaves(profile: list[tuple[float, float]], seed: int) -> RawMesh:
     """A turned profile, roughened so that it reads as foliage."""
     radius, height = np.array(profile).T
     fine = np.linspace(height[0], height[-1], 26)
@@ -231,7 +233,7 @@ def _leaves(profile: list[tuple[float, float]], seed: int) -> Shape:
     chance[:, -1] = chance[:, 0]
     rough = shape.vertices.copy()
     rough[:, [0, 2]] *= chance.reshape(-1, 1)
-    return Shape(vertices=rough, triangles=shape.triangles, uvs=shape.uvs)
+    return replace(shape, vertices=rough)
 
 
 LANTERN_RADIUS = 0.11
@@ -246,7 +248,7 @@ def _lanterns(parts: Assembly) -> tuple[PointLight, ...]:
     lights = []
     glows = (((1.0, 0.55, 0.20), 0.35, 1.25, 14.0), ((0.30, 0.65, 1.0), 0.85, 0.75, -19.0))
     for k, (color, turn, height, period) in enumerate(glows):
-        glow = parts.material(Material(name=f"glow {k}", base_color=(0.0, 0.0, 0.0), emission=color))
+        glow = parts.material(f"glow {k}", (0.0, 0.0, 0.0), emission=color)
         mesh = parts.mesh(f"lantern {k}", sphere(LANTERN_RADIUS, segments=24), glow)
         matrix = _on_circle(3.6, turn, height)
         parts.place(f"lantern {k}", mesh, matrix)

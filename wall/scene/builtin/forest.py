@@ -7,6 +7,7 @@ three balloons drift over them. Only some 60,000 triangles are stored.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,10 @@ from numpy.typing import NDArray
 from wall.core.data import Float64
 from wall.scene.animation import Spin, Vector
 from wall.scene.builtin.assembly import Assembly
-from wall.scene.builtin.shapes import Shape, join, lathe, placed, sheet, sphere
+from wall.scene.builtin.shapes import join, lathe, moved, painted, placed, sheet, sphere
 from wall.scene.lights import directional_light
-from wall.scene.model import Material, Sky, Source
+from wall.scene.model import Sky, Source
+from wall.scene.repair import RawMesh
 
 REACH = 30.0  # radius of the round
 LAKE_LEVEL = -0.9
@@ -36,11 +38,11 @@ BIRCH_BARK = np.array([0.62, 0.58, 0.50])
 def forest() -> Source:
     """Build the scene; the same every time."""
     parts = Assembly()
-    paint = parts.material(Material(name="paint", base_color=WHITE))
+    paint = parts.material("paint", WHITE)
     parts.put("ground", _ground(), paint)
-    water = parts.material(Material(name="water", base_color=(0.02, 0.07, 0.09), mirror=0.6))
+    water = parts.material("water", (0.02, 0.07, 0.09), mirror=0.6)
     x, z, radius = LAKE
-    lake = lathe([(radius * 1.35, 0.0), (0.0, 0.0)], 64).moved(placed(x, LAKE_LEVEL, z))
+    lake = moved(lathe([(radius * 1.35, 0.0), (0.0, 0.0)], 64), placed(x, LAKE_LEVEL, z))
     parts.put("lake", lake, water)
     _plant(parts, paint)
     _balloons(parts, paint)
@@ -57,7 +59,7 @@ def height(x: Float64, z: Float64) -> Float64:
     return np.asarray(hills + ridge - hollow + 0.05 * np.sin(2.3 * x) * np.sin(1.9 * z), np.float64)
 
 
-def _ground() -> Shape:
+def _ground() -> RawMesh:
     """Rings of ground out to REACH, then a skirt of earth; coloured by height, slope and wetness."""
     rings, sides = 110, 200
     out = np.concatenate([np.sqrt(np.linspace(0.0, 1.0, rings)) * REACH, [REACH, REACH * 0.93, REACH * 0.5, 0.0]])
@@ -78,7 +80,7 @@ def _ground() -> Shape:
     color = color * (1.0 - shore) + sand * shore
     color[rings - 1 :] = earth
     color[:, -1] = color[:, 0]
-    return shape.painted(color[::-1].reshape(-1, 3))
+    return painted(shape, color[::-1].reshape(-1, 3))
 
 
 def _plant(parts: Assembly, paint: int) -> None:
@@ -122,10 +124,10 @@ def _patch_kind(patch: Float64) -> NDArray[np.int64]:
     return 2 + np.digitize(patch, [-0.9, 0.1, 1.0])
 
 
-def _conifer(width: float, needles: Float64, seed: int) -> Shape:
+def _conifer(width: float, needles: Float64, seed: int) -> RawMesh:
     """A trunk and nine skirts with ragged hems, lighter at the hem; about 2.6 high."""
     chance = np.random.default_rng(seed)
-    trunk = lathe([(0.09, 0.0), (0.05, 0.8)], 8).painted(BARK)
+    trunk = painted(lathe([(0.09, 0.0), (0.05, 0.8)], 8), BARK)
     tiers, sides = [], 30
     for k in range(9):
         low, reach = 0.35 + 0.24 * k, width * (0.72 - 0.072 * k)
@@ -137,14 +139,14 @@ def _conifer(width: float, needles: Float64, seed: int) -> Shape:
         vertices[1] *= np.stack([ragged, np.ones(sides + 1), ragged], 1)
         vertices[1, :, 1] -= 0.10 * (ragged - 0.9)
         color = np.repeat(needles[None] * np.array([[0.5], [1.5], [1.05], [0.8]]), sides + 1, axis=0)
-        tiers.append(Shape(vertices=vertices.reshape(-1, 3), triangles=tier.triangles, uvs=tier.uvs).painted(color))
+        tiers.append(painted(replace(tier, vertices=vertices.reshape(-1, 3)), color))
     return join([trunk, *tiers])
 
 
-def _leafy(leaves: Float64, bark: Float64, seed: int) -> Shape:
+def _leafy(leaves: Float64, bark: Float64, seed: int) -> RawMesh:
     """A trunk under a crown of nine rough balls, darker inside and below; about 2.3 high."""
     chance = np.random.default_rng(seed)
-    trunk = lathe([(0.10, 0.0), (0.07, 0.5), (0.05, 1.3)], 8).painted(bark)
+    trunk = painted(lathe([(0.10, 0.0), (0.07, 0.5), (0.05, 1.3)], 8), bark)
     balls = []
     for k in range(9):
         turn, out = 2.4 * k, 0.42 * math.sqrt((k + 0.5) / 9.0)
@@ -154,13 +156,13 @@ def _leafy(leaves: Float64, bark: Float64, seed: int) -> Shape:
     return join([trunk, *balls])
 
 
-def _shrub(leaves: Float64, seed: int) -> Shape:
+def _shrub(leaves: Float64, seed: int) -> RawMesh:
     chance = np.random.default_rng(seed)
     spots = [(0.0, 0.22, 0.0), (0.24, 0.16, 0.08), (-0.18, 0.15, 0.18), (-0.05, 0.16, -0.24)]
     return join([_rough_ball(np.array(spot), chance.uniform(0.22, 0.30), chance, leaves) for spot in spots])
 
 
-def _rough_ball(middle: Float64, radius: float, chance: np.random.Generator, color: Float64) -> Shape:
+def _rough_ball(middle: Float64, radius: float, chance: np.random.Generator, color: Float64) -> RawMesh:
     segments = 14
     ball = sphere(1.0, segments=segments)
     rough = chance.uniform(0.78, 1.12, (segments // 2 + 1, segments + 1))
@@ -170,7 +172,7 @@ def _rough_ball(middle: Float64, radius: float, chance: np.random.Generator, col
     shade = shade.reshape(rough.shape)
     shade[:, -1] = shade[:, 0]
     colors = np.clip(color * np.clip(shade, 0.25, 1.3).reshape(-1, 1), 0.0, 1.0)
-    return Shape(vertices=vertices, triangles=ball.triangles, uvs=ball.uvs).painted(colors)
+    return painted(replace(ball, vertices=vertices), colors)
 
 
 def _balloons(parts: Assembly, paint: int) -> None:
@@ -188,7 +190,7 @@ def _balloons(parts: Assembly, paint: int) -> None:
         parts.move(f"balloon {k}", Spin(axis=(0.0, 1.0, 0.0), period_s=period, center=(0.0, 0.0, 0.0)))
 
 
-def _balloon(one: Float64, other: Float64) -> Shape:
+def _balloon(one: Float64, other: Float64) -> RawMesh:
     angle = np.linspace(-0.42 * np.pi, 0.5 * np.pi, 22)
     across = np.cos(angle) * np.where(angle < 0.0, 1.0 - 0.25 * (angle / angle[0]) ** 2, 1.0)
     across[-1] = 0.0
@@ -196,6 +198,6 @@ def _balloon(one: Float64, other: Float64) -> Shape:
     skin = lathe(list(zip((1.3 * across).tolist(), (1.45 * np.sin(angle) + 2.2).tolist(), strict=True)), sides)
     gore = (np.arange(sides + 1) // 4 % 2 == 0)[None, :, None]
     color = np.broadcast_to(np.where(gore, one, other), (len(angle), sides + 1, 3)).reshape(-1, 3)
-    basket = lathe([(0.0, 0.0), (0.2, 0.0), (0.24, 0.32)], 16).painted(np.array([0.30, 0.18, 0.08]))
-    ropes = lathe([(0.24, 0.30), (0.30, 0.80)], 8).painted(np.array([0.25, 0.18, 0.12]))
-    return join([skin.painted(color), basket, ropes])
+    basket = painted(lathe([(0.0, 0.0), (0.2, 0.0), (0.24, 0.32)], 16), np.array([0.30, 0.18, 0.08]))
+    ropes = painted(lathe([(0.24, 0.30), (0.30, 0.80)], 8), np.array([0.25, 0.18, 0.12]))
+    return join([painted(skin, color), basket, ropes])

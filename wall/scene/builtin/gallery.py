@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from wall.core.colour import srgb_encoded
 from wall.scene.animation import Vector
 from wall.scene.builtin.assembly import Assembly
-from wall.scene.builtin.shapes import Shape, box, join, lathe, placed, sphere, torus, torus_knot
-from wall.scene.model import Material, PointLight, Sky, Source
+from wall.scene.builtin.shapes import box, join, lathe, moved, placed, sphere, torus, torus_knot
+from wall.scene.model import PointLight, Sky, Source
+from wall.scene.repair import RawMesh
 
 HALF_FLOOR = 6.0
 POINT_LIGHT = PointLight(position=(2.5, 5.0, 1.5), intensity=(62.0, 58.0, 50.0))
@@ -42,8 +43,8 @@ def _gallery(*, mirrors: bool) -> Source:
     stripes = parts.textured("stripes", _stripes(256))
     dots = parts.textured("dots", _dots(256))
     bricks = parts.textured("bricks", _bricks(256))
-    red, blue = parts.plain("red", (0.62, 0.12, 0.08)), parts.plain("blue", (0.08, 0.16, 0.5))
-    silver = parts.material(Material(name="silver", base_color=SILVER, mirror=0.85)) if mirrors else red
+    red, blue = parts.material("red", (0.62, 0.12, 0.08)), parts.material("blue", (0.08, 0.16, 0.5))
+    silver = parts.material("silver", SILVER, mirror=0.85) if mirrors else red
     ball, vase = sphere(0.7, segments=64), lathe(VASE, 64)
     knot = torus_knot(2, 3, radius=0.5, thickness=0.16)
     parts.put("globe", sphere(0.5, segments=64), dots, (-1.35, 0.5, 0.65))
@@ -60,19 +61,19 @@ def _floor(parts: Assembly) -> None:
     a = HALF_FLOOR
     corners = np.array([[-a, 0.0, a], [a, 0.0, a], [a, 0.0, -a], [-a, 0.0, -a]])
     uvs = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
-    quad = Shape(vertices=corners, triangles=np.array([[0, 1, 2], [0, 2, 3]], np.uint32), uvs=uvs)
+    quad = RawMesh(vertices=corners, triangles=np.array([[0, 1, 2], [0, 2, 3]], np.uint32), uvs=uvs)
     parts.put("floor", quad, material)
 
 
 def _fixtures(parts: Assembly) -> None:
     """Four columns and, behind them, a railing of thin rods."""
-    stone = parts.plain("stone", (0.66, 0.62, 0.55))
+    stone = parts.material("stone", (0.66, 0.62, 0.55))
     mesh = parts.mesh("column", lathe(COLUMN, 32), stone)
     for k, (x, z) in enumerate([(-3.4, -3.2), (-1.2, -3.6), (1.2, -3.6), (3.4, -3.2)]):
         parts.place(f"column {k}", mesh, placed(x, 0.0, z))
-    iron = parts.plain("iron", (0.06, 0.06, 0.07))
-    rods = [box(0.03, 1.0, 0.03).moved(placed(x, 0.0, 0.0)) for x in np.linspace(-4.5, 4.5, 31)]
-    rails = [box(9.06, 0.05, 0.06).moved(placed(0.0, y, 0.0)) for y in (0.12, 1.0)]
+    iron = parts.material("iron", (0.06, 0.06, 0.07))
+    rods = [moved(box(0.03, 1.0, 0.03), placed(x, 0.0, 0.0)) for x in np.linspace(-4.5, 4.5, 31)]
+    rails = [moved(box(9.06, 0.05, 0.06), placed(0.0, y, 0.0)) for y in (0.12, 1.0)]
     parts.put("railing", join([*rods, *rails]), iron, (0.0, 0.0, -4.8))
 
 

@@ -6,53 +6,29 @@ Y is up; triangles wind counter-clockwise seen from outside. Normals come from t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from wall.core.data import Float32, Float64
-from wall.scene.model import Mesh
-from wall.scene.normals import crease_normals, face_normals
+from wall.core.data import Float64
+from wall.scene.normals import face_normals
+from wall.scene.repair import RawMesh
 
 Profile = Sequence[tuple[float, float]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
-    """Triangles without a name or a material yet."""
-
-    vertices: Float64  # (v, 3)
-    triangles: NDArray[np.uint32]  # (t, 3)
-    uvs: Float64  # (v, 2)
-    colors: Float32 | None = None  # (v, 3) linear RGB
-
-    def painted(self, colors: Float64) -> Shape:
-        """The same shape with a colour for each vertex, (v, 3) or (3,) linear RGB."""
-        rows = np.broadcast_to(colors, self.vertices.shape).astype(np.float32)
-        return Shape(vertices=self.vertices, triangles=self.triangles, uvs=self.uvs, colors=rows)
-
-    def moved(self, matrix: Float64) -> Shape:
-        """The same shape under an affine map (4, 4)."""
-        vertices = self.vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        return Shape(vertices=vertices, triangles=self.triangles, uvs=self.uvs, colors=self.colors)
-
-    def mesh(self, name: str, material: int, *, textured: bool = False) -> Mesh:
-        """As a scene's mesh, with shading normals; uvs are kept only where a texture wants them."""
-        smoothed = crease_normals(self.vertices, self.triangles)
-        rows = np.arange(len(self.vertices)) if smoothed is None else smoothed.source
-        return Mesh(
-            name=name,
-            vertices=self.vertices[rows].astype(np.float32),
-            triangles=self.triangles if smoothed is None else smoothed.triangles,
-            material=material,
-            normals=None if smoothed is None else smoothed.normals.astype(np.float32),
-            uvs=self.uvs[rows].astype(np.float32) if textured else None,
-            colors=None if self.colors is None else self.colors[rows],
-        )
+def painted(shape: RawMesh, colors: Float64) -> RawMesh:
+    """The same shape with a colour for each vertex, (v, 3) or (3,) linear RGB."""
+    return replace(shape, colors=np.broadcast_to(colors, shape.vertices.shape).astype(np.float32))
 
 
-def sheet(points: Float64) -> Shape:
+def moved(shape: RawMesh, matrix: Float64) -> RawMesh:
+    """The same shape under an affine map (4, 4)."""
+    return replace(shape, vertices=shape.vertices @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def sheet(points: Float64) -> RawMesh:
     """A grid of points (a, b, 3) as triangles; u runs with b, v with a. Triangles without area are left out."""
     a, b = points.shape[:2]
     vertices = points.reshape(-1, 3)
@@ -61,10 +37,10 @@ def sheet(points: Float64) -> Shape:
     triangles = quads.reshape(-1, 3).astype(np.uint32)
     v, u = np.meshgrid(np.linspace(0, 1, a), np.linspace(0, 1, b), indexing="ij")
     flat = (face_normals(vertices, triangles) == 0.0).all(axis=1)
-    return Shape(vertices=vertices, triangles=triangles[~flat], uvs=np.stack([u, v], -1).reshape(-1, 2))
+    return RawMesh(vertices=vertices, triangles=triangles[~flat], uvs=np.stack([u, v], -1).reshape(-1, 2))
 
 
-def lathe(profile: Profile, segments: int, *, flutes: int = 0, depth: float = 0.0) -> Shape:
+def lathe(profile: Profile, segments: int, *, flutes: int = 0, depth: float = 0.0) -> RawMesh:
     """Turn a profile of (radius, height), listed from the bottom up on the outside, about the y axis.
 
     `flutes` grooves of relative `depth` run up it, as in a column.
@@ -78,7 +54,7 @@ def lathe(profile: Profile, segments: int, *, flutes: int = 0, depth: float = 0.
     return sheet(points)
 
 
-def sphere(radius: float = 1.0, *, segments: int = 32) -> Shape:
+def sphere(radius: float = 1.0, *, segments: int = 32) -> RawMesh:
     """About the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, segments // 2 + 1)
     across = np.cos(angle)
@@ -86,7 +62,7 @@ def sphere(radius: float = 1.0, *, segments: int = 32) -> Shape:
     return lathe([(radius * c, radius * s) for c, s in zip(across, np.sin(angle), strict=True)], segments)
 
 
-def box(width: float, height: float, depth: float) -> Shape:
+def box(width: float, height: float, depth: float) -> RawMesh:
     """Standing on y = 0, centred in x and z."""
     x, z = width / 2, depth / 2
     low = np.array([[-x, 0, z], [x, 0, z], [x, 0, -z], [-x, 0, -z]])
@@ -96,7 +72,7 @@ def box(width: float, height: float, depth: float) -> Shape:
     return join([sheet(side) for side in (*sides, top, bottom)])
 
 
-def tube(path: Float64, radius: float, *, sides: int = 20) -> Shape:
+def tube(path: Float64, radius: float, *, sides: int = 20) -> RawMesh:
     """A closed curve (n, 3), last point not repeated, as a round tube; frames follow the curve without twist."""
     count = len(path)
     tangent = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
@@ -121,7 +97,7 @@ def tube(path: Float64, radius: float, *, sides: int = 20) -> Shape:
     return sheet(np.concatenate([points, seam[None]]).transpose(1, 0, 2)[::-1])
 
 
-def torus_knot(p: int, q: int, *, radius: float, thickness: float, steps: int = 400, sides: int = 20) -> Shape:
+def torus_knot(p: int, q: int, *, radius: float, thickness: float, steps: int = 400, sides: int = 20) -> RawMesh:
     """The (p, q) knot on a torus about the y axis: p times round the axis, q times through the hole."""
     t = np.linspace(0.0, 2.0 * np.pi, steps, endpoint=False)
     reach = radius * (1.0 + 0.45 * np.cos(q * t))
@@ -129,23 +105,22 @@ def torus_knot(p: int, q: int, *, radius: float, thickness: float, steps: int = 
     return tube(path, thickness, sides=sides)
 
 
-def torus(radius: float, thickness: float, *, segments: int = 48, sides: int = 20) -> Shape:
+def torus(radius: float, thickness: float, *, segments: int = 48, sides: int = 20) -> RawMesh:
     """A ring about the y axis."""
     angle = np.linspace(0.0, 2.0 * np.pi, sides + 1)
     angle[-1] = 0.0
     return lathe([(radius + thickness * float(np.cos(a)), thickness * float(np.sin(a))) for a in angle], segments)
 
 
-def join(shapes: Sequence[Shape]) -> Shape:
-    """Several shapes as one; colours are kept if every part has them."""
+def join(shapes: Sequence[RawMesh]) -> RawMesh:
+    """Several shapes as one; texture coordinates and colours are kept if every part has them."""
     starts = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
-    painted = [shape.colors for shape in shapes if shape.colors is not None]
-    return Shape(
-        vertices=np.concatenate([shape.vertices for shape in shapes]),
-        triangles=np.concatenate([s.triangles + np.uint32(k) for s, k in zip(shapes, starts[:-1], strict=True)]),
-        uvs=np.concatenate([shape.uvs for shape in shapes]),
-        colors=np.concatenate(painted) if len(painted) == len(shapes) else None,
-    )
+    kept: dict[str, Any] = {}
+    for name in ("uvs", "colors"):
+        rows = [getattr(shape, name) for shape in shapes]
+        kept[name] = None if any(row is None for row in rows) else np.concatenate(rows)
+    triangles = np.concatenate([s.triangles + np.uint32(k) for s, k in zip(shapes, starts[:-1], strict=True)])
+    return RawMesh(vertices=np.concatenate([shape.vertices for shape in shapes]), triangles=triangles, **kept)
 
 
 def placed(x: float, y: float, z: float, *, turn_degrees: float = 0.0, scale: float = 1.0) -> Float64:
