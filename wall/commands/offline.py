@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect
 from wall.core.errors import ConfigError
-from wall.geometry import outlines
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, Plan, first_event
@@ -87,7 +86,7 @@ def panels_of(layout: Layout, size: tuple[int, int] | None, *, scale: float = 1.
 
     Raises ConfigError for a `size` of panels that stand at angles, or are seen from several eyes.
     """
-    wall, found = layout.wall, outlines.whole(layout.wall)
+    wall, found = layout.wall, layout.wall.whole()
     if found is None and size is not None:
         why = "are seen from several eyes" if wall.flat else "stand at angles"
         raise ConfigError(f"{layout.loaded.path}: --size needs a flat wall, and these panels {why}; leave it out")

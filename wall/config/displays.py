@@ -7,13 +7,12 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from wall.core.fields import Model, Number, Text, Whole
+from wall.core.fields import Gamma, Model, Number, Text, Whole
 from wall.operators.warp import Mesh
 
 Pixels = Annotated[Whole, Ge(1), Le(16384)]
 Width = Annotated[Number, Ge(0.0), Le(100.0)]
 Gain = Annotated[Number, Ge(0.0), Le(16.0)]
-Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
 PixelPlace = Annotated[Whole, Ge(-65536), Le(65536)]
 RefreshRate = Annotated[Number, Ge(0.1), Le(1000.0)]
 

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from wall.core.fields import Model, Name, Number, Whole, refusal
+from wall.core.fields import Model, Name, Number, Order, Share, Whole, refusal
 from wall.operators.base import Input, Node
 from wall.operators.registry import OPERATORS, plugins
 
@@ -20,7 +20,6 @@ SinkKind = Literal["browser", "png", "recorder", "window"]
 MAX_NODES = 65535  # their numbers travel as two bytes
 Ranks = Annotated[Whole, Ge(1), Le(1024)]
 Rank = Annotated[Whole, Ge(0), Le(65535)]
-Share = Annotated[Number, Ge(0.0), Le(1.0)]
 
 
 class SamplesNode(Node):
@@ -59,9 +58,7 @@ class ReconstructNode(Node):
     background: Literal["keep", "transparent"] = Field(
         default="keep", description="transparent: the sky has alpha 0, and colours are times alpha"
     )
-    order: Annotated[Whole, Ge(-1000), Le(1000)] | None = Field(
-        default=None, description="for `over`: the smaller is the nearer"
-    )
+    order: Order | None = Field(default=None, description="for `over`: the smaller is the nearer")
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "samples"
 
@@ -71,7 +68,7 @@ class SkyNode(Node):
 
     op: Literal["sky"] = Field(description="the sky as a panel sees it")
     panel: Name = Field(description="id of the panel")
-    order: Annotated[Whole, Ge(-1000), Le(1000)] | None = Field(default=None, description="for `over`")
+    order: Order | None = Field(default=None, description="for `over`")
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "nothing"
 

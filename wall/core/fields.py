@@ -26,6 +26,9 @@ Coordinate = Annotated[Number, Ge(-FARTHEST), Le(FARTHEST)]
 Brightness = Annotated[Number, Ge(0.0), Le(BRIGHTEST)]
 Seconds = Annotated[Number, Ge(0.0), Le(1e6)]
 Period = Annotated[Number, Ge(0.01), Le(1e6)]
+Share = Annotated[Number, Ge(0.0), Le(1.0)]
+Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
+Order = Annotated[Whole, Ge(-1000), Le(1000)]  # of layers
 
 Point = tuple[Coordinate, Coordinate, Coordinate]
 Color = tuple[Brightness, Brightness, Brightness]

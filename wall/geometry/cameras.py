@@ -15,7 +15,6 @@ from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
 from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.frusta import cone_inside
-from wall.geometry.outlines import window_ahead
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.twist import rotation_by
 
@@ -140,7 +139,7 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
         still = framed(wall, eye, target, radius=radius, up=up)
     for vector in (eye, target, up):
         vector.setflags(write=False)
-    window = window_ahead(wall, eye)
+    window = wall.window_ahead(eye)
     made = View(
         id=config.id,
         eye=eye,
@@ -165,7 +164,7 @@ def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Floa
 
     The centre is seen in the middle of that rectangle, from 30 degrees to the right and 20 degrees above.
     """
-    corners = window_ahead(wall, eye)
+    corners = wall.window_ahead(eye)
     axis = _unit((corners[1] + corners[2]) / 2 - eye, otherwise=(0.0, 0.0, -1.0))
     half_angle = min(cone_inside(corners, eye, axis), WIDEST_CONE)
     size = radius if radius > 0 and math.isfinite(radius) else 1.0

@@ -9,7 +9,6 @@ import numpy as np
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
 from wall.geometry.eyes import panel_path, standing_eye
-from wall.geometry.outlines import whole
 from wall.geometry.panels import Overlap, Panel, Wall
 
 SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched picture
@@ -63,15 +62,11 @@ def _pixels(overlap: Overlap, panel: Panel) -> str:
 
 
 def _stretched(loaded: Loaded, wall: Wall) -> Iterator[str]:
-    found = [panel for panel in wall.panels if panel.of == panel.id and abs(_aspect(panel) - 1.0) > SQUARE]
+    physical = [(panel, *_pixel(panel)) for panel in wall.panels if panel.of == panel.id]
+    found = [panel for panel, across, down in physical if abs(across / down - 1.0) > SQUARE]
     if found:
         across, down = (1000.0 * side for side in _pixel(found[0]))
         yield _note(loaded, found, f"pixels are not square: {across:.4g} mm wide, {down:.4g} mm high")
-
-
-def _aspect(panel: Panel) -> float:
-    across, down = _pixel(panel)
-    return across / down
 
 
 def _pixel(panel: Panel) -> tuple[float, float]:
@@ -124,7 +119,7 @@ def _one_eyed(loaded: Loaded, wall: Wall) -> Iterator[str]:
 
 
 def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
-    if len(wall.faces) > 1 and whole(wall) is not None:
+    if len(wall.faces) > 1 and wall.whole() is not None:
         found = [wall.panels[face[0]] for face in wall.faces[1:]]
         why = "in the wall's picture it stands beside the panels before it, not where it is: too far off, or rounding"
         yield _note(loaded, found, why)

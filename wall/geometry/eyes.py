@@ -12,7 +12,6 @@ from wall.config.yaml_text import YamlPath
 from wall.core.data import Float64
 from wall.core.errors import ConfigError
 from wall.geometry.frusta import distance_before
-from wall.geometry.outlines import outline
 from wall.geometry.panels import Panel, Wall
 
 NEAREST_EYE_M = 1e-6  # nearer to a panel's plane, its pixels have no directions
@@ -72,7 +71,7 @@ def eye_of(panel: Panel, eye: Float64, separation: float) -> Float64:
 
 def default_eye(wall: Wall, fov_degrees: float) -> Float64:
     """(3,) metres, wall frame: before a flat wall's centre, so far that its height spans `fov_degrees`."""
-    corners = outline(wall)
+    corners = wall.outline
     height = float(np.linalg.norm(corners[2] - corners[0]))
     centre = (corners[1] + corners[2]) / 2
     distance = height / 2 / math.tan(math.radians(fov_degrees) / 2)

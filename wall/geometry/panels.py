@@ -7,6 +7,7 @@ y down, origin at the top left of all panels, bezel gaps and overlaps included a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,6 +90,14 @@ class Overlap:
     allowed: bool  # it is no larger than declared, side by side or above each other
 
 
+class Whole(NamedTuple):
+    """A flat wall as one image."""
+
+    plane: Plane
+    width: int  # pixels
+    height: int
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Wall:
     """All panels, and the size of the virtual screen in pixels."""
@@ -107,6 +116,44 @@ class Wall:
         size = float(np.abs(corners).max())
         same_way = all(panel.plane.normal @ normal > 1 - 1e-6 for panel in self.panels)
         return same_way and float(np.abs(corners @ normal).max()) <= 1e-6 * size
+
+    @property
+    def outline(self) -> Float64:
+        """(3, 3) lower left, lower right, upper left of the rectangle around a flat wall; metres, wall frame."""
+        first, start = self.panels[0].plane, self.panels[0].corners[0]
+        right = first.per_x / np.linalg.norm(first.per_x)
+        up = np.cross(first.normal, right)
+        corners = np.array([panel.corners for panel in self.panels])
+        around = np.concatenate([*corners.swapaxes(0, 1), corners[:, 1] + corners[:, 2] - corners[:, 0]])
+        x, y = (around - start) @ right, (around - start) @ up
+        low, high = start + y.min() * up, start + y.max() * up
+        return np.array([low + x.min() * right, low + x.max() * right, high + x.min() * right])
+
+    def window_ahead(self, eye: Float64) -> Float64:
+        """(3, 3) lower left, lower right, upper left of what the eye looks through; metres, wall frame.
+
+        All of a flat wall; of another the panel nearest to straight ahead (-z of the wall's frame).
+        """
+        if self.flat:
+            return self.outline
+        middles = np.array([(panel.corners[1] + panel.corners[2]) / 2 - eye for panel in self.panels])
+        return self.panels[int(np.argmin(middles[:, 2] / np.linalg.norm(middles, axis=1)))].corners
+
+    def whole(self) -> Whole | None:
+        """The wall as one image, as finely as its finest panel; None if it is not flat, or is seen from several eyes.
+
+        Where all panels share a plane it is theirs, and its pixels are those of the virtual screen.
+        """
+        first = self.panels[0].plane
+        if len({panel.sight for panel in self.panels}) > 1 or not self.flat:
+            return None
+        if all(panel.plane is first for panel in self.panels):
+            return Whole(first, self.width, self.height)
+        corners = self.outline
+        sides = corners[1] - corners[0], corners[0] - corners[2]
+        pitch = np.min([panel.pitch for panel in self.panels], axis=0)
+        width, height = (max(1, round(float(np.linalg.norm(v)) / p)) for v, p in zip(sides, pitch, strict=True))
+        return Whole(Plane(origin=corners[2], per_x=sides[0] / width, per_y=sides[1] / height), width, height)
 
     def panel(self, panel_id: str) -> Panel:
         """The panel of that id; KeyError if there is none."""

@@ -1,4 +1,4 @@
-"""`blend_edges`: ramps for projectors that overlap, so that their light sums to one picture.
+"""`blend_edges`: ramps for projectors that overlap, so that their light sums to one image.
 
 A display emits v^gamma of the value v that it is sent. Of linear light L it is sent v = E(L), E the sRGB curve, so it
 emits E(L)^gamma; to emit the share f of that, it must be sent f^(1/gamma) E(L). This operator works before the
@@ -6,9 +6,9 @@ encoding, hence gives L' = D(f^(1/gamma) E(L)), D the inverse of E. Two projecto
 the other with 1 - f, then emit together f E(L)^gamma + (1 - f) E(L)^gamma, what one alone emits. Light is clipped to
 0..1 first, as the display would: else an overlap could be brighter than white.
 
-f = 3 t^2 - 2 t^3 of the place t of a pixel's centre in the ramp: f(t) + f(1 - t) = 1, and no visible kink at its ends.
+f = 3 t^2 - 2 t^3 of the position t of a pixel's centre in the ramp: f(t) + f(1 - t) = 1, with no visible kink at an end.
 Where four overlap, shares are products and sum to 1 too. After Bourke, Edge blending using commodity projectors, 2004,
-with another ramp. Black that glows cannot be taken away: overlaps are brighter where the picture is dark.
+with another ramp. Black that glows cannot be taken away: overlaps are brighter where the image is dark.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pydantic import Field, model_validator
 
 from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Channels, Float64, Framelet, Rect
-from wall.core.fields import Number, Whole, refusal
+from wall.core.fields import Gamma, Whole, refusal
 from wall.operators.base import Input, Operator
 from wall.operators.regions import bands, copy, pixels_of
 
@@ -38,7 +38,7 @@ class BlendEdges(Operator):
     right: Ramp = Field(default=0, description="likewise")
     top: Ramp = Field(default=0, description="likewise")
     bottom: Ramp = Field(default=0, description="likewise")
-    gamma: Annotated[Number, Ge(0.1), Le(10.0)] = Field(default=2.2, description="of the display: light is value^gamma")
+    gamma: Gamma = Field(default=2.2, description="of the display: light is value^gamma")
 
     LOSES: ClassVar[Channels] = frozenset({"variance"})  # the ramps are not linear
 

@@ -12,15 +12,13 @@ from pydantic import Field
 
 from wall.core.colour import srgb_curve, srgb_decoded, srgb_encoded
 from wall.core.data import Channels, Float32, Framelet, Rect
-from wall.core.fields import Number, Text
+from wall.core.fields import Gamma, Number, Share, Text
 from wall.operators.base import Input, Operator
 from wall.operators.kernels import pixels as kernels
 from wall.operators.lut import Lut, read_lut
 from wall.operators.regions import bands, copy, corner_of, pixels_of
 
 Gain = Annotated[Number, Ge(0.0), Le(1e6)]
-Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
-Share = Annotated[Number, Ge(0.0), Le(1.0)]
 _CURVE = srgb_curve()
 
 

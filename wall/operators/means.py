@@ -13,10 +13,9 @@ from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.fields import Period
 from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.regions import bands, blank, corner_of, overlapping, pixels_of, values_for
+from wall.operators.regions import WHOLE, bands, blank, corner_of, overlapping, pixels_of, values_for
 
 SMALLEST = np.float32(1e-15)  # variance: of a thousand inputs, the square of the sum of 1 / it is finite in float32
-OF_THE_HEAVIEST: Channels = frozenset({"depth", "time", "object_id"})  # a mean of two surfaces would be of neither
 
 
 class Average(Operator):
@@ -116,7 +115,7 @@ def write_mean(inputs: Sequence[WeightedInput], out: Framelet, band: Rect) -> No
             squared = each.weight * each.weight
             there = pixels_of(each.framelet, "variance", each.rect)
             variance[here] += np.multiply(squared, there, out=np.zeros_like(squared), where=squared > 0.0)
-        if out.channels & OF_THE_HEAVIEST:
+        if out.channels & WHOLE:
             _take_the_heavier(each, out, heaviest[here])
     if out.variance is not None:
         np.divide(variance, total * total, out=pixels_of(out, "variance", band), where=total > 0.0)
@@ -133,6 +132,6 @@ def _add_to_means(each: WeightedInput, name: str, out: Framelet, total: Float32)
 def _take_the_heavier(each: WeightedInput, out: Framelet, heaviest: Float32) -> None:
     heavier = each.weight > heaviest
     np.copyto(heaviest, each.weight, where=heavier)
-    for name in out.channels & OF_THE_HEAVIEST:
+    for name in out.channels & WHOLE:
         values = values_for(out, each.framelet, name, each.rect)
         np.copyto(pixels_of(out, name, each.rect), values, where=heavier)

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from wall.core.data import BLANK, Channels, Framelet, Rect
 
+MIXED: Channels = frozenset({"colour", "alpha", "variance"})  # may be computed of several pixels
+WHOLE: Channels = frozenset({"depth", "time", "object_id"})  # not so: a mean of two surfaces would be of neither
 BAND_PIXELS = 1 << 15  # 512 kB of colour and depth: a band stays in a core's own cache while inputs are folded into it
 
 
@@ -62,6 +64,15 @@ def blank(out: Framelet, rect: Rect, where: NDArray[np.bool_] | None = None) -> 
     """Make pixels black, infinitely far, transparent, never traced: all of `rect`, or where the mask says."""
     for name in out.channels:
         pixels_of(out, name, rect)[... if where is None else where] = BLANK[name][0] if name in BLANK else 0
+
+
+def copy_nearest(
+    source: Framelet, out: Framelet, region: Rect, y: NDArray[Any], x: NDArray[Any], *, where: Any = True
+) -> None:
+    """Write depth, time and object of the source's pixels y, x, one for each pixel of a region, where that says so."""
+    for name in out.channels & WHOLE:
+        nearest = timed(out, source, name, source.channel(name)[y, x])
+        np.copyto(pixels_of(out, name, region), nearest, where=where)
 
 
 def copy_all(inputs: Sequence[Framelet], out: Framelet, region: Rect) -> None:

@@ -24,7 +24,7 @@ from wall.core.data import Float32, Float64, Framelet, Rect
 from wall.core.fields import Number
 from wall.operators.base import Extent, Input, Operator
 from wall.operators.kernels import resample as kernels
-from wall.operators.regions import corner_of, pixels_of, timed
+from wall.operators.regions import MIXED, copy_nearest, corner_of, pixels_of
 
 Filter = Literal["box", "triangle", "catmull_rom", "lanczos3"]
 Factor = Annotated[Number, Ge(1 / 256), Le(256.0)]
@@ -67,13 +67,11 @@ class Scale(Operator):
         (x, y), size = corner_of(out, region), (source.rect, out.rect)
         across = _taps(size[0].width, size[1].width, self.filter).cut(x, x + region.width)
         down = _taps(size[0].height, size[1].height, self.filter).cut(y, y + region.height)
-        for name in out.channels & {"colour", "alpha", "variance"}:
+        for name in out.channels & MIXED:
             here = pixels_of(out, name, region)
             filtered = _filtered(source.channel(name), across, down, squared=name == "variance")
             here[...] = np.clip(filtered, 0.0, 1.0) if name == "alpha" else filtered
-        for name in out.channels & {"depth", "time", "object_id"}:
-            nearest = source.channel(name)[down.nearest[:, None], across.nearest]
-            pixels_of(out, name, region)[...] = timed(out, source, name, nearest)
+        copy_nearest(source, out, region, down.nearest[:, None], across.nearest)
 
     def _factors(self, rect: Rect) -> tuple[float, float]:
         if self.size is not None:

@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Gt, Le
 from pydantic import Field
 
 from wall.core.data import Channels, Framelet, Rect
 from wall.core.errors import ConfigError
-from wall.core.fields import FARTHEST, Color, Number, Text, Whole
+from wall.core.fields import FARTHEST, Color, Number, Order, Share, Text
 from wall.operators.base import AreaOperator, area_rect
 from wall.operators.image_file import ImageFile, read_image
 from wall.operators.regions import blank, pixels_of
 
 Distance = Annotated[Number, Gt(0.0), Le(FARTHEST)]
-Share = Annotated[Number, Ge(0.0), Le(1.0)]
-Order = Annotated[Whole, Ge(-1000), Le(1000)]
 
 
 class Source(AreaOperator):

@@ -20,7 +20,7 @@ from wall.core.errors import ConfigError
 from wall.core.fields import Model, Number, Text, Whole, refusal
 from wall.operators.base import Input, Operator
 from wall.operators.kernels import resample as kernels
-from wall.operators.regions import blank, pixels_of, timed
+from wall.operators.regions import MIXED, blank, copy_nearest, pixels_of
 
 Nodes = Annotated[Whole, Ge(2), Le(1024)]
 Share = Annotated[Number, Ge(-4.0), Le(5.0)]  # four pictures beyond the display: farther is a typing error
@@ -101,7 +101,7 @@ class Warp(Operator):
         source = inputs[0]
         positions = np.ascontiguousarray(prepared.table(source.rect)[region.inside(out.rect)])
         blank(out, region)
-        for name in out.channels & {"colour", "alpha", "variance"}:
+        for name in out.channels & MIXED:
             here = pixels_of(out, name, region)
             planes, warped = (a.reshape(*a.shape[:2], -1) for a in (source.channel(name), here.copy()))
             kernels.look_up_bilinear(planes, positions, name == "variance", warped)
@@ -110,9 +110,7 @@ class Warp(Operator):
         size = (source.rect.width, source.rect.height)
         rounded = (positions + kernels.SUBPIXELS // 2) // kernels.SUBPIXELS
         x, y = (np.clip(rounded[..., c], 0, size[c] - 1) for c in range(2))
-        for name in out.channels & {"depth", "time", "object_id"}:
-            nearest = timed(out, source, name, source.channel(name)[y, x])
-            np.copyto(pixels_of(out, name, region), nearest, where=inside)
+        copy_nearest(source, out, region, y, x, where=inside)
 
 
 def read_mesh(path: Path) -> Mesh:

@@ -11,16 +11,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.scene import SceneConfig
+from wall.config.scene import (
+    AnimationConfig,
+    KeyframesConfig,
+    LightConfig,
+    OrbitConfig,
+    PointLightConfig,
+    SceneConfig,
+)
 from wall.core.data import Float64
 from wall.core.errors import SceneError
-from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
+from wall.scene.animation import Keyframes, Motion, Moving, Orbit, Spin, Tracks, Vector, compile_tracks, quaternion
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
-from wall.scene.configured import configured
-from wall.scene.lights import STUDIO_SKY, default_lights
+from wall.scene.lights import STUDIO_SKY, default_lights, unit
 from wall.scene.model import (
     DirectionalLight,
     Instance,
@@ -37,6 +43,7 @@ from wall.scene.model import (
 
 BUILT_IN = {"courtyard": courtyard, "forest": forest, "gallery": gallery, "gallery_mirrors": gallery_mirrors}
 NAMES_SHOWN = 20
+AT_REST = (1.0, 0.0, 0.0, 0.0)
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 
 
@@ -109,7 +116,7 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
     Raises SceneError where a model cannot be used, or where the animation names what does not exist.
     """
-    return assemble(configured(make_source(scene_config.source, base_folder), scene_config))
+    return assemble(_configured(make_source(scene_config.source, base_folder), scene_config))
 
 
 def make_source(name: str, base_folder: Path) -> Source:
@@ -119,6 +126,43 @@ def make_source(name: str, base_folder: Path) -> Source:
     from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
 
     return load(base_folder / name)
+
+
+def _configured(source: Source, config: SceneConfig) -> Source:
+    """The source with everything that the configuration says; what it leaves out stays the source's."""
+    if config.lights is not None:
+        source = replace(source, lights=tuple(_light(light) for light in config.lights))
+    if config.sky is not None:
+        sky = config.sky
+        source = replace(source, sky=Sky(zenith=sky.zenith, horizon=sky.horizon, ground=sky.ground))
+    if config.animation is not None:
+        source = replace(source, animation=tuple(_track(track) for track in config.animation))
+    return source
+
+
+def _light(config: LightConfig) -> Light:
+    if isinstance(config, PointLightConfig):
+        return PointLight(position=config.position, intensity=config.intensity)
+    return DirectionalLight(direction=unit(config.direction), irradiance=config.irradiance)
+
+
+def _track(config: AnimationConfig) -> Track:
+    light = getattr(config, "light", None)
+    return Track(motion=_motion(config), objects=config.object or "", light=-1 if light is None else light)
+
+
+def _motion(config: AnimationConfig) -> Motion:
+    if isinstance(config, KeyframesConfig):
+        turns = [(key.rotation.axis, key.rotation.degrees) if key.rotation else None for key in config.keyframes]
+        return Keyframes(
+            times=tuple(key.time for key in config.keyframes),
+            positions=tuple(key.position for key in config.keyframes),
+            rotations=tuple(quaternion(*turn) if turn else AT_REST for turn in turns),
+            loop=config.loop,
+        )
+    if isinstance(config, OrbitConfig):
+        return Orbit(center=config.center, axis=config.axis, period_s=config.period_s)
+    return Spin(axis=config.axis, period_s=config.period_s, center=config.center)
 
 
 def assemble(source: Source) -> Scene:

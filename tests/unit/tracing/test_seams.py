@@ -13,7 +13,6 @@ from wall.config.loading import Loaded, loads
 from wall.config.yaml_text import write
 from wall.geometry.cameras import look_at, resolve_view, seen_from
 from wall.geometry.expanding import expand, expanded_config
-from wall.geometry.outlines import whole
 from wall.geometry.panels import Panel, Wall
 from wall.scene.build import Scene
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -55,7 +54,7 @@ def drawn(tracer_scene: TracerScene, seen: View, panel: Panel, wall: Wall) -> Tr
 
 def entire(tracer_scene: TracerScene, seen: View, wall: Wall) -> TracedImage:
     """One panel over all of the virtual screen."""
-    found = whole(wall)
+    found = wall.whole()
     assert found is not None
     assert found.plane is wall.panels[0].plane
     return drawn(tracer_scene, seen, replace(wall.panels[0], pixels=(found.width, found.height), screen=(0, 0)), wall)

@@ -13,15 +13,15 @@ MOST = 5  # of eight neighbours
 
 
 @kernel
-def move_pixels(depth, thing, frame, corner, object_from_eye, panel_from_object, near, source):
-    """Which pixel of the old picture is seen at each pixel of the new one.
+def move_pixels(depth, object_ids, frame, corner, object_from_eye, panel_from_object, near, source):
+    """Which pixel of the old image is seen at each pixel of the new one.
 
     Each pixel's centre goes where its object is; what falls on one pixel is decided by depth. Cracks of one pixel
     close, see between: surfaces stay whole until they are seen twice as large.
 
     Parameters
     ----------
-    depth : (h, w) float32, distance from the eye; thing : (h, w) uint32, object ids
+    depth : (h, w) float32, distance from the eye; object_ids : (h, w) uint32
     frame, corner, object_from_eye : of the old moment, see object_tables; panel_from_object : of the new one
     near : (h, w) float32, written: depth along the panel's axis of what is seen; inf where nothing is
     source : (h, w) int32, written: index of the old pixel; -1 where nothing is
@@ -31,11 +31,11 @@ def move_pixels(depth, thing, frame, corner, object_from_eye, panel_from_object,
     source[:] = -1
     for i in range(height):
         for j in range(width):
-            name = int(thing[i, j])
-            if name >= panel_from_object.shape[0] or (name > 0 and not depth[i, j] < FAR):
+            object_id = int(object_ids[i, j])
+            if object_id >= panel_from_object.shape[0] or (object_id > 0 and not depth[i, j] < FAR):
                 continue
-            a, b, c = position_of(corner[0] + j + 0.5, corner[1] + i + 0.5, depth[i, j], name, frame, object_from_eye)
-            u, v, z = pixel_of(a, b, c, name, panel_from_object)
+            a, b, c = position_of(corner[0] + j + 0.5, corner[1] + i + 0.5, depth[i, j], object_id, frame, object_from_eye)
+            u, v, z = pixel_of(a, b, c, object_id, panel_from_object)
             if not (z > ZERO and u >= ZERO and v >= ZERO and u < width and v < height):
                 continue
             y, x = int(v), int(u)
@@ -61,7 +61,7 @@ def between(near, source, i, j):
     """What a pixel lies amidst: of opposite neighbours that were both reached the farther, of such pairs the nearest.
 
     A crack in a surface has that surface on both sides. A gap that opened behind a silhouette has it on one side only,
-    and where it is one pixel wide, what is behind belongs there. At the border of the picture, where pixels have one
+    and where it is one pixel wide, what is behind belongs there. At the border of the image, where pixels have one
     side only, and amidst five others, it is the farthest neighbour.
     """
     height, width = source.shape
