@@ -6,7 +6,7 @@ encoding, hence gives L' = D(f^(1/gamma) E(L)), D the inverse of E. Two projecto
 the other with 1 - f, then emit together f E(L)^gamma + (1 - f) E(L)^gamma, what one alone emits. Light is clipped to
 0..1 first, as the display would: else an overlap could be brighter than white.
 
-f = 3 t^2 - 2 t^3 of the position t of a pixel's centre in the ramp: f(t) + f(1 - t) = 1, with no visible kink at an end.
+f = 3 t^2 - 2 t^3 of the position t of a pixel's centre in the ramp: f(t) + f(1 - t) = 1, without a visible kink.
 Where four overlap, shares are products and sum to 1 too. After Bourke, Edge blending using commodity projectors, 2004,
 with another ramp. Black that glows cannot be taken away: overlaps are brighter where the image is dark.
 """

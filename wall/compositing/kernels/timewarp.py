@@ -34,14 +34,15 @@ def move_pixels(depth, object_ids, frame, corner, object_from_eye, panel_from_ob
             object_id = int(object_ids[i, j])
             if object_id >= panel_from_object.shape[0] or (object_id > 0 and not depth[i, j] < FAR):
                 continue
-            a, b, c = position_of(corner[0] + j + 0.5, corner[1] + i + 0.5, depth[i, j], object_id, frame, object_from_eye)
+            x, y = corner[0] + j + 0.5, corner[1] + i + 0.5
+            a, b, c = position_of(x, y, depth[i, j], object_id, frame, object_from_eye)
             u, v, z = pixel_of(a, b, c, object_id, panel_from_object)
             if not (z > ZERO and u >= ZERO and v >= ZERO and u < width and v < height):
                 continue
-            y, x = int(v), int(u)
-            if z < near[y, x]:
-                near[y, x] = z
-                source[y, x] = i * width + j
+            row, column = int(v), int(u)
+            if z < near[row, column]:
+                near[row, column] = z
+                source[row, column] = i * width + j
     for i in range(height):
         for j in range(width):
             if source[i, j] == -1:
