@@ -16,14 +16,15 @@ import sys
 import threading
 from collections import Counter, deque
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import wall
+from wall.core.data import Rect
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelPicture
 from wall.display.window_layout import WindowRequest, request_of
@@ -97,10 +98,11 @@ class WindowHost:
     def put(self, pictures: Sequence[PanelPicture]) -> None:
         """Take the newest pictures of these panels, all at once: both eyes of a window stay together."""
         for picture in pictures:
-            width, height = self.areas[picture.id].size
-            if picture.rgb.shape != (height, width, 3):
+            rect = self.areas[picture.id].rect
+            if picture.rgb.shape != (rect.height, rect.width, 3):
                 came = "x".join(str(n) for n in picture.rgb.shape[1::-1])
-                raise LocalProtocolError(f"panel {picture.id}: a picture of {came} pixels for {width}x{height}")
+                wanted = f"{rect.width}x{rect.height}"
+                raise LocalProtocolError(f"panel {picture.id}: a picture of {came} pixels for {wanted}")
         with self._changed:
             news = [p for p in pictures if p.id not in self._newest or self._newest[p.id].version != p.version]
             self._newest.update((picture.id, picture) for picture in news)
@@ -171,8 +173,8 @@ class WindowHost:
             self._waiting -= ready.keys()
             pictures = [picture for picture in self._newest.values() if self.areas[picture.id].window in ready]
         for picture in pictures:
-            part = self.areas[picture.id]
-            self._pixels(part.window, ready[part.window][0])[part.inside] = picture.rgb
+            k, rect = self.areas[picture.id]
+            self._pixels(k, ready[k][0])[rect.y : rect.bottom, rect.x : rect.right] = picture.rgb
         for k, (buffer, number) in ready.items():
             self._send([k, buffer, *self._requests[k].pixels, number])
 
@@ -212,32 +214,26 @@ class WindowHost:
         return tuple(json.loads(data)) if data else ("",)
 
 
-@dataclass(frozen=True, slots=True)
-class _PanelArea:
+class PanelArea(NamedTuple):
     """The rectangle of a window that shows one panel: all of it, or the half of one eye."""
 
     window: int
-    at: tuple[int, int]  # x, y of its top left pixel
-    size: tuple[int, int]  # width, height
-
-    @property
-    def inside(self) -> tuple[slice, slice]:
-        """Rows and columns of the window's pixels."""
-        (x, y), (width, height) = self.at, self.size
-        return np.s_[y : y + height, x : x + width]
+    rect: Rect  # of the window's pixels
 
 
-def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[WindowRequest], dict[str, _PanelArea]]:
+def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[WindowRequest], dict[str, PanelArea]]:
     """A window for each physical panel, and by panel id the area of its picture."""
     physical: dict[str, list[Panel]] = {}
     for panel in panels:
         physical.setdefault(panel.of or panel.id, []).append(panel)
-    requests, areas = [], {}
+    requests, areas = [], dict[str, PanelArea]()
     for k, (name, parts) in enumerate(physical.items()):
-        inside = {panel.id: _PanelArea(k, panel.at, panel.pixels) for panel in parts}
-        pixels = (max(p.at[0] + p.size[0] for p in inside.values()), max(p.at[1] + p.size[1] for p in inside.values()))
+        for part in parts:
+            (x, y), (width, height) = part.at, part.pixels
+            areas[part.id] = PanelArea(k, Rect(x=x, y=y, width=width, height=height))
+        rects = [areas[part.id].rect for part in parts]
+        pixels = max(rect.right for rect in rects), max(rect.bottom for rect in rects)
         requests.append(replace(request_of(parts[0], refresh_hz), id=name, pixels=pixels))
-        areas.update(inside)
     return requests, areas
 
 

@@ -13,6 +13,7 @@ wall/reconstruction/gpu use OpenGL.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import json
 import mmap
@@ -223,19 +224,13 @@ class WindowProcess:
         self.tell(["ready", [position.note for position in found if position.note]])
 
     def _listen(self) -> None:
-        while message := self._receive():
-            index, buffer, width, height, number = json.loads(message)
-            window = self.windows.get(index)
-            if window is not None:
-                window.offer(buffer, width, height, number)
-        self._ended = True
+        with contextlib.suppress(OSError):
+            while message := self._pipe.recv(MAX_PACKET):
+                index, *offered = json.loads(message)
+                if (window := self.windows.get(index)) is not None:
+                    window.offer(*offered)
+        self._ended = True  # the parent is gone
         glfw.post_empty_event()
-
-    def _receive(self) -> bytes:
-        try:
-            return self._pipe.recv(MAX_PACKET)
-        except OSError:
-            return b""
 
 
 def _request(values: dict[str, Any]) -> WindowRequest:
@@ -247,22 +242,18 @@ def _init(panel: str, display: str) -> None:
     """Connect to the X server; wait OPEN_WAIT_S for one that restarts, as it does when its last client leaves."""
     glfw.ERROR_REPORTING = "raise"
     limit = time.monotonic() + OPEN_WAIT_S
-    while (error := _refused()) is not None:
-        if time.monotonic() > limit:
-            raise RunError(
-                f"panel {panel}: display {display} cannot be opened ({_text(error)}); wanted an X server that is "
-                f"running and lets this user in (XAUTHORITY: {os.environ.get('XAUTHORITY', 'not set')})"
-            ) from error
+    while True:
+        try:
+            glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
+            glfw.init()
+            return
+        except glfw.GLFWError as error:
+            if time.monotonic() > limit:
+                raise RunError(
+                    f"panel {panel}: display {display} cannot be opened ({_text(error)}); wanted an X server that is "
+                    f"running and lets this user in (XAUTHORITY: {os.environ.get('XAUTHORITY', 'not set')})"
+                ) from error
         time.sleep(0.1)
-
-
-def _refused() -> Exception | None:
-    try:
-        glfw.init_hint(glfw.PLATFORM, glfw.PLATFORM_X11)
-        glfw.init()
-    except glfw.GLFWError as error:
-        return error
-    return None
 
 
 def _text(error: Exception) -> str:

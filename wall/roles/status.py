@@ -62,10 +62,6 @@ class Latency:
         while self._waiting and self._waiting[0][0] <= number:
             self.seconds.append(now - self._waiting.popleft()[1])
 
-    def percentiles_ms(self) -> tuple[float, float, float]:
-        """Median, 95th and 99th percentile of all, milliseconds."""
-        return percentiles_ms(list(self.seconds))
-
 
 def samplers_of(plan: Plan) -> tuple[str, ...]:
     """What viewers may choose among: in lock step only the configured one, since others make no frames."""
@@ -161,7 +157,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "head_cores": round(cores, 3),
         "reconstruction": {layer.panel.id: str(choice) for layer in layers if (choice := layer.reprojected.choice)},
         "dropped": dict(sorted(dropped.items())),
-        "latency_ms": dict(zip(("p50", "p95", "p99"), compositor.latency.percentiles_ms(), strict=True)),
+        "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(compositor.latency.seconds)), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
