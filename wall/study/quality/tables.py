@@ -167,9 +167,7 @@ def _moving(rows: Sequence[Row]) -> Table:
     ]  # fmt: skip
     return Table(
         title="Bytes while something moves",
-        note=(
-            f"Samples against images of the same renderer. Raw 8-bit frames: {_bytes(raw_bytes_per_s(rows[0]))}/s."
-        ),
+        note=f"Samples against images of the same renderer. Raw 8-bit frames: {_bytes(raw_bytes_per_s(rows[0]))}/s.",
         columns=("scene", "", "method", "bytes/s", "of raw", "bytes a sample", "RMSE", "CPU s a second"),
         lines=tuple(lines),
         text=(0, 1, 2),

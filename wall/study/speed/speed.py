@@ -14,13 +14,11 @@ from wall.study.speed import (
     adaptive_cost,
     compositing,
     compositor_tree,
-    depth_tree,
     mitsuba_peer,
     reconstruction,
     runs,
     tracing,
     wire,
-    wire_adaptive,
 )
 from wall.study.speed.record import Row, commit, failed
 
@@ -37,13 +35,13 @@ def _display_side(name: str, rounds: int, seconds: float) -> list[Row]:
 GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = (
     (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
     (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
-    (("adaptive_bytes", "adaptive_encode"), lambda rounds, seconds: wire_adaptive.measure(rounds)),
+    (("adaptive_bytes", "adaptive_encode"), lambda rounds, seconds: wire.adaptive_codec(rounds)),
     (("adaptive_overhead", "adaptive_rate"), lambda rounds, seconds: adaptive_cost.rank_side(rounds)),
     *(((name,), partial(_display_side, name)) for name in adaptive_cost.PANELS),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
     (("compositor_tree",), lambda rounds, seconds: compositor_tree.measure(rounds)),
-    (("depth_tree",), lambda rounds, seconds: depth_tree.depth_tree(rounds)),
+    (("depth_tree",), lambda rounds, seconds: compositing.depth_tree(rounds)),
     (("depth_copy", "depth_covered"), lambda rounds, seconds: compositing.depth_copy(rounds)),
     (("unchanged_input",), lambda rounds, seconds: compositing.unchanged_input(rounds)),
     (("compositor_cpu",), lambda rounds, seconds: runs.compositor_cpu(seconds)),
