@@ -335,6 +335,41 @@ def quality(
     console.print(f"{len(rows)} rows in {out / 'quality.jsonl'}, report in {write_report(out, rows)}")
 
 
+@measure.command()
+def live(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Configurations of walls to run here", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive,framed,frameless,hilbert",
+    cores: Annotated[str, typer.Option(help="For all processes of a wall, such as 0.5,1,2; all if left out")] = "",
+    seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Measured, after the warm-up")] = 6.0,
+    warm_up: Annotated[float, typer.Option(min=0.0, max=600.0, help="Seconds that a wall runs before")] = 2.0,
+    moments: Annotated[int, typer.Option(min=1, max=10000, help="Pictures compared with the ideal one")] = 24,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the ideal pictures")] = 64,
+    out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
+        "OUT/live"
+    ),
+    keep: Annotated[bool, typer.Option("--keep", help="Keep every recorded picture too: large")] = False,
+) -> None:
+    """Measure what is seen: run walls, and hold the picture of each moment against the ideal picture of that moment.
+
+    [bold]wall measure live configs/demo.yaml --cores 2[/]
+    """
+    from wall.commands.progress import progress_bar
+    from wall.study.live import command
+    from wall.study.live.sweep import Wanted, sweep
+
+    command.check_installed()
+    wanted = Wanted(
+        configs=command.configs_of(configs), methods=command.methods_of(methods), cores=command.cores_wanted(cores),
+        seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, out=out, keep=keep,
+    )  # fmt: skip
+    with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
+        rows = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
+    console.print(command.table(rows).rich())
+    console.print(f"rows in {out}/live.jsonl; strip.png and film.mp4 in {out}/CONFIG-CORES/")
+
+
 @app.command()
 def schema(
     output: Annotated[Path | None, typer.Option("-o", help="File to write; the terminal if left out")] = None,

@@ -13,6 +13,7 @@ import pytest
 from PIL import Image
 
 from wall.core.errors import ConfigError
+from wall.study import json_lines
 from wall.study.quality import rows as files
 from wall.study.quality.image_strips import GAP, REFERENCE, image_path, moments
 from wall.study.quality.plots import lines
@@ -47,18 +48,18 @@ def test_rows_begin_with_the_promised_keys_in_order() -> None:
 def test_rows_survive_the_file_and_a_torn_last_line_is_measured_again(tmp_path: Path) -> None:
     path = tmp_path / "new" / "quality.jsonl"
     first, second = row("a", "framed", 0.1), row("b", "framed", 0.2)
-    files.append(path, first)
-    files.append(path, second)
+    json_lines.append(path, first)
+    json_lines.append(path, second)
     assert files.read(path) == [first, second]
     path.write_text(path.read_text()[:-9])
     assert files.read(path) == [first]
-    files.append(path, second)
+    json_lines.append(path, second)
     assert files.read(path) == [first, second]
 
 
 def test_line_that_is_no_row_is_refused_by_its_number(tmp_path: Path) -> None:
     path = tmp_path / "quality.jsonl"
-    files.append(path, row("a", "framed", 0.1))
+    json_lines.append(path, row("a", "framed", 0.1))
     with path.open("a") as file:
         file.write('{"scene": "b"}\n')
     with pytest.raises(ConfigError, match=r"quality\.jsonl:2: not a row"):

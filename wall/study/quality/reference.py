@@ -19,6 +19,8 @@ import numpy as np
 from wall.commands.offline import OfflineRenderer, Tile, bands_of
 from wall.core.data import Event, Float32
 from wall.core.jit import PACKAGE
+from wall.geometry.cameras import PanelView
+from wall.geometry.panels import Panel
 from wall.roles.plan import Plan
 from wall.study.quality.method import Inputs
 from wall.tracing.tracer_scene import TracerScene
@@ -47,15 +49,16 @@ class Reference:
     """Reference images at given times; `make` traces those that are not there yet."""
 
     def __init__(
-        self, plan: Plan, tracer_scene: TracerScene, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL
-    ) -> None:
-        """`times` (seconds, growing) are those of the images, in order."""
+        self, plan: Plan, tracer_scene: TracerScene, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL,
+        panel: int = 0, cache: Path | None = None,
+    ) -> None:  # fmt: skip
+        """`times` (seconds, growing) are those of the images, in order; `cache` is another folder to keep them in."""
         self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
-        self._panel = plan.layout.wall.panels[0]
+        self._panel = plan.layout.wall.panels[panel]
         inputs = Inputs(plan)
         self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in times)
-        self.key = _key(plan, self._panel.pixels, self.events, spp)
-        self.folder = cache_folder() / self.key
+        self.key = _key(plan, self._panel, self.events, spp)
+        self.folder = (cache or cache_folder()) / self.key
         self._images, self._done = self._open()
 
     def __len__(self) -> int:
@@ -115,11 +118,13 @@ def _mapped(path: Path, dtype: type[np.generic], shape: tuple[int, ...]) -> np.m
     return np.lib.format.open_memmap(path, mode="r+")
 
 
-def _key(plan: Plan, size: tuple[int, int], events: tuple[Event, ...], spp: int) -> str:
-    digest = hashlib.blake2b(repr((size, spp, SEED)).encode(), digest_size=12)
+def _key(plan: Plan, panel: Panel, events: tuple[Event, ...], spp: int) -> str:
+    digest = hashlib.blake2b(repr((panel.pixels, spp, SEED)).encode(), digest_size=12)
     scene = plan.scene
     still = (scene.meshes, scene.materials, scene.textures, scene.instances, scene.point_lights)
-    _feed(digest, (still, scene.directional_lights, scene.sky, plan.view.eye, plan.layout.wall.panels[0].plane))
+    _feed(digest, (still, scene.directional_lights, scene.sky, plan.view.eye, panel.plane))
+    if panel.index:  # where it lies in the plane, and the eye that sees it
+        _feed(digest, (panel.screen, PanelView(plan.view, panel).eye))
     for event in dict.fromkeys(events):
         _feed(digest, (event.camera, scene.at(event.scene_time)))
     _feed(digest, [event.number for event in events])

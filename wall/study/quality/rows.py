@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterable
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
-from wall.core.errors import ConfigError
+from wall.study import json_lines
 from wall.study.quality.trial import Trial
 
 FILE = "quality.jsonl"
@@ -63,7 +60,7 @@ class Row:
 
     def json_line(self) -> str:
         """Returns the row as one line of JSON."""
-        return json.dumps({name: _plain(value) for name, value in asdict(self).items()}, allow_nan=False)
+        return json_lines.line_of(self)
 
 
 def identity(trial: Trial, reference: str) -> Identity:
@@ -73,47 +70,11 @@ def identity(trial: Trial, reference: str) -> Identity:
     return (trial.scene, trial.method, rate, *trial.size, trial.seed, trial.clock, cores, trial.refresh_hz, reference)
 
 
-def append(path: Path, row: Row) -> None:
-    """One write of one line, after whatever another run left."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(row.json_line() + "\n")
-
-
 def read(path: Path) -> list[Row]:
-    """The rows of a file, none if it is absent. A line that a killed run left unfinished at the end is cut off.
-
-    Raises ConfigError for any other line that is not a row.
-    """
-    if not path.exists():
-        return []
-    text = path.read_text(encoding="utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        path.write_text(whole, encoding="utf-8")
-    return [_row(line, f"{path}:{number}") for number, line in enumerate(whole.splitlines(), start=1)]
+    """The rows of a file. Raises ConfigError for a line that is not one."""
+    return json_lines.read(path, Row)
 
 
 def newest(rows: Iterable[Row]) -> list[Row]:
     """One row a trial: of several, the last."""
     return list({row.identity: row for row in rows}.values())
-
-
-def _row(line: str, where: str) -> Row:
-    try:
-        values = json.loads(line)
-        wanted = [f.name for f in fields(Row) if f.name in values or f.default_factory is MISSING]
-        return Row(**{name: values[name] for name in wanted})
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigError(
-            f"{where}: not a row of a quality run ({error}); move the file, or take another --out"
-        ) from None
-
-
-def _plain(value: Any) -> Any:
-    """Floats to eight digits; NaN, which JSON does not know, to null."""
-    if isinstance(value, float):
-        return float(f"{value:.8g}") if math.isfinite(value) else None
-    if isinstance(value, list):
-        return [_plain(part) for part in value]
-    return value

@@ -16,10 +16,11 @@ from typing import TypeVar
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
 from wall.display.image_file import write_image
+from wall.study.json_lines import append
 from wall.study.quality.experiment import reference_of, run
 from wall.study.quality.image_strips import LOOKS, REFERENCE, image_path, spent_by
 from wall.study.quality.methods import check_method
-from wall.study.quality.rows import FILE, Row, append, identity, newest, read
+from wall.study.quality.rows import FILE, Row, identity, newest, read
 from wall.study.quality.trial import Trial
 
 CLOCKS = ("virtual", "cpu")

@@ -1,0 +1,265 @@
+"""`wall measure live`: which picture was on the wall at a moment, against which ideal one, by which method."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.config.loading import loads
+from wall.config.sampling import METHODS
+from wall.core.errors import ConfigError
+from wall.display.picture_log import LoggedPanel, LoggedPictures
+from wall.study import json_lines
+from wall.study.live.command import methods_of, table
+from wall.study.live.cpu_limit import parents_of, quota_files
+from wall.study.live.film import read_film, scaled, write_film
+from wall.study.live.images import GAP, LABEL_HEIGHT, strip
+from wall.study.live.rewriting import load_without_windows, moving, text_for
+from wall.study.live.rows import Row, newest
+from wall.study.live.scores import Shown, score
+from wall.study.live.sweep import cpu_by_role
+from wall.study.live.timeline import Timeline, intervals, moments
+
+CONFIG = """\
+version: 1
+scene: {{source: gallery}}
+wall: {{grid: {{columns: 2, rows: 1, pixels: [16, 12], size: [0.4, 0.3]}}}}
+views: [{{camera: {{position: [2.6, 3, 7.1], target: [0, 0.6, -0.3]}}, {view}}}]
+sampling: {{method: adaptive, threads: 2, seed: 7}}
+graph: {graph}
+"""
+BEGAN, DELAY_S = 100.0, 0.03
+
+
+def config(folder: Path, view: str = "refresh_hz: 30", graph: str = "{preset: sort-first, sinks: [browser]}") -> Path:
+    path = folder / "wall.yaml"
+    path.write_text(CONFIG.format(view=view, graph=graph), encoding="utf-8")
+    return path
+
+
+def panel(name: str, version: int, *, time: float, refresh: float, size: tuple[int, int] = (2, 1)) -> LoggedPanel:
+    return LoggedPanel(
+        time=BEGAN + time, refresh=BEGAN + refresh, panel=name, version=version, screen=(0, 0), size=size,
+        offset=3 * size[0] * size[1] * version, camera_event=0, scene_event=0, scene_time=0.0,
+    )  # fmt: skip
+
+
+def log(*panels: LoggedPanel) -> LoggedPictures:
+    pixels = np.arange(1000, dtype=np.uint16).astype(np.uint8)
+    return LoggedPictures(began=BEGAN, display_delay_s=DELAY_S, panels=panels, cpu_s=0.0, pixels=pixels)
+
+
+def test_held_picture_is_the_newest_that_was_light():
+    timeline = Timeline(
+        log(
+            panel("a", 0, time=0.01, refresh=0.0),  # light at 0.03: the display's delay after its refresh
+            panel("b", 0, time=0.01, refresh=0.0),
+            panel("a", 1, time=1.25, refresh=1.0),  # light at 1.25: it took longer than that
+        )
+    )
+
+    assert timeline.held("a", 0.029) is None
+    assert [timeline.held("a", t).version for t in (0.031, 1.249, 1.2501, 9.0)] == [0, 0, 1, 1]
+    assert timeline.held("b", 9.0).version == 0, "a panel that did not change is held"
+    assert timeline.held("c", 9.0) is None
+    assert timeline.times == pytest.approx([0.03, 1.25])
+
+
+def test_intervals_are_of_the_pictures_within_the_span():
+    times = [0.5, *np.arange(1.0, 2.0, 0.1), 2.4, 5.0]
+
+    found = intervals(times, 0.9, 1.6)  # 1.0, 1.1 ... 1.9, 2.4
+
+    assert found.refresh_hz == pytest.approx(11 / 1.6)
+    steps = [0.5, *[0.1] * 9, 0.5]
+    assert found.p95_ms == pytest.approx(1000 * np.percentile(steps, 95))
+
+
+@pytest.mark.parametrize("times", [[], [0.5]])
+def test_a_wall_that_never_changes_has_one_interval_as_long_as_the_span(times):
+    found = intervals(times, 1.0, 3.0)
+
+    assert (found.refresh_hz, found.p95_ms) == (0.0, 3000.0)
+
+
+def test_moments_are_spread_and_always_the_same():
+    found = moments(24, first=2.0, seconds=6.0)
+
+    assert found == moments(24, first=2.0, seconds=6.0)
+    assert [math.floor((t - 2.0) / 0.25) for t in found] == list(range(24))
+    assert np.ptp(np.diff(found)) > 0.1, "not in step with a display"
+
+
+def test_shown_codes_are_those_of_the_log_and_black_before():
+    shown = Shown(log(panel("a", 0, time=0.01, refresh=0.0), panel("a", 1, time=1.25, refresh=1.0)))
+    a = Panelled("a")
+
+    assert shown.codes(a, 0.0).tolist() == [[[0, 0, 0], [0, 0, 0]]]
+    assert shown.codes(a, 1.0).tolist() == [[[0, 1, 2], [3, 4, 5]]]
+    assert shown.codes(a, 2.0).tolist() == [[[6, 7, 8], [9, 10, 11]]]
+
+
+class Panelled:
+    """As much of a panel as is looked at."""
+
+    def __init__(self, name: str, pixels: tuple[int, int] = (2, 1)) -> None:
+        self.id, self.pixels = name, pixels
+
+
+class Flat:
+    """Ideal pictures of one grey on two panels, one of which has three times the pixels."""
+
+    def __init__(self, code: int) -> None:
+        self.wall, self.times, self._code = self, [0.5, 1.5], code
+        self.panels = [Panelled("a", (8, 8)), Panelled("b", (24, 8))]
+
+    def display(self, name: str, k: int) -> np.ndarray:
+        width, height = next(p.pixels for p in self.panels if p.id == name)
+        return np.full((height, width, 3), self._code / 255.0, np.float32)
+
+
+def test_score_counts_pixels_and_moments_alike():
+    ideal = Flat(20)  # nothing is light at 0.5; then panel a has the ideal picture and b is still black
+    pixels = np.full(3 * 64, 20, np.uint8)
+    found = replace(log(panel("a", 0, time=1.0, refresh=1.0, size=(8, 8))), pixels=pixels)
+
+    result = score(Shown(found), ideal)
+
+    black = 20 / 255
+    assert result.over_time == pytest.approx([black, math.sqrt(0.75) * black])
+    assert result.rmse_display == pytest.approx(math.sqrt((1 + 0.75) / 2) * black)
+    assert 0.0 < result.flip < 1.0
+    assert result.ssim < 1.0
+
+
+def test_each_method_runs_the_same_threads_and_seed_without_windows(tmp_path):
+    loaded = load_without_windows(config(tmp_path, "sampling: {method: hilbert, threads: 2, seed: 7}"))
+
+    for method in METHODS:
+        found = loads(text_for(loaded, method)).config
+        sampling = found.sampling_of(0)
+        assert (sampling.method, sampling.threads, sampling.seed) == (method, 2, 7)
+        assert found.graph.sinks == ("png",)
+        assert sampling.samples_per_batch == (2048 if method == "adaptive" else 4096), "its own default"
+
+
+def test_camera_orbits_only_where_nothing_moves(tmp_path):
+    still = moving(load_without_windows(config(tmp_path)))
+    resting = config(tmp_path)
+    animation = "scene: {source: gallery, animation: [{type: spin, object: globe, period_s: 2}]}"
+    resting.write_text(resting.read_text().replace("scene: {source: gallery}", animation))
+
+    assert still.view.path.type == "orbit"
+    assert still.layout.config.views[0].path.type == "orbit"
+    assert moving(load_without_windows(resting)).view.path is None
+
+
+def test_a_graph_that_changes_pictures_is_refused(tmp_path):
+    nodes = (
+        "{nodes: [{id: s, op: samples, panel: r0c0}, {id: r, op: reconstruct, input: s}, "
+        "{id: t, op: samples, panel: r0c1}, {id: q, op: reconstruct, input: t}, {id: w, op: tile, inputs: [r, q]}, "
+        "{id: c, op: colour, input: w, gamma: 2.0}, {id: p, op: sink, kind: png, input: c}]}"
+    )
+
+    with pytest.raises(ConfigError, match="colour: changes what a panel shows"):
+        load_without_windows(config(tmp_path, graph=nodes))
+
+
+def test_relative_files_are_found_from_another_folder(tmp_path):
+    (tmp_path / "ball.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    path = config(tmp_path)
+    path.write_text(path.read_text().replace("source: gallery", "source: ball.obj"))
+
+    found = loads(text_for(load_without_windows(path), "framed")).config
+
+    assert found.scene.source == str(tmp_path / "ball.obj")
+
+
+def test_methods_are_named_or_refused():
+    assert methods_of("framed,adaptive") == ("framed", "adaptive")
+    assert methods_of("frame*") == ("framed", "frameless")
+    with pytest.raises(ConfigError, match=r"--methods framd: unknown.*accepted: adaptive"):
+        methods_of("framd")
+
+
+def test_quota_of_a_fraction_of_a_core():
+    assert quota_files(0.25, 2) == [("cpu.max", "2500 10000")]
+    assert quota_files(1.5, 1) == [("cpu.cfs_period_us", "10000"), ("cpu.cfs_quota_us", "15000")]
+    assert quota_files(0.05, 1)[1] == ("cpu.cfs_quota_us", "1000"), "the kernel takes no less"
+
+
+def test_cgroups_are_looked_for_from_the_own_one_upwards(tmp_path):
+    own = tmp_path / "v2" / "user" / "me"
+    own.mkdir(parents=True)
+    (tmp_path / "v1").mkdir()
+    for folder in (own, own.parent):
+        (folder / "cgroup.controllers").write_text("cpuset cpu memory\n")
+    mounts = (
+        f"32 31 0:29 / {tmp_path}/v1 rw,relatime shared:9 - cgroup cgroup rw,cpu,cpuacct\n"
+        f"33 31 0:30 / {tmp_path}/v2 rw,relatime - cgroup2 cgroup2 rw\n34 31 0:31 / /proc rw - proc proc rw\n"
+    )
+
+    found = parents_of("3:cpu,cpuacct:/\n0::/user/me\n", mounts)
+
+    assert found == [(tmp_path / "v1", 1), (own, 2), (own.parent, 2)], "the root of v2 has no CPU controller here"
+
+
+ROW = Row(
+    config="a", method="adaptive", cores=2.0, rmse_display=0.1, flip=0.2, ssim=0.9, refresh_hz=30.0,
+    interval_p95_ms=34.0, latency_p50_ms=20.0, latency_p95_ms=30.0, latency_p99_ms=40.0, samples_per_s=4e5,
+    bytes_per_s=2e6, cpu_s={"head": 2.0, "renderer": 3.0}, run_s=5.0, seconds=3.0, warm_up_s=2.0, panels=1, pixels=192,
+    display_delay_s=0.03, error_over_time=[0.1], times=[2.5], log_cpu_s=0.01, dropped={}, setup="s", reference="r",
+    spp=64, load=0.5, commit="c", machine="m", command="wall",
+)  # fmt: skip
+
+
+def test_rows_survive_the_file(tmp_path):
+    path = tmp_path / "live.jsonl"
+    rows = [ROW, replace(ROW, method="framed"), replace(ROW, rmse_display=0.3)]
+    for row in rows:
+        json_lines.append(path, row)
+
+    assert json_lines.read(path, Row) == rows
+    assert [row.rmse_display for row in newest(rows)] == [0.3, 0.1], "the newest of equal ones"
+
+
+def test_table_has_codes_and_cores():
+    (line,) = table([ROW]).lines
+
+    assert line[:4] == ("a", "2", "adaptive", "25.50")
+    assert line[-1] == "0.40, 0.60"
+
+
+def test_cpu_of_ranks_is_added_by_role():
+    ranks = [{"role": "head", "cpu_s": 1.0}, {"role": "renderer", "cpu_s": 2.0}, {"role": "renderer", "cpu_s": 0.5}]
+
+    assert cpu_by_role(ranks) == {"head": 1.0, "renderer": 2.5}
+
+
+def test_strip_has_a_column_for_each_picture():
+    grey = np.full((10, 20, 3), 90, np.uint8)
+
+    found = strip(grey, {"adaptive": (grey, 0.0), "framed": (grey + 10, 10 / 255)})
+
+    assert found.shape == (2 * (10 + LABEL_HEIGHT), 3 * 20 + 2 * GAP, 3)
+    assert (found[-10:, 20 + GAP : 40 + GAP] == 0).all(), "no error"
+    assert (found[-10:, -20:] == 30).all(), "three times the error"
+
+
+def test_film_has_the_images_in_their_order(tmp_path):
+    images = [np.full((31, 41, 3), code, np.uint8) for code in (20, 120, 220)]
+
+    write_film(tmp_path / "film.mp4", iter(images), hz=30.0)
+
+    found = list(read_film(tmp_path / "film.mp4"))
+    assert [image.shape for image in found] == [(32, 42, 3)] * 3
+    assert [round(float(image.mean()), -1) for image in found] == [20, 120, 220]
+
+
+def test_small_walls_are_enlarged_by_whole_pixels():
+    assert scaled(np.zeros((3, 4, 3), np.uint8), 9).shape == (6, 8, 3)
+    assert scaled(np.zeros((30, 40, 3), np.uint8), 20).shape == (15, 20, 3)

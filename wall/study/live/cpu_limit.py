@@ -1,0 +1,134 @@
+"""Give a command so many cores: whole ones by affinity, a fraction by a quota of a cgroup (v2, or v1).
+
+Kernel documentation: admin-guide/cgroup-v2 (cpu.max), scheduler/sched-bwc (cpu.cfs_quota_us).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from wall.core.errors import ConfigError, RunError
+from wall.study.live.start import NO_GROUP
+
+PERIOD_US = 10_000  # of a quota: the kernel's usual 100 ms would stop a wall of 0.25 cores for 75 ms at a time
+LEAST_QUOTA_US = 1000  # the kernel's
+EMPTY_WAIT_S = 5.0  # for the kernel to see that a group's processes have ended
+POLL_S = 0.05
+WANTED = (
+    "wanted: whole cores, or a cgroup below this process's whose CPU controller it may set: as root, or started by "
+    "`systemd-run --user --scope -p Delegate=yes`"
+)
+
+
+@contextmanager
+def limited(cores: float) -> Iterator[list[str]]:
+    """The words before a command that give it `cores` cores in all. Raises ConfigError, RunError."""
+    usable = sorted(os.sched_getaffinity(0))
+    if cores > len(usable):
+        raise ConfigError(f"--cores {cores:g}: this process may use {len(usable)}")
+    cpus = ",".join(map(str, usable[: math.ceil(cores)]))
+    launcher = [sys.executable, "-m", "wall.study.live.start", cpus]
+    if cores == int(cores):
+        yield [*launcher, NO_GROUP]
+        return
+    group = _make_group(cores)
+    try:
+        yield [*launcher, str(group)]
+    finally:
+        _remove(group)
+
+
+def check(cores: float) -> None:
+    """Raise what `limited` would, before anything else is done."""
+    with limited(cores):
+        pass
+
+
+def _make_group(cores: float) -> Path:
+    """A new cgroup with a quota of CPU time. Raises RunError where this process cannot make one."""
+    tried = []
+    for parent, version in parents_of(_read("/proc/self/cgroup"), _read("/proc/self/mountinfo")):
+        group = parent / f"wall-{os.getpid()}"
+        try:
+            if version == 2 and "cpu" not in (parent / "cgroup.subtree_control").read_text().split():
+                (parent / "cgroup.subtree_control").write_text("+cpu")
+            group.mkdir()
+        except OSError as error:
+            tried.append(f"{parent}: {error.strerror}")
+            continue
+        try:
+            for name, text in quota_files(cores, version):
+                (group / name).write_text(text)
+        except OSError as error:
+            tried.append(f"{group}: {error.strerror}")
+            group.rmdir()
+            continue
+        return group
+    why = "; ".join(tried) or "no cgroup with a CPU controller is mounted"
+    raise RunError(f"--cores {cores:g}: a fraction of a core needs a cgroup with a quota ({why}); {WANTED}")
+
+
+def quota_files(cores: float, version: int) -> list[tuple[str, str]]:
+    """What is written to a cgroup's files, in this order."""
+    period = max(PERIOD_US, math.ceil(LEAST_QUOTA_US / cores))
+    quota = round(cores * period)
+    if version == 2:
+        return [("cpu.max", f"{quota} {period}")]
+    return [("cpu.cfs_period_us", str(period)), ("cpu.cfs_quota_us", str(quota))]
+
+
+def parents_of(cgroup: str, mountinfo: str) -> list[tuple[Path, int]]:
+    """Folders a group may be made in, with their cgroup version: this process's own first, then those above it.
+
+    cgroup, mountinfo : texts of those files of /proc/self
+    """
+    own = {}  # by controller, "" for version 2: this process's path below the mount
+    for line in cgroup.splitlines():
+        _, controllers, path = line.split(":", 2)
+        own.update(dict.fromkeys(controllers.split(","), path))
+    found: list[tuple[Path, int]] = []
+    for line in mountinfo.splitlines():
+        left, _, right = line.partition(" - ")
+        kind, _, options = right.split(" ", 2)
+        root, mount = left.split()[3:5]
+        if kind == "cgroup2":
+            found += [(folder, 2) for folder in _upwards(Path(mount), root, own.get("", "/")) if _has_cpu(folder)]
+        elif kind == "cgroup" and "cpu" in options.split(","):
+            found += [(folder, 1) for folder in _upwards(Path(mount), root, own.get("cpu", "/"))]
+    return found
+
+
+def _upwards(mount: Path, root: str, path: str) -> list[Path]:
+    """From a process's own folder to the mount: only folders that are there, a container may see a part of them."""
+    below = path.removeprefix(root) if root != "/" else path
+    own = mount / below.lstrip("/")
+    chain = [own, *own.parents]
+    return [folder for folder in chain[: chain.index(mount) + 1] if folder.is_dir()]
+
+
+def _has_cpu(folder: Path) -> bool:
+    try:
+        return "cpu" in (folder / "cgroup.controllers").read_text().split()
+    except OSError:
+        return False
+
+
+def _read(path: str) -> str:
+    return Path(path).read_text(encoding="utf-8")
+
+
+def _remove(group: Path) -> None:
+    """Remove an empty group; one whose processes are slow to end is left after a while."""
+    limit = time.monotonic() + EMPTY_WAIT_S
+    while time.monotonic() < limit:
+        try:
+            group.rmdir()
+            return
+        except OSError:
+            time.sleep(POLL_S)

@@ -1,0 +1,94 @@
+"""A configuration as one method runs it: its sampling, no windows or page, something that moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from wall.config.graph import GraphConfig, NodeGraph, SinkNode
+from wall.config.loading import Loaded, dump, load
+from wall.config.sampling import AnySampling, switched
+from wall.config.views import OrbitPathConfig
+from wall.core.errors import ConfigError
+from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan
+
+ORBIT_PERIOD_S = 20.0  # of a camera in a scene where nothing else moves
+PATIENCE_S = 30.0  # a rank that few cores are slow to run is not lost
+SHOWS_PANELS = frozenset({  # nodes after which a panel still shows its own view, and nothing beside it
+    "age_blend", "average", "crop", "denoise", "depth", "encode", "newest", "over", "reconstruct", "samples", "sink",
+    "sky", "tile",
+})  # fmt: skip
+FILE_KEYS = frozenset({"source", "file", "lut"})  # whose relative paths start at the configuration's folder
+
+
+def load_without_windows(path: Path) -> Loaded:
+    """A configuration whose pictures all end at the head. Raises ConfigError where it has no ideal picture."""
+    loaded = load(path)
+    loaded = loaded.with_config(loaded.config.model_copy(update={"graph": _without_windows(loaded.config.graph)}))
+    _check_graph(make_layout(loaded))
+    return loaded
+
+
+def moving(loaded: Loaded) -> Plan:
+    """Load the scene; where nothing moves, neither camera nor objects, the camera is given an orbit."""
+    plan = make_plan(make_layout(loaded))
+    view = loaded.config.views[0]
+    if view.path is not None or plan.scene.animated:
+        return plan
+    view = view.model_copy(update={"path": OrbitPathConfig(type="orbit", period_s=ORBIT_PERIOD_S)})
+    loaded = loaded.with_config(loaded.config.model_copy(update={"views": (view,)}))
+    return aimed(make_layout(loaded), plan.scene)
+
+
+def text_for(loaded: Loaded, method: str) -> str:
+    """YAML of the configuration under a method of METHODS, for a file in any folder."""
+    config = loaded.config
+    transport = config.transport.model_copy(update={"lost_after_s": max(PATIENCE_S, config.transport.lost_after_s)})
+    views = tuple(view.model_copy(update={"sampling": None}) for view in config.views)
+    update = {"sampling": sampling_for(config.sampling_of(0), method), "views": views, "transport": transport}
+    changed = config.model_copy(update=update)
+    values = _absolute(changed.model_dump(mode="json", exclude_none=True), loaded.folder.absolute())
+    return dump(type(config).model_validate(values))
+
+
+def sampling_for(sampling: AnySampling, method: str) -> AnySampling:
+    """The same threads and seed under another method, the same batch only where the configuration says how large."""
+    other = switched(sampling, method)
+    if other is sampling or "samples_per_batch" in sampling.model_fields_set:
+        return other
+    return type(other)(threads=sampling.threads, seed=sampling.seed)
+
+
+def _without_windows(graph: GraphConfig) -> GraphConfig:
+    """The same graph, all of whose sinks are files at the head."""
+    if not isinstance(graph, NodeGraph):
+        return graph.model_copy(update={"sinks": ("png",)})
+    nodes = tuple(
+        node.model_copy(update={"kind": "png", "on": None}) if isinstance(node, SinkNode) else node
+        for node in graph.nodes
+    )
+    return graph.model_copy(update={"nodes": nodes})
+
+
+def _check_graph(layout: Layout) -> None:
+    """Refuse a graph whose pictures are not what the panels' own rays see: there is no ideal picture of it."""
+    strange = {step.node.op_name for step in layout.graph.steps} - SHOWS_PANELS
+    if strange:
+        raise ConfigError(
+            f"{layout.loaded.path}: graph: {', '.join(sorted(strange))}: changes what a panel shows; wanted, to hold "
+            f"it against an ideal picture, only {', '.join(sorted(SHOWS_PANELS))}"
+        )
+
+
+def _absolute(values: Any, folder: Path) -> Any:
+    """The same values with absolute paths of files."""
+    if isinstance(values, list):
+        return [_absolute(value, folder) for value in values]
+    if not isinstance(values, dict):
+        return values
+    return {
+        key: str((folder / value).resolve())
+        if key in FILE_KEYS and isinstance(value, str) and (folder / value).is_file()
+        else _absolute(value, folder)
+        for key, value in values.items()
+    }

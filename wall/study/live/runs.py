@@ -1,0 +1,68 @@
+"""One run of a wall as a user starts it, on some cores, its pictures kept: `wall run CONFIG --headless --record`."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from wall.core.errors import RunError
+from wall.display.picture_log import LoggedPictures, read_log
+from wall.study.live.cpu_limit import limited
+
+START_S = 120.0  # of one core, until a wall runs: a large scene, kernels that are not compiled yet
+END_S = 30.0  # from the end of its time to that of its processes
+STOP_S = 8.0  # for a run that is interrupted to end in order
+PICTURES, OUTPUT, SUMMARY = "recorded", "run.log", "summary.json"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """What a run left."""
+
+    pictures: LoggedPictures
+    summary: dict[str, Any]
+
+
+def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run:
+    """Run a configuration for a while, and return what it showed. Raises RunError, ConfigError.
+
+    Everything is kept in `folder`, what the run printed too. No process is left, however this ends.
+    """
+    recorded = folder / PICTURES
+    command = [sys.executable, "-m", "wall", "run", str(config), "--headless", "--seconds", f"{seconds:g}"]
+    command += ["--out", str(folder), "--record", str(recorded)]
+    limit_s = START_S / min(cores, 1.0) + seconds + END_S
+    with limited(cores) as launcher, (folder / OUTPUT).open("w", encoding="utf-8") as output:
+        process = subprocess.Popen(
+            [*launcher, *command], stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
+        try:
+            code = process.wait(limit_s)
+        except subprocess.TimeoutExpired:
+            raise RunError(f"{config}: the run did not end within {limit_s:.0f} s; see {folder / OUTPUT}") from None
+        finally:
+            stop(process)
+    if code:
+        said = (folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
+        raise RunError(f"{config}: the run failed with exit code {code}: {said[-500:]}")
+    summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    return Run(pictures=read_log(recorded), summary=summary)
+
+
+def stop(process: subprocess.Popen[bytes]) -> None:
+    """End a run and every process of its session: in order at first."""
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(STOP_S)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
