@@ -14,7 +14,7 @@ import pytest
 from wall.config.sampling import METHODS
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import StatisticsImage
-from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
+from wall.display.base import PanelImage, RankStatus, Status, WallImage
 from wall.display.browser import Browser
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
@@ -88,17 +88,17 @@ class Source(threading.Thread):
     def green(self) -> int:
         return int(np.clip(100 + 100 * self.turned, 0, 255))
 
-    def image(self) -> WallPicture:
+    def image(self) -> WallImage:
         panels = self.panels(lambda k: (40 + 50 * k, self.green(), 30))
-        return WallPicture(
+        return WallImage(
             width=self.wall.width, height=self.wall.height, panels=panels, time=self.refreshes * REFRESH_S,
             camera_event=self.version, scene_event=0,
             compared=self.panels(lambda k: SECOND) if self.compare else (), statistics_images=self.statistics_images(),
         )  # fmt: skip
 
-    def panels(self, colour: Callable[[int], tuple[int, int, int]]) -> tuple[PanelPicture, ...]:
+    def panels(self, colour: Callable[[int], tuple[int, int, int]]) -> tuple[PanelImage, ...]:
         return tuple(
-            PanelPicture(
+            PanelImage(
                 id=p.id, screen=p.screen, version=self.version,
                 rgb=np.full((p.pixels[1], p.pixels[0], 3), colour(p.index), np.uint8),
             )

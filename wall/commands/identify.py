@@ -9,9 +9,9 @@ from pathlib import Path
 
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
-from wall.display.base import PanelPicture, WallPicture
+from wall.display.base import PanelImage, WallImage
 from wall.display.patterns import KINDS, Kind, pattern
-from wall.display.png import make_folder, write_picture
+from wall.display.png import make_folder, write_images
 from wall.display.window import WindowSink
 from wall.geometry.panels import Panel
 from wall.roles.plan import Layout, make_layout
@@ -32,10 +32,10 @@ def write_patterns(loaded: Loaded, kind: Kind, folder: Path) -> list[Path]:
     """Write panel-ID.png for every panel, and wall.png, the whole wall with its bezels. Returns their paths."""
     layout = make_layout(loaded)
     make_folder(folder)
-    panels = tuple(_picture(layout, kind, panel) for panel in layout.wall.panels)
+    panels = tuple(_image(layout, kind, panel) for panel in layout.wall.panels)
     width, height = layout.wall.width, layout.wall.height
-    picture = WallPicture(width=width, height=height, panels=panels, time=0.0, camera_event=0, scene_event=0)
-    return write_picture(folder, picture)
+    image = WallImage(width=width, height=height, panels=panels, time=0.0, camera_event=0, scene_event=0)
+    return write_images(folder, image)
 
 
 def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Callable[[str], None]) -> str:
@@ -52,7 +52,7 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
         raise ConfigError(f"{loaded.path}: no panel hangs on {socket.gethostname()}; run this on {hosts}, or give -o")
     sink = WindowSink(mine, refresh_hz=layout.config.views[0].refresh_hz)
     try:
-        sink.put([_picture(layout, kind, panel) for panel in mine])
+        sink.put([_image(layout, kind, panel) for panel in mine])
         sink.settled(SHOWN_S)
         for note in (*sink.notes, *(f"panels of {host} are shown by the same command there" for host in elsewhere)):
             say(note)
@@ -69,10 +69,10 @@ def show_patterns(loaded: Loaded, kind: Kind, *, seconds: float | None, say: Cal
         sink.close()
 
 
-def _picture(layout: Layout, kind: Kind, panel: Panel) -> PanelPicture:
+def _image(layout: Layout, kind: Kind, panel: Panel) -> PanelImage:
     """A panel's test pattern with what the configuration says of it."""
     rgb = pattern(kind, panel, layout.wall, about(layout, panel))
-    return PanelPicture(id=panel.id, rgb=rgb, screen=panel.screen, version=1, span=panel.span)
+    return PanelImage(id=panel.id, rgb=rgb, screen=panel.screen, version=1, span=panel.span)
 
 
 def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:

@@ -163,7 +163,7 @@ STILL = Camera(position=(0.0, 0.0, 0.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.
 class Event:
     """The newest input: a numbered camera change and a numbered scene change of one view.
 
-    Two events with equal numbers show the same picture. `scene_time` fixes every animated object and light.
+    Two events with equal numbers show the same image. `scene_time` fixes every animated object and light.
     """
 
     view: int
@@ -174,7 +174,7 @@ class Event:
     camera: Camera
     sampler: str = ""  # sampling method asked for; "" keeps the configured one
     paused: bool = False
-    compare: str = ""  # another method that gets half of the rays, for a picture of its own; "" none
+    compare: str = ""  # another method that gets half of the rays, for an image of its own; "" none
     statistics: bool = False  # a viewer shows an overlay: compositors make statistics images
 
     @property
@@ -199,10 +199,10 @@ class Batch:
     frame: int = 0  # 0: show at once; k > 0: belongs to double-buffered frame k
     frame_samples: int = 0  # with frame > 0: how many samples, kept or skipped, make that frame complete
     skipped: int = 0  # samples traced for this batch but left out, their radiance not being finite
-    blend: float = 1.0  # weight of a new sample against the picture before it; 1 replaces
+    blend: float = 1.0  # weight of a new sample against the image before it; 1 replaces
     camera: Camera = STILL  # that the samples saw
     scene_time: float = 0.0  # likewise, seconds of the animation
-    adaptive: bool = False  # the picture is made by reprojection; else every pixel shows its newest sample
+    adaptive: bool = False  # the image is made by reprojection; else every pixel shows its newest sample
     relightable: bool = False  # adaptive samples bring normals and light visibility masks
 
 
@@ -216,7 +216,7 @@ class StatisticsImage:
 
     rank: int = 0  # the renderer whose tiles these are; 0: a compositor made it
     panel: int  # index in Wall.panels
-    compared: bool  # of the second picture, while two samplers are compared
+    compared: bool  # of the second image, while two samplers are compared
     age: NDArray[np.uint8]  # (rows, columns) median age of the samples shown
     density: NDArray[np.uint8]  # (rows, columns) samples a pixel
     rects: NDArray[np.uint16]  # (n, 4) x, y, width, height, panel pixels
@@ -233,7 +233,7 @@ class StatisticsImage:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Framelet:
-    """A partial picture: a rectangle in a view's frame, an order, channels. What the compositing graph works on.
+    """A partial image: a rectangle in a view's frame, an order, channels. What the compositing graph works on.
 
     The frame is the virtual screen's: pixels, origin top left. Channels that nobody needs are None.
     """
@@ -246,7 +246,7 @@ class Framelet:
     object_id: NDArray[np.uint32] | None = None  # (h, w) object id
     variance: Float32 | None = None  # (h, w) of the mean that colour is, linear, mean of the three channels
     order: int = 0  # for ordered operators: the smaller is the nearer
-    event: Event | None = None  # whose camera and scene time it shows; None: a picture that knows none
+    event: Event | None = None  # whose camera and scene time it shows; None: an image that knows none
     refreshed_at: float = 0.0  # when it was last brought up to date, seconds of the head's clock
 
     @classmethod

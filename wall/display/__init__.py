@@ -1,1 +1,1 @@
-"""Where a picture ends: PNG files, a recorded sequence, a page in the browser."""
+"""Where an image ends: PNG files, a recorded sequence, a page in the browser."""

@@ -16,7 +16,7 @@ from wall.core.data import StatisticsImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PanelPicture:
+class PanelImage:
     """What one panel shows."""
 
     id: str
@@ -27,17 +27,17 @@ class PanelPicture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WallPicture:
+class WallImage:
     """What the whole wall shows at one display refresh."""
 
     width: int  # virtual screen pixels
     height: int
-    panels: tuple[PanelPicture, ...]
+    panels: tuple[PanelImage, ...]
     time: float  # seconds of the head's clock
     camera_event: int
     scene_event: int
     scene_time: float = 0.0  # of that event, seconds
-    compared: tuple[PanelPicture, ...] = ()  # second pictures of the panels, while two samplers are compared
+    compared: tuple[PanelImage, ...] = ()  # second images of the panels, while two samplers are compared
     statistics_images: tuple[StatisticsImage, ...] = ()  # while a viewer shows them; the same object until they change
 
 
@@ -66,7 +66,7 @@ class Status:
     sampler: str
     samplers: tuple[str, ...]  # what may be asked for
     ranks: tuple[RankStatus, ...]
-    latency_ms: tuple[float, float, float]  # p50, p95, p99, input to changed picture; 0: no input
+    latency_ms: tuple[float, float, float]  # p50, p95, p99, input to changed image; 0: no input
     latencies_ms: tuple[float, ...]  # the recent ones, newest last, for the plot
     refreshes_per_s: float  # that changed something
     compare: str = ""  # the sampler that has the other half of the rays; "" none
@@ -74,10 +74,10 @@ class Status:
 
 
 class Sink(Protocol):
-    """Shows or stores pictures. Called by one thread."""
+    """Shows or stores images. Called by one thread."""
 
-    def show(self, picture: WallPicture, status: Status) -> None:
-        """Take the newest picture. Called at most once a refresh, and only if something changed; must not block."""
+    def show(self, image: WallImage, status: Status) -> None:
+        """Take the newest image. Called at most once a refresh, and only if something changed; must not block."""
 
     def close(self) -> None:
         """Finish writing, and close files, threads and sockets."""

@@ -1,7 +1,7 @@
-"""Serve the live page: one page over HTTP, pictures and status over a websocket, steering commands back.
+"""Serve the live page: one page over HTTP, images and status over a websocket, steering commands back.
 
-The server has a thread and an event loop of its own. `show` only stores the newest picture. A viewer holds at most
-IN_FLIGHT pictures that it has not drawn; a slow one gets fewer, never older, pictures.
+The server has a thread and an event loop of its own. `show` only stores the newest image. A viewer holds at most
+IN_FLIGHT images that it has not drawn; a slow one gets fewer, never older, images.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
-from wall.display.base import PanelPicture, Status, WallPicture
+from wall.display.base import PanelImage, Status, WallImage
 from wall.display.png import QUICK, whole_wall
 from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
 from wall.display.stream import (
     encode_jpeg,
+    image_message,
     layout_message,
     panel_message,
-    picture_message,
     statistics_message,
     status_message,
 )
@@ -55,15 +55,15 @@ HEADERS = {
 }
 
 
-_Shown = tuple[bool, int]  # second picture of two that are compared, panel
+_Shown = tuple[bool, int]  # second image of two that are compared, panel
 
 
 @dataclass(slots=True, eq=False)
 class _Viewer:
     socket: web.WebSocketResponse
     wake: asyncio.Event = field(default_factory=asyncio.Event)
-    versions: dict[_Shown, int] = field(default_factory=dict)  # of every panel's pictures, as last sent
-    in_flight: deque[int] = field(default_factory=deque)  # numbers of pictures sent, not yet drawn
+    versions: dict[_Shown, int] = field(default_factory=dict)  # of every panel's images, as last sent
+    in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
     number: int = 0
     told: tuple[bool, str, str] | None = None  # paused, sampler, compared one, as last sent
     status_due: float = 0.0
@@ -83,7 +83,7 @@ class Browser:
         self._host, self._port, self._max_viewers = host, port, max_viewers
         self._layout = layout_message(wall)
         self._names = _own_names(host)
-        self._newest: tuple[WallPicture, Status] | None = None
+        self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
         self._counters = Counter[str]()
@@ -97,9 +97,9 @@ class Browser:
         self._thread.start()
         self.address = bound.result()
 
-    def show(self, picture: WallPicture, status: Status) -> None:
-        """Hand the newest picture to all viewers."""
-        self._newest = (picture, status)
+    def show(self, image: WallImage, status: Status) -> None:
+        """Hand the newest image to all viewers."""
+        self._newest = (image, status)
         if self._viewers:
             self._call(self._wake_viewers)
 
@@ -195,13 +195,13 @@ class Browser:
 
     async def _status_json(self, request: web.Request) -> web.Response:
         if self._newest is None:
-            raise web.HTTPServiceUnavailable(text="no picture yet\n")
+            raise web.HTTPServiceUnavailable(text="no image yet\n")
         text = status_message(self._newest[1], viewers=len(self._viewers), page_dropped=self.dropped())
         return web.Response(text=text, content_type="application/json")
 
     async def _wall_png(self, request: web.Request) -> web.Response:
         if self._newest is None:
-            raise web.HTTPServiceUnavailable(text="no picture yet\n")
+            raise web.HTTPServiceUnavailable(text="no image yet\n")
         body = await self._loop.run_in_executor(self._encoder, _png, self._newest[0])
         return web.Response(body=body, content_type="image/png")
 
@@ -268,32 +268,32 @@ class Browser:
             self._counters["browser_feed_failed"] += 1
             await viewer.socket.close(code=WSCloseCode.INTERNAL_ERROR, message=repr(error).encode()[:120])
 
-    async def _send(self, viewer: _Viewer, picture: WallPicture, status: Status) -> None:
+    async def _send(self, viewer: _Viewer, image: WallImage, status: Status) -> None:
         answer = (status.paused, status.sampler, status.compare)  # to a command; the viewer waits for it
         if self._loop.time() >= viewer.status_due or answer != viewer.told:
             viewer.status_due, viewer.told = self._loop.time() + STATUS_PERIOD_S, answer
             await viewer.socket.send_str(status_message(status))
         if len(viewer.in_flight) >= IN_FLIGHT:
             return
-        if viewer.overlay and picture.statistics_images is not viewer.statistics_images:
-            viewer.statistics_images = picture.statistics_images
-            for statistics_image in picture.statistics_images:
+        if viewer.overlay and image.statistics_images is not viewer.statistics_images:
+            viewer.statistics_images = image.statistics_images
+            for statistics_image in image.statistics_images:
                 await viewer.socket.send_bytes(statistics_message(statistics_image, viewer.overlay))
-        panels = {(False, k): p for k, p in enumerate(picture.panels)}
-        panels |= {(True, k): p for k, p in enumerate(picture.compared)}
+        panels = {(False, k): p for k, p in enumerate(image.panels)}
+        panels |= {(True, k): p for k, p in enumerate(image.compared)}
         changed = {shown: p for shown, p in panels.items() if viewer.versions.get(shown) != p.version}
         if not changed:
             return
         viewer.number += 1
         viewer.in_flight.append(viewer.number)
         encoded = await self._loop.run_in_executor(self._encoder, self._encode, changed)
-        await viewer.socket.send_str(picture_message(picture, panels=len(changed), number=viewer.number))
+        await viewer.socket.send_str(image_message(image, panels=len(changed), number=viewer.number))
         for (shown, panel), jpeg in zip(changed.items(), encoded, strict=True):
             compared, k = shown
             await viewer.socket.send_bytes(panel_message(k, panel, jpeg=jpeg, number=viewer.number, compared=compared))
             viewer.versions[shown] = panel.version
 
-    def _encode(self, changed: dict[_Shown, PanelPicture]) -> list[bytes]:
+    def _encode(self, changed: dict[_Shown, PanelImage]) -> list[bytes]:
         """JPEGs of the changed panels; one version is compressed once, however many watch it."""
         for shown, panel in changed.items():
             if self._jpegs.get(shown, (None,))[0] != panel.version:
@@ -319,7 +319,7 @@ async def _page(request: web.Request) -> web.Response:
     return web.Response(text=text, content_type=TYPES[path.suffix], charset="utf-8")
 
 
-def _png(picture: WallPicture) -> bytes:
+def _png(image: WallImage) -> bytes:
     out = BytesIO()
-    Image.fromarray(whole_wall(picture)).save(out, format="PNG", compress_level=QUICK)
+    Image.fromarray(whole_wall(image)).save(out, format="PNG", compress_level=QUICK)
     return out.getvalue()

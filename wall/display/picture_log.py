@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.errors import ConfigError, RunError
-from wall.display.base import PanelPicture, WallPicture
+from wall.display.base import PanelImage, WallImage
 from wall.display.png import make_folder
 
 PIXELS, INDEX = "pictures.raw", "index.jsonl"
@@ -61,7 +61,7 @@ class PictureLog:
         """Say when the animation began (its time 0 on the head's clock), and how long after a refresh light comes."""
         self._line({"format": 1, "began": began, "display_delay_s": display_delay_s})
 
-    def take(self, pictures: Sequence[WallPicture], now: float) -> None:
+    def take(self, pictures: Sequence[WallImage], now: float) -> None:
         """Keep the panels that changed. `pictures`: one a sink, of which the first that has a panel speaks for it."""
         started = time.thread_time()
         for number, picture in enumerate(pictures):
@@ -85,7 +85,7 @@ class PictureLog:
         if self._failure:
             raise RunError(f"{self._folder}: {self._lost} pictures of panels were not kept: {self._failure}")
 
-    def _keep(self, panel: PanelPicture, picture: WallPicture, now: float) -> None:
+    def _keep(self, panel: PanelImage, picture: WallImage, now: float) -> None:
         height, width = panel.rgb.shape[:2]
         if not self._failure and self._bytes + panel.rgb.nbytes > self._most_bytes:
             self._failure = f"the log would have more than {self._most_bytes / 1e9:.3g} GB; wanted: a shorter run"

@@ -1,4 +1,4 @@
-"""Write the last picture of a run as PNG files: the whole wall with its bezels, and every panel."""
+"""Write the last image of a run as PNG files: the whole wall with its bezels, and every panel."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.errors import LocalProtocolError, RunError
-from wall.display.base import PanelPicture, Status, WallPicture
+from wall.display.base import PanelImage, Status, WallImage
 from wall.display.files import replaced
 
 BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keeps its edge
 QUICK = 1  # zlib level: half the time of the default for 15 % more bytes
 
 
-def whole_wall(picture: WallPicture) -> NDArray[np.uint8]:
+def whole_wall(image: WallImage) -> NDArray[np.uint8]:
     """All panels at their positions in the virtual screen.
 
     Returns (height, width, 3) uint8 sRGB; pixels that belong to no panel have BEZEL_RGB. Where panels
     overlap, the later one is seen. Raises LocalProtocolError when a panel leaves the virtual screen.
     """
-    out = np.empty((picture.height, picture.width, 3), np.uint8)
+    out = np.empty((image.height, image.width, 3), np.uint8)
     out[:] = BEZEL_RGB
-    for panel in picture.panels:
+    for panel in image.panels:
         (x, y), rgb = panel.screen, spread(panel)
         h, w = rgb.shape[:2]
-        if x < 0 or y < 0 or x + w > picture.width or y + h > picture.height:
+        if x < 0 or y < 0 or x + w > image.width or y + h > image.height:
             raise LocalProtocolError(
                 f"panel {panel.id}: {w} x {h} pixels at ({x}, {y}) leave the virtual screen "
-                f"of {picture.width} x {picture.height}"
+                f"of {image.width} x {image.height}"
             )
         out[y : y + h, x : x + w] = rgb
     return out
 
 
-def spread(panel: PanelPicture) -> NDArray[np.uint8]:
-    """(h, w, 3) uint8: a panel's picture scaled to its size in the virtual screen, each pixel a rectangle."""
+def spread(panel: PanelImage) -> NDArray[np.uint8]:
+    """(h, w, 3) uint8: a panel's image scaled to its size in the virtual screen, each pixel a rectangle."""
     if panel.span is None or panel.span == (panel.rgb.shape[1], panel.rgb.shape[0]):
         return panel.rgb
     return np.asarray(Image.fromarray(panel.rgb).resize(panel.span, Image.Resampling.NEAREST))
@@ -72,35 +72,35 @@ def write_png(path: Path, rgb: NDArray[np.uint8]) -> None:
         Image.fromarray(rgb).save(part, format="PNG", compress_level=QUICK)
 
 
-def write_picture(folder: Path, picture: WallPicture) -> list[Path]:
+def write_images(folder: Path, image: WallImage) -> list[Path]:
     """Write wall.png, the whole wall with its bezels, and panel-ID.png for every panel. Returns the files.
 
     Raises RunError naming the file that could not be written.
     """
-    files = [folder / name for name in ("wall.png", *file_names([panel.id for panel in picture.panels]))]
-    write_png(files[0], whole_wall(picture))
-    for file, panel in zip(files[1:], picture.panels, strict=True):
+    files = [folder / name for name in ("wall.png", *file_names([panel.id for panel in image.panels]))]
+    write_png(files[0], whole_wall(image))
+    for file, panel in zip(files[1:], image.panels, strict=True):
         write_png(file, panel.rgb)
     return files
 
 
 class PngSink:
-    """Keeps the newest picture; `close` writes it, see write_picture."""
+    """Keeps the newest image; `close` writes it, see write_images."""
 
     def __init__(self, folder: Path) -> None:
         make_folder(folder)
         self._folder = folder
-        self._picture: WallPicture | None = None
+        self._image: WallImage | None = None
 
-    def show(self, picture: WallPicture, status: Status) -> None:
-        """Keep the picture."""
-        self._picture = picture
+    def show(self, image: WallImage, status: Status) -> None:
+        """Keep the image."""
+        self._image = image
 
     def close(self) -> None:
-        """Write the files, if a picture was shown. Raises RunError naming the file that could not be."""
-        picture, self._picture = self._picture, None
-        if picture is not None:
-            write_picture(self._folder, picture)
+        """Write the files, if an image was shown. Raises RunError naming the file that could not be."""
+        image, self._image = self._image, None
+        if image is not None:
+            write_images(self._folder, image)
 
     def dropped(self) -> dict[str, int]:
         """Nothing is ever dropped."""

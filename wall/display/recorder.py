@@ -1,7 +1,7 @@
 """Record what the wall shows as numbered JPEG files with an index.
 
-A picture is recorded when a period has passed and something changed. Composing, compressing and writing happen in the
-recorder's own thread; when that falls behind, pictures are dropped and counted.
+An image is recorded when a period has passed and something changed. Composing, compressing and writing happen in the
+recorder's own thread; when that falls behind, images are dropped and counted.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from typing import TextIO
 import simplejpeg
 
 from wall.core.errors import RunError, WallError
-from wall.display.base import Status, WallPicture
+from wall.display.base import Status, WallImage
 from wall.display.png import make_folder, whole_wall
 
 QUALITY = 90  # JPEG: no blocks to be seen on rendered edges, a seventh of the PNG's bytes
-QUEUE_PICTURES = 4  # a slow disk may lag this far; each holds a whole wall in memory
+QUEUE_IMAGES = 4  # a slow disk may lag this far; each holds a whole wall in memory
 CLOSE_S = 5.0  # what waits in the queue is still written, a disk that hangs is left behind
-ROUNDING_S = 1e-4  # a display at exactly the recorder's rate must not lose pictures to rounding
+ROUNDING_S = 1e-4  # a display at exactly the recorder's rate must not lose images to rounding
 
-_Taken = tuple[WallPicture, tuple[float, float, float]]
+_Taken = tuple[WallImage, tuple[float, float, float]]
 
 
 class Recorder:
-    """At most `hz` pictures a second: FOLDER/000000.jpg, 000001.jpg, ... and FOLDER/index.jsonl.
+    """At most `hz` images a second: FOLDER/000000.jpg, 000001.jpg, ... and FOLDER/index.jsonl.
 
     A line of the index holds `file`, `time` (seconds of the head's clock), `camera_event`, `scene_event` and
     `latency_ms` [p50, p95, p99]. An earlier recording in the folder is replaced.
@@ -45,27 +45,27 @@ class Recorder:
         self._folder, self._period = folder, 1.0 / hz
         self._due = float("-inf")
         self._seen: tuple[int, ...] = ()
-        self._queue: queue.Queue[_Taken | None] = queue.Queue(QUEUE_PICTURES)
+        self._queue: queue.Queue[_Taken | None] = queue.Queue(QUEUE_IMAGES)
         self._behind = self._unwritten = 0
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._write_all, name="recorder", daemon=True)
         self._thread.start()
 
-    def show(self, picture: WallPicture, status: Status) -> None:
-        """Queue the picture if a period has passed and a panel changed."""
-        versions = tuple(panel.version for panel in picture.panels)
-        if picture.time < self._due - ROUNDING_S or versions == self._seen:
+    def show(self, image: WallImage, status: Status) -> None:
+        """Queue the image if a period has passed and a panel changed."""
+        versions = tuple(panel.version for panel in image.panels)
+        if image.time < self._due - ROUNDING_S or versions == self._seen:
             return
-        late = picture.time - self._due
-        self._due = self._due + self._period if late < self._period else picture.time + self._period
+        late = image.time - self._due
+        self._due = self._due + self._period if late < self._period else image.time + self._period
         self._seen = versions
         try:
-            self._queue.put_nowait((picture, status.latency_ms))
+            self._queue.put_nowait((image, status.latency_ms))
         except queue.Full:
             self._behind += 1
 
     def close(self) -> None:
-        """Write what waits, at most CLOSE_S long. Raises RunError if pictures could not be written."""
+        """Write what waits, at most CLOSE_S long. Raises RunError if images could not be written."""
         if not self._thread.is_alive():
             return
         try:
@@ -76,10 +76,10 @@ class Recorder:
             self._thread.join(CLOSE_S)
         if self._failure is not None:
             why = getattr(self._failure, "strerror", None) or self._failure
-            raise RunError(f"{self._folder}: {self._unwritten} pictures could not be recorded: {why}")
+            raise RunError(f"{self._folder}: {self._unwritten} images could not be recorded: {why}")
 
     def dropped(self) -> dict[str, int]:
-        """Pictures that the queue had no room for or that could not be written, by name."""
+        """Images that the queue had no room for or that could not be written, by name."""
         counts = {"recorder_behind": self._behind, "recorder_unwritten": self._unwritten}
         return {name: n for name, n in counts.items() if n}
 
@@ -94,15 +94,15 @@ class Recorder:
                     self._unwritten += 1
                     self._failure = self._failure or error
 
-    def _write(self, number: int, picture: WallPicture, latency_ms: tuple[float, float, float]) -> None:
+    def _write(self, number: int, image: WallImage, latency_ms: tuple[float, float, float]) -> None:
         name = f"{number:06d}.jpg"
-        jpeg = simplejpeg.encode_jpeg(whole_wall(picture), QUALITY, "RGB", "444", True)
+        jpeg = simplejpeg.encode_jpeg(whole_wall(image), QUALITY, "RGB", "444", True)
         (self._folder / name).write_bytes(jpeg)
         line = {
             "file": name,
-            "time": picture.time,
-            "camera_event": picture.camera_event,
-            "scene_event": picture.scene_event,
+            "time": image.time,
+            "camera_event": image.camera_event,
+            "scene_event": image.scene_event,
             "latency_ms": list(latency_ms),
         }
         self._index.write(json.dumps(line) + "\n")

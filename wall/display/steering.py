@@ -19,8 +19,8 @@ NOT_FROM_PAGES = ("statistics",)  # commands that a compositor sends, for the ov
 def parse_message(text: str) -> dict[str, Any]:
     """Checks one message of a page and returns it as a dict with exactly the fields of its kind.
 
-    A message is a steering command (see geometry.steering.parse), what the page lays over its picture (`overlay`, one
-    of OVERLAYS), or `shown` with the number of the picture it has drawn. Raises RemoteProtocolError for anything else.
+    A message is a steering command (see geometry.steering.parse), what the page lays over its image (`overlay`, one
+    of OVERLAYS), or `shown` with the number of the image it has drawn. Raises RemoteProtocolError for anything else.
     """
     if len(text) > MAX_MESSAGE_BYTES:
         raise RemoteProtocolError(f"page message: {len(text)} characters, at most {MAX_MESSAGE_BYTES}")
@@ -35,7 +35,7 @@ def parse_message(text: str) -> dict[str, Any]:
     elif kind == "shown":
         number = message.get("number")
         valid = set(message) == {"kind", "number"} and type(number) is int and 0 <= number <= MAX_NUMBER
-        wanted = "the number of a picture"
+        wanted = "the number of an image"
     else:
         valid, wanted = kind not in NOT_FROM_PAGES, "a command of a page"
     if not valid:

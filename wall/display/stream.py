@@ -1,8 +1,8 @@
 """Encode what the live page is sent, as bytes and JSON text. Pure, no I/O.
 
-A picture is one JSON message `picture` that says how many panels follow, then one binary message a panel:
-HEADER, then a JPEG. Only panels that changed since the viewer's last picture are sent. While two samplers are compared
-every panel has a second picture. An overlay is a binary message for each picture of a panel: STATISTICS_HEADER, then
+An image is one JSON message `image` that says how many panels follow, then one binary message a panel:
+HEADER, then a JPEG. Only panels that changed since the viewer's last image are sent. While two samplers are compared
+every panel has a second image. An overlay is a binary message for each image of a panel: STATISTICS_HEADER, then
 codes.
 """
 
@@ -18,39 +18,39 @@ import numpy as np
 import simplejpeg
 
 from wall.core.data import StatisticsImage
-from wall.display.base import PanelPicture, Status, WallPicture
+from wall.display.base import PanelImage, Status, WallImage
 from wall.display.steering import OVERLAYS
 from wall.geometry.panels import Wall
 
-HEADER = struct.Struct("<2sBBHHHxxII")  # "WP", format, compared, panel, width, height, version, picture number
+HEADER = struct.Struct("<2sBBHHHxxII")  # "WP", format, compared, panel, width, height, version, image number
 STATISTICS_HEADER = struct.Struct("<2sBBHBxHHI")  # "WS", format, compared, panel, overlay, rows, columns, rectangles
 FORMAT = 2
 QUALITY = 88  # JPEG with full colour: 0.5 ms and 40 kB for 480x270, no visible blocks
 
 
-def encode_jpeg(panel: PanelPicture) -> bytes:
+def encode_jpeg(panel: PanelImage) -> bytes:
     """(h, w, 3) uint8 sRGB to JPEG; releases the GIL."""
     jpeg: bytes = simplejpeg.encode_jpeg(panel.rgb, QUALITY, "RGB", "444", True)
     return jpeg
 
 
-def panel_message(index: int, panel: PanelPicture, *, jpeg: bytes, number: int, compared: bool = False) -> bytes:
-    """One panel of picture `number`, or its second one. Counts wrap at 2^32, which takes two years at 60 Hz."""
+def panel_message(index: int, panel: PanelImage, *, jpeg: bytes, number: int, compared: bool = False) -> bytes:
+    """One panel of image `number`, or its second one. Counts wrap at 2^32, which takes two years at 60 Hz."""
     height, width = panel.rgb.shape[:2]
     header = HEADER.pack(b"WP", FORMAT, compared, index, width, height, panel.version & 0xFFFFFFFF, number & 0xFFFFFFFF)
     return header + jpeg
 
 
-def picture_message(picture: WallPicture, *, panels: int, number: int) -> str:
-    """Announces picture `number`, of which `panels` binary messages follow (second pictures included)."""
+def image_message(image: WallImage, *, panels: int, number: int) -> str:
+    """Announces image `number`, of which `panels` binary messages follow (second images included)."""
     return json.dumps(
         {
             "kind": "picture",
             "number": number,
             "panels": panels,
-            "time": picture.time,
-            "camera_event": picture.camera_event,
-            "scene_event": picture.scene_event,
+            "time": image.time,
+            "camera_event": image.camera_event,
+            "scene_event": image.scene_event,
         }
     )
 

@@ -24,7 +24,7 @@ from wall.display.files import check_target, replaced
 Strips: TypeAlias = Iterable[NDArray[Any]]
 
 STRIP_ROWS = 64  # of every strip but the last
-LEVEL = 3  # of zlib: a tenth larger than level 6 on a rendered picture, at twice its speed
+LEVEL = 3  # of zlib: a tenth larger than level 6 on a rendered image, at twice its speed
 MOST_PIXELS = 2**31 - 1  # on an edge, in all three formats
 _TIFF_ROWS = 16  # of a strip in the file: readers that want few rows need not unpack many
 _TIFF_BYTES = 2**32 - 2**24  # beyond, offsets of 32 bits may not reach

@@ -1,8 +1,8 @@
-"""Native windows: each panel's picture on the X display and monitor that the configuration names.
+"""Native windows: each panel's image on the X display and monitor that the configuration names.
 
-All windows of one X display live in a process of their own (window_process.py), which gets pictures through anonymous
-shared memory (window_host.py). `show` only keeps the newest pictures; a thread for each display copies them when
-a buffer is free, so a slow display gets fewer pictures, never older ones, and delays nobody.
+All windows of one X display live in a process of their own (window_process.py), which gets images through anonymous
+shared memory (window_host.py). `show` only keeps the newest images; a thread for each display copies them when
+a buffer is free, so a slow display gets fewer images, never older ones, and delays nobody.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from wall.display.base import PanelPicture, Status, WallPicture
+from wall.display.base import PanelImage, Status, WallImage
 from wall.display.window_host import WindowHost
 from wall.display.x_server import display_of
 from wall.geometry.panels import Panel
@@ -31,7 +31,7 @@ class WindowSink:
 
         panels : those that this machine shows, of one wall. Their `display`, `monitor`, `window` and `rotation` say
             where and how; display None is that of DISPLAY
-        refresh_hz : pictures that come a second; a panel whose own `refresh_hz` is lower lets vertical blanks pass
+        refresh_hz : images that come a second; a panel whose own `refresh_hz` is lower lets vertical blanks pass
 
         To be called by a thread that lives as long as the sink, for the windows die with it. Raises RunError naming
         the panel, the display and what was tried.
@@ -51,20 +51,20 @@ class WindowSink:
             raise
         self.notes = tuple(note for host in self._hosts for note in host.notes)  # to be said once
 
-    def show(self, picture: WallPicture, status: Status) -> None:
-        """Show each panel's picture in its window."""
-        self.put(picture.panels)
+    def show(self, image: WallImage, status: Status) -> None:
+        """Show each panel's image in its window."""
+        self.put(image.panels)
 
-    def put(self, pictures: Sequence[PanelPicture]) -> None:
+    def put(self, images: Sequence[PanelImage]) -> None:
         """Show these as soon as their displays can; those of panels that have no window here are left alone.
 
-        Raises LocalProtocolError for a picture that has not its panel's size.
+        Raises LocalProtocolError for an image that has not its panel's size.
         """
         for host in self._hosts:
-            host.put([picture for picture in pictures if picture.id in host.areas])
+            host.put([image for image in images if image.id in host.areas])
 
     def settled(self, timeout_s: float) -> bool:
-        """Wait until every picture that was put is displayed or superseded, or its window is closed."""
+        """Wait until every image that was put is displayed or superseded, or its window is closed."""
         limit = time.monotonic() + timeout_s
         return all(host.settled(max(0.0, limit - time.monotonic())) for host in self._hosts)
 
@@ -88,7 +88,7 @@ class WindowSink:
         return self.escape or (ALL_CLOSED if self.gone else "")
 
     def dropped(self) -> dict[str, int]:
-        """Pictures and commands that were dropped so far, by name."""
+        """Images and commands that were dropped so far, by name."""
         return dict(sum((host.counters for host in self._hosts), Counter[str]()))
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Feed the window process of one X display: start it, share memory with it, send it pictures, take its input.
+"""Feed the window process of one X display: start it, share memory with it, send it images, take its input.
 
 The other side is window_process.py, which describes the messages between the two.
 """
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import wall
 from wall.core.data import Rect
 from wall.core.errors import LocalProtocolError, RunError
-from wall.display.base import PanelPicture
+from wall.display.base import PanelImage
 from wall.display.window_layout import WindowRequest, request_of
 from wall.geometry.panels import Panel
 
@@ -50,11 +50,11 @@ class WindowHost:
         self._bytes = [3 * request.pixels[0] * request.pixels[1] for request in self._requests]
         self._buffers, size = _buffers(self._bytes)
         self._changed = threading.Condition()
-        self._newest: dict[str, PanelPicture] = {}  # of each panel
-        self._waiting: set[int] = set()  # windows whose newest picture is not on its way yet
+        self._newest: dict[str, PanelImage] = {}  # of each panel
+        self._waiting: set[int] = set()  # windows whose newest image is not on its way yet
         self._open = set(range(len(self._requests)))
         self._free = {k: list(range(SWAP_CHAIN_LENGTH)) for k in self._open}
-        self._put, self._done = dict.fromkeys(self._open, 0), dict.fromkeys(self._open, 0)  # numbers of pictures
+        self._put, self._done = dict.fromkeys(self._open, 0), dict.fromkeys(self._open, 0)  # numbers of images
         self._commands: deque[dict[str, Any]] = deque()
         self._thread: threading.Thread | None = None
         self._wake, self._ending = os.eventfd(0), False
@@ -95,18 +95,18 @@ class WindowHost:
             process_group=0,  # Ctrl-C is for the run; it closes the windows when it ends
         )
 
-    def put(self, pictures: Sequence[PanelPicture]) -> None:
-        """Take the newest pictures of these panels, all at once: both eyes of a window stay together."""
-        for picture in pictures:
-            rect = self.areas[picture.id].rect
-            if picture.rgb.shape != (rect.height, rect.width, 3):
-                came = "x".join(str(n) for n in picture.rgb.shape[1::-1])
+    def put(self, images: Sequence[PanelImage]) -> None:
+        """Take the newest images of these panels, all at once: both eyes of a window stay together."""
+        for image in images:
+            rect = self.areas[image.id].rect
+            if image.rgb.shape != (rect.height, rect.width, 3):
+                came = "x".join(str(n) for n in image.rgb.shape[1::-1])
                 wanted = f"{rect.width}x{rect.height}"
-                raise LocalProtocolError(f"panel {picture.id}: a picture of {came} pixels for {wanted}")
+                raise LocalProtocolError(f"panel {image.id}: an image of {came} pixels for {wanted}")
         with self._changed:
-            news = [p for p in pictures if p.id not in self._newest or self._newest[p.id].version != p.version]
-            self._newest.update((picture.id, picture) for picture in news)
-            for k in {self.areas[picture.id].window for picture in news} & self._open:
+            news = [p for p in images if p.id not in self._newest or self._newest[p.id].version != p.version]
+            self._newest.update((image.id, image) for image in news)
+            for k in {self.areas[image.id].window for image in news} & self._open:
                 if k in self._waiting:
                     self.counters["window_overtaken"] += 1
                 self._waiting.add(k)
@@ -115,7 +115,7 @@ class WindowHost:
             os.eventfd_write(self._wake, 1)
 
     def settled(self, timeout_s: float) -> bool:
-        """Wait until every picture that was put is displayed or superseded, or its window is closed."""
+        """Wait until every image that was put is displayed or superseded, or its window is closed."""
         with self._changed:
             return self._changed.wait_for(lambda: all(self._done[k] == self._put[k] for k in self._open), timeout_s)
 
@@ -167,14 +167,14 @@ class WindowHost:
             self.counters["window_display_lost"] += 1
 
     def _feed(self) -> None:
-        """Copy every waiting picture whose window has a free buffer, and tell the process."""
+        """Copy every waiting image whose window has a free buffer, and tell the process."""
         with self._changed:
             ready = {k: (self._free[k].pop(), self._put[k]) for k in self._waiting if self._free[k]}
             self._waiting -= ready.keys()
-            pictures = [picture for picture in self._newest.values() if self.areas[picture.id].window in ready]
-        for picture in pictures:
-            k, rect = self.areas[picture.id]
-            self._pixels(k, ready[k][0])[rect.y : rect.bottom, rect.x : rect.right] = picture.rgb
+            images = [image for image in self._newest.values() if self.areas[image.id].window in ready]
+        for image in images:
+            k, rect = self.areas[image.id]
+            self._pixels(k, ready[k][0])[rect.y : rect.bottom, rect.x : rect.right] = image.rgb
         for k, (buffer, number) in ready.items():
             self._send([k, buffer, *self._requests[k].pixels, number])
 
@@ -222,7 +222,7 @@ class PanelArea(NamedTuple):
 
 
 def _windows_of(panels: Sequence[Panel], refresh_hz: float) -> tuple[list[WindowRequest], dict[str, PanelArea]]:
-    """A window for each physical panel, and by panel id the area of its picture."""
+    """A window for each physical panel, and by panel id the area of its image."""
     physical: dict[str, list[Panel]] = {}
     for panel in panels:
         physical.setdefault(panel.of or panel.id, []).append(panel)

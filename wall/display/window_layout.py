@@ -14,7 +14,7 @@ from typing import NamedTuple
 from wall.core.errors import RunError
 from wall.geometry.panels import Panel
 
-TURNS = {  # picture from window, a (2, 2) matrix row by row, x right and y down: a display mounted turned clockwise
+TURNS = {  # image from window, a (2, 2) matrix row by row, x right and y down: a display mounted turned clockwise
     0: (1, 0, 0, 1),
     90: (0, -1, 1, 0),
     180: (-1, 0, 0, -1),
@@ -49,22 +49,22 @@ class WindowRequest:
     rotation: int  # degrees clockwise that the display is mounted turned
     monitor: int | str | None  # index or name
     window: tuple[int, int, int, int] | None  # x, y, width, height
-    most_hz: float | None  # pictures a second that it shows at most; None: as they come
+    most_hz: float | None  # images a second that it shows at most; None: as they come
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowPosition:
-    """Rectangle, monitor and rotation of a window, and how often its picture changes."""
+    """Rectangle, monitor and rotation of a window, and how often its image changes."""
 
     box: Box
     monitor: int | None  # which it fills; None: a window of that box
     rotation: int
-    interval: int  # vertical blanks from one picture to the next
-    note: str = ""  # what the user should know: a picture that is scaled
+    interval: int  # vertical blanks from one image to the next
+    note: str = ""  # what the user should know: an image that is scaled
 
 
 def request_of(panel: Panel, refresh_hz: float) -> WindowRequest:
-    """The request of a panel's configuration, with `refresh_hz` pictures a second on their way to it."""
+    """The request of a panel's configuration, with `refresh_hz` images a second on their way to it."""
     window, own_hz = panel.config.window, panel.config.refresh_hz
     return WindowRequest(
         id=panel.id,

@@ -2,12 +2,12 @@
 
 window_host.py starts it as `python -m wall.display.window_process PARENT SOCKET MEMORY`, with DISPLAY set. It ends when
 the socket closes, and dies with its parent. Messages over the socket are JSON, one a packet. The first names the
-panels, and is answered by ["ready", notes] or ["failed", why]. Then the run sends pictures, [window, buffer, width,
+panels, and is answered by ["ready", notes] or ["failed", why]. Then the run sends images, [window, buffer, width,
 height, number], in buffers of the shared memory; the process sends ["free", window, buffer, whether it was used],
 ["shown", window, number], ["command", command], ["escape", window], ["closed", window], ["lost", window, why].
 
 Each window has a thread, which waits for the vertical blank of its own monitor only. The main thread takes events of
-the X server, another one pictures. Only this file and window_input.py use GLFW, and only this one and
+the X server, another one images. Only this file and window_input.py use GLFW, and only this one and
 wall/reconstruction/gpu use OpenGL.
 """
 
@@ -63,7 +63,7 @@ Tell = Callable[[list[Any]], None]
 
 
 class Window:
-    """One panel's window. `offer` takes the newest picture; a thread of its own shows it."""
+    """One panel's window. `offer` takes the newest image; a thread of its own shows it."""
 
     def __init__(self, index: int, title: str, position: WindowPosition, buffers: list[memoryview], tell: Tell) -> None:
         """Open the window, black. To be called by the main thread, as GLFW wants it."""
@@ -82,7 +82,7 @@ class Window:
         self._thread.start()
 
     def offer(self, buffer: int, width: int, height: int, number: int) -> None:
-        """Show picture `number`, which is in a buffer, in place of one that waits."""
+        """Show image `number`, which is in a buffer, in place of one that waits."""
         with self._changed:
             before, self._offered = self._offered, (buffer, width, height, number)
             self._changed.notify()

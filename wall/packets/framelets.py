@@ -34,7 +34,7 @@ class FrameletPart:
     rect: Rect  # of the frame
     channels: Channels
     encoded: bool
-    compared: bool  # of the second picture, while two samplers are compared
+    compared: bool  # of the second image, while two samplers are compared
     event: Event | None  # what it shows; only its numbers, camera and scene time travel
     refreshed_at: float  # seconds of the head's clock; see Framelet.time_origin
     data: bytes

@@ -45,7 +45,7 @@ def no_credit(rank: int) -> bool:
 
 
 class Composition:
-    """The layers and the nodes of one rank: `follow` events, `insert` packets, `refresh` the pictures, `send` them."""
+    """The layers and the nodes of one rank: `follow` events, `insert` packets, `refresh` the images, `send` them."""
 
     def __init__(self, plan: Plan, rank: int, ready: Ready = no_credit, run_all: RunAll = one_by_one) -> None:
         """`ready`: which ranks take framelets now; `run_all` refreshes several layers, perhaps a thread each."""
@@ -186,7 +186,7 @@ class Composition:
         return self._nodes.shown
 
     def compared(self) -> list[PanelCrops]:
-        """The second pictures, black until something came. None unless two samplers are compared."""
+        """The second images, black until something came. None unless two samplers are compared."""
         return self._compared.shown if self._compared is not None else []
 
     @property

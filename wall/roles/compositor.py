@@ -1,6 +1,6 @@
 """What a compositor decides, at the head and elsewhere: when to refresh, what to show, what to tell the others.
 
-It follows the manager's events, inserts packets as they come, refreshes its views at their rates, and gives pictures to
+It follows the manager's events, inserts packets as they come, refreshes its views at their rates, and gives images to
 its sinks and framelets to other compositors.
 """
 
@@ -12,7 +12,7 @@ from dataclasses import asdict
 
 from wall.core.data import Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.display.base import Status, WallPicture
+from wall.display.base import Status, WallImage
 from wall.operators.overlay import Overlay
 from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput, serialise
 from wall.roles.composition import Composition, RunAll, one_by_one
@@ -146,7 +146,7 @@ class Compositor:
             self._statistics_images = ()
         if self._rank == HEAD and now >= self._status_due:
             yield from self._make_status(event, now)
-        yield Show(self._pictures(event, now), self._status)
+        yield Show(self._images(event, now), self._status)
         if composition.lockstep is not None and composition.lockstep.news():
             yield from self._beat(now)
 
@@ -175,19 +175,19 @@ class Compositor:
         if self._overlays_elsewhere:
             yield Send(MANAGER, statistics)
 
-    def _pictures(self, event: Event, now: float) -> tuple[WallPicture, ...]:
+    def _images(self, event: Event, now: float) -> tuple[WallImage, ...]:
         """What each sink shows, in the order of the graph."""
         compared = self.composition.compared()
         return tuple(
-            WallPicture(
+            WallImage(
                 width=crops.size[0],
                 height=crops.size[1],
-                panels=crops.pictures(),
+                panels=crops.images(),
                 time=now,
                 camera_event=event.camera_event,
                 scene_event=event.scene_event,
                 scene_time=event.scene_time,
-                compared=compared[k].pictures() if compared else (),
+                compared=compared[k].images() if compared else (),
                 statistics_images=self._statistics_images,
             )
             for k, crops in enumerate(self.composition.shown())

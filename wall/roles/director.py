@@ -13,7 +13,7 @@ from wall.geometry.steering import Command, Steering
 from wall.roles.plan import Plan, first_event
 from wall.roles.status import samplers_of
 
-COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own picture
+COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own image
 
 
 class Director:
@@ -77,7 +77,7 @@ class Director:
             self.sampler = command.value if command.value in samplers_of(self._plan) else self.sampler
             self.compare = ""
         elif command.kind == "compare":
-            graph = self._plan.layout.graph  # others have no second picture, or no frames of it
+            graph = self._plan.layout.graph  # others have no second image, or no frames of it
             self.compare = command.value if graph.plain and graph.sync == "none" else ""
         elif command.kind == "statistics":
             self.statistics = command.value == "on"

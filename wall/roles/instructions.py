@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from wall.core.data import Event
-from wall.display.base import Status, WallPicture
+from wall.display.base import Status, WallImage
 from wall.packets.control import Message
 from wall.sampling.tiles import Measured
 
@@ -57,7 +57,7 @@ class Traced:
 
 @dataclass(frozen=True, slots=True)
 class Presented:
-    """The pictures of a Show have been given to their sinks."""
+    """The images of a Show have been given to their sinks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,9 +129,9 @@ class Restart:
 
 @dataclass(frozen=True, slots=True)
 class Show:
-    """Give sinks their newest pictures, in the order of the graph; Presented answers."""
+    """Give sinks their newest images, in the order of the graph; Presented answers."""
 
-    pictures: tuple[WallPicture, ...]
+    images: tuple[WallImage, ...]
     status: Status
 
 

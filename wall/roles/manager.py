@@ -22,7 +22,7 @@ from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
 
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
-SETTLED_S = 0.4  # a complete picture that has not changed for this long is final
+SETTLED_S = 0.4  # a complete image that has not changed for this long is final
 HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
 BYE_WAIT_S = 0.8  # for the ranks' last heartbeats
 LAST_S = 3.0  # for that of the head's compositor
@@ -212,7 +212,7 @@ class Manager:
         return True
 
     def _hold(self, now: float) -> None:
-        """Freeze the view, so that the last picture shows one moment with every sample."""
+        """Freeze the view, so that the last image shows one moment with every sample."""
         nobody = self.ended == "no renderer is left"
         self._phase, self._limit = Phase.HOLDING, now if nobody else now + HOLD_S
 

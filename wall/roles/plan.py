@@ -158,7 +158,7 @@ def aimed(layout: Layout, scene: Scene) -> Plan:
 
 
 def on_one_rank(plan: Plan) -> Plan:
-    """The same plan with every node of its graph on the head: pictures are the same wherever nodes run."""
+    """The same plan with every node of its graph on the head: images are the same wherever nodes run."""
     graph = plan.layout.graph
     graph = replace(
         graph,

@@ -13,16 +13,16 @@ from wall.compositing.executor import Changes
 from wall.compositing.graph import Graph, Step
 from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
-from wall.display.base import PanelPicture
+from wall.display.base import PanelImage
 from wall.geometry.panels import Wall
 from wall.operators.kernels import pixels as kernels
 
 _CURVE = srgb_curve()
-_versions = itertools.count(1)  # of all pictures: sinks keep pictures of panels from one comparison to the next
+_versions = itertools.count(1)  # of all images: sinks keep images of panels from one comparison to the next
 
 
 class PanelCrops:
-    """The pictures of one sink: of each panel that it shows, a crop; else one of all that it is given.
+    """The images of one sink: of each panel that it shows, a crop; else one of all that it is given.
 
     New where changed.
     """
@@ -38,8 +38,8 @@ class PanelCrops:
         spans = {wall.panels[k].id: wall.panels[k].span for k in sink.panels}
         left, top = (0, 0) if sink.panels else (rect.x, rect.y)
         self.size = (wall.width, wall.height) if sink.panels else (rect.width, rect.height)
-        self._pictures = {
-            name: PanelPicture(
+        self._images = {
+            name: PanelImage(
                 id=name,
                 rgb=np.zeros((r.height, r.width, 3), np.uint8),
                 screen=(r.x - left, r.y - top),
@@ -54,12 +54,12 @@ class PanelCrops:
         regions, framelet = changes.get(self._input, []), framelets[self._input]
         for name, rect in self._rects.items():
             if any(rect.overlaps(region) for region in regions):
-                old = self._pictures[name]
-                self._pictures[name] = replace(old, rgb=display_bytes(framelet, rect), version=next(_versions))
+                old = self._images[name]
+                self._images[name] = replace(old, rgb=display_bytes(framelet, rect), version=next(_versions))
 
-    def pictures(self) -> tuple[PanelPicture, ...]:
+    def images(self) -> tuple[PanelImage, ...]:
         """The image of each panel of the sink."""
-        return tuple(self._pictures.values())
+        return tuple(self._images.values())
 
 
 def display_bytes(framelet: Framelet, rect: Rect) -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:

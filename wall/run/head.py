@@ -42,9 +42,9 @@ class Options:
     out: Path
     seconds: float | None = None  # None: until stopped
     headless: bool = False  # no browser page
-    until_complete: bool = False  # stop when the still picture has all its samples
+    until_complete: bool = False  # stop when the still image has all its samples
     still: bool = False  # begin paused
-    record: Path | None = None  # folder that keeps every picture shown
+    record: Path | None = None  # folder that keeps every image shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,7 +176,7 @@ def lead(plan: Plan, bootstrap: Bootstrap, options: Options, say: Say, opened: S
 
 
 class ManagerThread(threading.Thread):
-    """The manager's loop beside the compositor's: events go out while pictures are made."""
+    """The manager's loop beside the compositor's: events go out while images are made."""
 
     def __init__(self, loop: Loop) -> None:
         super().__init__(name="manager", daemon=True)

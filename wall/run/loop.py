@@ -108,12 +108,12 @@ class Loop:
             case Restart(sampler, compare):
                 assert self._tracers is not None
                 self._tracers.restart(sampler, compare)
-            case Show(pictures, status):
-                for sink, picture in zip(self._sinks, pictures, strict=True):
+            case Show(images, status):
+                for sink, image in zip(self._sinks, images, strict=True):
                     if sink is not None:
-                        sink.show(picture, status)
+                        sink.show(image, status)
                 if self._log is not None:
-                    self._log.take(pictures, self._clock.now())
+                    self._log.take(images, self._clock.now())
                 return [Presented()]
             case Finish(failure):
                 self.finished = True

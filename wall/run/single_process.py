@@ -1,13 +1,13 @@
 """The whole chain in one process: the reading path, where a debugger starts, the truth that distributed runs match.
 
-The same roles, loops, packets and pictures as in a run; packets are handed over instead of sent, the clock is turned by
+The same roles, loops, packets and images as in a run; packets are handed over instead of sent, the clock is turned by
 hand.
 """
 
 from __future__ import annotations
 
 from wall.core.clock import ManualClock
-from wall.display.base import PanelPicture
+from wall.display.base import PanelImage
 from wall.packets.control import Hello
 from wall.packets.samples import decode
 from wall.roles.compositor import Compositor
@@ -51,7 +51,7 @@ class SingleProcess:
         self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 
     def step(self) -> int:
-        """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the picture is complete."""
+        """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the image is complete."""
         for loop in (self._compositor, *self._renderers):
             loop.tell(self.event)  # Renderer.on_message
         for loop in self._renderers:
@@ -63,14 +63,14 @@ class SingleProcess:
         self.clock.advance(BATCH_SECONDS)
         return sum(decode(packet).samples.size for packet in packets)
 
-    def until_complete(self) -> list[PanelPicture]:
+    def until_complete(self) -> list[PanelImage]:
         """Step under the present event until every renderer has nothing left to do."""
         while self.step():
             pass
         self.clock.advance(self._refresh_s)
         self._compositor.tell(self.event)
         self._compositor.turn()
-        return list(self.composition.shown()[0].pictures())
+        return list(self.composition.shown()[0].images())
 
 
 def hello_of(rank: int) -> Hello:

@@ -1,4 +1,4 @@
-"""Where pictures end: the sinks of one rank, made and fed."""
+"""Where images end: the sinks of one rank, made and fed."""
 
 from __future__ import annotations
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from wall.config.screens import GridConfig, WallConfig
-from wall.display.base import PanelPicture, RankStatus, Status, WallPicture
+from wall.display.base import PanelImage, RankStatus, Status, WallImage
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
 
-ImageMaker = Callable[..., WallPicture]
+ImageMaker = Callable[..., WallImage]
 
 
 @pytest.fixture
@@ -26,9 +26,9 @@ def two_panels() -> Wall:
 def image(two_panels: Wall) -> ImageMaker:
     """image(version, time=..., value=...): both panels filled with `value` plus their index."""
 
-    def make(version: int = 1, *, time: float = 0.0, value: int = 100, events: tuple[int, int] = (0, 0)) -> WallPicture:
+    def make(version: int = 1, *, time: float = 0.0, value: int = 100, events: tuple[int, int] = (0, 0)) -> WallImage:
         panels = tuple(
-            PanelPicture(
+            PanelImage(
                 id=p.id,
                 rgb=np.full((p.pixels[1], p.pixels[0], 3), value + p.index, np.uint8),
                 screen=p.screen,
@@ -36,7 +36,7 @@ def image(two_panels: Wall) -> ImageMaker:
             )
             for p in two_panels.panels
         )
-        return WallPicture(
+        return WallImage(
             width=two_panels.width,
             height=two_panels.height,
             panels=panels,

@@ -169,9 +169,9 @@ def test_jpeg_stays_close_to_a_smooth_image(two_panels):
     """Quality 88 quantises the low frequencies by at most 3 steps, halved by rounding; 3 channels mix them."""
     y, x = np.mgrid[:64, :96]
     rgb = np.stack([2 * x, 3 * y, 255 - x - y], -1).astype(np.uint8)
-    from wall.display.base import PanelPicture
+    from wall.display.base import PanelImage
 
-    jpeg = encode_jpeg(PanelPicture(id="p", rgb=rgb, screen=(0, 0), version=1))
+    jpeg = encode_jpeg(PanelImage(id="p", rgb=rgb, screen=(0, 0), version=1))
     error = np.abs(np.array(Image.open(io.BytesIO(jpeg))).astype(int) - rgb)
     assert error.max() <= 8
     assert error.mean() <= 1.5

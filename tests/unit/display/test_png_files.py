@@ -9,16 +9,16 @@ import pytest
 from PIL import Image
 
 from wall.core.errors import LocalProtocolError, RunError
-from wall.display.base import PanelPicture, WallPicture
+from wall.display.base import PanelImage, WallImage
 from wall.display.png import BEZEL_RGB, PngSink, file_names, whole_wall, write_png
 
 
-def wall_of(*panels: PanelPicture, size: tuple[int, int]) -> WallPicture:
-    return WallPicture(width=size[0], height=size[1], panels=panels, time=0.0, camera_event=0, scene_event=0)
+def wall_of(*panels: PanelImage, size: tuple[int, int]) -> WallImage:
+    return WallImage(width=size[0], height=size[1], panels=panels, time=0.0, camera_event=0, scene_event=0)
 
 
-def panel(rgb: np.ndarray, x: int, y: int, name: str = "p") -> PanelPicture:
-    return PanelPicture(id=name, rgb=rgb, screen=(x, y), version=1)
+def panel(rgb: np.ndarray, x: int, y: int, name: str = "p") -> PanelImage:
+    return PanelImage(id=name, rgb=rgb, screen=(x, y), version=1)
 
 
 def test_every_pixel_is_its_panels_or_the_bezels():

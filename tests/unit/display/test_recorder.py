@@ -11,7 +11,7 @@ from PIL import Image
 
 from wall.core.errors import RunError
 from wall.display.png import whole_wall
-from wall.display.recorder import QUEUE_PICTURES, Recorder
+from wall.display.recorder import QUEUE_IMAGES, Recorder
 
 
 def index(folder):
@@ -69,7 +69,7 @@ def test_slow_disk_drops_images_and_counts_them(tmp_path, image, status):
     recorder = Recorder(tmp_path, hz=1000.0)
     pipe = tmp_path / "000000.jpg"  # a disk that hangs: nobody reads this pipe yet
     os.mkfifo(pipe)
-    shown = QUEUE_PICTURES + 12
+    shown = QUEUE_IMAGES + 12
     for k in range(shown):
         recorder.show(image(k + 1, time=float(k)), status)
     behind = recorder.dropped()["recorder_behind"]
@@ -77,7 +77,7 @@ def test_slow_disk_drops_images_and_counts_them(tmp_path, image, status):
         reader.read()
     recorder.close()
     kept = [line["time"] for line in index(tmp_path)]
-    assert behind in (shown - QUEUE_PICTURES, shown - QUEUE_PICTURES - 1)  # one may be in the writer's hands
+    assert behind in (shown - QUEUE_IMAGES, shown - QUEUE_IMAGES - 1)  # one may be in the writer's hands
     assert len(kept) + behind == shown
     assert kept == [float(k) for k in range(len(kept))]  # what was queued first is kept, in order
 
@@ -86,7 +86,7 @@ def test_unwritable_images_are_counted_and_told_at_the_end(tmp_path, image, stat
     recorder = Recorder(tmp_path, hz=1000.0)
     (tmp_path / "000000.jpg").mkdir()  # in the way of the first image
     recorder.show(image(1), status)
-    with pytest.raises(RunError, match="1 pictures could not be recorded: Is a directory"):
+    with pytest.raises(RunError, match="1 images could not be recorded: Is a directory"):
         recorder.close()
     assert recorder.dropped() == {"recorder_unwritten": 1}
 

@@ -21,7 +21,7 @@ from Xlib.display import Display
 from wall.config.displays import WindowConfig
 from wall.config.screens import GridConfig, PanelConfig, WallConfig
 from wall.core.errors import LocalProtocolError, RunError
-from wall.display.base import PanelPicture
+from wall.display.base import PanelImage
 from wall.display.window import WindowSink
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel
@@ -59,8 +59,8 @@ def noise(width: int, height: int, seed: int = 1) -> RGB:
     return np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
 
 
-def shown(panel: Any, rgb: RGB, version: int = 1) -> PanelPicture:
-    return PanelPicture(id=panel.id, rgb=rgb, screen=panel.screen, version=version)
+def shown(panel: Any, rgb: RGB, version: int = 1) -> PanelImage:
+    return PanelImage(id=panel.id, rgb=rgb, screen=panel.screen, version=version)
 
 
 def on_black(width: int, height: int, *parts: tuple[int, int, RGB]) -> RGB:
@@ -206,7 +206,7 @@ def test_a_image_that_has_not_its_panels_size_is_refused(screens: tuple[str, str
     [one] = panels((20, 10), display=screens[0], window=window(0, 0, 20, 10))
     sink = WindowSink([one], refresh_hz=60)
     try:
-        with pytest.raises(LocalProtocolError, match="panel p0: a picture of 10x20 pixels for 20x10"):
+        with pytest.raises(LocalProtocolError, match="panel p0: an image of 10x20 pixels for 20x10"):
             sink.put([shown(one, noise(10, 20))])
     finally:
         sink.close()

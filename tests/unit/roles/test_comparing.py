@@ -92,7 +92,7 @@ def test_second_images_of_two_comparisons_never_have_the_same_version(plan: Plan
         composition.follow(both)
         composition.insert(encode(flat(0.5, both, adaptive=False)))
         composition.refresh(both, 1.0)
-        seen.append(composition.compared()[0].pictures()[0].version)
+        seen.append(composition.compared()[0].images()[0].version)
         composition.follow(replace(event, camera_event=2 * k + 2))
     assert seen == sorted(set(seen))
 
@@ -206,7 +206,7 @@ def test_a_remote_compositor_sends_both_images_and_statistics_only_while_asked(p
     both = replace(event, compare="frameless", camera_event=1, statistics=True)
     pair.show(both, flat(1.0, both, adaptive=True), flat(0.0031308, both, adaptive=False, sequence=2))
 
-    (first,), (other,) = (shown[0].pictures() for shown in (pair.head.shown(), pair.head.compared()))
+    (first,), (other,) = (shown[0].images() for shown in (pair.head.shown(), pair.head.compared()))
     assert first.rgb.mean() == pytest.approx(255, abs=1)
     assert other.rgb.mean() == pytest.approx(0.0031308 * 12.92 * 255, abs=1)
     statistics_images = pair.head.statistics_images(0.0, comparing=True)

@@ -98,7 +98,7 @@ def test_a_refresh_is_of_the_newest_event_in_all_its_parts(plan: Plan) -> None:
     for number, compare in enumerate(("frameless", "")):
         asked = replace(event, camera_event=number + 1, compare=compare, sampler="adaptive")
         (show,) = of(Show, head.tell(asked, after=1.0))
-        (image,) = show.pictures
+        (image,) = show.images
         assert (image.camera_event, show.status.compare) == (number + 1, compare)
         second = [panel.id for panel in image.compared]
         assert second == ([panel.id for panel in image.panels] if compare else []), "each on its own panel, or none"
@@ -108,7 +108,7 @@ def test_an_older_event_changes_nothing(plan: Plan) -> None:
     head, event = Rank(plan), first_event(plan, 0.0)
     head.tell(replace(event, camera_event=5))
     (show,) = of(Show, head.tell(event))
-    assert show.pictures[0].camera_event == 5
+    assert show.images[0].camera_event == 5
 
 
 def test_views_are_refreshed_at_their_rate_whatever_comes_meanwhile(alone: Plan) -> None:
@@ -158,7 +158,7 @@ def test_at_the_end_the_head_shows_what_still_came_as_of_the_newest_event(alone:
         assert not of(Finish, asked), "packets come"
     asked = head.tell(after=0.001)
     (show,), (beat,) = of(Show, asked), of(Heartbeat, asked)
-    assert show.pictures[0].panels[0].rgb.min() > 200
+    assert show.images[0].panels[0].rgb.min() > 200
     assert beat.last
     assert asked[-1] == Finish()
 
@@ -213,7 +213,7 @@ def test_second_images_come_of_all_panels_or_of_none(plan: Plan) -> None:
     (own,) = head.role.composition.layers.values()
     assert own.compared is not None
     (shown,) = head.role.composition.compared()
-    assert len(shown.pictures()) == 2
+    assert len(shown.images()) == 2
 
 
 def test_latency_is_measured_once_everybody_is_there(alone: Plan) -> None:

@@ -58,7 +58,7 @@ def other_panel(head: Composition, event: Event, value: int) -> bytes:
 
 
 def left_and_right(head: Composition) -> tuple[int, int]:
-    left, right = head.shown()[0].pictures()
+    left, right = head.shown()[0].images()
     return int(left.rgb.mean()), int(right.rgb.mean())
 
 

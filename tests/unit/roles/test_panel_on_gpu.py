@@ -97,7 +97,7 @@ def test_two_panels_of_one_compositor_are_both_made_on_the_gpu(opengl: Device, c
             compositor.refresh(moved(event, number), 0.02 * number)
         assert len(compositor.statistics_images(0.1, comparing=False)) == 2
         assert {panel.reprojected.on_gpu for panel in compositor.layers.values()} == {wish == "gpu"}
-        shown[wish] = np.stack([image.rgb.astype(int) for image in compositor.shown()[0].pictures()])
+        shown[wish] = np.stack([image.rgb.astype(int) for image in compositor.shown()[0].images()])
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 

@@ -51,7 +51,7 @@ def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, c
     for message in (event, Packet(encode(batch_of(plan)))):
         list(compositor.on_message(message, NOW))
     list(compositor.on_tick(NOW))
-    before = composition.shown()[0].pictures()[0].rgb.copy()
+    before = composition.shown()[0].images()[0].rgb.copy()
     assert before.min() > 100
 
     for batch in (replace(batch_of(plan), **change), replace(batch_of(plan), sequence=3)):  # type: ignore[arg-type]
@@ -60,7 +60,7 @@ def test_what_no_rank_can_have_sent_is_counted_and_changes_nothing(plan: Plan, c
     list(compositor.on_tick(NOW + 0.1))
 
     assert composition.counters == {"bad_packet": 1}
-    assert np.abs(composition.shown()[0].pictures()[0].rgb.astype(int) - before).max() <= 1
+    assert np.abs(composition.shown()[0].images()[0].rgb.astype(int) - before).max() <= 1
 
 
 def test_a_framelet_that_is_not_needed_here_is_refused(plan: Plan) -> None:

@@ -9,7 +9,7 @@ import pytest
 from flat_batches import plan_of
 
 from wall.core.errors import RunError
-from wall.display.base import Sink, Status, WallPicture
+from wall.display.base import Sink, Status, WallImage
 from wall.run import head
 from wall.run.bootstrap_threads import ThreadBootstrap
 
@@ -22,7 +22,7 @@ class FullDisk:
     def __init__(self, *, shows: bool) -> None:
         self.shows, self.closed = shows, 0
 
-    def show(self, image: WallPicture, status: Status) -> None:
+    def show(self, image: WallImage, status: Status) -> None:
         if not self.shows:
             raise RunError(FULL)
 

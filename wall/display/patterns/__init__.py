@@ -1,6 +1,6 @@
 """Test patterns: is every panel where the wall thinks it is, its pixels whole, its greys right?
 
-Pure: a panel of a wall in, its picture out. Lines are drawn in metres of the unfolded wall (unfolding.py), so that they
+Pure: a panel of a wall in, its image out. Lines are drawn in metres of the unfolded wall (unfolding.py), so that they
 run on from panel to panel exactly if the panels stand where the configuration says.
 """
 
@@ -24,7 +24,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 def pattern(kind: Kind, panel: Panel, wall: Wall, about: Sequence[tuple[str, str]] = ()) -> NDArray[np.uint8]:
-    """(h, w, 3) uint8 sRGB, the picture of a panel of a wall.
+    """(h, w, 3) uint8 sRGB, the image of a panel of a wall.
 
     identify: which panel this is, its corners, and `about` it, rows of a name and a text, such as ("host", "node3")
     grid: lines of one pixel a round number of metres apart, the panel's outermost pixels, and circles and diagonals

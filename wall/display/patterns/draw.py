@@ -1,4 +1,4 @@
-"""Draw lines and text on a picture: coverage between 0 and 1 blends a colour in."""
+"""Draw lines and text on an image: coverage between 0 and 1 blends a colour in."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ CAPITALS = 0.75  # height of a capital over the size of its letters
 
 def blank(pixels: tuple[int, int]) -> NDArray[np.uint8]:
     """(h, w, 3) uint8, all BACKGROUND."""
-    picture = np.empty((pixels[1], pixels[0], 3), np.uint8)
-    picture[:] = BACKGROUND
-    return picture
+    image = np.empty((pixels[1], pixels[0], 3), np.uint8)
+    image[:] = BACKGROUND
+    return image
 
 
 def blend(
-    picture: NDArray[np.uint8],
+    image: NDArray[np.uint8],
     coverage: Field | NDArray[np.bool_],
     colour: Rgb | Sequence[Rgb],
     which: Field | None = None,
 ) -> None:
-    """Blend a colour into a picture by `coverage` (h, w), 0..1; of several, the one of index `which` (h, w)."""
+    """Blend a colour into an image by `coverage` (h, w), 0..1; of several, the one of index `which` (h, w)."""
     touched = np.nonzero(coverage)
     part = coverage[touched].astype(np.float32)[:, None]
     colours = np.array(colour, np.float32)
     added = colours if which is None else colours[which[touched].astype(int)]
-    picture[touched] = np.rint(picture[touched] * (1 - part) + added * part).astype(np.uint8)
+    image[touched] = np.rint(image[touched] * (1 - part) + added * part).astype(np.uint8)
 
 
 def line_coverage(distance: Field, width: float) -> Field:
@@ -74,10 +74,10 @@ def fitting_size(text: str, room: tuple[float, float]) -> int:
 
 
 def draw_text(
-    picture: NDArray[np.uint8], text: str, at: tuple[float, float], size: int, colour: Rgb, *, anchor: str = "lt"
+    image: NDArray[np.uint8], text: str, at: tuple[float, float], size: int, colour: Rgb, *, anchor: str = "lt"
 ) -> None:
     """Write a text of `size` pixels; `at` is where its anchor goes (Pillow's: l, m, r and t, m, b)."""
-    height, width = picture.shape[:2]
+    height, width = image.shape[:2]
     mask = Image.new("L", (width, height))
     ImageDraw.Draw(mask).text(at, text, fill=255, font=font(size), anchor=anchor)
     box = mask.getbbox()
@@ -85,13 +85,13 @@ def draw_text(
         return
     x0, y0, x1, y1 = box
     coverage = np.asarray(mask.crop(box), np.float32) / 255
-    blend(picture[y0:y1, x0:x1], coverage, colour)
+    blend(image[y0:y1, x0:x1], coverage, colour)
 
 
-def draw_label(picture: NDArray[np.uint8], text: str, at: tuple[float, float], size: int, colour: Rgb) -> None:
+def draw_label(image: NDArray[np.uint8], text: str, at: tuple[float, float], size: int, colour: Rgb) -> None:
     """Draw a text centred at a pixel, on a patch of BACKGROUND."""
     (x, y), (width, height) = at, size_of(text, size)
     pad = max(2, size // 3)
     top, left = max(0, int(y - height / 2 - pad)), max(0, int(x - width / 2 - 1.5 * pad))
-    picture[top : int(y + height / 2 + pad), left : int(x + width / 2 + 1.5 * pad)] = BACKGROUND
-    draw_text(picture, text, at, size, colour, anchor="mm")
+    image[top : int(y + height / 2 + pad), left : int(x + width / 2 + 1.5 * pad)] = BACKGROUND
+    draw_text(image, text, at, size, colour, anchor="mm")

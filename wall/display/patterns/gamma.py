@@ -19,17 +19,17 @@ ROWS = ((0.25, (1, 1, 1)), (0.5, (1, 1, 1)), (0.75, (1, 1, 1)), (0.5, (1, 0, 0))
 
 def gamma(width: int, height: int) -> NDArray[np.uint8]:
     """(h, w, 3) uint8 sRGB: a smooth ramp and a dithered one, above rows of patches in dithers of known light."""
-    picture, values = blank((width, height)), np.linspace(0, 1, width)
+    image, values = blank((width, height)), np.linspace(0, 1, width)
     tops = np.linspace(0, height, 3 + len(ROWS) + 1).astype(int)
-    picture[: tops[1]] = np.rint(255 * values)[None, :, None]
-    picture[tops[1] : tops[2]] = dither(np.broadcast_to(srgb_decoded(values), (tops[2] - tops[1], width)))[..., None]
+    image[: tops[1]] = np.rint(255 * values)[None, :, None]
+    image[tops[1] : tops[2]] = dither(np.broadcast_to(srgb_decoded(values), (tops[2] - tops[1], width)))[..., None]
     edges = np.linspace(0, width, len(CURVES) + 1)
     size = fitting_size("sRGB", (0.6 * width / len(CURVES), 0.6 * (tops[3] - tops[2])))
     for k, name in enumerate(CURVES):
-        draw_text(picture, name, ((edges[k] + edges[k + 1]) / 2, (tops[2] + tops[3]) / 2), size, BRIGHT, anchor="mm")
+        draw_text(image, name, ((edges[k] + edges[k + 1]) / 2, (tops[2] + tops[3]) / 2), size, BRIGHT, anchor="mm")
     for k, (share, colour) in enumerate(ROWS):
-        _row(picture[tops[3 + k] : tops[4 + k]], share, np.array(colour, np.uint8), edges)
-    return picture
+        _row(image[tops[3 + k] : tops[4 + k]], share, np.array(colour, np.uint8), edges)
+    return image
 
 
 def dither(light: Float64) -> NDArray[np.uint8]:
@@ -42,11 +42,11 @@ def dither(light: Float64) -> NDArray[np.uint8]:
     return (light > thresholds).astype(np.uint8) * np.uint8(255)
 
 
-def _row(picture: NDArray[np.uint8], share: float, colour: NDArray[np.uint8], edges: Float64) -> None:
+def _row(image: NDArray[np.uint8], share: float, colour: NDArray[np.uint8], edges: Float64) -> None:
     """A dither of which `share` is lit, and in it, for each curve, a patch of the value that gives the same light."""
-    height, width = picture.shape[:2]
-    picture[:] = dither(np.full((height, width), share))[..., None] * colour
+    height, width = image.shape[:2]
+    image[:] = dither(np.full((height, width), share))[..., None] * colour
     for k, exponent in enumerate(CURVES.values()):
         value = share ** (1 / exponent) if exponent else float(srgb_encoded(np.array([share]))[0])
         left, right = edges[k] + (edges[k + 1] - edges[k]) * np.array([0.2, 0.8])
-        picture[round(0.2 * height) : round(0.8 * height), round(left) : round(right)] = round(255 * value) * colour
+        image[round(0.2 * height) : round(0.8 * height), round(left) : round(right)] = round(255 * value) * colour

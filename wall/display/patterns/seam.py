@@ -18,29 +18,29 @@ REACH = 0.3  # of the panel's shorter side, that lines come in from an edge
 
 def seam(panel: Panel, unfolded: UnfoldedPanel) -> NDArray[np.uint8]:
     """See wall.display.patterns.pattern."""
-    picture, (right, down) = draw.blank(panel.pixels), unfolded.positions()
+    image, (right, down) = draw.blank(panel.pixels), unfolded.positions()
     width, height = panel.pixels
     x, y = np.arange(width), np.arange(height)[:, None]
     reach = REACH * min(width, height)
     at_sides = _near(np.minimum(x, width - 1 - x), reach) * np.ones_like(y)
     at_ends = _near(np.minimum(y, height - 1 - y), reach) * np.ones_like(x)
     for slant in (SLANT, -SLANT, 0.0):
-        _hairs(picture, down + slant * right, at_sides, unfolded, slant)
-        _hairs(picture, right + slant * down, at_ends, unfolded, slant)
-    picture[0], picture[-1], picture[:, 0], picture[:, -1] = (draw.FAINT,) * 4
+        _hairs(image, down + slant * right, at_sides, unfolded, slant)
+        _hairs(image, right + slant * down, at_ends, unfolded, slant)
+    image[0], image[-1], image[:, 0], image[:, -1] = (draw.FAINT,) * 4
     size = draw.fitting_size(panel.id, (0.3 * width, 0.1 * height))
-    draw.draw_text(picture, panel.id, (width / 2, height / 2), size, draw.BRIGHT, anchor="mm")
-    return picture
+    draw.draw_text(image, panel.id, (width / 2, height / 2), size, draw.BRIGHT, anchor="mm")
+    return image
 
 
-def _hairs(picture: NDArray[np.uint8], along: Field, near: Field, unfolded: UnfoldedPanel, slant: float) -> None:
+def _hairs(image: NDArray[np.uint8], along: Field, near: Field, unfolded: UnfoldedPanel, slant: float) -> None:
     """Lines where `along` (metres) is a whole number of steps, coloured by that number."""
     every, strength = SLANTED if slant else (1, 1.0)
     step = every * unfolded.step
     number = np.rint(along / step)
     pitch = unfolded.pitch * float(np.hypot(1.0, slant))
     coverage = draw.line_coverage((along - number * step) / pitch, HAIR_PX) * near
-    draw.blend(picture, strength * coverage, COLOURS, number % len(COLOURS))
+    draw.blend(image, strength * coverage, COLOURS, number % len(COLOURS))
 
 
 def _near(distance: Field, reach: float) -> Field:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from wall.display.base import PanelPicture, WallPicture
+from wall.display.base import PanelImage, WallImage
 from wall.display.png import whole_wall
 from wall.geometry.panels import Panel, Wall
 from wall.study.quality.image_strips import ERROR_GAIN, GAP, Bytes
@@ -19,11 +19,11 @@ INK, PAPER = (31, 35, 40), (255, 255, 255)
 def wall_image(wall: Wall, codes: Callable[[Panel], Bytes]) -> Bytes:
     """(height, width, 3) uint8 sRGB: all panels at their positions, between their bezels."""
     panels = tuple(
-        PanelPicture(id=panel.id, rgb=codes(panel), screen=panel.screen, version=0, span=panel.span)
+        PanelImage(id=panel.id, rgb=codes(panel), screen=panel.screen, version=0, span=panel.span)
         for panel in wall.panels
     )
     return whole_wall(
-        WallPicture(width=wall.width, height=wall.height, panels=panels, time=0.0, camera_event=0, scene_event=0)
+        WallImage(width=wall.width, height=wall.height, panels=panels, time=0.0, camera_event=0, scene_event=0)
     )
 
 
