@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wall.core.jit import kernel
+from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import DEPTH, NEAREST_DEPTH, NEAREST_OBJECT, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import FAR
@@ -93,13 +93,21 @@ def channels_of_nearest(nearest, frame, corner, covered, dirty, colour, alpha, d
                     if not near < FAR:
                         depth[i, j] = INFINITE
                     else:
-                        x, y = corner[0] + j + 0.5, corner[1] + i + 0.5
-                        dx = frame[0, 0] + x * frame[1, 0] + y * frame[2, 0]
-                        dy = frame[0, 1] + x * frame[1, 1] + y * frame[2, 1]
-                        dz = frame[0, 2] + x * frame[1, 2] + y * frame[2, 2]
+                        dx, dy, dz = direction_of(frame, corner, i, j)
                         depth[i, j] = near * math.sqrt(dx * dx + dy * dy + dz * dz)
                     if object_id is not None:
                         object_id[i, j] = np.uint32(near_id)
+
+
+@inline_kernel
+def direction_of(frame, corner, i, j):
+    """The direction through the centre of pixel (i, j), depth 1 along the panel's axis; see channels_of_nearest."""
+    x, y = corner[0] + j + 0.5, corner[1] + i + 0.5
+    return (
+        frame[0, 0] + x * frame[1, 0] + y * frame[2, 0],
+        frame[0, 1] + x * frame[1, 1] + y * frame[2, 1],
+        frame[0, 2] + x * frame[1, 2] + y * frame[2, 2],
+    )
 
 
 @kernel
@@ -141,10 +149,7 @@ def sky_of_panel(frame, corner, zenith, horizon, ground, colour):
     """
     for i in range(colour.shape[0]):
         for j in range(colour.shape[1]):
-            x, y = corner[0] + j + 0.5, corner[1] + i + 0.5
-            dx = frame[0, 0] + x * frame[1, 0] + y * frame[2, 0]
-            dy = frame[0, 1] + x * frame[1, 1] + y * frame[2, 1]
-            dz = frame[0, 2] + x * frame[1, 2] + y * frame[2, 2]
+            dx, dy, dz = direction_of(frame, corner, i, j)
             up = dy / math.sqrt(dx * dx + dy * dy + dz * dz)
             for c in range(3):
                 other = zenith[c] if up > 0.0 else ground[c]

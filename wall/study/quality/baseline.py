@@ -59,7 +59,7 @@ class Maps:
 class Display(Protocol):
     """The display's side of a framed method."""
 
-    jittered: bool  # frames of the same event differ, so that another one is worth its rays
+    jittered: bool  # frames of the same event differ, so that another one adds information
 
     def take(self, raster: Samples, event: Event) -> None:
         """A frame is complete: (rows, columns) SAMPLE, traced under `event`."""

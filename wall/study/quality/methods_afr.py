@@ -4,9 +4,9 @@ Dayal, Woolley, Watson, Luebke, EGSR 2005, and Woolley et al., "The Ultimate Dis
 From?", IEEE Computer 2005. The EGSR text was not at hand; what follows was rebuilt from the article, re-implementations
 and memory.
 
-From the sources: tiles picked with equal probability and places in them at random; samples weigh exp(-3.47 age) in a
+From the sources: tiles picked with equal probability and positions in them at random; samples weigh exp(-3.47 age) in a
 tile's variance; two tiles merged and one split every 25 samples; five rays of a crosshair and a sixth, later, at the
-same place, all counted; a few old samples reprojected for each new one, all at every refresh; filter extents
+same position, all counted; a few old samples reprojected for each new one, all at every refresh; filter extents
 e_x d_x = e_y d_y = e_t d_t, e_x e_y e_t = V = 1 / (samples a pixel in the last second); 3 sigma Gaussian in space,
 exponential in time, scattered.
 
@@ -125,7 +125,7 @@ class AdaptiveFrameless:
         return shown
 
     def _retile(self, samples: int, now: float) -> None:
-        """Take the steps that so many new samples are worth; those of the free image make the first tiles."""
+        """Take the steps that so many new samples allow; those of the free image make the first tiles."""
         self._unstepped += samples
         steps, self._unstepped = divmod(self._unstepped, SAMPLES_A_STEP)
         most, fading = (len(self._tree.parent) + 1) // 2, self._fading(now)

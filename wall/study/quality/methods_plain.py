@@ -33,7 +33,7 @@ class SamplerMethod:
         self._now = 0.0
         self._step = setup.input_step_s
         self._targets: Targets | None = None  # under way
-        self._used = self._allowed = 0  # rays' worth of time: of finished batches and waiting; let pass so far
+        self._used = self._allowed = 0  # time, in rays: of finished batches and waiting; let pass so far
         while (targets := sampler.choose(self._inputs.event_at(0.0))) is not None:
             self._trace(targets)
         self._tracer.reset()

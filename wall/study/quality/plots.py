@@ -37,7 +37,7 @@ STREAMED = {
     "stream_jpeg90_tiles": "#d4b106",
     "stream_h264": "#1a7f6b",
     "stream_h264_fine": "#6639ba",
-}  # drawn where bytes are: everywhere else they lie on ours
+}  # shown where bytes are: elsewhere they coincide with ours
 FAMILIES = {"best TAA": "taa_", "best reduced": "reduced_", "render cache": "render_cache", "AFR 2005": "afr2005"}
 
 
@@ -91,10 +91,10 @@ def lines(rows: Sequence[Row], names: Iterable[str] = COLOURS) -> list[Line]:
 
 def over_time(rows: Sequence[Row], spent: float, theme: Theme) -> bytes:
     """PNG: RMSE of each scored refresh, mean over seeds, a panel a scene."""
-    drawn = lines(rows)
+    curves = lines(rows)
 
     def draw(axes: Axes, scene: str) -> None:
-        for line in drawn:
+        for line in curves:
             method = line.methods.get((scene, spent))
             runs = [row for row in rows if (row.scene, row.method, spending(row)) == (scene, method, spent)]
             runs = [row for row in runs if row.times == runs[0].times]
@@ -110,13 +110,13 @@ def against(
     rows: Sequence[Row], x: Callable[[Row], float], label: str, theme: Theme, *, names: Iterable[str] = COLOURS
 ) -> bytes:
     """PNG: RMSE against a price, a panel a scene, both axes logarithmic; a point is a spending."""
-    errors, drawn = averaged(rows), lines(rows, names)
+    errors, curves = averaged(rows), lines(rows, names)
     prices: dict[tuple[str, str, float], list[float]] = {}
     for row in rows:
         prices.setdefault((row.scene, row.method, spending(row)), []).append(x(row))
 
     def draw(axes: Axes, scene: str) -> None:
-        for line in drawn:
+        for line in curves:
             keys = [(scene, method, spent) for (s, spent), method in line.methods.items() if s == scene]
             points = [(float(np.mean(prices[key])), errors[key]) for key in keys if key in errors]
             points = [point for point in points if point[0] > 0.0]

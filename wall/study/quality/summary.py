@@ -17,7 +17,7 @@ from wall.study.quality.rows import Row
 OURS = "adaptive"
 STREAMS = "stream_"  # methods that send images of OURS
 BESIDE = ("framed_x10", "progressive")  # not the same spending, or not a way to show motion: in no "best of the others"
-TENFOLD = {"framed": "framed_x10"}  # further points of a method's error against its rate
+TENFOLD = {"framed": "framed_x10"}  # more points of a method's error against its rate
 STUDENT_95 = (math.nan, 12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262)  # by degrees of freedom
 NORMAL_95 = 1.96
 

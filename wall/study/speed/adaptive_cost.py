@@ -1,6 +1,6 @@
 """What adaptive sampling costs beside tracing, and what reconstruction costs at the display: in CPU time of one thread.
 
-An eye slides past the courtyard, one world unit a second, so every refresh places every sample anew.
+An eye slides past the courtyard, one world unit a second, so every refresh reprojects every sample.
 """
 
 from __future__ import annotations

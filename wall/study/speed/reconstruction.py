@@ -54,15 +54,15 @@ def measure(rounds: int) -> list[Row]:
 
 
 def _samples(plan: Plan, panel: Panel, event: Event) -> Samples:
-    """So many a pixel at random places, by the tracer."""
+    """So many a pixel at random positions, by the tracer."""
     width, height = panel.pixels
     tracer = Tracer(make_tracer_scene(plan.scene), panel, plan.view.eye, coherent=True)
     tracer.set_event(event)
     xy = np.random.default_rng(SEED).random((SAMPLES_PER_PIXEL, height, width, 2)).astype(np.float32)
     xy += np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
     corner = np.nextafter(np.array([width, height], np.float32), np.float32(0.0))
-    places = np.minimum(xy.reshape(-1, 2), corner)
-    traced = [tracer.trace(places[k : k + BATCH])[0].copy() for k in range(0, len(places), BATCH)]
+    xy_inside = np.minimum(xy.reshape(-1, 2), corner)
+    traced = [tracer.trace(xy_inside[k : k + BATCH])[0].copy() for k in range(0, len(xy_inside), BATCH)]
     samples = np.concatenate(traced)
     samples["time"] = samples["change"] = 0.0
     return samples

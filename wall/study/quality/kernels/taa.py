@@ -17,7 +17,7 @@ from wall.study.quality.kernels.warp import catmull_rom
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 NARROW = np.float32(2.0)  # 1 / pixels^2, 1 / (2 sigma^2): Gaussian of a sample's share, sigma 0.5; Karis's is 0.47
-SAME_DEPTH = np.float32(0.1)  # of the depth: a history pixel further off shows another surface
+SAME_DEPTH = np.float32(0.1)  # of the depth: a history pixel that differs by more shows another surface
 PRIOR = np.float32(0.3)  # samples that a pixel's neighbours count for where it has no history
 DISTRUST = np.float32(2.0)  # a history that clipping changed by its own size stands for a third of the samples
 DARK = np.float32(0.05)  # W sr^-1 m^-2: below it a change by clipping is small whatever its ratio
@@ -142,10 +142,10 @@ def look_around(frame, x, y, still, around):
                 around[DEPTH_SUM] += part / frame.depth[k, m]
                 around[DEPTH_SUM + 1] += part
             add_weighted(around, MEAN, ONE, r, g, b)
-            luma, orange, leaf = ycocg(r, g, b)
+            luma, co, cg = ycocg(r, g, b)
             around[SQUARES] += luma * luma
-            around[SQUARES + 1] += orange * orange
-            around[SQUARES + 2] += leaf * leaf
+            around[SQUARES + 1] += co * co
+            around[SQUARES + 2] += cg * cg
     return object_id
 
 
@@ -160,7 +160,7 @@ def add_weighted(around, at, weight, r, g, b):
 
 @inline_kernel
 def ycocg(r, g, b):
-    """Luma, orange and green chroma of a colour; linear."""
+    """YCoCg of a colour (luma, two chroma); linear."""
     two, quarter = np.float32(2.0), np.float32(0.25)
     return (r + two * g + b) * quarter, (r - b) * HALF, (two * g - r - b) * quarter
 

@@ -1,7 +1,7 @@
 """An image with its surfaces, seen from another pose: forward to find where from, then gathered there.
 
 Two passes, as for asynchronous reprojection in object space: every pixel's surface is moved to the new pose and says
-there where it came from; each target pixel then reads the source at the mean of these places, so that colours are
+there where it came from; each target pixel then reads the source at the mean of these positions, so that colours are
 resampled once and with a proper filter. Cf. Yang et al., "Image-based bidirectional scene reprojection" (2011).
 """
 
