@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from small_scenes import Triple, View, instance, quad, view
+from small_scenes import Triple, View, instance, keyframes, quad, view
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.reconstruction.reconstruction import Reconstruction
-from wall.scene.animation import Keyframes
 from wall.scene.build import Scene, assemble
-from wall.scene.model import Instance, Material, PointLight, Source, Track
+from wall.scene.model import Instance, Material, PointLight, Source
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -32,9 +31,6 @@ def glowing(color: Triple) -> Material:
 
 def plate_before_wall(*places: Triple, lights: tuple[PointLight, ...] = ()) -> Scene:
     """A green wall that fills the image, and a red plate of 1 x 1 before it, at places[k] at k seconds."""
-    still = (1.0, 0.0, 0.0, 0.0)
-    times = tuple(float(k) for k in range(len(places)))
-    motion = Keyframes(times=times, positions=places, rotations=(still,) * len(places), loop=False)
     instances = (
         replace(instance(0), name="wall"),
         Instance(name="plate", mesh=1, world_from_object=instance(1, at=places[0]).world_from_object),
@@ -45,7 +41,7 @@ def plate_before_wall(*places: Triple, lights: tuple[PointLight, ...] = ()) -> S
             materials=(glowing(GREEN), glowing(RED)),
             instances=instances,
             lights=lights,
-            animation=(Track(motion=motion, objects="plate"),) if len(places) > 1 else (),
+            animation=(keyframes(*places, object="plate"),) if len(places) > 1 else (),
         )
     )
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wall.config.scene import KeyframeConfig, KeyframesConfig, RotationConfig
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import Batch, Event, Float32, Float64, Rect, Samples
 from wall.geometry.cameras import default_eye, look_at
@@ -193,3 +195,16 @@ def batch_of(samples: Samples, event: Event, rect: Rect, *, sequence: int = 1, b
         samples=samples,
         blend=blend,
     )
+
+
+def keyframes(
+    *positions: Triple, times: Sequence[float] | None = None, loop: bool = False, **more: Any
+) -> KeyframesConfig:
+    """A path through positions, one a second; `degrees`: turns about y; `object` or `light`: what moves."""
+    degrees = more.pop("degrees", [])
+    turns = [RotationConfig(axis=(0.0, 1.0, 0.0), degrees=turn) for turn in degrees] or [None] * len(positions)
+    keys = tuple(
+        KeyframeConfig(time=time, position=at, rotation=turn)
+        for time, at, turn in zip(times or range(len(positions)), positions, turns, strict=True)
+    )
+    return KeyframesConfig(type="keyframes", keyframes=keys, loop=loop, **(more or {"object": "*"}))

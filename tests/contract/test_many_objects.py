@@ -7,23 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from adaptive_images import GREEN, RED, START, event_at, glowing, hits, image_of
-from small_scenes import instance, quad, view
+from small_scenes import instance, keyframes, quad, view
 
+from wall.config.scene import KeyframesConfig
 from wall.core.data import Batch, Rect
 from wall.packets.samples import decode, encode
-from wall.scene.animation import Keyframes
 from wall.scene.build import Scene, assemble
-from wall.scene.model import Source, Track
+from wall.scene.model import Source
 
 COUNT, LAST = 20_000, 20_000  # objects that move right; index of the one that moves left, object id 20,001
 SIZE = (48, 32)
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=SIZE)
 
 
-def motion(x: float) -> Keyframes:
+def motion(x: float, name: str) -> KeyframesConfig:
     """By x units to the right in the first second."""
-    still = (1.0, 0.0, 0.0, 0.0)
-    return Keyframes(times=(0.0, 1.0), positions=((0.0, 0.0, 0.0), (x, 0.0, 0.0)), rotations=(still, still), loop=False)
+    return keyframes((0.0, 0.0, 0.0), (x, 0.0, 0.0), object=name)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def scene() -> Scene:
             meshes=(quad(1.0, 1.0, material=0),),
             materials=(glowing(GREEN),),
             instances=(*many, replace(instance(0), name="last")),
-            animation=(Track(motion=motion(1.0), objects="many"), Track(motion=motion(-1.0), objects="last")),
+            animation=(motion(1.0, "many"), motion(-1.0, "last")),
         )
     )
 

@@ -19,39 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from wall.config.scene import AnimationConfig, KeyframesConfig, OrbitConfig, SpinConfig
 from wall.core.data import Float64
 
 Vector: TypeAlias = tuple[float, float, float]
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spin:
-    """Turn about an axis through `center`; one turn takes `period_s` (negative: the other way round)."""
-
-    axis: Vector
-    period_s: float
-    center: Vector | None = None  # world; None = the body's own centre
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Orbit:
-    """Travel on a circle about an axis through `center`, keeping the orientation; `period_s` a round."""
-
-    center: Vector
-    axis: Vector
-    period_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Keyframes:
-    """Poses at times: the body's own centre goes to each position, turned there by each rotation."""
-
-    times: tuple[float, ...]  # seconds, strictly increasing
-    positions: tuple[Vector, ...]  # world
-    rotations: tuple[tuple[float, float, float, float], ...]  # unit quaternions (w, x, y, z) against rest
-    loop: bool = True  # last to first without a pause; else the ends hold
-
-
-Motion: TypeAlias = Spin | Orbit | Keyframes
+AT_REST = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +31,7 @@ class Moving:
     """One motion of one body."""
 
     body: int  # row of the poses
-    motion: Motion
+    motion: AnimationConfig
     center: Vector  # the body's own centre at rest, world
 
 
@@ -130,12 +102,12 @@ class Tracks:
 def compile_tracks(motions: Sequence[Moving]) -> Tracks:
     """Lay out motions for evaluation. A body may occur several times: its first motion is the innermost."""
     depth: Counter[int] = Counter()
-    turns: defaultdict[int, list[tuple[Moving, Spin | Orbit]]] = defaultdict(list)
-    paths: defaultdict[int, list[tuple[Moving, Keyframes]]] = defaultdict(list)
+    turns: defaultdict[int, list[tuple[Moving, SpinConfig | OrbitConfig]]] = defaultdict(list)
+    paths: defaultdict[int, list[tuple[Moving, KeyframesConfig]]] = defaultdict(list)
     for moving in motions:
         level, motion = depth[moving.body], moving.motion
         depth[moving.body] += 1
-        if isinstance(motion, Keyframes):
+        if isinstance(motion, KeyframesConfig):
             paths[level].append((moving, motion))
         else:
             turns[level].append((moving, motion))
@@ -160,11 +132,11 @@ def _rigid(rotation: Float64, moved: Float64) -> Float64:
     return matrices
 
 
-def _turns(motions: list[tuple[Moving, Spin | Orbit]]) -> Turns:
+def _turns(motions: list[tuple[Moving, SpinConfig | OrbitConfig]]) -> Turns:
     own = np.array([moving.center for moving, _ in motions])
     about = np.array([moving.center if motion.center is None else motion.center for moving, motion in motions])
     axes = np.array([motion.axis for _, motion in motions])
-    keeps = np.array([isinstance(motion, Orbit) for _, motion in motions])
+    keeps = np.array([isinstance(motion, OrbitConfig) for _, motion in motions])
     return Turns(
         rows=np.array([moving.body for moving, _ in motions], np.intp),
         periods=np.array([motion.period_s for _, motion in motions]),
@@ -174,18 +146,20 @@ def _turns(motions: list[tuple[Moving, Spin | Orbit]]) -> Turns:
     )
 
 
-def _paths(motions: list[tuple[Moving, Keyframes]]) -> Paths:
+def _paths(motions: list[tuple[Moving, KeyframesConfig]]) -> Paths:
     rows = np.array([moving.body for moving, _ in motions], np.intp)
-    keys = max(2, *(len(motion.times) for _, motion in motions))
+    keys = max(2, *(len(motion.keyframes) for _, motion in motions))
     times = np.full((len(rows), keys), np.inf)
     positions, rotations = np.zeros((len(rows), keys, 3)), np.zeros((len(rows), keys, 4))
     for row, (_, motion) in enumerate(motions):
-        count = len(motion.times)
-        times[row, :count] = motion.times
-        positions[row, :count], positions[row, count:] = motion.positions, motion.positions[-1]
-        rotations[row, :count], rotations[row, count:] = motion.rotations, motion.rotations[-1]
+        count = len(motion.keyframes)
+        times[row, :count] = [key.time for key in motion.keyframes]
+        positions[row, :count] = [key.position for key in motion.keyframes]
+        positions[row, count:] = motion.keyframes[-1].position
+        turns = [quaternion(turn.axis, turn.degrees) if (turn := key.rotation) else AT_REST for key in motion.keyframes]
+        rotations[row, :count], rotations[row, count:] = turns, turns[-1]
     first = times[:, 0].copy()
-    length = np.array([motion.times[-1] - motion.times[0] for _, motion in motions])
+    length = np.array([motion.keyframes[-1].time - motion.keyframes[0].time for _, motion in motions])
     loop = np.array([motion.loop for _, motion in motions]) & (length > 0.0)
     return Paths(
         rows=rows,

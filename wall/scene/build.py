@@ -11,17 +11,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.scene import (
-    AnimationConfig,
-    KeyframesConfig,
-    LightConfig,
-    OrbitConfig,
-    PointLightConfig,
-    SceneConfig,
-)
+from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig
 from wall.core.data import Float64
 from wall.core.errors import SceneError
-from wall.scene.animation import Keyframes, Motion, Moving, Orbit, Spin, Tracks, Vector, compile_tracks, quaternion
+from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
@@ -38,12 +31,10 @@ from wall.scene.model import (
     Sky,
     Source,
     Texture,
-    Track,
 )
 
 BUILT_IN = {"courtyard": courtyard, "forest": forest, "gallery": gallery, "gallery_mirrors": gallery_mirrors}
 NAMES_SHOWN = 20
-AT_REST = (1.0, 0.0, 0.0, 0.0)
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 
 
@@ -136,7 +127,7 @@ def _configured(source: Source, config: SceneConfig) -> Source:
         sky = config.sky
         source = replace(source, sky=Sky(zenith=sky.zenith, horizon=sky.horizon, ground=sky.ground))
     if config.animation is not None:
-        source = replace(source, animation=tuple(_track(track) for track in config.animation))
+        source = replace(source, animation=config.animation)
     return source
 
 
@@ -144,25 +135,6 @@ def _light(config: LightConfig) -> Light:
     if isinstance(config, PointLightConfig):
         return PointLight(position=config.position, intensity=config.intensity)
     return DirectionalLight(direction=unit(config.direction), irradiance=config.irradiance)
-
-
-def _track(config: AnimationConfig) -> Track:
-    light = getattr(config, "light", None)
-    return Track(motion=_motion(config), objects=config.object or "", light=-1 if light is None else light)
-
-
-def _motion(config: AnimationConfig) -> Motion:
-    if isinstance(config, KeyframesConfig):
-        turns = [(key.rotation.axis, key.rotation.degrees) if key.rotation else None for key in config.keyframes]
-        return Keyframes(
-            times=tuple(key.time for key in config.keyframes),
-            positions=tuple(key.position for key in config.keyframes),
-            rotations=tuple(quaternion(*turn) if turn else AT_REST for turn in turns),
-            loop=config.loop,
-        )
-    if isinstance(config, OrbitConfig):
-        return Orbit(center=config.center, axis=config.axis, period_s=config.period_s)
-    return Spin(axis=config.axis, period_s=config.period_s, center=config.center)
 
 
 def assemble(source: Source) -> Scene:
@@ -216,29 +188,33 @@ def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -
     boxes = world_boxes(source.meshes, source.instances) if source.animation else np.empty((0, 2, 3))
     for number, track in enumerate(source.animation):
         where = f"scene.animation[{number}]"
-        if track.objects:
+        index = getattr(track, "light", None)
+        if index is None:
             movings += _moving_objects(track, source.instances, boxes, where=where)
             continue
-        if not 0 <= track.light < len(lights):
-            raise SceneError(f"{where}.light = {track.light}: the scene has {len(lights)} lights, counted from 0")
-        light = lights[track.light]
+        if index >= len(lights):
+            raise SceneError(f"{where}.light = {index}: the scene has {len(lights)} lights, counted from 0")
+        light = lights[index]
         row = len(source.instances) + next(k for k, body in enumerate(bodies) if body is light)
-        movings.append(Moving(body=row, motion=track.motion, center=_position(light)))
+        movings.append(Moving(body=row, motion=track, center=_position(light)))
     return movings
 
 
-def _moving_objects(track: Track, instances: Sequence[Instance], boxes: Float64, *, where: str) -> list[Moving]:
+def _moving_objects(
+    track: AnimationConfig, instances: Sequence[Instance], boxes: Float64, *, where: str
+) -> list[Moving]:
     """Matched instances that stand in one frame are parts of one object, and share its centre."""
-    matched = [k for k, instance in enumerate(instances) if fnmatchcase(instance.name, track.objects)]
+    wanted = track.object or ""
+    matched = [k for k, instance in enumerate(instances) if fnmatchcase(instance.name, wanted)]
     if not matched:
-        raise SceneError(f"{where}.object = {track.objects!r}: no such object; {_names(track.objects, instances)}")
+        raise SceneError(f"{where}.object = {wanted!r}: no such object; {_names(wanted, instances)}")
     parts: dict[bytes, list[int]] = {}
     for k in matched:
         parts.setdefault(instances[k].world_from_object.tobytes(), []).append(k)
     movings = []
     for rows in parts.values():
         x, y, z = middle(boxes[rows]).tolist()
-        movings += [Moving(body=row, motion=track.motion, center=(x, y, z)) for row in rows]
+        movings += [Moving(body=row, motion=track, center=(x, y, z)) for row in rows]
     return movings
 
 

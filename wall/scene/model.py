@@ -12,8 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
-from wall.scene.animation import Motion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,15 +87,6 @@ class Sky:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Track:
-    """One motion of every instance whose name matches a pattern, or of one light."""
-
-    motion: Motion
-    objects: str = ""  # fnmatch pattern over instance names; "" = a light
-    light: int = -1  # index in the source's lights
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """What a file or a scene function gives, before the configuration adds to it; None = does not say."""
 
@@ -105,7 +96,7 @@ class Source:
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] | None = None
     sky: Sky | None = None
-    animation: tuple[Track, ...] = ()
+    animation: tuple[AnimationConfig, ...] = ()
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 
 

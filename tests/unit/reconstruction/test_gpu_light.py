@@ -9,28 +9,23 @@ import pytest
 from adaptive_images import GREEN, START, centres, event_at, glowing, hits
 from gpu_twins import DECIDED_BY_ROUNDING, ROUNDING, Noise, Twins
 from numpy.testing import assert_allclose
-from small_scenes import instance, material, quad, sphere_mesh, view
+from small_scenes import instance, keyframes, material, quad, sphere_mesh, view
 
+from wall.config.scene import OrbitConfig, SpinConfig
 from wall.core.data import Event
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.gpu.store import LIT_WORDS, WORDS
-from wall.scene.animation import Keyframes, Spin
 from wall.scene.build import Scene, assemble
-from wall.scene.model import DirectionalLight, PointLight, Sky, Source, Track
+from wall.scene.model import DirectionalLight, PointLight, Sky, Source
 
 SEEN = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(97, 65))
 SKY = Sky(zenith=(0.1, 0.2, 0.3), horizon=(0.3, 0.3, 0.2), ground=(0.2, 0.1, 0.05))
 GLOW = (0.4, 0.2, 0.1)
-STILL_TURN = (1.0, 0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     """A wall, a sphere that spins, a plate that glows; moving, standing and turning lights."""
-    wander = Keyframes(
-        times=(0.0, 1.0), positions=((-1.0, 1.0, 2.0), (1.5, 0.5, 1.5)), rotations=(STILL_TURN,) * 2, loop=False
-    )
-    spin = Spin(axis=(0.6, 0.8, 0.0), period_s=3.0)
     return assemble(
         Source(
             meshes=(quad(40.0, 40.0), sphere_mesh(1), quad(0.5, 0.5, material=2)),
@@ -46,9 +41,9 @@ def scene() -> Scene:
                 DirectionalLight(direction=(0.0, 0.6, 0.8), irradiance=(0.3, 0.3, 0.2)),
             ),
             animation=(
-                Track(motion=wander, light=0),
-                Track(motion=spin, objects="sphere"),
-                Track(motion=Spin(axis=(0.0, 1.0, 0.0), period_s=8.0), light=2),
+                keyframes((-1.0, 1.0, 2.0), (1.5, 0.5, 1.5), light=0),
+                SpinConfig(type="spin", object="sphere", axis=(0.6, 0.8, 0.0), period_s=3.0),
+                OrbitConfig(type="orbit", light=2, center=(0.0, 0.0, 0.0), period_s=8.0),
             ),
             sky=SKY,
         )
@@ -112,14 +107,11 @@ def test_samples_of_another_light_are_lit_though_no_light_moves_any_more(
 def test_a_light_at_a_sample_spoils_no_pixel(opengl: Device, compiled_only: None) -> None:
     """The light moves into the very point that the middle sample hit: it is 1 / 0 of 0 there."""
     seen = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(48, 32))
-    path = Keyframes(
-        times=(0.0, 1.0), positions=((0.0, 0.0, 2.0), (0.0, 0.0, 0.0)), rotations=(STILL_TURN,) * 2, loop=False
-    )
     scene = assemble(
         Source(
             meshes=(quad(40.0, 40.0),), materials=(material(0.8, 0.6, 0.4),), instances=(instance(0),), sky=SKY,
             lights=(PointLight(position=(0.0, 0.0, 2.0), intensity=(2.0, 1.5, 1.0)),),
-            animation=(Track(motion=path, light=0),),
+            animation=(keyframes((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), light=0),),
         )
     )  # fmt: skip
     twins, begin, end = Twins(scene, seen), event_at(0, seen), event_at(1, seen, scene_time=1.0)

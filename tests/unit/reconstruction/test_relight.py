@@ -10,8 +10,9 @@ import pytest
 from adaptive_images import START, event_at, image_of, traced
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
-from small_scenes import instance, material, quad, sphere_mesh, view
+from small_scenes import instance, keyframes, material, quad, sphere_mesh, view
 
+from wall.config.scene import OrbitConfig, SpinConfig
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.core.jit import kernel
 from wall.deepbuffer.kernels import lights as kernels_lights
@@ -20,9 +21,8 @@ from wall.deepbuffer.store import SampleStore
 from wall.packets.kernels.normals import normal_code, normal_of
 from wall.reconstruction.kernels.relight import relight
 from wall.reconstruction.reconstruction import Ingredients, Reconstruction
-from wall.scene.animation import Keyframes, Orbit, Spin
 from wall.scene.build import Scene, assemble
-from wall.scene.model import DirectionalLight, Instance, Light, Material, Mesh, PointLight, Sky, Source, Track
+from wall.scene.model import DirectionalLight, Instance, Light, Material, Mesh, PointLight, Sky, Source
 from wall.scene.sky import sky_irradiance
 
 SEEN = view((0.0, 3.0, 5.0), (0.2, 0.8, 0.0), pixels=(48, 36))
@@ -50,16 +50,10 @@ def yard(
     turning = Instance(
         name="ball", mesh=1, world_from_object=instance(1, at=(0.4, 1.3, 0.0), scale=scale).world_from_object
     )
-    still = (1.0, 0.0, 0.0, 0.0)
     tracks = (
-        Track(motion=Spin(axis=(0.2, 1.0, 0.1), period_s=9.0), objects="ball"),
-        Track(motion=Orbit(center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), period_s=14.0), light=0),
-        Track(
-            motion=Keyframes(
-                times=(0.0, 1.0), positions=(POINT.position, (1.5, 2.0, 3.0)), rotations=(still, still), loop=False
-            ),
-            light=1,
-        ),
+        SpinConfig(type="spin", object="ball", axis=(0.2, 1.0, 0.1), period_s=9.0),
+        OrbitConfig(type="orbit", light=0, center=(0.0, 0.0, 0.0), period_s=14.0),
+        keyframes(POINT.position, (1.5, 2.0, 3.0), light=1),
     )
     meshes: tuple[Mesh, ...] = (quad(12.0, 12.0, material=0), sphere_mesh(1, segments=10, smooth=False))
     return assemble(

@@ -19,15 +19,15 @@ from adaptive_images import START, event_at, image_of, traced
 from numpy.testing import assert_array_equal
 from small_scenes import instance, material, quad, sphere_mesh, view
 
+from wall.config.scene import OrbitConfig
 from wall.core.data import SAMPLE, Float64
 from wall.core.jit import kernel
 from wall.deepbuffer.kernels.lights import demodulate, pack_normal
 from wall.deepbuffer.lights import Diffuse, ObjectLights
 from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.kernels.relight import relight
-from wall.scene.animation import Orbit
 from wall.scene.build import Scene, assemble
-from wall.scene.model import DirectionalLight, PointLight, Sky, Source, Track
+from wall.scene.model import DirectionalLight, PointLight, Sky, Source
 from wall.scene.sky import sky_irradiance
 
 ROUNDINGS = 16  # eight of each: four of the cosine, four of the distance and of the sum; the worst measured is 4.7
@@ -106,7 +106,8 @@ def hall() -> Scene:
     balls = tuple(
         replace(instance(k, at=(1.5 * k - 3.0, 0.6, 0.2 * k), scale=0.6), name=f"ball {k}") for k in (1, 2, 3)
     )
-    around = Orbit(center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), period_s=5.0)
+    around = {"type": "orbit", "center": (0.0, 0.0, 0.0), "period_s": 5.0}
+    moving = ({"light": 0}, {"light": 1}, {"object": "ball 2"})
     return assemble(
         Source(
             meshes=(quad(12.0, 12.0, material=0), *(sphere_mesh(k, segments=16) for k in (1, 2, 3))),
@@ -117,7 +118,7 @@ def hall() -> Scene:
                 PointLight(position=(-2.0, 0.7, 2.0), intensity=(6.0, 6.0, 8.0)),
             ),
             sky=Sky(zenith=(0.01, 0.02, 0.03), horizon=(0.03, 0.03, 0.03), ground=(0.01, 0.01, 0.01)),
-            animation=(*(Track(motion=around, light=k) for k in (0, 1)), Track(motion=around, objects="ball 2")),
+            animation=tuple(OrbitConfig.model_validate({**around, **what}) for what in moving),
         )
     )  # fmt: skip
 

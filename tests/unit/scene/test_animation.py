@@ -7,13 +7,15 @@ import math
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from small_scenes import keyframes
 
-from wall.scene.animation import Keyframes, Motion, Moving, Orbit, Spin, compile_tracks, quaternion
+from wall.config.scene import AnimationConfig, KeyframesConfig, OrbitConfig, SpinConfig
+from wall.scene.animation import Moving, compile_tracks, quaternion
 
 EXACT = 1e-12  # a few float64 roundings at coordinates near 1
 
 
-def moved(point: list[float], time: float, *motions: Motion) -> np.ndarray:
+def moved(point: list[float], time: float, *motions: AnimationConfig) -> np.ndarray:
     """Where a point of one body goes; the body's own centre is (1, 2, 3)."""
     tracks = compile_tracks([Moving(body=1, motion=m, center=(1.0, 2.0, 3.0)) for m in motions])
     poses = np.tile(np.eye(4), (3, 1, 1))
@@ -23,31 +25,31 @@ def moved(point: list[float], time: float, *motions: Motion) -> np.ndarray:
 
 
 def test_spin_turns_about_own_centre_right_handed() -> None:
-    spin = Spin(axis=(0.0, 3.0, 0.0), period_s=8.0)
+    spin = SpinConfig(type="spin", object="*", axis=(0.0, 3.0, 0.0), period_s=8.0)
     np.testing.assert_allclose(moved([2.0, 2.0, 3.0], 2.0, spin)[:3], [1.0, 2.0, 2.0], atol=EXACT)
     np.testing.assert_allclose(moved([1.0, 9.0, 3.0], 2.0, spin)[:3], [1.0, 9.0, 3.0], atol=EXACT)
 
 
 def test_spin_about_a_given_centre_carries_the_body_round() -> None:
-    spin = Spin(axis=(0.0, 0.0, 1.0), period_s=4.0, center=(0.0, 0.0, 0.0))
+    spin = SpinConfig(type="spin", object="*", axis=(0.0, 0.0, 1.0), period_s=4.0, center=(0.0, 0.0, 0.0))
     np.testing.assert_allclose(moved([1.0, 2.0, 3.0], 1.0, spin)[:3], [-2.0, 1.0, 3.0], atol=EXACT)
 
 
 def test_orbit_keeps_orientation() -> None:
-    orbit = Orbit(center=(0.0, 2.0, 3.0), axis=(0.0, 1.0, 0.0), period_s=4.0)
+    orbit = OrbitConfig(type="orbit", object="*", center=(0.0, 2.0, 3.0), axis=(0.0, 1.0, 0.0), period_s=4.0)
     center, beside = moved([1.0, 2.0, 3.0], 1.0, orbit), moved([1.5, 2.0, 3.0], 1.0, orbit)
     np.testing.assert_allclose(center[:3], [0.0, 2.0, 2.0], atol=EXACT)
     np.testing.assert_allclose((beside - center)[:3], [0.5, 0.0, 0.0], atol=EXACT)
 
 
 def test_a_million_turns_later_everything_is_where_it_was() -> None:
-    spin = Spin(axis=(0.3, 1.0, 0.2), period_s=8.0)
+    spin = SpinConfig(type="spin", object="*", axis=(0.3, 1.0, 0.2), period_s=8.0)
     np.testing.assert_array_equal(moved([2.0, 0.0, 1.0], 3.0, spin), moved([2.0, 0.0, 1.0], 3.0 + 8.0e6, spin))
 
 
 def test_first_motion_is_the_innermost() -> None:
-    spin = Spin(axis=(0.0, 1.0, 0.0), period_s=4.0)
-    orbit = Orbit(center=(0.0, 2.0, 3.0), axis=(0.0, 1.0, 0.0), period_s=4.0)
+    spin = SpinConfig(type="spin", object="*", axis=(0.0, 1.0, 0.0), period_s=4.0)
+    orbit = OrbitConfig(type="orbit", object="*", center=(0.0, 2.0, 3.0), axis=(0.0, 1.0, 0.0), period_s=4.0)
     np.testing.assert_allclose(moved([2.0, 2.0, 3.0], 1.0, spin, orbit)[:3], [0.0, 2.0, 1.0], atol=EXACT)
 
 
@@ -62,9 +64,8 @@ def test_quaternion_turns_as_rodrigues_does() -> None:
         np.testing.assert_allclose(matrix @ point, turned, atol=EXACT)
 
 
-def path(*, loop: bool) -> Keyframes:
-    turns = tuple(quaternion((0.0, 1.0, 0.0), degrees) for degrees in (0.0, 90.0, 90.0))
-    return Keyframes(times=(1.0, 3.0, 4.0), positions=((0, 0, 0), (2, 0, 0), (2, 4, 0)), rotations=turns, loop=loop)
+def path(*, loop: bool) -> KeyframesConfig:
+    return keyframes((0, 0, 0), (2, 0, 0), (2, 4, 0), times=(1.0, 3.0, 4.0), degrees=(0.0, 90.0, 90.0), loop=loop)
 
 
 @pytest.mark.parametrize(
@@ -91,17 +92,13 @@ def test_looped_keyframes_begin_again_after_the_last() -> None:
 
 
 def test_slerp_takes_the_shorter_way_round() -> None:
-    turns = (quaternion((0.0, 1.0, 0.0), 10.0), quaternion((0.0, 1.0, 0.0), 350.0))
-    keys = Keyframes(times=(0.0, 1.0), positions=((0, 0, 0), (0, 0, 0)), rotations=turns, loop=False)
+    keys = keyframes((0, 0, 0), (0, 0, 0), degrees=(10.0, 350.0))
     off = (moved([2.0, 2.0, 3.0], 0.5, keys) - moved([1.0, 2.0, 3.0], 0.5, keys))[:3]
     np.testing.assert_allclose(off, [1.0, 0.0, 0.0], atol=EXACT)
 
 
 def test_paths_of_different_lengths_share_a_layer_without_disturbing_each_other() -> None:
-    still = quaternion((0.0, 1.0, 0.0), 0.0)
-    short = Keyframes(times=(0.0,), positions=((5, 0, 0),), rotations=(still,), loop=False)
-    corners = ((0, 0, 0), (1, 0, 0), (0, 8, 0))
-    long = Keyframes(times=(0.0, 1.0, 2.0), positions=corners, rotations=(still,) * 3, loop=False)
+    short, long = keyframes((5, 0, 0)), keyframes((0, 0, 0), (1, 0, 0), (0, 8, 0))
     both = compile_tracks([Moving(body=k, motion=m, center=(0.0, 0.0, 0.0)) for k, m in enumerate((short, long))])
     for time, place in ((0.0, (0, 0, 0)), (0.5, (0.5, 0, 0)), (1.5, (0.5, 4, 0)), (7.0, (0, 8, 0))):
         poses = np.tile(np.eye(4), (2, 1, 1))
@@ -111,9 +108,9 @@ def test_paths_of_different_lengths_share_a_layer_without_disturbing_each_other(
 
 def test_many_turns_equal_one_by_one_rodrigues() -> None:
     chance = np.random.default_rng(5)
-    periods = chance.uniform(-9, 9, 40)
+    periods = chance.uniform(0.5, 9, 40)
     motions = [
-        Spin(axis=tuple(axis), period_s=float(period), center=tuple(center))
+        SpinConfig(type="spin", object="*", axis=tuple(axis), period_s=float(period), center=tuple(center))
         for axis, center, period in zip(chance.normal(size=(40, 3)), chance.normal(size=(40, 3)), periods, strict=True)
     ]
     poses = np.tile(np.eye(4), (40, 1, 1))

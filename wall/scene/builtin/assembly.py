@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.config.scene import AnimationConfig, SpinConfig
 from wall.core.data import Float64
-from wall.scene.animation import Motion, Vector
+from wall.scene.animation import Vector
 from wall.scene.builtin.shapes import placed
-from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, Track
+from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture
 from wall.scene.repair import RawMesh
 
 
@@ -23,7 +25,7 @@ class Assembly:
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     instances: list[Instance] = field(default_factory=list)
-    tracks: list[Track] = field(default_factory=list)
+    tracks: list[AnimationConfig] = field(default_factory=list)
 
     def material(self, name: str, color: Vector, mirror: float = 0.0, **others: Any) -> int:
         """Adds a material."""
@@ -49,9 +51,10 @@ class Assembly:
         """Adds a mesh that stands once."""
         self.place(name, self.mesh(name, shape, material), placed(*at))
 
-    def move(self, objects: str, *motions: Motion) -> None:
-        """Motions of the objects whose names match, the first innermost."""
-        self.tracks += [Track(motion=motion, objects=objects) for motion in motions]
+    def spin(self, objects: str, period_s: float, center: Vector | None = None) -> None:
+        """Objects whose names match turn about the y axis of their own or another centre; a negative period: back."""
+        axis = (0.0, math.copysign(1.0, period_s), 0.0)
+        self.tracks.append(SpinConfig(type="spin", object=objects, axis=axis, period_s=abs(period_s), center=center))
 
     def source(self, lights: tuple[Light, ...], sky: Sky) -> Source:
         """All that was added, with these lights and this sky."""

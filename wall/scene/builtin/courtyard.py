@@ -12,15 +12,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.config.scene import OrbitConfig
 from wall.core.data import Float64
-from wall.scene.animation import Orbit, Spin, Vector
+from wall.scene.animation import Vector
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import join, lathe, moved, painted, placed, sheet, sphere, torus, torus_knot
 from wall.scene.lights import directional_light
-from wall.scene.model import PointLight, Sky, Source, Track
+from wall.scene.model import PointLight, Sky, Source
 from wall.scene.repair import RawMesh
 
-UP: Vector = (0.0, 1.0, 0.0)
 ON_AXIS: Vector = (0.0, 0.0, 0.0)
 
 LIMESTONE: Vector = (0.72, 0.62, 0.48)
@@ -171,12 +171,14 @@ def _fountain(parts: Assembly) -> None:
     parts.put("water", join([lathe([(1.36, 0.42), (0.0, 0.42)], 72), lathe([(0.63, 1.16), (0.0, 1.16)], 48)]), water)
     knot = torus_knot(2, 3, radius=0.74, thickness=0.17, steps=360, sides=24)
     parts.place("knot", parts.mesh("knot", knot, parts.material("gold", GOLD, 0.12)), placed(0.0, 2.25, 0.0))
-    parts.move("knot", Spin(axis=UP, period_s=9.0))
+    parts.spin("knot", 9.0)
     moon = sphere(0.13, segments=36)
     for k, (color, period) in enumerate(((CORAL, 5.0), (TEAL, 7.0), (IVORY, 11.0))):
         mesh = parts.mesh(f"moon {k}", moon, parts.material(f"moon {k}", color, 0.05))
         parts.place(f"moon {k}", mesh, _on_circle(1.5 + 0.12 * k, k / 3.0, 2.25))
-        parts.move(f"moon {k}", Orbit(center=(0.0, 2.25, 0.0), axis=(0.35 - 0.3 * k, 1.0, 0.2 * k), period_s=period))
+        axis = (0.35 - 0.3 * k, 1.0, 0.2 * k)
+        orbit = OrbitConfig(type="orbit", object=f"moon {k}", center=(0.0, 2.25, 0.0), axis=axis, period_s=period)
+        parts.tracks.append(orbit)
 
 
 def _carousel(parts: Assembly) -> None:
@@ -195,9 +197,9 @@ def _carousel(parts: Assembly) -> None:
         mesh = parts.mesh(f"toy {k}", toys[k % 4], paints[(k + k // 4) % 4])
         parts.place(f"rod {k}", rod, _on_circle(2.75, k / GONDOLAS))
         parts.place(f"toy {k}", mesh, _on_circle(2.75, k / GONDOLAS, 1.05))
-        parts.move(f"toy {k}", Spin(axis=UP, period_s=3.0 + 0.5 * k))
-    parts.move("rod *", Spin(axis=UP, period_s=24.0, center=ON_AXIS))
-    parts.move("toy *", Spin(axis=UP, period_s=24.0, center=ON_AXIS))
+        parts.spin(f"toy {k}", 3.0 + 0.5 * k)
+    parts.spin("rod *", 24.0, ON_AXIS)
+    parts.spin("toy *", 24.0, ON_AXIS)
 
 
 def _tilted() -> Float64:
@@ -246,16 +248,19 @@ def _lanterns(parts: Assembly) -> tuple[PointLight, ...]:
     A point light inside its ball would light nothing: it hangs under it, where the flame of a lantern shines out.
     """
     lights = []
-    glows = (((1.0, 0.55, 0.20), 0.35, 1.25, 14.0), ((0.30, 0.65, 1.0), 0.85, 0.75, -19.0))
-    for k, (color, turn, height, period) in enumerate(glows):
+    glows = (
+        ((1.0, 0.55, 0.20), 0.35, 1.25, 14.0, (0.0, 1.0, 0.0)),
+        ((0.30, 0.65, 1.0), 0.85, 0.75, 19.0, (0.0, -1.0, 0.0)),
+    )
+    for k, (color, turn, height, period, axis) in enumerate(glows):
         glow = parts.material(f"glow {k}", (0.0, 0.0, 0.0), emission=color)
         mesh = parts.mesh(f"lantern {k}", sphere(LANTERN_RADIUS, segments=24), glow)
         matrix = _on_circle(3.6, turn, height)
         parts.place(f"lantern {k}", mesh, matrix)
-        orbit = Orbit(center=(0.0, height, 0.0), axis=UP, period_s=period)
-        parts.move(f"lantern {k}", orbit)
         x, y, z = matrix[:3, 3].tolist()
         r, g, b = (2.4 * part for part in color)
         lights.append(PointLight(position=(x, y - BELOW_LANTERN, z), intensity=(r, g, b)))
-        parts.tracks.append(Track(motion=orbit, light=k))
+        for target in ({"object": f"lantern {k}"}, {"light": k}):
+            orbit = {"type": "orbit", "center": (0.0, height, 0.0), "axis": axis, "period_s": period}
+            parts.tracks.append(OrbitConfig.model_validate({**orbit, **target}))
     return tuple(lights)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float64
-from wall.scene.animation import Spin, Vector
+from wall.scene.animation import Vector
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import join, lathe, moved, painted, placed, sheet, sphere
 from wall.scene.lights import directional_light
@@ -187,7 +187,7 @@ def _balloons(parts: Assembly, paint: int) -> None:
         mesh = parts.mesh(f"balloon {k}", _balloon(np.array(one), np.array(other)), paint)
         angle = 2.0 * math.pi * turn
         parts.place(f"balloon {k}", mesh, placed(radius * math.sin(angle), up, radius * math.cos(angle)))
-        parts.move(f"balloon {k}", Spin(axis=(0.0, 1.0, 0.0), period_s=period, center=(0.0, 0.0, 0.0)))
+        parts.spin(f"balloon {k}", period, (0.0, 0.0, 0.0))
 
 
 def _balloon(one: Float64, other: Float64) -> RawMesh:
