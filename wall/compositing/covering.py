@@ -23,11 +23,6 @@ def panel_rect(panel: Panel) -> Rect:
     return Rect(x=x, y=y, width=width, height=height)
 
 
-def less(cover: Sequence[Rect], taken: Rect) -> Cover:
-    """A cover minus a rectangle."""
-    return tuple(part for rect in cover for part in rect.minus(taken))
-
-
 class Rects:
     """Many rectangles, to find quickly those that meet one."""
 
@@ -48,7 +43,7 @@ class Rects:
         """The parts of a rectangle that none of them covers."""
         left: Cover = (rect,)
         for k in self.meeting(rect, before):
-            left = less(left, self._rects[k])
+            left = tuple(part for kept in left for part in kept.minus(self._rects[k]))
         return left
 
 
@@ -146,16 +141,13 @@ class Covering:
         for i, (k, rect) in enumerate(rects):
             for j, other in (rects[m] for m in known.meeting(rect, i)):
                 both = other.intersection(rect)
-                if both is None or (j, k) in told or self._is_shared(both):
+                shared = both and any(self._twice[n].contains(both) for n in self._shared.meeting(both))
+                if both is None or (j, k) in told or shared:
                     continue
                 told.add((j, k))
                 came = f"pixels {said(both)} come from {node.sources[j]} already"
                 accepted = "depth, over, newest, age_blend or average, which say how"
                 self._refusals.add(node, input_path(node, k), came, accepted)
-
-    def _is_shared(self, rect: Rect) -> bool:
-        """Whether several panels of the wall light those pixels."""
-        return any(self._twice[k].contains(rect) for k in self._shared.meeting(rect))
 
     def check_sinks(self, order: Sequence[Node]) -> None:
         """Every panel is shown somewhere, and nowhere a part of one."""

@@ -73,11 +73,6 @@ class Graph:
         return sum(len(layer.ranks) for layer in self.layers)
 
     @property
-    def ranks_needed(self) -> int:
-        """One head, the other compositors, and every renderer."""
-        return self.compositors + self.renderers
-
-    @property
     def sinks(self) -> tuple[SinkNode, ...]:
         """All sink nodes."""
         return tuple(node for node in self.nodes if isinstance(node, SinkNode))

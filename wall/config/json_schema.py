@@ -130,11 +130,8 @@ def _words(node: dict[str, Any]) -> str:
         return _list_words(node)
     if kind == "object":
         return f"a mapping with {', '.join(keys_of(node))}"
-    return {"string": _text_words(node), "boolean": "true or false"}.get(kind, "")
-
-
-def _text_words(node: dict[str, Any]) -> str:
-    return "letters, digits, '.', '_' and '-'" if "pattern" in node else "text"
+    text = "letters, digits, '.', '_' and '-'" if "pattern" in node else "text"
+    return {"string": text, "boolean": "true or false"}.get(kind, "")
 
 
 def _list_words(node: dict[str, Any]) -> str:

@@ -122,7 +122,8 @@ class GridConfig(Model):
         ids = {self.panel_id(row, column) for row in range(self.rows) for column in range(self.columns)}
         if len(ids) < self.columns * self.rows:
             raise refusal("gives two panels the same id", accepted="text with {row} and {column}", at=("id",))
-        if bad := next((i for i in sorted(ids) if not _is_name(i + ".right" * packed)), None):
+        names = {i: i + ".right" * packed for i in sorted(ids)}
+        if bad := next((i for i, n in names.items() if len(n) > LONGEST_ID or not re.fullmatch(NAME_PATTERN, n)), None):
             raise refusal(f"gives the id {bad!r}", accepted="letters, digits, '.', '_' and '-'", at=("id",))
         return self
 
@@ -134,10 +135,6 @@ class GridConfig(Model):
     def filled(pattern: str, row: int, column: int) -> str:
         """A pattern's text for one panel."""
         return pattern.replace("{row}", str(row)).replace("{column}", str(column))
-
-
-def _is_name(text: str) -> bool:
-    return len(text) <= LONGEST_ID and re.fullmatch(NAME_PATTERN, text) is not None
 
 
 class CornersConfig(Model):
@@ -196,12 +193,13 @@ class PanelConfig(Model):
         if isinstance(self.blend, BlendConfig):
             _check_sides("blend", self.blend, size)
         _check_packing(self.stereo, self.pixels, self.rotation)
+        alike = len(set(self.overlap.model_dump().values())) == 1  # perhaps written as one number
         for side in SidesConfig.model_fields:
             if getattr(self.bezel, side) and getattr(self.overlap, side):
                 raise refusal(
                     "neighbours cannot light what a frame hides",
                     accepted=f"bezel or overlap at the {side}",
-                    at=("overlap",) if self.overlap == _equal(self.overlap) else ("overlap", side),
+                    at=("overlap",) if alike else ("overlap", side),
                 )
         return self
 
@@ -209,10 +207,6 @@ class PanelConfig(Model):
     def packed(self) -> bool:
         """Whether one picture holds both eyes."""
         return self.stereo in PACKED
-
-
-def _equal(sides: SidesConfig) -> SidesConfig:
-    return SidesConfig(left=sides.left, right=sides.left, top=sides.left, bottom=sides.left)
 
 
 class WallConfig(Model):

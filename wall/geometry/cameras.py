@@ -47,7 +47,9 @@ class View:
         by Catmull-Rom splines, without roll.
         """
         if isinstance(self.path, OrbitPathConfig):
-            return _orbited(self.still, self.target, self.up, turns=time / self.path.period_s)
+            turn = rotation_by(2 * math.pi * (time / self.path.period_s % 1.0) * self.up)
+            away = self.still.origin() - self.target
+            return Camera.of(self.target + turn @ away, turn @ self.still.rotation())
         if isinstance(self.path, KeyframesPathConfig):
             position, target = _keyframed(self.path, time)
             return look_at(position, target, self.up)
@@ -199,11 +201,6 @@ def _ground_axes(up: Float64) -> tuple[Float64, Float64]:
     ahead = np.array([0.0, 0.0, -1.0]) if abs(up[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
     ahead = _unit(ahead - (ahead @ up) * up, otherwise=(0.0, 0.0, -1.0))
     return ahead, np.cross(ahead, up)
-
-
-def _orbited(camera: Camera, target: Float64, up: Float64, *, turns: float) -> Camera:
-    turn = rotation_by(2 * math.pi * (turns % 1.0) * up)
-    return Camera.of(target + turn @ (camera.origin() - target), turn @ camera.rotation())
 
 
 def _keyframed(path: KeyframesPathConfig, time: float) -> tuple[Float64, Float64]:

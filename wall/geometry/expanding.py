@@ -5,6 +5,7 @@ What comes out has the same rays: a grid's gaps and overlaps are whole pixels, a
 
 from __future__ import annotations
 
+import itertools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,10 +60,8 @@ def raster(grid: GridConfig, *, skip: bool) -> Raster:
 
 def grid_panels(grid: GridConfig, *, skip: bool) -> tuple[PanelConfig, ...]:
     """The panels of a grid row by row from the top left, their corners where whole pixels put them."""
-    drawn = raster(grid, skip=skip)
-    return tuple(
-        _grid_panel(grid, drawn, row, column, skip=skip) for row in range(grid.rows) for column in range(grid.columns)
-    )
+    drawn, positions = raster(grid, skip=skip), itertools.product(range(grid.rows), range(grid.columns))
+    return tuple(_grid_panel(grid, drawn, row, column, skip=skip) for row, column in positions)
 
 
 def _grid_panel(grid: GridConfig, drawn: Raster, row: int, column: int, *, skip: bool) -> PanelConfig:

@@ -20,6 +20,8 @@ from wall.operators.selection import bits, select
 
 DENSE = 0.1  # share of a band: above it, taking all of it costs less than picking pixels
 PICKED = ("colour", "depth", "alpha", "object_id")  # channels of pixels that are covered in part
+SHAPE: dict[str, tuple[int, ...]] = {name: (3,) if name == "colour" else () for name in PICKED}  # of a pixel
+BLANKS = {name: BLANK.get(name, (0.0, np.float32)) for name in PICKED}
 
 
 class Depth(Operator):
@@ -80,10 +82,10 @@ def _composite(inputs: Sequence[tuple[Framelet, Rect]], out: Framelet, band: Rec
 def _fill(inputs: Sequence[tuple[Framelet, Rect]], out: Framelet, band: Rect, some: Any) -> None:
     """Composite the pixels of a band that `some` picks from its array."""
     pixels = np.empty((band.height, band.width), np.bool_)[some].size
-    stacks = {name: np.zeros((len(inputs), pixels, *_shape(name)), _blank(name)[1]) for name in PICKED}
+    stacks = {name: np.zeros((len(inputs), pixels, *SHAPE[name]), BLANKS[name][1]) for name in PICKED}
     for k, (framelet, rect) in enumerate(inputs):
         for name in PICKED if out.object_id is not None else PICKED[:3]:
-            stacks[name][k] = _picked(framelet, name, rect, band, some).reshape(pixels, *_shape(name))
+            stacks[name][k] = _picked(framelet, name, rect, band, some).reshape(pixels, *SHAPE[name])
     stacks["alpha"][np.isnan(stacks["depth"])] = 0.0
     filled = Framelet.blank(Rect(x=0, y=0, width=pixels, height=1), frozenset(PICKED))
     kernels_depth.fill_by_depth(*stacks.values(), *(filled.channel(name)[0] for name in PICKED))
@@ -98,15 +100,9 @@ def _picked(framelet: Framelet, name: str, rect: Rect, band: Rect, some: Any) ->
     if rect == band and not opaque:
         values: NDArray[Any] = pixels_of(framelet, name, band)[some]
         return values
-    whole = np.full((band.height, band.width, *_shape(name)), *_blank(name))
+    whole = np.full((band.height, band.width, *SHAPE[name]), *BLANKS[name])
     whole[rect.inside(band)] = 1.0 if opaque else pixels_of(framelet, name, rect)
     picked: NDArray[Any] = whole[some]
     return picked
 
 
-def _shape(name: str) -> tuple[int, ...]:
-    return (3,) if name == "colour" else ()
-
-
-def _blank(name: str) -> tuple[float, Any]:
-    return BLANK.get(name, (0.0, np.float32))

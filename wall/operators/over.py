@@ -56,10 +56,7 @@ def _other_channels(framelet: Framelet, out: Framelet, rect: Rect) -> None:
         np.copyto(pixels_of(out, name, rect), values_for(out, framelet, name, rect), where=seen)
     if out.variance is not None:
         total, added = (pixels_of(f, "variance", rect) for f in (out, framelet))
-        _add_variance(total, added, 1.0 - before, alpha > 0.0, seen)
-
-
-def _add_variance(total: Any, variance: Any, through: Any, visible: Any, first: Any) -> None:
-    total[first] = 0.0  # it was infinite: nothing
-    there = visible & (through > 0.0)
-    total[there] += through[there] ** 2 * variance[there]
+        total[seen] = 0.0  # it was infinite: nothing
+        through = 1.0 - before
+        there = (alpha > 0.0) & (through > 0.0)
+        total[there] += through[there] ** 2 * added[there]

@@ -83,24 +83,16 @@ def _rounded(value: float) -> int:
     return math.floor(value + 0.5)
 
 
-def _triangle(x: Float64) -> Float64:
-    return np.maximum(0.0, 1.0 - np.abs(x))
-
-
 def _catmull_rom(x: Float64) -> Float64:
     x = np.abs(x)
     inner, outer = (1.5 * x - 2.5) * x * x + 1.0, ((-0.5 * x + 2.5) * x - 4.0) * x + 2.0
     return np.where(x < 1.0, inner, np.where(x < 2.0, outer, 0.0))
 
 
-def _lanczos3(x: Float64) -> Float64:
-    return np.where(np.abs(x) < 3.0, np.sinc(x) * np.sinc(x / 3.0), 0.0)
-
-
 SHAPES: dict[str, tuple[float, Callable[[Float64], Float64]]] = {  # radius in pixels, and the filter
-    "triangle": (1.0, _triangle),
+    "triangle": (1.0, lambda x: np.maximum(0.0, 1.0 - np.abs(x))),
     "catmull_rom": (2.0, _catmull_rom),
-    "lanczos3": (3.0, _lanczos3),
+    "lanczos3": (3.0, lambda x: np.where(np.abs(x) < 3.0, np.sinc(x) * np.sinc(x / 3.0), 0.0)),
 }
 
 

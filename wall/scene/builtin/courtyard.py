@@ -39,6 +39,7 @@ SUN_SHARE: Vector = (1.10, 0.84, 0.52)  # irradiance / pi, low evening sun
 EVENING = Sky(zenith=(0.04, 0.13, 0.42), horizon=(0.24, 0.40, 0.60), ground=(0.05, 0.06, 0.14))
 
 COLUMNS, GONDOLAS, FLAGS = 9, 8, 10
+QUARTER_TURN = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # about x: a ring stands
 
 
 def courtyard() -> Source:
@@ -187,7 +188,7 @@ def _carousel(parts: Assembly) -> None:
     colors = (CORAL, TEAL, SAFFRON, PLUM)
     paints = [parts.material(f"paint {k}", color) for k, color in enumerate(colors)]
     toys = [
-        moved(torus(0.27, 0.11), _tilted()),
+        moved(torus(0.27, 0.11), QUARTER_TURN),
         lathe([(0.0, -0.40), (0.34, 0.0), (0.0, 0.40)], 6),
         sphere(0.31, segments=40),
         torus_knot(2, 5, radius=0.27, thickness=0.065, steps=240, sides=12),
@@ -200,11 +201,6 @@ def _carousel(parts: Assembly) -> None:
         parts.spin(f"toy {k}", 3.0 + 0.5 * k)
     parts.spin("rod *", 24.0, ON_AXIS)
     parts.spin("toy *", 24.0, ON_AXIS)
-
-
-def _tilted() -> Float64:
-    """(4, 4) a quarter turn about x: a ring that stands."""
-    return np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
 def _garden(parts: Assembly) -> None:

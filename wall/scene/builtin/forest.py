@@ -10,7 +10,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.scene.animation import Vector
@@ -98,7 +97,8 @@ def _plant(parts: Assembly, paint: int) -> None:
     x, z = _positions(chance)
     y = height(x, z)
     patch = np.sin(0.33 * x + 1.0) + np.sin(0.29 * z - 0.5) + 0.9 * chance.standard_normal(len(x))
-    kind = np.where(y + 0.8 * chance.standard_normal(len(x)) > 1.1, chance.integers(0, 2, len(x)), _patch_kind(patch))
+    broadleaf = 2 + np.digitize(patch, [-0.9, 0.1, 1.0])  # maple, beech, birch, oak
+    kind = np.where(y + 0.8 * chance.standard_normal(len(x)) > 1.1, chance.integers(0, 2, len(x)), broadleaf)
     kind = np.where(chance.random(len(x)) < 0.08, 6, kind)
     size, turn = chance.uniform(0.7, 1.25, len(x)), chance.uniform(0.0, 360.0, len(x))
     names = ("fir", "pine", "maple", "beech", "birch", "oak", "shrub")
@@ -117,11 +117,6 @@ def _positions(chance: np.random.Generator) -> tuple[Float64, Float64]:
     dry = (height(x, z) > LAKE_LEVEL + 0.35) | (np.hypot(x - LAKE[0], z - LAKE[1]) > 1.5 * LAKE[2])
     kept = (np.hypot(x, z) < REACH - 0.8) & dry & (chance.random(len(x)) < dense)
     return x[kept], z[kept]
-
-
-def _patch_kind(patch: Float64) -> NDArray[np.int64]:
-    """Which broadleaf grows where: 2 maple, 3 beech, 4 birch, 5 oak."""
-    return 2 + np.digitize(patch, [-0.9, 0.1, 1.0])
 
 
 def _conifer(width: float, needles: Float64, seed: int) -> RawMesh:
