@@ -18,7 +18,7 @@ def check_structure(nodes: Sequence[Node], refusals: Refusals) -> None:
     by_id = _by_id(nodes, refusals)
     _inputs_exist_and_fit(nodes, by_id, refusals)
     if not any(isinstance(node, SinkNode) for node in nodes):
-        refusals.add(None, ["nodes"], "no picture ends anywhere", "a node with op: sink")
+        refusals.add(None, ["nodes"], "no image ends anywhere", "a node with op: sink")
     if not any(isinstance(node, SamplesNode) for node in nodes):
         refusals.add(None, ["nodes"], "nothing is rendered: there is no samples node", "a node with op: samples")
     if not refusals.found:  # with a wrong input every node after it would be called unused as well

@@ -76,9 +76,9 @@ class SkyNode(Node):
 class SinkNode(Node):
     """Shows or stores images: window, page or files."""
 
-    op: Literal["sink"] = Field(description="where a picture ends")
+    op: Literal["sink"] = Field(description="where an image ends")
     kind: SinkKind = Field(
-        description="browser: the live page; png: pictures at the end; recorder: a numbered sequence; window: full "
+        description="browser: the live page; png: images at the end; recorder: a numbered sequence; window: full "
         "screen on the panel's display"
     )
     input: Input
@@ -115,21 +115,21 @@ class PresetGraph(Model):
 
     preset: Literal["sort-first", "sort-last"] = Field(
         default="sort-first",
-        description="sort-first: every panel has its own ranks, one picture of all panels; sort-last: a panel's ranks "
+        description="sort-first: every panel has its own ranks, one image of all panels; sort-last: a panel's ranks "
         "each render a part of the objects, the nearest wins",
     )
     ranks_per_panel: Ranks = Field(default=1, description="renderers that share one panel")
-    compositors: Ranks = Field(default=1, description="processes that fold samples into pictures, the head among them")
+    compositors: Ranks = Field(default=1, description="processes that fold samples into images, the head among them")
     sync: Sync = Field(default="none")
     sinks: Annotated[tuple[SinkKind, ...], Field(min_length=1, max_length=4)] = Field(
-        default=("browser", "png"), description="where the pictures end"
+        default=("browser", "png"), description="where the images end"
     )
 
 
 class NodeGraph(Model):
     """A graph written out node by node."""
 
-    compositors: Ranks = Field(default=1, description="processes that fold samples into pictures, the head among them")
+    compositors: Ranks = Field(default=1, description="processes that fold samples into images, the head among them")
     sync: Sync = Field(default="none")
     groups: dict[Name, Annotated[tuple[Rank, ...], Field(min_length=1, max_length=1024)]] = Field(
         default={}, description="renderers by number, under a name"

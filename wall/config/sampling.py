@@ -21,10 +21,10 @@ class _Common(Model):
 
 
 class AdaptiveSampling(_Common):
-    """Rays where the picture gains most, samples kept and reprojected (after Dayal et al. 2005)."""
+    """Rays where the image gains most, samples kept and reprojected (after Dayal et al. 2005)."""
 
     method: Literal["adaptive"] = Field(
-        default="adaptive", description="rays where the picture changes; samples follow camera and objects"
+        default="adaptive", description="rays where the image changes; samples follow camera and objects"
     )
     samples_per_batch: Annotated[Whole, Ge(64), Le(65536)] = Field(
         default=2048, description="samples traced under one event; fewer than other samplers, since rays are fewer"
@@ -50,7 +50,7 @@ class FramelessSampling(_Common):
 
 
 class HilbertSampling(_Common):
-    """Chunks of a Hilbert curve, permuted by their workers, blended into the picture (Parker et al. 1999)."""
+    """Chunks of a Hilbert curve, permuted by their workers, blended into the image (Parker et al. 1999)."""
 
     method: Literal["hilbert"] = Field(default="hilbert", description="permuted chunks of a Hilbert curve, blended")
     chunk_pixels: Annotated[Whole, Ge(4), Le(65536)] = Field(default=64, description="pixels of one chunk of the curve")
@@ -58,7 +58,7 @@ class HilbertSampling(_Common):
         default=2.0, description="a worker takes the newest camera every so many percent of its pixels"
     )
     blend: Annotated[Number, Gt(0.0), Le(1.0)] = Field(
-        default=0.5, description="weight of a new sample against the picture before it; 1 replaces"
+        default=0.5, description="weight of a new sample against the image before it; 1 replaces"
     )
 
 

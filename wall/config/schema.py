@@ -54,11 +54,11 @@ class OutputConfig(Model):
     """Where results go."""
 
     directory: Text = Field(
-        default="OUT", description="folder of pictures and summary.json, relative to where wall is started"
+        default="OUT", description="folder of images and summary.json, relative to where wall is started"
     )
     browser: BrowserConfig = Field(default=BrowserConfig(), description="the live page")
     record_hz: Annotated[Number, Ge(0.01), Le(240.0)] = Field(
-        default=10.0, description="pictures a second that the recorder keeps"
+        default=10.0, description="images a second that the recorder keeps"
     )
 
 
@@ -72,9 +72,9 @@ class Config(Model):
         description="who looks, from where"
     )
     sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
-    graph: GraphConfig = Field(default=PresetGraph(), description="how samples become pictures: sort-first, or nodes")
+    graph: GraphConfig = Field(default=PresetGraph(), description="how samples become images: sort-first, or nodes")
     reconstruction: Literal["auto", "cpu", "gpu"] = Field(
-        default="auto", description="where adaptive samples become pictures; auto: on the GPU if there is a real one"
+        default="auto", description="where adaptive samples become images; auto: on the GPU if there is a real one"
     )
     transport: TransportConfig = Field(default=TransportConfig(), description="how ranks talk")
     output: OutputConfig = Field(default=OutputConfig(), description="where results go")

@@ -38,7 +38,7 @@ PACKED = ("side_by_side", "top_bottom")
 BEZEL = "dark frame, metres: one number or four sides"
 ROTATION = "degrees, clockwise, that the display is mounted turned; what is sent to it is turned back"
 STEREO = (
-    "the eye that sees the panel, or both in one picture: side_by_side, top_bottom make two panels, ID.left, ID.right"
+    "the eye that sees the panel, or both in one image: side_by_side, top_bottom make two panels, ID.left, ID.right"
 )
 BLEND = "ramps where neighbours light the same area: none, auto (as wide as the overlap), or metres at each side"
 
@@ -90,14 +90,14 @@ class GridConfig(Model):
     )
     rotation: Rotation = Field(default=0, description=ROTATION)
     stereo: Stereo = Field(default="mono", description=STEREO)
-    colour: ColourConfig | None = Field(default=None, description="what every panel does to its picture")
+    colour: ColourConfig | None = Field(default=None, description="what every panel does to its image")
     blend: Blend = Field(default="none", description=BLEND + ", between neighbours")
     host: Text | None = Field(default=None, description="machine of a panel, may hold {row} and {column}; absent = any")
     display: Text | None = Field(default=None, description="X display of a panel, may hold {row} and {column}")
     monitor: Monitor | None = Field(
         default=None, description="monitor of a panel: index, or name, which may hold {row} and {column}"
     )
-    refresh_hz: RefreshRate | None = Field(default=None, description="pictures a second; absent = the view's")
+    refresh_hz: RefreshRate | None = Field(default=None, description="images a second; absent = the view's")
 
     @model_validator(mode="after")
     def _panels_fit(self) -> GridConfig:
@@ -173,16 +173,16 @@ class PanelConfig(Model):
     rotation: Rotation = Field(default=0, description=ROTATION)
     eye: Point | None = Field(default=None, description="who looks at this panel, metres, instead of the view's eye")
     stereo: Stereo = Field(default="mono", description=STEREO)
-    colour: ColourConfig | None = Field(default=None, description="what the panel does to its picture")
+    colour: ColourConfig | None = Field(default=None, description="what the panel does to its image")
     blend: Blend = Field(default="none", description=BLEND)
-    warp: Warp | None = Field(default=None, description="where the picture goes on the display: nodes, or a file")
+    warp: Warp | None = Field(default=None, description="where the image goes on the display: nodes, or a file")
     host: Text | None = Field(default=None, description="machine the panel hangs on; absent = any")
     display: Text | None = Field(default=None, description="X display such as ':0.1'; absent = the host's own")
     monitor: Monitor | None = Field(
         default=None, description="index from 0, or name such as HDMI-1; absent = the first"
     )
     window: WindowConfig | None = Field(default=None, description="part of the monitor; absent = all of it")
-    refresh_hz: RefreshRate | None = Field(default=None, description="pictures a second; absent = the view's")
+    refresh_hz: RefreshRate | None = Field(default=None, description="images a second; absent = the view's")
 
     @model_validator(mode="after")
     def _sides_are_thin(self) -> PanelConfig:
@@ -205,7 +205,7 @@ class PanelConfig(Model):
 
     @property
     def packed(self) -> bool:
-        """Whether one picture holds both eyes."""
+        """Whether one image holds both eyes."""
         return self.stereo in PACKED
 
 

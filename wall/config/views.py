@@ -35,7 +35,7 @@ class CameraConfig(Model):
     target: Point | None = Field(
         default=None, description="what it looks at, world units; absent = framed automatically"
     )
-    up: Direction = Field(default=(0.0, 1.0, 0.0), description="the direction that is up in the picture, world frame")
+    up: Direction = Field(default=(0.0, 1.0, 0.0), description="the direction that is up in the image, world frame")
     fov: Annotated[Number, Ge(1.0), Le(170.0)] | None = Field(
         default=None,
         description="vertical field of view over the whole wall, degrees; absent = 45, or what `eye` gives",
@@ -107,7 +107,7 @@ CameraOrAuto = Annotated[
 
 
 class ViewConfig(Model):
-    """One viewer's picture."""
+    """One viewer's image."""
 
     id: Name = Field(default="main", description="name of the view")
     camera: CameraOrAuto = Field(
@@ -127,7 +127,7 @@ class ViewConfig(Model):
         "that the camera's target stands in the wall's plane",
     )
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
-    refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="pictures shown a second")
+    refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="images shown a second")
     prediction: Literal["velocity", "none"] = Field(
         default="velocity",
         description="velocity: samples go where camera and objects will be when a refresh becomes light, if they go on "

@@ -11,7 +11,7 @@ from wall.core.errors import ConfigError
 from wall.geometry.eyes import panel_path, standing_eye
 from wall.geometry.panels import Overlap, Panel, Wall
 
-SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched picture
+SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched image
 SAID = 3  # panels that a note names
 REFUSED = 8  # overlaps that are told one by one
 
@@ -105,7 +105,7 @@ def _unaligned(loaded: Loaded, wall: Wall) -> Iterator[str]:
     if found:
         first = next(iter(found.values()))[0]
         what = (
-            f"its pixels lie between those of panel {first.id}, whose light it shares: the picture is less sharp there"
+            f"its pixels lie between those of panel {first.id}, whose light it shares: the image is less sharp there"
         )
         yield _note(loaded, [second for _, second in found.values()], what)
 
@@ -115,13 +115,13 @@ def _one_eyed(loaded: Loaded, wall: Wall) -> Iterator[str]:
     for one, other, names in ((-0.5, 0.5, ("left", "right")), (0.5, -0.5, ("right", "left"))):
         if one in eyes and other not in eyes:
             found = [panel for panel in wall.panels if panel.shift == one]
-            yield _note(loaded, found, f"shows the {names[0]} eye's picture, and no panel the {names[1]} one's")
+            yield _note(loaded, found, f"shows the {names[0]} eye's image, and no panel the {names[1]} one's")
 
 
 def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
     if len(wall.faces) > 1 and wall.whole() is not None:
         found = [wall.panels[face[0]] for face in wall.faces[1:]]
-        why = "in the wall's picture it stands beside the panels before it, not where it is: too far off, or rounding"
+        why = "in the wall's image it stands beside the panels before it, not where it is: too far off, or rounding"
         yield _note(loaded, found, why)
 
 

@@ -1,4 +1,4 @@
-"""From a configuration to its panels: grids, and the two eyes of a panel that shows both in one picture, written out.
+"""From a configuration to its panels: grids, and the two eyes of a panel that shows both in one image, written out.
 
 What comes out has the same rays: a grid's gaps and overlaps are whole pixels, and its panels' corners say so.
 """
@@ -43,7 +43,7 @@ class Eye(NamedTuple):
 
     panel: PanelConfig
     of: str  # id of the physical panel
-    at: tuple[int, int]  # its top left pixel in the physical panel's picture
+    at: tuple[int, int]  # its top left pixel in the physical panel's image
 
 
 def raster(grid: GridConfig, *, skip: bool) -> Raster:
@@ -112,7 +112,7 @@ def _moved(point: Float64, right: float, up: float) -> tuple[float, float, float
 
 
 def eyes(panel: PanelConfig) -> tuple[Eye, ...]:
-    """The panel itself, or one for each eye where its picture holds both."""
+    """The panel itself, or one for each eye where its image holds both."""
     if not panel.packed:
         return (Eye(panel, panel.id, (0, 0)),)
     axis = 0 if panel.stereo == "side_by_side" else 1
@@ -122,8 +122,8 @@ def eyes(panel: PanelConfig) -> tuple[Eye, ...]:
     for k, eye in enumerate(("left", "right")):
         side = ("width", "height")[axis]
         rest = (whole.width, whole.height)[axis] - half if k else half
-        place = {"xy"[axis]: getattr(whole, "xy"[axis]) + k * half, side: rest}
-        window = whole.model_copy(update=place)
+        moved = {"xy"[axis]: getattr(whole, "xy"[axis]) + k * half, side: rest}
+        window = whole.model_copy(update=moved)
         changed = {"id": f"{panel.id}.{eye}", "pixels": pixels, "stereo": eye, "window": window}
         at = (k * pixels[0], 0) if axis == 0 else (0, k * pixels[1])
         found.append(Eye(panel.model_copy(update=changed), panel.id, at))
@@ -144,7 +144,7 @@ def expanded_config(config: WallConfig) -> WallConfig:
 def expand(config: WallConfig) -> Wall:
     """All panels with their positions, in the order of the file; a grid row by row from the top left.
 
-    A panel whose picture holds both eyes becomes two, ID.left and ID.right, with its corners.
+    A panel whose image holds both eyes becomes two, ID.left and ID.right, with its corners.
 
     Gaps of a grid are rounded to whole pixels, so two neighbours are at most half a pixel nearer or farther
     than their bezels say; `corners` hold the rounded positions, and rays are exact for those. So are those of panels

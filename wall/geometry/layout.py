@@ -19,7 +19,7 @@ from wall.geometry.panels import Overlap, Panel, Plane, Wall
 
 PARALLEL = 1e-6  # sine: a hundredth of a pixel across 16,384 pixels
 SAME_PLANE = 0.01  # pixels behind or before it
-EMPTIEST = 4  # a picture may be at most so many times as large as its panels
+EMPTIEST = 4  # an image may be at most so many times as large as its panels
 TOUCHING = 0.5  # pixels that rounding may let neighbours share
 ON_GRID = 0.01  # pixels: panels that stand so near to whole pixels of another's plane are put there
 
@@ -105,8 +105,8 @@ def _rectangles(panels: Sequence[Panel], face: list[int]) -> tuple[Float64, Floa
 
 def _as_they_stand(panels: Sequence[Panel], face: list[int]) -> list[tuple[int, int]]:
     finest = np.min([panels[k].pitch for k in face], axis=0)
-    places = np.rint(_rectangles(panels, face)[0] / finest)
-    return [(int(x), int(y)) for x, y in places - places.min(axis=0)]
+    corners = np.rint(_rectangles(panels, face)[0] / finest)
+    return [(int(x), int(y)) for x, y in corners - corners.min(axis=0)]
 
 
 def _overlaps(panels: Sequence[Panel], face: list[int]) -> list[Overlap]:

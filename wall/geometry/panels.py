@@ -52,8 +52,8 @@ class Panel:
     screen: tuple[int, int] = (0, 0)  # where its top left pixel is in the virtual screen
     span: tuple[int, int] = (0, 0)  # width and height there: its pixels, or more where others of its face are finer
     shift: float = 0.0  # of the eye to the wall frame's right, eye separations: -0.5 left, 0.5 right
-    of: str = ""  # id of the physical panel; its own unless the physical one holds both eyes in one picture
-    at: tuple[int, int] = (0, 0)  # its top left pixel in the physical panel's picture
+    of: str = ""  # id of the physical panel; its own unless the physical one holds both eyes in one image
+    at: tuple[int, int] = (0, 0)  # its top left pixel in the physical panel's image
     skip: bool = False  # its pixels span its bezels too, squeezed into the lit area
     blend: BlendConfig | None = None  # metres; `auto` is worked out
 

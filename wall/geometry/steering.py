@@ -18,7 +18,7 @@ from wall.geometry.cameras import View, look_at
 Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics"]
 Vector: TypeAlias = tuple[float, float, float]
 
-STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the picture would flip
+STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the image would flip
 ZOOM_RANGE = 1000.0  # times nearer or farther than where steering began
 MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
@@ -117,7 +117,7 @@ class Steering:
         back = -forward
         elevation = math.asin(float(np.clip(back @ above, -1.0, 1.0)))
         azimuth = math.atan2(float(back @ second), float(back @ first))
-        if abs(elevation) > STEEPEST:  # looking straight down: what is up in the picture says where we stand
+        if abs(elevation) > STEEPEST:  # looking straight down: what is up in the image says where we stand
             ahead = camera.rotation()[:, 1] * (-1.0 if elevation > 0 else 1.0)
             azimuth = math.atan2(float(ahead @ second), float(ahead @ first))
         return cls(

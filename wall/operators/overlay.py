@@ -22,7 +22,7 @@ from wall.operators.regions import copy, pixels_of
 PLACEHOLDERS = ("fps", "samples_per_s", "latency_ms", "ranks")
 WIDEST = "0000000"  # a number as wide as any that is shown
 MARGIN = 4  # pixels around the text
-SHADE = 0.4  # share of the picture that is left behind the text
+SHADE = 0.4  # share of the image that is left behind the text
 _NAMED = re.compile(r"\{([^{}]*)\}")
 
 

@@ -23,7 +23,7 @@ from wall.operators.kernels import resample as kernels
 from wall.operators.regions import MIXED, blank, copy_nearest, pixels_of
 
 Nodes = Annotated[Whole, Ge(2), Le(1024)]
-Share = Annotated[Number, Ge(-4.0), Le(5.0)]  # four pictures beyond the display: farther is a typing error
+Share = Annotated[Number, Ge(-4.0), Le(5.0)]  # four images beyond the display: farther is a typing error
 Points = Annotated[tuple[tuple[Share, Share], ...], Field(min_length=4, max_length=65536)]
 
 

@@ -58,7 +58,7 @@ class Scene:
 
     @property
     def triangles(self) -> int:
-        """Triangles in the picture: each mesh counts once for every instance."""
+        """Triangles in the image: each mesh counts once for every instance."""
         return sum(len(self.meshes[instance.mesh].triangles) for instance in self.instances)
 
     @property

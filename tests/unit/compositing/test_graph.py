@@ -171,7 +171,7 @@ def test_written_out_preset_is_the_preset() -> None:
         (
             "    - {id: out, op: sink, kind: png, input: w}\n",
             "",
-            "no picture ends anywhere; accepted: a node with op: sink",
+            "no image ends anywhere; accepted: a node with op: sink",
         ),
         (
             "    - {id: w,",

@@ -35,7 +35,7 @@ STRUCTURE = {
         nodes(*PANEL0, "id: p0, op: reconstruct, input: s0", PNG + "p0"),
         "9:12: graph.nodes[2].id = 'p0': nodes[1] has this id already; accepted: ids that differ",
     ),
-    "no sink": (nodes(*PANEL0), "no picture ends anywhere; accepted: a node with op: sink"),
+    "no sink": (nodes(*PANEL0), "no image ends anywhere; accepted: a node with op: sink"),
     "a graph that renders nothing": (
         nodes("id: k, op: constant, area: [0, 0, 16, 6], colour: [1, 1, 1]", PNG + "k"),
         "nothing is rendered: there is no samples node; accepted: a node with op: samples",

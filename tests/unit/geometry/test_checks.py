@@ -97,11 +97,11 @@ def test_all_that_is_wrong_with_a_wall_is_said_at_once() -> None:
             "(so r1c0, r1c1); accepted: blend: auto",
         ),
         (grid(", blend: auto"), "blend: auto is as wide as the overlap, and there is none (so r0c1, r1c0, r1c1)"),
-        (panels(("a", 0.0, ", stereo: left")), "panel a: shows the left eye's picture, and no panel the right one's"),
-        (panels(("a", 0.0, ", stereo: right")), "panel a: shows the right eye's picture, and no panel the left one's"),
+        (panels(("a", 0.0, ", stereo: left")), "panel a: shows the left eye's image, and no panel the right one's"),
+        (panels(("a", 0.0, ", stereo: right")), "panel a: shows the right eye's image, and no panel the left one's"),
         (
             panels(("a", 0.0, ""), ("b", 9.0, "")),
-            "panel b: in the wall's picture it stands beside the panels before it",
+            "panel b: in the wall's image it stands beside the panels before it",
         ),
         (
             panels(

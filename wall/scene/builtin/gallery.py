@@ -1,6 +1,6 @@
 """The measuring scene: textured objects on a checkered floor under one point light. Y is up, a unit is a metre.
 
-What makes pictures hard to keep up with is all there, and nothing else: fine texture, hard shadows across it, smooth
+What makes images hard to keep up with is all there, and nothing else: fine texture, hard shadows across it, smooth
 and sharp silhouettes, thin rods, and, in `gallery_mirrors`, four mirrors.
 """
 
