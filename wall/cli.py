@@ -361,13 +361,15 @@ def live(
 
     command.check_installed()
     wanted = Wanted(
-        configs=command.configs_of(configs), methods=command.methods_of(methods), cores=command.cores_wanted(cores),
+        configs=command.configs_of(configs), methods=command.methods_of(methods), cores=command.cores_of(cores),
         seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, out=out, keep=keep,
     )  # fmt: skip
     with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
-        rows = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
-    console.print(command.table(rows).rich())
-    console.print(f"rows in {out}/live.jsonl; strip.png and film.mp4 in {out}/CONFIG-CORES/")
+        outcome = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
+    for item in command.report(outcome, out):
+        console.print(item)
+    if outcome.failures:
+        fail("\n".join(["could not be measured:", *outcome.failures]))
 
 
 @app.command()

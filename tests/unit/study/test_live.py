@@ -11,17 +11,18 @@ import pytest
 
 from wall.config.loading import loads
 from wall.config.sampling import METHODS
-from wall.core.errors import ConfigError
+from wall.core.errors import ConfigError, RunError
 from wall.display.picture_log import LoggedPanel, LoggedPictures
 from wall.study import json_lines
-from wall.study.live.command import methods_of, table
+from wall.study.live import scores, sweep
+from wall.study.live.command import methods_of, tables
 from wall.study.live.cpu_limit import parents_of, quota_files
 from wall.study.live.film import read_film, scaled, write_film
 from wall.study.live.images import GAP, LABEL_HEIGHT, strip
 from wall.study.live.rewriting import load_without_windows, moving, text_for
 from wall.study.live.rows import Row, newest
 from wall.study.live.scores import Shown, score
-from wall.study.live.sweep import cpu_by_role
+from wall.study.live.sweep import Wanted, cpu_by_role, notes_of
 from wall.study.live.timeline import Timeline, intervals, moments
 
 CONFIG = """\
@@ -122,7 +123,9 @@ class Flat:
         return np.full((height, width, 3), self._code / 255.0, np.float32)
 
 
-def test_score_counts_pixels_and_moments_alike():
+def test_score_counts_pixels_and_moments_alike(monkeypatch):
+    monkeypatch.setattr(scores, "flip", lambda a, b: float(np.abs(a - b).max()))  # OpenMP's threads survive no fork
+    monkeypatch.setattr(scores, "ssim", lambda a, b: 1.0 - float(np.abs(a - b).max()))
     ideal = Flat(20)  # nothing is light at 0.5; then panel a has the ideal picture and b is still black
     pixels = np.full(3 * 64, 20, np.uint8)
     found = replace(log(panel("a", 0, time=1.0, refresh=1.0, size=(8, 8))), pixels=pixels)
@@ -132,8 +135,8 @@ def test_score_counts_pixels_and_moments_alike():
     black = 20 / 255
     assert result.over_time == pytest.approx([black, math.sqrt(0.75) * black])
     assert result.rmse_display == pytest.approx(math.sqrt((1 + 0.75) / 2) * black)
-    assert 0.0 < result.flip < 1.0
-    assert result.ssim < 1.0
+    assert result.flip == pytest.approx((1 + 0.75) / 2 * black)
+    assert result.ssim == pytest.approx(1 - (1 + 0.75) / 2 * black)
 
 
 def test_each_method_runs_the_same_threads_and_seed_without_windows(tmp_path):
@@ -228,9 +231,12 @@ def test_rows_survive_the_file(tmp_path):
 
 
 def test_table_has_codes_and_cores():
-    (line,) = table([ROW]).lines
+    one, other = tables([ROW, replace(ROW, method="framed"), replace(ROW, cores=0.5)])
+    line = one.lines[0]
 
-    assert line[:4] == ("a", "2", "adaptive", "25.50")
+    assert (one.title, other.title) == ("a, 2 cores", "a, 0.5 cores")
+    assert [line[0] for line in one.lines] == ["adaptive", "framed"]
+    assert line[1] == "25.50"
     assert line[-1] == "0.40, 0.60"
 
 
@@ -263,3 +269,34 @@ def test_film_has_the_images_in_their_order(tmp_path):
 def test_small_walls_are_enlarged_by_whole_pixels():
     assert scaled(np.zeros((3, 4, 3), np.uint8), 9).shape == (6, 8, 3)
     assert scaled(np.zeros((30, 40, 3), np.uint8), 20).shape == (15, 20, 3)
+
+
+def test_a_path_that_ends_while_moments_are_compared_is_told(tmp_path):
+    keyframes = (
+        "path: {type: keyframes, loop: false, keyframes: [{time: 0, position: [1, 2, 3], target: [0, 0, 0]}, "
+        "{time: 3, position: [2, 2, 3], target: [0, 0, 0]}]}"
+    )
+    plan = moving(load_without_windows(config(tmp_path, keyframes)))
+
+    def notes(seconds: float) -> list[str]:
+        return notes_of(plan, Wanted(configs=(), out=tmp_path, seconds=seconds, warm_up_s=2.0))
+
+    assert notes(1.0) == []
+    assert notes(4.0) == ["wall: the camera rests from 3 s on; moments are compared until 6 s"]
+
+
+def test_a_run_that_fails_keeps_no_other_from_being_measured(tmp_path, monkeypatch):
+    def measured(wanted, loaded, text, ideal, *, method, cores):
+        if method == "framed":
+            raise RunError("silent for 9 s")
+        return replace(ROW, config="wall", method=method, cores=cores)
+
+    monkeypatch.setattr(sweep, "measure", measured)
+    monkeypatch.setattr(sweep, "_compose", lambda folder, rows: None)
+    wanted = Wanted(configs=(config(tmp_path),), out=tmp_path / "out", moments=1, spp=1)
+
+    outcome = sweep.sweep(wanted, lambda *_: None)
+
+    assert outcome.failures == ["wall, 1 cores, framed: silent for 9 s"]
+    assert [row.method for row in outcome.rows] == ["adaptive", "frameless", "hilbert"]
+    assert json_lines.read(tmp_path / "out" / "live.jsonl", Row) == outcome.rows

@@ -271,7 +271,7 @@ def test_names_are_picked_by_patterns_and_rates_by_words() -> None:
 
 def test_two_scenes_of_one_name_are_refused(tmp_path: Path) -> None:
     configs = (tmp_path / "a" / "x.yaml", tmp_path / "b" / "x.yaml")
-    with pytest.raises(ConfigError, match="two scenes are called x"):
+    with pytest.raises(ConfigError, match="two configurations are called x"):
         Wanted(configs=configs, methods=("framed",), out=tmp_path).trials()
 
 

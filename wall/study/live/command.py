@@ -1,75 +1,79 @@
-"""What the words of `wall measure live` stand for, and its table."""
+"""What the words of `wall measure live` stand for, and its tables."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
-from fnmatch import fnmatchcase
-from importlib.util import find_spec
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from wall.config.loading import nearest
+from rich.console import RenderableType
+
 from wall.config.sampling import METHODS
-from wall.core.errors import ConfigError, RunError
-from wall.study.live.rows import Row
-from wall.study.quality.command import cores_of
+from wall.study import options
+from wall.study.live.rows import FILE, Row
+from wall.study.live.sweep import Outcome
 from wall.study.quality.tables import Table
 
 NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "av": "av"}
 NOTE = (
-    "RMSE: of display values, in 8-bit codes, against the ideal picture of each moment. Hz, p95 interval: of pictures "
-    "that became light. Input to picture: to the refresh that first showed a sample of it, without the display's delay."
+    "RMSE of display values in 8-bit codes, against the ideal picture of each moment. Hz, interval: of pictures that "
+    "became light. Input: to the refresh that first showed a sample of it, without the display's delay."
 )
 
 
 def check_installed() -> None:
     """Raises RunError, before anything is measured, where the extra `measure` is not installed."""
-    missing = [name for module, name in NEEDED.items() if find_spec(module) is None]
-    if missing:
-        raise RunError(f"wall measure live needs {', '.join(missing)}: pip install '.[measure]' in the clone")
+    options.check_installed("wall measure live", NEEDED)
 
 
 def methods_of(text: str) -> tuple[str, ...]:
     """Methods by name or pattern, such as adaptive,frame*. Raises ConfigError."""
-    picked: dict[str, None] = {}
-    for word in (part.strip() for part in text.split(",")):
-        matching = [name for name in METHODS if fnmatchcase(name, word)]
-        if not matching:
-            raise ConfigError(f"--methods {word}: unknown{nearest(word, METHODS)}; accepted: {', '.join(METHODS)}")
-        picked.update(dict.fromkeys(matching))
-    return tuple(picked)
+    return options.picked("--methods", text, METHODS)
 
 
-def cores_wanted(text: str) -> tuple[float, ...]:
+def cores_of(text: str) -> tuple[float, ...]:
     """Cores, such as 0.5,1,2; all that this process may use if left out. Raises ConfigError."""
-    return cores_of(text) if text else (float(len(os.sched_getaffinity(0))),)
+    return options.cores_of(text) if text else (float(len(os.sched_getaffinity(0))),)
 
 
 def configs_of(configs: Iterable[Path]) -> tuple[Path, ...]:
     """The configurations, all of them files. Raises ConfigError."""
     found = tuple(configs)
-    for config in found:
-        if not config.is_file():
-            raise ConfigError(f"{config}: no such file; accepted: YAML configurations, such as configs/demo.yaml")
+    options.check_files(found)
     return found
 
 
-def table(rows: Sequence[Row]) -> Table:
-    """A line for each row."""
+def report(outcome: Outcome, out: Path) -> Iterator[RenderableType]:
+    """What is printed at the end."""
+    yield from (table.rich() for table in tables(outcome.rows))
+    yield from (f"note: {note}" for note in outcome.notes)
+    yield f"rows in {out}/{FILE}; strip.png and film.mp4 in {out}/CONFIG-CORES/"
+
+
+def tables(rows: Sequence[Row]) -> list[Table]:
+    """A table for each configuration and number of cores, a line for each method."""
     columns = (
-        "configuration", "cores", "method", "RMSE", "FLIP", "SSIM", "Hz", "p95 interval, ms",
-        "input to picture p50, p95, p99, ms", "samples/s", "bytes/s", "CPU s/s: head, others",
+        "method", "RMSE", "FLIP", "SSIM", "Hz", "interval p95 ms", "input p50, p95 ms", "samples/s", "bytes/s",
+        "cores: head, others",
     )  # fmt: skip
-    return Table(title="On the wall", columns=columns, lines=tuple(map(_line, rows)), text=(0, 2), note=NOTE)
+    groups: dict[tuple[str, float], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.config, row.cores), []).append(row)
+    return [
+        Table(
+            title=f"{config}, {cores:g} core{'' if cores == 1.0 else 's'}", columns=columns,
+            lines=tuple(map(_line, group)), text=(0,), note=NOTE if group[-1] is rows[-1] else "",
+        )
+        for (config, cores), group in groups.items()
+    ]  # fmt: skip
 
 
 def _line(row: Row) -> tuple[str, ...]:
     head = row.cpu_s.get("head", 0.0)
     others = sum(row.cpu_s.values()) - head
-    latency = ", ".join(f"{ms:.0f}" for ms in (row.latency_p50_ms, row.latency_p95_ms, row.latency_p99_ms))
     return (
-        row.config, f"{row.cores:g}", row.method, f"{255.0 * row.rmse_display:.2f}", f"{row.flip:.4f}",
-        f"{row.ssim:.4f}", f"{row.refresh_hz:.1f}", f"{row.interval_p95_ms:.1f}", latency,
+        row.method, f"{255.0 * row.rmse_display:.2f}", f"{row.flip:.4f}", f"{row.ssim:.4f}", f"{row.refresh_hz:.1f}",
+        f"{row.interval_p95_ms:.1f}", f"{row.latency_p50_ms:.0f}, {row.latency_p95_ms:.0f}",
         f"{row.samples_per_s / 1e3:.0f} k", f"{row.bytes_per_s / 1e6:.2f} M",
         f"{head / row.run_s:.2f}, {others / row.run_s:.2f}",
     )  # fmt: skip

@@ -15,8 +15,10 @@ from PIL import Image
 
 from wall.config.loading import Loaded
 from wall.config.sampling import METHODS
-from wall.core.errors import ConfigError
+from wall.config.views import KeyframesPathConfig
+from wall.core.errors import RunError
 from wall.display.files import replaced
+from wall.roles.plan import Plan
 from wall.study import json_lines
 from wall.study.live import cpu_limit
 from wall.study.live.film import OWN_WIDTH, QUALITY, film_hz, scaled, side_by_side, write_film
@@ -27,6 +29,7 @@ from wall.study.live.rows import FILE, Row, newest
 from wall.study.live.runs import PICTURES, Run, run_wall
 from wall.study.live.scores import Shown, score
 from wall.study.live.timeline import moments
+from wall.study.options import check_names
 from wall.study.quality.image_strips import Bytes
 from wall.study.quality.reference import SAMPLES_A_PIXEL
 from wall.study.speed import record
@@ -53,9 +56,7 @@ class Wanted:
 
     def check(self) -> None:
         """Raises ConfigError, RunError where this cannot be measured here."""
-        names = [config.stem for config in self.configs]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise ConfigError(f"two configurations are called {twice}: rows are told apart by it; rename one file")
+        check_names(self.configs)
         for cores in self.cores:
             cpu_limit.check(cores)
 
@@ -65,41 +66,64 @@ class Wanted:
         return moments(self.moments, first=self.warm_up_s, seconds=self.seconds)
 
 
-def sweep(wanted: Wanted, watch: Watch) -> list[Row]:
-    """Measure what is not in `wanted.out` yet. Returns the rows of what was asked for. Raises ConfigError, RunError."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What came of it."""
+
+    rows: list[Row]  # of what was asked for, those that were there too
+    failures: list[str]  # runs that failed, and why
+    notes: list[str]
+
+
+def sweep(wanted: Wanted, watch: Watch) -> Outcome:
+    """Measure what is not in `wanted.out` yet. A run that fails keeps no other from being measured.
+
+    Raises ConfigError, RunError for what can be refused before the first run.
+    """
     wanted.check()
-    found = []
-    loaded = [load_without_windows(config) for config in wanted.configs]  # refuses before the first run
+    outcome = Outcome(rows=[], failures=[], notes=[])
+    loaded = [load_without_windows(config) for config in wanted.configs]
     for one in loaded:
         watch(f"{one.path.stem}: loading the scene", 0, len(loaded))
         plan = moving(one)
+        outcome.notes.extend(notes_of(plan, wanted))
         ideal = Ideal(plan, wanted.times, wanted.out, spp=wanted.spp)
         for cores in wanted.cores:
-            found += _compare(wanted, plan.layout.loaded, ideal, cores, watch)
-    return found
+            _compare(wanted, plan.layout.loaded, ideal, cores, watch, outcome)
+    return outcome
 
 
-def _compare(wanted: Wanted, loaded: Loaded, ideal: Ideal, cores: float, watch: Watch) -> list[Row]:
+def notes_of(plan: Plan, wanted: Wanted) -> list[str]:
+    """What a reader of the rows should know of a configuration."""
+    name, path, end = plan.layout.loaded.path.stem, plan.view.path, wanted.warm_up_s + wanted.seconds
+    if isinstance(path, KeyframesPathConfig) and not path.loop and path.keyframes[-1].time < end:
+        return [f"{name}: the camera rests from {path.keyframes[-1].time:g} s on; moments are compared until {end:g} s"]
+    return []
+
+
+def _compare(wanted: Wanted, loaded: Loaded, ideal: Ideal, cores: float, watch: Watch, outcome: Outcome) -> None:
     """Every method on so many cores, and their strip and film."""
-    path, rows = wanted.out / FILE, []
+    name, path, rows, measured = loaded.path.stem, wanted.out / FILE, [], False
     have = {row.identity: row for row in newest(json_lines.read(path, Row))}
-    folder = wanted.out / f"{loaded.path.stem}-{cores:g}cores"
-    measured = False
+    folder = wanted.out / f"{name}-{cores:g}cores"
     for done, method in enumerate(wanted.methods):
         text = text_for(loaded, method)
-        key = (loaded.path.stem, method, cores, setup_of(text, wanted), ideal.key)
-        row = have.get(key)
+        row = have.get((name, method, cores, setup_of(text, wanted), ideal.key))
         if row is None:
-            ideal.make(lambda k, n: watch(f"{loaded.path.stem}: ideal pictures", k, n))
-            watch(f"{loaded.path.stem}, {cores:g} cores: {method}", done, len(wanted.methods))
-            row = measure(wanted, loaded, text, ideal, method=method, cores=cores)
+            ideal.make(lambda k, n: watch(f"{name}: ideal pictures", k, n))
+            watch(f"{name}, {cores:g} cores: {method}", done, len(wanted.methods))
+            try:
+                row = measure(wanted, loaded, text, ideal, method=method, cores=cores)
+            except RunError as error:
+                outcome.failures.append(f"{name}, {cores:g} cores, {method}: {error}")
+                continue
             json_lines.append(path, row)
             measured = True
         rows.append(row)
-    if measured or not (folder / "film.mp4").exists():
-        watch(f"{loaded.path.stem}: pictures", len(rows), len(rows))
+    outcome.rows.extend(rows)
+    if rows and (measured or not (folder / "film.mp4").exists()):
+        watch(f"{name}: strip and film", len(rows), len(rows))
         _compose(folder, rows)
-    return rows
 
 
 def setup_of(text: str, wanted: Wanted) -> str:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from fnmatch import fnmatchcase
-from importlib.util import find_spec
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TypeVar
 
-from wall.config.loading import nearest
-from wall.core.errors import ConfigError, RunError
+from wall.core.errors import ConfigError
 from wall.core.jit import PACKAGE
+from wall.study import options
+from wall.study.options import cores_of as cores_of
 from wall.study.quality.methods import METHODS
 from wall.study.quality.methods_streams import absent
 from wall.study.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
@@ -19,18 +17,12 @@ SCENES = ("orbit", "shadows", "light", "mirrors")
 BESIDE_SCENES = ("jerky", "cuts")  # measured only if asked for: no bar is about them
 SCENES_FOLDER = PACKAGE.parent / "configs" / "measure"
 FASTEST_RATE = 1e9
-MOST_CORES = 1024.0
-T = TypeVar("T")
-
-
 NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "matplotlib": "matplotlib"}
 
 
 def check_installed() -> None:
     """Raises RunError, before anything is measured, where the extra `measure` is not installed."""
-    missing = [name for module, name in NEEDED.items() if find_spec(module) is None]
-    if missing:
-        raise RunError(f"wall measure quality needs {', '.join(missing)}: pip install '.[measure]' in the clone")
+    options.check_installed("wall measure quality", NEEDED)
 
 
 def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
@@ -38,12 +30,8 @@ def configs_of(configs: Iterable[Path], scenes: str) -> tuple[Path, ...]:
     found = tuple(configs) or tuple(_own(name) for name in SCENES)
     beside = () if configs else tuple(_own(name) for name in BESIDE_SCENES)
     known = {config.stem: config for config in (*found, *beside)}
-    for config in found:
-        if not config.is_file():
-            raise ConfigError(
-                f"{config}: no such file; accepted: YAML configurations, such as configs/measure/orbit.yaml"
-            )
-    return tuple(known[name] for name in _picked("--scenes", scenes, tuple(known))) if scenes else found
+    options.check_files(found)
+    return tuple(known[name] for name in options.picked("--scenes", scenes, tuple(known))) if scenes else found
 
 
 def _own(name: str) -> Path:
@@ -59,38 +47,14 @@ def methods_of(text: str, *, clock: str) -> tuple[str, ...]:
     if text:
         if named := next((word for word in map(str.strip, text.split(",")) if word in absent()), None):
             raise ConfigError(f"--methods {named}: {absent()[named]}")
-        return _picked("--methods", text, here)
+        return options.picked("--methods", text, here)
     return tuple(name for name in here if ":" not in name and not (clock == "cpu" and name in NO_RATE_OF_ITS_OWN))
 
 
 def rates_of(text: str) -> tuple[float, ...]:
     """Rays a second, such as 100000,4e5,800k."""
-    return _each("--rates", text, _rate, f"rays a second, more than 0 and at most {FASTEST_RATE:g}") if text else RATES
-
-
-def cores_of(text: str) -> tuple[float, ...]:
-    """CPU seconds a second, such as 1,2."""
-    return _each("--cores", text, _cores, f"CPU seconds a second, more than 0 and at most {MOST_CORES:g}")
-
-
-def _picked(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
-    picked: dict[str, None] = {}
-    for word in (part.strip() for part in text.split(",")):
-        matching = [name for name in known if fnmatchcase(name, word)]
-        if not matching:
-            raise ConfigError(f"{option} {word}: unknown{nearest(word, known)}; accepted: {', '.join(known)}")
-        picked.update(dict.fromkeys(matching))
-    return tuple(picked)
-
-
-def _each(option: str, text: str, parse: Callable[[str], T], wanted: str) -> tuple[T, ...]:
-    found = []
-    for word in (part.strip() for part in text.split(",")):
-        try:
-            found.append(parse(word))
-        except ValueError:
-            raise ConfigError(f"{option} {word}: wanted {wanted}") from None
-    return tuple(dict.fromkeys(found))
+    wanted = f"rays a second, more than 0 and at most {FASTEST_RATE:g}"
+    return options.each("--rates", text, _rate, wanted) if text else RATES
 
 
 def _rate(word: str) -> float:
@@ -99,10 +63,3 @@ def _rate(word: str) -> float:
     if not 0.0 < rate <= FASTEST_RATE:
         raise ValueError(word)
     return rate
-
-
-def _cores(word: str) -> float:
-    cores = float(word)
-    if not 0.0 < cores <= MOST_CORES:
-        raise ValueError(word)
-    return cores

@@ -17,6 +17,7 @@ from wall.core.data import Float32
 from wall.core.errors import ConfigError
 from wall.display.image_file import write_image
 from wall.study.json_lines import append
+from wall.study.options import check_names
 from wall.study.quality.experiment import reference_of, run
 from wall.study.quality.image_strips import LOOKS, REFERENCE, image_path, spent_by
 from wall.study.quality.methods import check_method
@@ -75,9 +76,7 @@ class Wanted:
                 raise ConfigError(f"--methods {method}: it has ten times the rate, and --clock cpu has no rate")
         if self.clock not in CLOCKS:
             raise ConfigError(f"--clock {self.clock}: no such clock; accepted: {', '.join(CLOCKS)}")
-        names = [config.stem for config in self.configs]
-        if twice := next((name for name in names if names.count(name) > 1), None):
-            raise ConfigError(f"two scenes are called {twice}: rows are told apart by it; rename one of the files")
+        check_names(self.configs)
 
 
 def sweep(wanted: Wanted, watch: Watch) -> list[Row]:
