@@ -46,7 +46,7 @@ def run(
         bool, typer.Option("--until-complete", help="Show time 0 and stop when the picture has all its samples")
     ] = False,
     record: Annotated[
-        Path | None, typer.Option(help="Folder that keeps every picture shown, lossless: large, for short runs")
+        Path | None, typer.Option(help="Folder that keeps every image shown, lossless: large, for short runs")
     ] = None,
 ) -> None:
     """Run a wall: start its processes here, or use the ranks that mpirun made.
@@ -344,14 +344,14 @@ def live(
     cores: Annotated[str, typer.Option(help="For all processes of a wall, such as 0.5,1,2; all if left out")] = "",
     seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Measured, after the warm-up")] = 6.0,
     warm_up: Annotated[float, typer.Option(min=0.0, max=600.0, help="Seconds that a wall runs before")] = 2.0,
-    moments: Annotated[int, typer.Option(min=1, max=10000, help="Pictures compared with the ideal one")] = 24,
-    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the ideal pictures")] = 64,
+    moments: Annotated[int, typer.Option(min=1, max=10000, help="Images compared with the reference")] = 24,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the reference images")] = 64,
     out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
         "OUT/live"
     ),
-    keep: Annotated[bool, typer.Option("--keep", help="Keep every recorded picture too: large")] = False,
+    keep: Annotated[bool, typer.Option("--keep", help="Keep every recorded image too: large")] = False,
 ) -> None:
-    """Measure what is seen: run walls, and hold the picture of each moment against the ideal picture of that moment.
+    """Measure what is seen: run walls, and compare the image of each moment with the reference image of that moment.
 
     [bold]wall measure live configs/demo.yaml --cores 2[/]
     """

@@ -16,7 +16,7 @@ from typing import Any
 
 from wall.core.errors import WallError
 from wall.display.files import replaced
-from wall.display.picture_log import PictureLog
+from wall.display.image_log import ImageLog
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End
 from wall.roles.manager import Manager
@@ -109,7 +109,7 @@ class HeadProcess:
             closing.later(sink.close)
         for note in notes_of(sinks):
             say(f"note: {note}")
-        log = PictureLog(options.record) if options.record is not None else None
+        log = ImageLog(options.record) if options.record is not None else None
         if log is not None:
             closing.later(log.close)
         loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, log=log)

@@ -15,7 +15,7 @@ from itertools import chain
 from wall.core.clock import Clock
 from wall.core.errors import RunError
 from wall.display.base import Sink
-from wall.display.picture_log import PictureLog
+from wall.display.image_log import ImageLog
 from wall.packets.control import Heartbeat, Message
 from wall.roles.instructions import (
     Broadcast,
@@ -53,7 +53,7 @@ class Loop:
         sinks: Sequence[Sink | None] = (),
         sources: Sequence[Source] = (),
         longest_wait_s: float = 0.05,
-        log: PictureLog | None = None,
+        log: ImageLog | None = None,
     ) -> None:
         """`tracers` execute Trace, `sinks` and `log` take what is shown.
 

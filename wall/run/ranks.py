@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from wall.display.base import Sink
-from wall.display.picture_log import PictureLog
+from wall.display.image_log import ImageLog
 from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
@@ -76,7 +76,7 @@ def compositor_loop(
     clock: HeadClock,
     sinks: list[Sink | None],
     sources: Sequence[Source] = (),
-    log: PictureLog | None = None,
+    log: ImageLog | None = None,
 ) -> Loop:
     """A compositor, at the head or elsewhere; `log` keeps what its sinks are given."""
     run_all = in_threads(len(plan.layout.graph.layers_on(rank)))

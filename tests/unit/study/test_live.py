@@ -1,4 +1,4 @@
-"""`wall measure live`: which picture was on the wall at a moment, against which ideal one, by which method."""
+"""`wall measure live`: which image was on the wall at a moment, against which reference one, by which method."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from wall.config.loading import loads
 from wall.config.sampling import METHODS
 from wall.core.errors import ConfigError, RunError
-from wall.display.picture_log import LoggedPanel, LoggedPictures
+from wall.display.image_log import LoggedImages, LoggedPanel
 from wall.study import json_lines
 from wall.study.live import scores, sweep
 from wall.study.live.command import methods_of, tables
@@ -49,9 +49,9 @@ def panel(name: str, version: int, *, time: float, refresh: float, size: tuple[i
     )  # fmt: skip
 
 
-def log(*panels: LoggedPanel) -> LoggedPictures:
+def log(*panels: LoggedPanel) -> LoggedImages:
     pixels = np.arange(1000, dtype=np.uint16).astype(np.uint8)
-    return LoggedPictures(began=BEGAN, display_delay_s=DELAY_S, panels=panels, cpu_s=0.0, pixels=pixels)
+    return LoggedImages(began=BEGAN, display_delay_s=DELAY_S, panels=panels, cpu_s=0.0, pixels=pixels)
 
 
 def test_held_picture_is_the_newest_that_was_light():
@@ -112,7 +112,7 @@ class Panelled:
 
 
 class Flat:
-    """Ideal pictures of one grey on two panels, one of which has three times the pixels."""
+    """Reference images of one grey on two panels, one of which has three times the pixels."""
 
     def __init__(self, code: int) -> None:
         self.wall, self.times, self._code = self, [0.5, 1.5], code
@@ -126,11 +126,11 @@ class Flat:
 def test_score_counts_pixels_and_moments_alike(monkeypatch):
     monkeypatch.setattr(scores, "flip", lambda a, b: float(np.abs(a - b).max()))  # OpenMP's threads survive no fork
     monkeypatch.setattr(scores, "ssim", lambda a, b: 1.0 - float(np.abs(a - b).max()))
-    ideal = Flat(20)  # nothing is light at 0.5; then panel a has the ideal picture and b is still black
+    reference = Flat(20)  # nothing is light at 0.5; then panel a has the reference image and b is still black
     pixels = np.full(3 * 64, 20, np.uint8)
     found = replace(log(panel("a", 0, time=1.0, refresh=1.0, size=(8, 8))), pixels=pixels)
 
-    result = score(Shown(found), ideal)
+    result = score(Shown(found), reference)
 
     black = 20 / 255
     assert result.over_time == pytest.approx([black, math.sqrt(0.75) * black])
@@ -285,17 +285,35 @@ def test_a_path_that_ends_while_moments_are_compared_is_told(tmp_path):
     assert notes(4.0) == ["wall: the camera rests from 3 s on; moments are compared until 6 s"]
 
 
-def test_a_run_that_fails_keeps_no_other_from_being_measured(tmp_path, monkeypatch):
-    def measured(wanted, loaded, text, ideal, *, method, cores):
-        if method == "framed":
-            raise RunError("silent for 9 s")
-        return replace(ROW, config="wall", method=method, cores=cores)
+def test_what_was_measured_is_not_measured_again(tmp_path, monkeypatch):
+    calls = []
 
+    def measured(wanted, trial, reference):
+        calls.append(trial.method)
+        return replace(ROW, config="wall", method=trial.method, cores=1.0, setup=trial.setup, reference=reference.key)
+
+    first = swept(tmp_path, monkeypatch, measured)
+    again = swept(tmp_path, monkeypatch, measured)
+    swept(tmp_path, monkeypatch, measured, seconds=3.0)
+
+    assert again.rows == first.rows
+    assert calls == [*METHODS, *METHODS], "once, and once more for another length"
+
+
+def swept(folder, monkeypatch, measured, **options):
     monkeypatch.setattr(sweep, "measure", measured)
-    monkeypatch.setattr(sweep, "_compose", lambda folder, rows: None)
-    wanted = Wanted(configs=(config(tmp_path),), out=tmp_path / "out", moments=1, spp=1)
+    monkeypatch.setattr(sweep, "compose", lambda folder, rows: None)
+    wanted = Wanted(configs=(config(folder),), out=folder / "out", moments=1, spp=1, **options)
+    return sweep.sweep(wanted, lambda *_: None)
 
-    outcome = sweep.sweep(wanted, lambda *_: None)
+
+def test_a_run_that_fails_keeps_no_other_from_being_measured(tmp_path, monkeypatch):
+    def measured(wanted, trial, reference):
+        if trial.method == "framed":
+            raise RunError("silent for 9 s")
+        return replace(ROW, config=trial.config, method=trial.method, cores=trial.cores)
+
+    outcome = swept(tmp_path, monkeypatch, measured)
 
     assert outcome.failures == ["wall, 1 cores, framed: silent for 9 s"]
     assert [row.method for row in outcome.rows] == ["adaptive", "frameless", "hilbert"]

@@ -1,1 +1,1 @@
-"""`wall measure live`: what a running wall showed, held against the ideal picture of each moment."""
+"""`wall measure live`: what a running wall showed, held against the reference image of each moment."""

@@ -16,7 +16,7 @@ from wall.study.quality.tables import Table
 
 NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "av": "av"}
 NOTE = (
-    "RMSE of display values in 8-bit codes, against the ideal picture of each moment. Hz, interval: of pictures that "
+    "RMSE of display values in 8-bit codes, against the reference image of each moment. Hz, interval: of images that "
     "became light. Input: to the refresh that first showed a sample of it, without the display's delay."
 )
 

@@ -53,6 +53,14 @@ def read_film(path: Path) -> Iterator[Bytes]:
             yield np.asarray(frame.to_ndarray(format="rgb24"), np.uint8)
 
 
+def hz_of(path: Path) -> float:
+    """Images a second of a film."""
+    import av
+
+    with av.open(str(path)) as film:
+        return float(film.streams.video[0].average_rate or SLOWEST_HZ)
+
+
 def film_hz(refresh_hz: float) -> float:
     """Images a second of the film of a wall."""
     return min(max(refresh_hz, SLOWEST_HZ), FASTEST_HZ)

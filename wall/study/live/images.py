@@ -1,4 +1,4 @@
-"""Pictures of whole walls with words above them, side by side: strip.png, and the frames of the film."""
+"""Images of whole walls with words above them, side by side: strip.png, and the frames of the film."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ def beside(images: Sequence[Bytes]) -> Bytes:
     return np.hstack([part for image in images for part in (image, gap)][:-1])
 
 
-def strip(ideal: Bytes, shown: Mapping[str, tuple[Bytes, float]]) -> Bytes:
-    """The ideal picture and those that methods showed at its moment; below, how far off they are.
+def strip(reference: Bytes, shown: Mapping[str, tuple[Bytes, float]]) -> Bytes:
+    """The reference image and those that methods showed at its moment; below, how far off they are.
 
-    shown : by method, its picture and the RMSE of its display values
+    shown : by method, its image and the RMSE of its display values
     """
-    blank = np.full_like(ideal, PAPER[0])
-    columns = [np.concatenate([labelled(ideal, "ideal"), labelled(blank, f"|error| x {ERROR_GAIN:g}")])]
+    blank = np.full_like(reference, PAPER[0])
+    columns = [np.concatenate([labelled(reference, "reference"), labelled(blank, f"|error| x {ERROR_GAIN:g}")])]
     for method, (image, error) in shown.items():
-        off = np.abs(image.astype(np.float32) - ideal) * ERROR_GAIN
+        off = np.abs(image.astype(np.float32) - reference) * ERROR_GAIN
         below = labelled(np.clip(off, 0, 255).astype(np.uint8), f"RMSE {255.0 * error:.2f} codes")
         columns.append(np.concatenate([labelled(image, method), below]))
     return beside(columns)

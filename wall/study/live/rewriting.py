@@ -22,7 +22,7 @@ FILE_KEYS = frozenset({"source", "file", "lut"})  # whose relative paths start a
 
 
 def load_without_windows(path: Path) -> Loaded:
-    """A configuration whose pictures all end at the head. Raises ConfigError where it has no ideal picture."""
+    """A configuration whose images all end at the head. Raises ConfigError where it has no reference image."""
     loaded = load(path)
     loaded = loaded.with_config(loaded.config.model_copy(update={"graph": _without_windows(loaded.config.graph)}))
     _check_graph(make_layout(loaded))
@@ -71,12 +71,12 @@ def _without_windows(graph: GraphConfig) -> GraphConfig:
 
 
 def _check_graph(layout: Layout) -> None:
-    """Refuse a graph whose pictures are not what the panels' own rays see: there is no ideal picture of it."""
+    """Refuse a graph whose images are not what the panels' own rays see: there is no reference image of it."""
     strange = {step.node.op_name for step in layout.graph.steps} - SHOWS_PANELS
     if strange:
         raise ConfigError(
             f"{layout.loaded.path}: graph: {', '.join(sorted(strange))}: changes what a panel shows; wanted, to hold "
-            f"it against an ideal picture, only {', '.join(sorted(SHOWS_PANELS))}"
+            f"it against an reference image, only {', '.join(sorted(SHOWS_PANELS))}"
         )
 
 

@@ -20,7 +20,7 @@ class Row:
     rmse_display: float  # of display values, 0 to 1, as in `wall measure quality`; times 255: 8-bit codes
     flip: float
     ssim: float
-    refresh_hz: float  # pictures that became light a second
+    refresh_hz: float  # images that became light a second
     interval_p95_ms: float  # from one to the next
     latency_p50_ms: float  # from an event to the refresh that first showed a sample of it, without the display's delay
     latency_p95_ms: float
@@ -36,10 +36,10 @@ class Row:
     display_delay_s: float
     error_over_time: list[float]  # rmse_display at each moment
     times: list[float]  # of them on the camera's path, seconds
-    log_cpu_s: float  # of cpu_s["head"], that keeping the pictures took
+    log_cpu_s: float  # of cpu_s["head"], that keeping the images took
     dropped: dict[str, int]
     setup: str  # a hash of the configuration as it was run
-    reference: str  # name of the ideal pictures
+    reference: str  # name of the reference images
     spp: int  # of those, samples a pixel
     load: float  # of the machine in the minute before
     commit: str

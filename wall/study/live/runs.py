@@ -1,4 +1,4 @@
-"""One run of a wall as a user starts it, on some cores, its pictures kept: `wall run CONFIG --headless --record`."""
+"""One run of a wall as a user starts it, on some cores, its images kept: `wall run CONFIG --headless --record`."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from pathlib import Path
 from typing import Any
 
 from wall.core.errors import RunError
-from wall.display.picture_log import LoggedPictures, read_log
+from wall.display.image_log import LoggedImages, read_log
 from wall.study.live.cpu_limit import limited
 
 START_S = 120.0  # of one core, until a wall runs: a large scene, kernels that are not compiled yet
 END_S = 30.0  # from the end of its time to that of its processes
 STOP_S = 8.0  # for a run that is interrupted to end in order
-PICTURES, OUTPUT, SUMMARY = "recorded", "run.log", "summary.json"
+IMAGES, OUTPUT, SUMMARY = "recorded", "run.log", "summary.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """What a run left."""
 
-    pictures: LoggedPictures
+    images: LoggedImages
     summary: dict[str, Any]
 
 
@@ -35,7 +35,7 @@ def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run
 
     Everything is kept in `folder`, what the run printed too. No process is left, however this ends.
     """
-    recorded = folder / PICTURES
+    recorded = folder / IMAGES
     command = [sys.executable, "-m", "wall", "run", str(config), "--headless", "--seconds", f"{seconds:g}"]
     command += ["--out", str(folder), "--record", str(recorded)]
     limit_s = START_S / min(cores, 1.0) + seconds + END_S
@@ -54,7 +54,7 @@ def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run
         said = (folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
         raise RunError(f"{config}: the run failed with exit code {code}: {said[-500:]}")
     summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    return Run(pictures=read_log(recorded), summary=summary)
+    return Run(images=read_log(recorded), summary=summary)
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:

@@ -1,4 +1,4 @@
-"""How far what was on the wall is from the ideal picture of each moment, by the metrics of `wall measure quality`."""
+"""How far what was on the wall is from the reference image of each moment, by the metrics of `wall measure quality`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from wall.core.data import Float32
 from wall.core.errors import RunError
-from wall.display.picture_log import LoggedPictures
+from wall.display.image_log import LoggedImages
 from wall.geometry.panels import Panel
-from wall.study.live.ideal import Ideal
+from wall.study.live.reference import WallReference
 from wall.study.live.timeline import Timeline
 from wall.study.quality.image_strips import Bytes
 from wall.study.quality.metrics import flip, mean_square, ssim
@@ -30,28 +30,28 @@ class Score:
 class Shown:
     """What the panels of a wall showed in one run."""
 
-    def __init__(self, log: LoggedPictures) -> None:
+    def __init__(self, log: LoggedImages) -> None:
         self.timeline, self._log = Timeline(log), log
 
     def codes(self, panel: Panel, time: float) -> Bytes:
-        """(h, w, 3) uint8 sRGB that a panel showed at `time` of the path: black before its first picture.
+        """(h, w, 3) uint8 sRGB that a panel showed at `time` of the path: black before its first image.
 
-        Raises RunError where the log has pictures of another size.
+        Raises RunError where the log has images of another size.
         """
         width, height = panel.pixels
         held = self.timeline.held(panel.id, time)
         if held is None:
             return np.zeros((height, width, 3), np.uint8)
         if held.size != panel.pixels:
-            raise RunError(f"panel {panel.id}: a picture of {held.size} pixels was recorded, wanted {panel.pixels}")
+            raise RunError(f"panel {panel.id}: an image of {held.size} pixels was recorded, wanted {panel.pixels}")
         return self._log.rgb(held)
 
 
-def score(shown: Shown, ideal: Ideal) -> Score:
-    """Hold what was shown against the ideal pictures, moment by moment. Raises RunError."""
-    panels = ideal.wall.panels
+def score(shown: Shown, reference: WallReference) -> Score:
+    """Hold what was shown against the reference images, moment by moment. Raises RunError."""
+    panels = reference.wall.panels
     weights = [panel.pixels[0] * panel.pixels[1] for panel in panels]
-    found = np.array([[_panel(shown, ideal, panel, k) for panel in panels] for k in range(len(ideal.times))])
+    found = np.array([[_panel(shown, reference, panel, k) for panel in panels] for k in range(len(reference.times))])
     squares, flips, ssims = (np.average(found[..., i], axis=1, weights=weights) for i in range(3))
     return Score(
         rmse_display=math.sqrt(float(squares.mean())), flip=float(flips.mean()), ssim=float(ssims.mean()),
@@ -59,8 +59,8 @@ def score(shown: Shown, ideal: Ideal) -> Score:
     )  # fmt: skip
 
 
-def _panel(shown: Shown, ideal: Ideal, panel: Panel, k: int) -> tuple[float, float, float]:
+def _panel(shown: Shown, reference: WallReference, panel: Panel, k: int) -> tuple[float, float, float]:
     """Mean square error, FLIP and SSIM of a panel at moment k."""
-    a: Float32 = shown.codes(panel, ideal.times[k]).astype(np.float32) / np.float32(255.0)
-    b = ideal.display(panel.id, k)
+    a: Float32 = shown.codes(panel, reference.times[k]).astype(np.float32) / np.float32(255.0)
+    b = reference.display(panel.id, k)
     return mean_square(a, b), flip(a, b), ssim(a, b)

@@ -1,4 +1,4 @@
-"""All runs of `wall measure live`, one after the other on the same cores, and what is made of their pictures."""
+"""All runs of `wall measure live`, one after the other on the same cores, and what is made of their images."""
 
 from __future__ import annotations
 
@@ -10,27 +10,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from PIL import Image
-
 from wall.config.loading import Loaded
 from wall.config.sampling import METHODS
 from wall.config.views import KeyframesPathConfig
 from wall.core.errors import RunError
-from wall.display.files import replaced
 from wall.roles.plan import Plan
 from wall.study import json_lines
 from wall.study.live import cpu_limit
-from wall.study.live.film import OWN_WIDTH, QUALITY, film_hz, scaled, side_by_side, write_film
-from wall.study.live.ideal import Ideal
-from wall.study.live.images import strip, wall_image
+from wall.study.live.film import film_hz
+from wall.study.live.reference import WallReference
+from wall.study.live.results import compose, keep
 from wall.study.live.rewriting import load_without_windows, moving, text_for
 from wall.study.live.rows import FILE, Row, newest
-from wall.study.live.runs import PICTURES, Run, run_wall
+from wall.study.live.runs import IMAGES, Run, run_wall
 from wall.study.live.scores import Shown, score
 from wall.study.live.timeline import moments
 from wall.study.options import check_names
-from wall.study.quality.image_strips import Bytes
 from wall.study.quality.reference import SAMPLES_A_PIXEL
 from wall.study.speed import record
 
@@ -51,8 +46,8 @@ class Wanted:
     seconds: float = SECONDS  # measured, after the warm-up
     warm_up_s: float = WARM_UP_S
     moments: int = MOMENTS
-    spp: int = SAMPLES_A_PIXEL  # of the ideal pictures
-    keep: bool = False  # the recorded pictures too
+    spp: int = SAMPLES_A_PIXEL  # of the reference images
+    keep: bool = False  # the recorded images too
 
     def check(self) -> None:
         """Raises ConfigError, RunError where this cannot be measured here."""
@@ -64,6 +59,30 @@ class Wanted:
     def times(self) -> list[float]:
         """The moments that are compared, seconds of the camera's path."""
         return moments(self.moments, first=self.warm_up_s, seconds=self.seconds)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One run: a configuration, a method, how many cores."""
+
+    config: str  # its name
+    method: str
+    cores: float
+    text: str  # YAML that is run
+    setup: str  # a hash of what is run: the text, for how long
+    folder: Path  # for all that the run leaves
+    refresh_hz: float
+
+    @classmethod
+    def of(cls, loaded: Loaded, method: str, cores: float, wanted: Wanted) -> Trial:
+        """The trial of a configuration under a method."""
+        name, text = loaded.path.stem, text_for(loaded, method)
+        what = f"{wanted.seconds} {wanted.warm_up_s} {text}"
+        return cls(
+            config=name, method=method, cores=cores, text=text,
+            setup=hashlib.blake2b(what.encode(), digest_size=12).hexdigest(),
+            folder=wanted.out / f"{name}-{cores:g}cores" / method, refresh_hz=loaded.config.views[0].refresh_hz,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,9 +106,9 @@ def sweep(wanted: Wanted, watch: Watch) -> Outcome:
         watch(f"{one.path.stem}: loading the scene", 0, len(loaded))
         plan = moving(one)
         outcome.notes.extend(notes_of(plan, wanted))
-        ideal = Ideal(plan, wanted.times, wanted.out, spp=wanted.spp)
+        reference = WallReference(plan, wanted.times, wanted.out, spp=wanted.spp)
         for cores in wanted.cores:
-            _compare(wanted, plan.layout.loaded, ideal, cores, watch, outcome)
+            _compare(wanted, plan.layout.loaded, reference, cores, watch, outcome)
     return outcome
 
 
@@ -101,63 +120,55 @@ def notes_of(plan: Plan, wanted: Wanted) -> list[str]:
     return []
 
 
-def _compare(wanted: Wanted, loaded: Loaded, ideal: Ideal, cores: float, watch: Watch, outcome: Outcome) -> None:
+def _compare(
+    wanted: Wanted, loaded: Loaded, reference: WallReference, cores: float, watch: Watch, outcome: Outcome
+) -> None:
     """Every method on so many cores, and their strip and film."""
-    name, path, rows, measured = loaded.path.stem, wanted.out / FILE, [], False
+    path, rows, measured = wanted.out / FILE, [], False
     have = {row.identity: row for row in newest(json_lines.read(path, Row))}
-    folder = wanted.out / f"{name}-{cores:g}cores"
-    for done, method in enumerate(wanted.methods):
-        text = text_for(loaded, method)
-        row = have.get((name, method, cores, setup_of(text, wanted), ideal.key))
+    trials = [Trial.of(loaded, method, cores, wanted) for method in wanted.methods]
+    for done, trial in enumerate(trials):
+        row = have.get((trial.config, trial.method, cores, trial.setup, reference.key))
         if row is None:
-            ideal.make(lambda k, n: watch(f"{name}: ideal pictures", k, n))
-            watch(f"{name}, {cores:g} cores: {method}", done, len(wanted.methods))
+            reference.make(lambda k, n: watch(f"{loaded.path.stem}: reference images", k, n))
+            watch(f"{trial.config}, {cores:g} cores: {trial.method}", done, len(trials))
             try:
-                row = measure(wanted, loaded, text, ideal, method=method, cores=cores)
+                row = measure(wanted, trial, reference)
             except RunError as error:
-                outcome.failures.append(f"{name}, {cores:g} cores, {method}: {error}")
+                outcome.failures.append(f"{trial.config}, {cores:g} cores, {trial.method}: {error}")
                 continue
             json_lines.append(path, row)
             measured = True
         rows.append(row)
     outcome.rows.extend(rows)
+    folder = trials[0].folder.parent
     if rows and (measured or not (folder / "film.mp4").exists()):
-        watch(f"{name}: strip and film", len(rows), len(rows))
-        _compose(folder, rows)
+        watch(f"{trials[0].config}: strip and film", len(rows), len(rows))
+        compose(folder, rows)
 
 
-def setup_of(text: str, wanted: Wanted) -> str:
-    """A hash of what is run: the configuration under a method, for how long."""
-    return hashlib.blake2b(f"{wanted.seconds} {wanted.warm_up_s} {text}".encode(), digest_size=12).hexdigest()
-
-
-def measure(wanted: Wanted, loaded: Loaded, text: str, ideal: Ideal, *, method: str, cores: float) -> Row:
-    """Run a configuration under a method, and hold what it showed against the ideal pictures."""
-    folder = wanted.out / f"{loaded.path.stem}-{cores:g}cores" / method
-    folder.mkdir(parents=True, exist_ok=True)
-    config = folder / f"{loaded.path.stem}.yaml"
-    config.write_text(text, encoding="utf-8")
+def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
+    """Run a wall, and hold what it showed against the reference images."""
+    trial.folder.mkdir(parents=True, exist_ok=True)
+    config = trial.folder / f"{trial.config}.yaml"
+    config.write_text(trial.text, encoding="utf-8")
     load = os.getloadavg()[0]
-    run = run_wall(config, folder, seconds=wanted.warm_up_s + wanted.seconds + BEYOND_S, cores=cores)
-    shown = Shown(run.pictures)
-    row = _row(wanted, run, shown, ideal, method=method, cores=cores, config=loaded.path.stem, load=load,
-               setup=setup_of(text, wanted))  # fmt: skip
-    _keep(folder, shown, ideal, wanted, film_hz(loaded.config.views[0].refresh_hz))
+    run = run_wall(config, trial.folder, seconds=wanted.warm_up_s + wanted.seconds + BEYOND_S, cores=trial.cores)
+    shown = Shown(run.images)
+    row = _row(wanted, trial, run, shown, reference, load=load)
+    keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=film_hz(trial.refresh_hz))
     if not wanted.keep:
-        shutil.rmtree(folder / PICTURES)
+        shutil.rmtree(trial.folder / IMAGES)
     return row
 
 
-def _row(
-    wanted: Wanted, run: Run, shown: Shown, ideal: Ideal, *, method: str, cores: float, config: str, load: float,
-    setup: str,
-) -> Row:  # fmt: skip
+def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallReference, *, load: float) -> Row:
     summary, latency = run.summary, run.summary["latency_ms"]
-    error, pace = score(shown, ideal), shown.timeline.intervals(wanted.warm_up_s, wanted.seconds)
+    error, pace = score(shown, reference), shown.timeline.intervals(wanted.warm_up_s, wanted.seconds)
     return Row(
-        config=config,
-        method=method,
-        cores=cores,
+        config=trial.config,
+        method=trial.method,
+        cores=trial.cores,
         rmse_display=error.rmse_display,
         flip=error.flip,
         ssim=error.ssim,
@@ -172,16 +183,16 @@ def _row(
         run_s=summary["seconds"],
         seconds=wanted.seconds,
         warm_up_s=wanted.warm_up_s,
-        panels=len(ideal.wall.panels),
-        pixels=sum(width * height for width, height in (panel.pixels for panel in ideal.wall.panels)),
-        display_delay_s=run.pictures.display_delay_s,
+        panels=len(reference.wall.panels),
+        pixels=sum(width * height for width, height in (panel.pixels for panel in reference.wall.panels)),
+        display_delay_s=run.images.display_delay_s,
         error_over_time=error.over_time,
-        times=ideal.times,
-        log_cpu_s=run.pictures.cpu_s,
+        times=reference.times,
+        log_cpu_s=run.images.cpu_s,
         dropped=summary["dropped"],
-        setup=setup,
-        reference=ideal.key,
-        spp=ideal.spp,
+        setup=trial.setup,
+        reference=reference.key,
+        spp=reference.spp,
         load=round(load, 2),
         commit=record.commit(),
         machine=record.machine(),
@@ -195,49 +206,3 @@ def cpu_by_role(ranks: Sequence[dict[str, Any]]) -> dict[str, float]:
     for rank in ranks:
         found[rank["role"]] = round(found.get(rank["role"], 0.0) + rank["cpu_s"], 3)
     return found
-
-
-def _keep(folder: Path, shown: Shown, ideal: Ideal, wanted: Wanted, hz: float) -> None:
-    """Write what strip and film are made of: the pictures of one moment, and the film of this run."""
-    k = len(ideal.times) // 2
-    _write(folder.parent / "ideal.png", wall_image(ideal.wall, lambda panel: ideal.codes(panel.id, k)))
-    _write(folder / "shown.png", wall_image(ideal.wall, lambda panel: shown.codes(panel, ideal.times[k])))
-
-    def image(time: float) -> Bytes:
-        return scaled(wall_image(ideal.wall, lambda panel: shown.codes(panel, time)), OWN_WIDTH)
-
-    count = round(wanted.seconds * hz)
-    write_film(folder / "film.mp4", (image(wanted.warm_up_s + n / hz) for n in range(count)), hz=hz)
-
-
-def _compose(folder: Path, rows: Sequence[Row]) -> None:
-    """strip.png and film.mp4 of methods that were measured on the same configuration and cores."""
-    shown = {row.method: (_read(folder / row.method / "shown.png"), _middle(row.error_over_time)) for row in rows}
-    _write(folder / "strip.png", strip(_read(folder / "ideal.png"), shown))
-    films = {
-        f"{row.method}: RMSE {255.0 * row.rmse_display:.2f} codes, {row.refresh_hz:.1f} Hz": folder / row.method
-        for row in rows
-    }
-    hz = _hz_of(folder / rows[0].method / "film.mp4")
-    paths = {text: path / "film.mp4" for text, path in films.items()}
-    write_film(folder / "film.mp4", side_by_side(paths), hz=hz, quality=QUALITY)
-
-
-def _middle(values: Sequence[float]) -> float:
-    return values[len(values) // 2]
-
-
-def _hz_of(film: Path) -> float:
-    import av
-
-    with av.open(str(film)) as opened:
-        return float(opened.streams.video[0].average_rate or 0)
-
-
-def _read(path: Path) -> Bytes:
-    return np.asarray(Image.open(path).convert("RGB"))
-
-
-def _write(path: Path, image: Bytes) -> None:
-    with replaced(path) as part:
-        Image.fromarray(image).save(part, format="PNG")

@@ -1,6 +1,6 @@
-"""When pictures were on the wall: which one was held at a moment, how regularly they changed.
+"""When images were on the wall: which one was held at a moment, how regularly they changed.
 
-Pure: a log in, figures out. All times are of the camera's path: seconds since the animation began. A picture becomes
+Pure: a log in, figures out. All times are of the camera's path: seconds since the animation began. An image becomes
 light when the sinks have it, and not before the display's delay after its refresh has passed: the display delay of the
 configuration, one refresh unless it says otherwise, which is also how far ahead the adaptive method predicts.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wall.display.picture_log import LoggedPanel, LoggedPictures
+from wall.display.image_log import LoggedImages, LoggedPanel
 
 SEED = 20050629
 
@@ -25,7 +25,7 @@ class Intervals:
     """How often the wall changed within a span of time."""
 
     refresh_hz: float
-    p95_ms: float  # of the time from one picture to the next
+    p95_ms: float  # of the time from one image to the next
 
 
 def moments(count: int, *, first: float, seconds: float) -> list[float]:
@@ -35,9 +35,9 @@ def moments(count: int, *, first: float, seconds: float) -> list[float]:
 
 
 class Timeline:
-    """The pictures of a log by the time at which they became light."""
+    """The images of a log by the time at which they became light."""
 
-    def __init__(self, log: LoggedPictures) -> None:
+    def __init__(self, log: LoggedImages) -> None:
         self._shown: dict[str, list[tuple[float, LoggedPanel]]] = defaultdict(list)
         for panel in log.panels:
             light = max(panel.time, panel.refresh + log.display_delay_s) - log.began
@@ -45,15 +45,15 @@ class Timeline:
         self.times = sorted({light for shown in self._shown.values() for light, _ in shown})
 
     def held(self, panel: str, time: float) -> LoggedPanel | None:
-        """The newest picture of a panel that was light at `time`; None before its first."""
+        """The newest image of a panel that was light at `time`; None before its first."""
         shown = self._shown.get(panel, [])
         k = bisect_right(shown, time, key=lambda one: one[0])
         return shown[k - 1][1] if k else None
 
     def intervals(self, first: float, seconds: float) -> Intervals:
-        """Of the pictures that became light within `seconds` from `first` on; each interval ends at one of them.
+        """Of the images that became light within `seconds` from `first` on; each interval ends at one of them.
 
-        Where the picture never changed, the whole span counts as one interval.
+        Where the image never changed, the whole span counts as one interval.
         """
         return intervals(self.times, first, seconds)
 

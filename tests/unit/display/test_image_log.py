@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from wall.core.errors import ConfigError, RunError
-from wall.display import picture_log
-from wall.display.picture_log import PictureLog, read_log
+from wall.display import image_log
+from wall.display.image_log import ImageLog, read_log
 
-BYTES_A_PICTURE = 2 * 16 * 8 * 3
+BYTES_AN_IMAGE = 2 * 16 * 8 * 3
 
 
 def logged(folder, shows, **options):
-    log = PictureLog(folder, **options)
+    log = ImageLog(folder, **options)
     log.begin(began=10.0, display_delay_s=0.02)
-    for now, pictures in shows:
-        log.take(pictures, now)
+    for now, images in shows:
+        log.take(images, now)
     log.close()
     return read_log(folder)
 
@@ -57,32 +57,32 @@ def test_a_panel_of_two_sinks_is_kept_once(tmp_path, image):
 
 
 def test_log_has_a_largest_size_and_says_so(tmp_path, image):
-    log = PictureLog(tmp_path, most_bytes=BYTES_A_PICTURE)
+    log = ImageLog(tmp_path, most_bytes=BYTES_AN_IMAGE)
     log.begin(began=0.0, display_delay_s=0.0)
     log.take([image(1)], 0.0)
     log.take([image(2)], 1.0)
 
-    with pytest.raises(RunError, match=r"2 pictures of panels were not kept: .*wanted: a shorter run"):
+    with pytest.raises(RunError, match=r"2 images of panels were not kept: .*wanted: a shorter run"):
         log.close()
 
     assert len(read_log(tmp_path).panels) == 2
-    assert (tmp_path / picture_log.PIXELS).stat().st_size == BYTES_A_PICTURE
+    assert (tmp_path / image_log.PIXELS).stat().st_size == BYTES_AN_IMAGE
 
 
 def test_full_disk_is_said_at_the_end(tmp_path, image):
-    (tmp_path / picture_log.PIXELS).symlink_to("/dev/full")
-    log = PictureLog(tmp_path)
+    (tmp_path / image_log.PIXELS).symlink_to("/dev/full")
+    log = ImageLog(tmp_path)
     log.begin(began=0.0, display_delay_s=0.0)
     log.take([image(1)], 0.0)
 
-    with pytest.raises(RunError, match="2 pictures of panels were not kept: No space left on device"):
+    with pytest.raises(RunError, match="2 images of panels were not kept: No space left on device"):
         log.close()
 
 
 def test_log_that_was_cut_short_is_refused(tmp_path, image):
     logged(tmp_path, [(0.0, [image(1)])])
-    index = tmp_path / picture_log.INDEX
+    index = tmp_path / image_log.INDEX
     index.write_text("\n".join(index.read_text().splitlines()[:-1]))
 
-    with pytest.raises(ConfigError, match="not the index of recorded pictures"):
+    with pytest.raises(ConfigError, match="not the index of recorded images"):
         read_log(tmp_path)

@@ -1,4 +1,4 @@
-"""The ideal pictures of a configuration: camera and objects exactly where they are at given times of its path.
+"""The reference images of a configuration: camera and objects exactly where they are at given times of its path.
 
 They are traced as those of `wall measure quality`, for every panel, and kept under a hash of what they show.
 """
@@ -20,11 +20,11 @@ from wall.study.quality.metrics import display_values
 from wall.study.quality.reference import Reference
 from wall.tracing.tracer_scene import make_tracer_scene
 
-FOLDER = "ideal"
+FOLDER = "reference"
 
 
-class Ideal:
-    """Ideal pictures at `times` (seconds of the path, growing); `make` traces those that are not there yet."""
+class WallReference:
+    """Reference images at `times` (seconds of the path, growing); `make` traces those that are not there yet."""
 
     def __init__(self, plan: Plan, times: list[float], out: Path, *, spp: int) -> None:
         tracer_scene = make_tracer_scene(plan.scene)
@@ -37,7 +37,7 @@ class Ideal:
         self.key = hashlib.blake2b(keys.encode(), digest_size=12).hexdigest()
 
     def make(self, progress: Callable[[int, int], None]) -> None:
-        """Trace what is missing, a picture in each thread; `progress` hears how many are done, of how many."""
+        """Trace what is missing, an image in each thread; `progress` hears how many are done, of how many."""
         todo = [(reference, k) for reference in self.references.values() for k in reference.missing()]
         with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
             made = pool.map(lambda one: one[0].make([one[1]]), todo)

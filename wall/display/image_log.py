@@ -1,8 +1,8 @@
-"""Keep every picture that the head shows, lossless, with the moment it was shown: `wall run --record FOLDER`.
+"""Keep every image that the head shows, lossless, with the moment it was shown: `wall run --record FOLDER`.
 
-FOLDER/pictures.raw holds the panels one after the other, each h * w * 3 bytes of sRGB, only those that changed.
+FOLDER/images.raw holds the panels one after the other, each h * w * 3 bytes of sRGB, only those that changed.
 FOLDER/index.jsonl holds a first line about the run, a line for each panel kept, and a last line with what keeping cost.
-Pictures are appended by the thread that shows them, without compression: a copy to the file system's cache.
+Images are appended by the thread that shows them, without compression: a copy to the file system's cache.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from wall.core.errors import ConfigError, RunError
 from wall.display.base import PanelImage, WallImage
 from wall.display.png import make_folder
 
-PIXELS, INDEX = "pictures.raw", "index.jsonl"
+PIXELS, INDEX = "images.raw", "index.jsonl"
 MOST_BYTES = 8 << 30  # of a log: three minutes of the demo's wall at 30 Hz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedPanel:
-    """One panel's picture in a log: a line of the index, keys in this order."""
+    """One panel's image in a log: a line of the index, keys in this order."""
 
     time: float  # when the sinks had been given it, seconds of the head's clock
     refresh: float  # when its refresh began
@@ -41,7 +41,7 @@ class LoggedPanel:
     scene_time: float  # of that event, seconds
 
 
-class PictureLog:
+class ImageLog:
     """Appends what is shown. Where the disk is full, or the log too large, it stops; `close` says so."""
 
     def __init__(self, folder: Path, *, most_bytes: int = MOST_BYTES) -> None:
@@ -51,9 +51,9 @@ class PictureLog:
             self._index = (folder / INDEX).open("w", encoding="utf-8")
             self._pixels = (folder / PIXELS).open("wb", buffering=0)
         except OSError as error:
-            raise RunError(f"cannot keep pictures in {folder}: {error.strerror or error}") from error
+            raise RunError(f"cannot keep images in {folder}: {error.strerror or error}") from error
         self._folder, self._most_bytes = folder, most_bytes
-        self._kept: dict[str, tuple[int, int]] = {}  # by panel: the sink whose picture of it is kept, its version
+        self._kept: dict[str, tuple[int, int]] = {}  # by panel: the sink whose image of it is kept, its version
         self._bytes, self._lost, self._cpu_s = 0, 0, 0.0
         self._failure = ""
 
@@ -61,19 +61,19 @@ class PictureLog:
         """Say when the animation began (its time 0 on the head's clock), and how long after a refresh light comes."""
         self._line({"format": 1, "began": began, "display_delay_s": display_delay_s})
 
-    def take(self, pictures: Sequence[WallImage], now: float) -> None:
-        """Keep the panels that changed. `pictures`: one a sink, of which the first that has a panel speaks for it."""
+    def take(self, images: Sequence[WallImage], now: float) -> None:
+        """Keep the panels that changed. `images`: one a sink, of which the first that has a panel speaks for it."""
         started = time.thread_time()
-        for number, picture in enumerate(pictures):
-            for panel in picture.panels:
+        for number, image in enumerate(images):
+            for panel in image.panels:
                 sink, version = self._kept.get(panel.id, (number, -1))
                 if sink == number and version != panel.version:
                     self._kept[panel.id] = (number, panel.version)
-                    self._keep(panel, picture, now)
+                    self._keep(panel, image, now)
         self._cpu_s += time.thread_time() - started
 
     def close(self) -> None:
-        """Finish the files. Raises RunError if a picture could not be kept."""
+        """Finish the files. Raises RunError if an image could not be kept."""
         if self._index.closed:
             return
         try:
@@ -83,9 +83,9 @@ class PictureLog:
         except OSError as error:
             self._failure = self._failure or error.strerror or str(error)
         if self._failure:
-            raise RunError(f"{self._folder}: {self._lost} pictures of panels were not kept: {self._failure}")
+            raise RunError(f"{self._folder}: {self._lost} images of panels were not kept: {self._failure}")
 
-    def _keep(self, panel: PanelImage, picture: WallImage, now: float) -> None:
+    def _keep(self, panel: PanelImage, image: WallImage, now: float) -> None:
         height, width = panel.rgb.shape[:2]
         if not self._failure and self._bytes + panel.rgb.nbytes > self._most_bytes:
             self._failure = f"the log would have more than {self._most_bytes / 1e9:.3g} GB; wanted: a shorter run"
@@ -93,9 +93,9 @@ class PictureLog:
             self._lost += 1
             return
         about = LoggedPanel(
-            time=now, refresh=picture.time, panel=panel.id, version=panel.version, screen=panel.screen,
-            size=(width, height), offset=self._bytes, camera_event=picture.camera_event,
-            scene_event=picture.scene_event, scene_time=picture.scene_time,
+            time=now, refresh=image.time, panel=panel.id, version=panel.version, screen=panel.screen,
+            size=(width, height), offset=self._bytes, camera_event=image.camera_event,
+            scene_event=image.scene_event, scene_time=image.scene_time,
         )  # fmt: skip
         try:
             self._append(panel.rgb)
@@ -116,7 +116,7 @@ class PictureLog:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoggedPictures:
+class LoggedImages:
     """A log that was read."""
 
     began: float  # time 0 of the animation, seconds of the head's clock
@@ -131,7 +131,7 @@ class LoggedPictures:
         return self.pixels[panel.offset : panel.offset + 3 * width * height].reshape(height, width, 3)
 
 
-def read_log(folder: Path) -> LoggedPictures:
+def read_log(folder: Path) -> LoggedImages:
     """Read a finished log. Raises ConfigError for anything else."""
     path = folder / INDEX
     try:
@@ -143,8 +143,8 @@ def read_log(folder: Path) -> LoggedPictures:
         if len(pixels) != last["bytes"]:
             raise ValueError(f"{len(pixels)} bytes of pixels, wanted {last['bytes']}")
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path}: not the index of recorded pictures ({error})") from None
-    return LoggedPictures(
+        raise ConfigError(f"{path}: not the index of recorded images ({error})") from None
+    return LoggedImages(
         began=first["began"], display_delay_s=first["display_delay_s"], panels=panels, cpu_s=last["cpu_s"],
         pixels=pixels,
     )  # fmt: skip
