@@ -18,7 +18,7 @@ from wall.study.live import scores, sweep
 from wall.study.live.command import methods_of, tables
 from wall.study.live.cpu_limit import parents_of, quota_files
 from wall.study.live.film import read_film, scaled, write_film
-from wall.study.live.images import GAP, LABEL_HEIGHT, strip
+from wall.study.live.images import GAP, SMALLEST_LABEL, strip
 from wall.study.live.rewriting import load_without_windows, moving, text_for
 from wall.study.live.rows import Row, newest
 from wall.study.live.scores import Shown, score
@@ -230,6 +230,23 @@ def test_rows_survive_the_file(tmp_path):
     assert [row.rmse_display for row in newest(rows)] == [0.3, 0.1], "the newest of equal ones"
 
 
+def test_a_disk_without_room_is_told_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep.shutil, "disk_usage", lambda folder: Room(free=10**6))
+    plan = moving(load_without_windows(config(tmp_path)))
+    bytes_a_wall = 2 * 16 * 12 * 3
+
+    sweep.check_room(plan, Wanted(configs=(), out=tmp_path, seconds=6.0))
+    with pytest.raises(RunError, match=r"wall: recordings and reference images may need .* and 1\.00 MB are free"):
+        sweep.check_room(plan, Wanted(configs=(), out=tmp_path, seconds=1e6 / 30 / bytes_a_wall))
+
+
+class Room:
+    """Of a disk."""
+
+    def __init__(self, free: int) -> None:
+        self.free = free
+
+
 def test_table_has_codes_and_cores():
     one, other = tables([ROW, replace(ROW, method="framed"), replace(ROW, cores=0.5)])
     line = one.lines[0]
@@ -251,7 +268,7 @@ def test_strip_has_a_column_for_each_picture():
 
     found = strip(grey, {"adaptive": (grey, 0.0), "framed": (grey + 10, 10 / 255)})
 
-    assert found.shape == (2 * (10 + LABEL_HEIGHT), 3 * 20 + 2 * GAP, 3)
+    assert found.shape == (2 * (10 + 8 * SMALLEST_LABEL // 5), 3 * 20 + 2 * GAP, 3)
     assert (found[-10:, 20 + GAP : 40 + GAP] == 0).all(), "no error"
     assert (found[-10:, -20:] == 30).all(), "three times the error"
 

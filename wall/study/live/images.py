@@ -12,7 +12,7 @@ from wall.display.png import whole_wall
 from wall.geometry.panels import Panel, Wall
 from wall.study.quality.image_strips import ERROR_GAIN, GAP, Bytes
 
-LABEL_HEIGHT, LABEL_SIZE = 24, 15  # pixels
+SMALLEST_LABEL = 15  # pixels, of its letters; a fortieth of a wide image
 INK, PAPER = (31, 35, 40), (255, 255, 255)
 
 
@@ -29,9 +29,11 @@ def wall_image(wall: Wall, codes: Callable[[Panel], Bytes]) -> Bytes:
 
 def labelled(image: Bytes, text: str) -> Bytes:
     """The image below a line of text."""
-    label = Image.new("RGB", (image.shape[1], LABEL_HEIGHT), PAPER)
-    font = ImageFont.load_default(LABEL_SIZE)
-    ImageDraw.Draw(label).text((4, LABEL_HEIGHT / 2), text, fill=INK, font=font, anchor="lm")
+    size = max(SMALLEST_LABEL, image.shape[1] // 40)
+    height = 8 * size // 5
+    label = Image.new("RGB", (image.shape[1], height), PAPER)
+    font = ImageFont.load_default(size)
+    ImageDraw.Draw(label).text((4, height / 2), text, fill=INK, font=font, anchor="lm")
     return np.concatenate([np.asarray(label), image])
 
 

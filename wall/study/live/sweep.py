@@ -13,7 +13,8 @@ from typing import Any
 from wall.config.loading import Loaded
 from wall.config.sampling import METHODS
 from wall.config.views import KeyframesPathConfig
-from wall.core.errors import RunError
+from wall.core.errors import ConfigError, RunError
+from wall.geometry.panels import Wall
 from wall.roles.plan import Plan
 from wall.study import json_lines
 from wall.study.live import cpu_limit
@@ -52,6 +53,10 @@ class Wanted:
     def check(self) -> None:
         """Raises ConfigError, RunError where this cannot be measured here."""
         check_names(self.configs)
+        try:
+            self.out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"--out {self.out}: {error.strerror}; wanted a folder that can be written") from error
         for cores in self.cores:
             cpu_limit.check(cores)
 
@@ -105,11 +110,30 @@ def sweep(wanted: Wanted, watch: Watch) -> Outcome:
     for one in loaded:
         watch(f"{one.path.stem}: loading the scene", 0, len(loaded))
         plan = moving(one)
+        check_room(plan, wanted)
         outcome.notes.extend(notes_of(plan, wanted))
         reference = WallReference(plan, wanted.times, wanted.out, spp=wanted.spp)
         for cores in wanted.cores:
             _compare(wanted, plan.layout.loaded, reference, cores, watch, outcome)
     return outcome
+
+
+def check_room(plan: Plan, wanted: Wanted) -> None:
+    """Raises RunError where the disk has no room: a mapped file on a full one ends the process without a word."""
+    values = 3 * pixels_of(plan.layout.wall)
+    recordings = len(wanted.methods) * len(wanted.cores) if wanted.keep else 1
+    recorded = values * plan.view.refresh_hz * (wanted.warm_up_s + wanted.seconds + BEYOND_S) * recordings
+    needed, free = recorded + values * 2 * wanted.moments, shutil.disk_usage(wanted.out).free  # reference: float16
+    if needed > free:
+        raise RunError(
+            f"{plan.layout.loaded.path.stem}: recordings and reference images may need {needed / 1e6:.3g} MB in "
+            f"{wanted.out}, and {free / 1e6:.2f} MB are free; wanted: another --out, fewer --seconds or --moments"
+        )
+
+
+def pixels_of(wall: Wall) -> int:
+    """Of all panels."""
+    return sum(width * height for width, height in (panel.pixels for panel in wall.panels))
 
 
 def notes_of(plan: Plan, wanted: Wanted) -> list[str]:
@@ -152,13 +176,16 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     trial.folder.mkdir(parents=True, exist_ok=True)
     config = trial.folder / f"{trial.config}.yaml"
     config.write_text(trial.text, encoding="utf-8")
-    load = os.getloadavg()[0]
-    run = run_wall(config, trial.folder, seconds=wanted.warm_up_s + wanted.seconds + BEYOND_S, cores=trial.cores)
-    shown = Shown(run.images)
-    row = _row(wanted, trial, run, shown, reference, load=load)
-    keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=film_hz(trial.refresh_hz))
-    if not wanted.keep:
-        shutil.rmtree(trial.folder / IMAGES)
+    load, seconds = os.getloadavg()[0], wanted.warm_up_s + wanted.seconds + BEYOND_S
+    try:
+        run = run_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
+        shown = Shown(run.images)
+        row = _row(wanted, trial, run, shown, reference, load=load)
+        hz = film_hz(trial.refresh_hz)
+        keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=hz)
+    finally:
+        if not wanted.keep:
+            shutil.rmtree(trial.folder / IMAGES, ignore_errors=True)
     return row
 
 
@@ -184,7 +211,7 @@ def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallRe
         seconds=wanted.seconds,
         warm_up_s=wanted.warm_up_s,
         panels=len(reference.wall.panels),
-        pixels=sum(width * height for width, height in (panel.pixels for panel in reference.wall.panels)),
+        pixels=pixels_of(reference.wall),
         display_delay_s=run.images.display_delay_s,
         error_over_time=error.over_time,
         times=reference.times,
