@@ -19,15 +19,15 @@ OPTIONS = ("--methods", "adaptive,framed", "--cores", 1, "--warm-up", 0.3, "--mo
 START_LIMIT_S, STOP_LIMIT_S = 60.0, 12.0  # an interrupted wall has 8 s to end in order
 
 
-def processes_of(config: str) -> list[int]:
-    """Living processes whose command line names a file."""
+def processes_of(folder: str) -> list[int]:
+    """Living processes whose command line names a file of a folder."""
     found = []
     for entry in Path("/proc").iterdir():
         try:
             words = (entry / "cmdline").read_bytes().decode().split("\0")
         except (OSError, UnicodeDecodeError):
             continue
-        if entry.name.isdecimal() and any(config in word for word in words):
+        if entry.name.isdecimal() and any(folder in word for word in words):
             found.append(int(entry.name))
     return found
 
@@ -73,12 +73,12 @@ def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
     measuring = start("measure", "live", config, *OPTIONS, "--seconds", 60, "--out", out)
     try:
         until(lambda: log.exists() and "starting" in log.read_text(), START_LIMIT_S)
-        assert len(processes_of("wall-0.yaml")) >= 2, "this command and the wall"
+        assert len(processes_of(str(tmp_path))) >= 2, "this command and the wall"
 
         os.kill(measuring.pid, signal.SIGINT)
 
         assert measuring.wait(STOP_LIMIT_S) != 0
-        assert processes_of("wall-0.yaml") == []
+        assert processes_of(str(tmp_path)) == []
     finally:
         for pid in processes_of(str(tmp_path)):
             os.kill(pid, signal.SIGKILL)
