@@ -5,7 +5,8 @@ samples -> reconstruct -> framelets -> operators -> sinks. Values only; build.py
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from wall.config.graph import FrameSync, SinkNode
@@ -28,6 +29,11 @@ class Layer:
     transparent: bool  # where nothing is
     reprojects: bool  # its samples move with camera and objects, whichever sampler chose them
     compositor: int  # rank that reconstructs it
+
+    @property
+    def at_renderer(self) -> bool:
+        """Whether the rank that renders it reconstructs it too: then its samples do not travel."""
+        return self.compositor in self.ranks
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +120,13 @@ class Graph:
     def sinks_on(self, rank: int) -> tuple[Step, ...]:
         """The sinks that a compositor runs."""
         return tuple(step for step in self.steps if step.rank == rank and isinstance(step.node, SinkNode))
+
+    def reconstructed_at(self, rank_of: Mapping[int, int]) -> Graph:
+        """The same graph with some layers reconstructed elsewhere: ranks by index of layer."""
+        layers = tuple(replace(layer, compositor=rank_of.get(layer.index, layer.compositor)) for layer in self.layers)
+        moved = {layer.node: layer.compositor for layer in layers}
+        steps = tuple(replace(step, rank=moved.get(step.node.id, step.rank)) for step in self.steps)
+        return replace(self, layers=layers, steps=steps)
 
     def layers_on(self, rank: int) -> tuple[Layer, ...]:
         """The layers that a compositor reconstructs."""

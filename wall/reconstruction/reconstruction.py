@@ -87,6 +87,7 @@ class Reconstruction:
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
+        self.refreshes = 0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
@@ -96,6 +97,7 @@ class Reconstruction:
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
         self.poses.show(event)
+        self.refreshes += 1
         history = self.buffer.history
         if not self.poses.nothing_moves:
             self._reconstruct(self.buffer.seconds(now))

@@ -20,14 +20,21 @@ SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, w
 
 
 class AdaptiveRenderer:
-    """A Sampler: refreshes the renderer's deep buffer when that is due, then chooses."""
+    """A Sampler: refreshes the renderer's deep buffer when that is due, then chooses.
+
+    Where the renderer makes the image that is shown, it gives that one's reconstruction, and refreshes it.
+    """
 
     coherent = AdaptiveSampler.coherent
 
-    def __init__(self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock) -> None:
+    def __init__(
+        self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock,
+        shown: Reconstruction | None = None,
+    ) -> None:
+        """`band`: its part of the region; `shown`: the reconstruction of the image that is shown."""
         panel = plan.layout.wall.panels[region.panel]
         self._panel_view = PanelView(plan.view_of(panel), panel)
-        self.reconstruction = Reconstruction(
+        self.reconstruction = shown or Reconstruction(
             panel, self._panel_view.eye, plan.scene, detects_change=True, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
@@ -35,6 +42,7 @@ class AdaptiveRenderer:
             band, self.reconstruction.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed,
             tiling=sampling.tiling,
         )  # fmt: skip
+        self._shared, self._refreshes = shown is not None, 0
         self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
         self._due = float("-inf")
         self._predictor = make_predictor(plan, plan.layout.view_index(panel))
@@ -44,7 +52,11 @@ class AdaptiveRenderer:
     def choose(self, newest: Event) -> Targets | None:
         """Returns the next batch's targets from the sampler; first refreshes the deep buffer if that is due."""
         now = self._clock.now()
-        if now >= self._due:
+        if self._shared and self.reconstruction.refreshes != self._refreshes:
+            self._refreshes = self.reconstruction.refreshes
+            self._expected(newest, now)
+            self.sampler.replan(self.reconstruction.feedback())
+        elif not self._shared and now >= self._due:
             self.reconstruction.refresh(self._panel_view(self._expected(newest, now)), now)
             self.sampler.replan(self.reconstruction.feedback())
             took = self._clock.now() - now

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
 from wall.config.graph import FrameSync, SkyNode
-from wall.core.data import Event, Framelet, Rect, StatisticsImage
+from wall.core.data import Batch, Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
@@ -83,21 +83,24 @@ class Composition:
     def insert(self, packet: bytes) -> None:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
         if is_samples(packet):
-            batch = decode(packet)
-            layer = self._layer_of(batch.rank, batch.panel, batch.rect)
-            if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
-                wanted = f"about {self._refreshed:.6g} s"
-                raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")
-            layer.insert(batch)
+            self.insert_batch(decode(packet))
             return
         message = parse_control(packet)
         if isinstance(message, StatisticsImage):
-            self._keep(message)
+            self.keep(message)
         elif isinstance(message, FrameletPart):
             if (nodes := self._nodes_of(message)) is not None:
                 nodes.insert(message)
         else:
             raise RemoteProtocolError("neither samples, a framelet nor another compositor's statistics image")
+
+    def insert_batch(self, batch: Batch) -> None:
+        """Take samples in. Raises RemoteProtocolError for those that no rank of this run can have traced now."""
+        layer = self._layer_of(batch.rank, batch.panel, batch.rect)
+        if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
+            wanted = f"about {self._refreshed:.6g} s"
+            raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")
+        layer.insert(batch)
 
     def _nodes_of(self, part: FrameletPart) -> _Nodes | None:
         return self._compared if part.compared else self._nodes
@@ -112,7 +115,7 @@ class Composition:
             raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
         return self.layers[region.layer]
 
-    def _keep(self, image: StatisticsImage) -> None:
+    def keep(self, image: StatisticsImage) -> None:
         """Keep a renderer's tiles for its layer, another compositor's image for the head."""
         if image.rank != HEAD:
             layer = self._layer_of(image.rank, image.panel, image.bounds)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from wall.core.data import Event
+from wall.core.data import Batch, Event
 from wall.display.base import Status, WallImage
 from wall.packets.control import Message
 from wall.sampling.tiles import Measured
@@ -50,7 +50,7 @@ class Traced:
 
     worker: int
     event: Event  # of the Trace
-    packet: bytes | None  # None: nothing is missing under that event
+    result: bytes | Batch | None  # a packet, or a batch to keep; None: nothing is missing under that event
     work: Work
     measured: Measured | None = None  # its sampler's tiles, where Trace asked for them
 
@@ -116,6 +116,7 @@ class Trace:
     worker: int
     event: Event
     lost: tuple[bytes, ...] = ()  # its packets that were dropped: their samples are to be traced again
+    keep: bool = False  # the batch stays in this process: it is not encoded
     measure: bool = False  # tell what its sampler knows of its tiles
 
 

@@ -38,7 +38,7 @@ class PanelCompositor:
     @property
     def _reprojects(self) -> bool:
         """Whether the framelet shows reprojected samples."""
-        return self._routing.reprojected and self.reprojected.reconstruction is not None
+        return self._routing.reprojected and self.reprojected.shows
 
     def follow(self, event: Event) -> None:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""

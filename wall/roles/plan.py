@@ -5,7 +5,7 @@ The plan is a pure function of the configuration, so every rank works it out alo
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
 from wall.operators.base import Operator
+from wall.reconstruction.gpu.device import gpu_nodes
 from wall.scene.build import Scene
 from wall.scene.build import build as build_scene
 
@@ -158,14 +159,41 @@ def aimed(layout: Layout, scene: Scene) -> Plan:
 
 
 def on_one_rank(plan: Plan) -> Plan:
-    """The same plan with every node of its graph on the head: images are the same wherever nodes run."""
+    """The same plan with every node on the head, but for what renderers reconstruct: images are the same anywhere."""
     graph = plan.layout.graph
-    graph = replace(
-        graph,
-        steps=tuple(replace(step, rank=HEAD) for step in graph.steps),
-        layers=tuple(replace(layer, compositor=HEAD) for layer in graph.layers),
-    )
+    others = {layer.index: HEAD for layer in graph.layers if not layer.at_renderer}
+    at_renderers = {layer.node for layer in graph.layers if layer.at_renderer}
+    steps = tuple(step if step.node.id in at_renderers else replace(step, rank=HEAD) for step in graph.steps)
+    graph = replace(graph, steps=steps).reconstructed_at(others)
     return replace(plan, layout=replace(plan.layout, graph=graph))
+
+
+def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
+    """Why samples of a layer travel to its compositor even on one machine; "" where its renderer makes its image."""
+    if len(layer.ranks) > 1:
+        return f"{len(layer.ranks)} ranks render it"
+    if layout.graph.sync != "none":
+        return "its frames are shown in lock step"
+    if layout.sampling.threads > 1:
+        return f"{layout.sampling.threads} threads render it"
+    if beyond := layout.graph.beyond_bytes(layer):
+        return f"the graph needs {' and '.join(beyond)}"
+    if layout.config.reconstruction == "gpu" or (layout.config.reconstruction == "auto" and gpu_nodes()):
+        return "the compositor's GPU reconstructs"
+    return ""
+
+
+def reconstructed_at_renderers(layout: Layout, machines: Sequence[str]) -> Layout:
+    """Let renderers make the images that are shown on their machines: their deep buffers hold the samples already.
+
+    `machines`: of every rank.
+    """
+    rank_of = {
+        layer.index: layer.ranks[0]
+        for layer in layout.graph.layers
+        if machines[layer.ranks[0]] == machines[layer.compositor] and not why_not_at_renderer(layout, layer)
+    }
+    return replace(layout, graph=layout.graph.reconstructed_at(rank_of))
 
 
 def make_predictor(plan: Plan, view: int) -> Predictor:

@@ -7,12 +7,13 @@ worker that finds nothing missing rests until there is another event, or its pac
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 
-from wall.core.data import Event
+from wall.core.data import Batch, Event
 from wall.packets.control import Heartbeat, Hello, Membership, Stop, serialise
 from wall.packets.samples import decode, is_samples
-from wall.roles.edges import NEVER, Number
+from wall.roles.edges import NEVER, Number, targets_of
 from wall.roles.instructions import (
     Dropped,
     Finish,
@@ -26,7 +27,8 @@ from wall.roles.instructions import (
     Work,
 )
 from wall.roles.membership import Standing
-from wall.roles.plan import Plan
+from wall.roles.plan import HEAD, Plan
+from wall.roles.renderer_image import RendererImage
 from wall.roles.statistics import Due, tiles_of
 from wall.roles.status import Rates
 from wall.sampling.tiles import Measured
@@ -39,15 +41,18 @@ RATE_SPAN_S = 0.2  # rates are averages over at least so long
 class Renderer:
     """A role: one rank's part of a view, shared among some workers."""
 
-    def __init__(self, plan: Plan, hello: Hello, ready: Ready) -> None:
-        layout, self._rank, self._ready = plan.layout, hello.rank, ready
+    def __init__(self, plan: Plan, hello: Hello, ready: Ready, image: RendererImage | None = None) -> None:
+        """`image`: made here of the samples, in place of packets to a compositor."""
+        layout, self._rank, self._ready, self._image = plan.layout, hello.rank, ready, image
         self.due = -math.inf
         self.event: Event | None = None  # the newest
         self.complete = False  # nothing is missing under the newest event
         self._target, self._workers = layout.target_of(hello.rank), layout.sampling.threads
         self._configured: str = layout.sampling.method
         self._samplers: tuple[str, str] = (self._configured, "")  # the second is compared with the first
-        self._standing = Standing(hello, {self._target}, layout.config.transport)
+        users = {rank for ranks in targets_of(layout.graph, hello.rank).values() for rank in ranks}
+        targets = {self._target} if image is None else users | {HEAD}
+        self._standing = Standing(hello, targets, layout.config.transport)
         self._running: set[int] = set()  # workers that trace
         self._resting: dict[int, tuple[Number, float]] = {}  # under which event, and when it looks again
         self._lost: dict[int, list[bytes]] = {}  # by worker: packets that were dropped
@@ -65,11 +70,13 @@ class Renderer:
         if isinstance(message, Traced):
             yield from self._take(message, now)
         elif isinstance(message, Dropped):
-            self._lose(message.packet)
+            self._lose(message)
         else:
             self._standing.hear(now)
         if isinstance(message, Event) and (self.event is None or message.number >= self.event.number):
             self.event = message
+            if self._image is not None:
+                self._image.follow(message)
             self.complete = self.complete and self._all_rest()
         elif isinstance(message, Membership):
             yield from self._standing.take(message)
@@ -87,8 +94,20 @@ class Renderer:
         if self._standing.beat_due(now):
             yield from self._standing.beat(self._heartbeat(now), now)
         self.due = now + LOOK_AGAIN_S
+        if self._image is not None:
+            yield from self._show(self._image, now)
         if self.event is not None and not self._stopping:
             yield from self._give_work(self.event, now)
+        if self._image is not None:
+            self.due = min(self.due, self._image.due)
+
+    def _show(self, image: RendererImage, now: float) -> Iterator[Instruction]:
+        """Bring the image that this rank makes up to date, and send what changed."""
+        for offer in image.on_tick(now):
+            self._packets += 1
+            self._bytes += len(offer.packet)
+            yield offer
+        yield from self._tell_completeness(now)
 
     def _give_work(self, event: Event, now: float) -> Iterator[Instruction]:
         wanted = (event.sampler or self._configured, event.compare)
@@ -105,12 +124,13 @@ class Renderer:
         for worker in range(self._workers):
             if worker in self._running or self._rests(worker, event, now):
                 continue
-            if not self._ready(self._target):
+            if self._image is None and not self._ready(self._target):
                 self.due = now + CREDIT_POLL_S
                 return
             self._running.add(worker)
             measure = event.statistics and self._tiles_due[worker].now(now)
-            yield Trace(worker, event, lost=tuple(self._lost.pop(worker, ())), measure=measure)
+            lost, keep = tuple(self._lost.pop(worker, ())), self._image is not None
+            yield Trace(worker, event, lost=lost, keep=keep, measure=measure)
         idle = [worker for worker in range(self._workers) if worker not in self._running]
         self.due = min((self._resting.get(worker, (NEVER, now))[1] for worker in idle), default=self.due)
 
@@ -130,14 +150,23 @@ class Renderer:
         if traced.measured is not None:
             self._tiles[traced.worker] = traced.measured
         if traced.measured is not None and traced.worker == self._workers - 1:
-            image = tiles_of(self._rank, self._panel, self._tiles.values())
-            yield from self._offer(serialise(image))
-        if traced.packet is None:
+            tiles = tiles_of(self._rank, self._panel, self._tiles.values())
+            if self._image is not None:
+                self._image.keep_tiles(tiles)
+            else:
+                yield from self._offer(serialise(tiles))
+        if traced.result is None:
             self._resting[traced.worker] = (traced.event.number, now + LOOK_AGAIN_S)
         else:
             self._resting.pop(traced.worker, None)
-            yield from self._offer(traced.packet)
-        complete = self._all_rest() and not self._lost
+            if self._image is not None and isinstance(traced.result, Batch):
+                self._image.insert(traced.result)
+            elif isinstance(traced.result, bytes):
+                yield from self._offer(traced.result)
+        yield from self._tell_completeness(now)
+
+    def _tell_completeness(self, now: float) -> Iterator[Instruction]:
+        complete = self._all_rest() and not self._lost and (self._image is None or self._image.complete)
         if complete != self.complete:
             self.complete = complete
             yield from self._standing.beat(self._heartbeat(now), now)
@@ -147,10 +176,12 @@ class Renderer:
         self._bytes += len(packet)
         yield Offer(self._target, packet)
 
-    def _lose(self, packet: bytes) -> None:
-        if is_samples(packet):  # else tiles: the next ones replace them
-            worker = decode(packet).sequence % self._workers
-            self._lost.setdefault(worker, []).append(packet)
+    def _lose(self, dropped: Dropped) -> None:
+        if self._image is not None:
+            self._image.composition.lose(dropped.to, dropped.packet)
+        elif is_samples(dropped.packet):  # else tiles: the next ones replace them
+            worker = decode(dropped.packet).sequence % self._workers
+            self._lost.setdefault(worker, []).append(dropped.packet)
             self.complete = False
 
     def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
@@ -159,10 +190,13 @@ class Renderer:
         bad = sum(w.bad_samples for w in work)
         samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, samples, self._bytes, compared)
         number = self.event.number if self.event else NEVER
+        dropped = self._image.drops() if self._image is not None else Counter[str]()
+        dropped += Counter(not_finite=bad)
         return Heartbeat(
             rank=self._rank,
             time=now,
             samples_traced=samples,
+            samples_shown=self._image.samples_shown if self._image is not None else 0,
             secondary_rays=sum(w.secondary_rays for w in work),
             samples_per_s=samples_per_s,
             compared_per_s=compared_per_s,
@@ -170,7 +204,7 @@ class Renderer:
             packets=self._packets,
             bytes=self._bytes,
             seconds=now - (now if self._began is None else self._began),
-            dropped={"not_finite": bad} if bad else {},
+            dropped=dict(dropped),
             complete=self.complete,
             camera_event=number[0],
             scene_event=number[1],

@@ -46,6 +46,22 @@ class ReprojectedLayer:
         self.show_all = False  # at the next refresh, not only what changed
         self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
         self._refreshed = False
+        if layer.at_renderer:
+            self.reconstruction = Reconstruction(
+                self._panel, self._panel_view.eye, plan.scene, detects_change=True, samples_per_pixel=self._kept
+            )
+            self.choice = Choice(on="cpu", why="at its renderer")
+
+    @property
+    def shows(self) -> bool:
+        """Whether there is an image to show."""
+        made = self.reconstruction is not None
+        return made and not (self._layer.at_renderer and self.arrivals.samples_shown == 0)
+
+    @property
+    def _kept(self) -> float:
+        sampling = self._plan.layout.sampling
+        return sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
 
     @property
     def on_gpu(self) -> bool:
@@ -53,8 +69,13 @@ class ReprojectedLayer:
         return isinstance(self.reconstruction, GpuReconstruction)
 
     def insert(self, batch: Batch) -> None:
-        """Store a batch in the deep buffer. Raises GpuError if a GPU was insisted on and is lost."""
+        """Store a batch in the deep buffer, unless the sampler has done that: it shares the buffer at the renderer.
+
+        Raises GpuError if a GPU was insisted on and is lost.
+        """
         self._counters += Counter(outside=self.arrivals.note(batch))
+        if self._layer.at_renderer:
+            return
         reconstruction = self.reconstruction or self._make()
         samples = batch.samples
         if self._coverage is not None:
@@ -66,8 +87,7 @@ class ReprojectedLayer:
             self._give_up(error)
 
     def _make(self) -> AnyReconstruction:
-        sampling, eye, panel, scene = self._plan.layout.sampling, self._panel_view.eye, self._panel, self._plan.scene
-        kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        eye, panel, scene, kept = self._panel_view.eye, self._panel, self._plan.scene, self._kept
         if self._layer.transparent:
             self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
         self.reconstruction, choice = make_reconstruction(self._wish, panel, eye, scene, samples_per_pixel=kept)

@@ -11,6 +11,7 @@ from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region
 from wall.geometry.cameras import PanelView
 from wall.packets.samples import Codec, encode
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
 from wall.roles.instructions import Work
 from wall.roles.plan import Plan
@@ -50,6 +51,11 @@ class Worker:
 
     def step(self, newest: Event) -> bytes | None:
         """Traces and encodes one batch at the newest event; returns the packet, or None without targets."""
+        batch = self.trace(newest)
+        return encode(batch, self._codec) if batch is not None else None
+
+    def trace(self, newest: Event) -> Batch | None:
+        """Traces one batch at the newest event; returns None without targets."""
         while self._lost:
             lost = self._lost.popleft()
             _of_kind(self.sampler, lost.adaptive).forget(lost.samples, lost.base_time)
@@ -72,7 +78,7 @@ class Worker:
             bad_samples=self.work.bad_samples + cost.bad,
         )
         self._sequence += self._workers
-        batch = Batch(
+        return Batch(
             view=event.view,
             panel=self._region.panel,
             rect=self._region.rect,
@@ -91,7 +97,6 @@ class Worker:
             adaptive=isinstance(chosen, AdaptiveRenderer),
             relightable=self._relightable,
         )
-        return encode(batch, self._codec)
 
     def measure_tiles(self) -> Measured | None:
         """What the adaptive sampler knows of its tiles, None where there is none. Only between two steps."""
@@ -123,21 +128,28 @@ def _of_kind(sampler: Sampler, adaptive: bool) -> Sampler:
     return first if isinstance(first, AdaptiveRenderer) == adaptive else second
 
 
-def make_samplers(plan: Plan, method: str, region: Region, clock: Clock, *, compare: str = "") -> list[Sampler]:
+def make_samplers(
+    plan: Plan,
+    method: str,
+    region: Region,
+    clock: Clock,
+    *,
+    compare: str = "",
+    shown: Reconstruction | None = None,
+) -> list[Sampler]:
     """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty.
 
-    `compare`: another method that gets half of the rays, unless empty.
+    `compare`: another method that gets half of the rays, unless empty; `shown`: see AdaptiveRenderer.
     """
     if compare:
-        pairs = zip(
-            make_samplers(plan, method, region, clock), make_samplers(plan, compare, region, clock), strict=True
-        )
-        return [SplitSampler(first, second) for first, second in pairs]
+        both = (make_samplers(plan, each, region, clock, shown=shown) for each in (method, compare))
+        return [SplitSampler(first, second) for first, second in zip(*both, strict=True)]
     sampling = plan.layout.sampling
     if method:
         sampling = switched(sampling, method)
     if isinstance(sampling, AdaptiveSampling):
-        return [AdaptiveRenderer(plan, sampling, region, band, clock) for band in bands(region.rect, sampling.threads)]
+        own = bands(region.rect, sampling.threads)
+        return [AdaptiveRenderer(plan, sampling, region, band, clock, shown) for band in own]
     workers, batch, seed = sampling.threads, sampling.samples_per_batch, sampling.seed
     if isinstance(sampling, FramedSampling):
         counter = FrameCounter(workers)

@@ -13,7 +13,16 @@ from pathlib import Path
 from wall.config.loading import Loaded
 from wall.core.errors import ConfigError
 from wall.display.x_server import check_displays
-from wall.roles.plan import HEAD, Layout, Plan, check_files, make_layout, make_plan, window_panels
+from wall.roles.plan import (
+    HEAD,
+    Layout,
+    Plan,
+    check_files,
+    make_layout,
+    make_plan,
+    reconstructed_at_renderers,
+    window_panels,
+)
 from wall.run.bootstrap import Bootstrap, under_mpi
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.bootstrap_threads import ThreadBootstrap
@@ -49,6 +58,7 @@ def check_folder(folder: Path) -> None:
 def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
     if not options.headless:
         check_displays(window_panels(layout, range(layout.size)))
+    layout = reconstructed_at_renderers(layout, [""] * layout.size)
     plan, tracer_scene = _prepare(layout, say)
 
     def main(bootstrap: Bootstrap) -> None:
@@ -74,7 +84,10 @@ def _run_mpi(
 
     launched = MpiBootstrap()
     check_size(layout, launched.size, tell=launched.rank == HEAD)
-    bootstrap = _placed(layout, launched, launched.allgather(socket.gethostname()))
+    machines = launched.allgather(socket.gethostname())
+    rank_of, bootstrap = _placed(layout, launched, machines)
+    by_rank = [machine for _, machine in sorted(zip(rank_of, machines, strict=True))]
+    layout = reconstructed_at_renderers(layout, by_rank)
     if layout.config.transport.kind == "loopback":
         raise layout.loaded.error(("transport", "kind"), "MPI ranks are processes; loopback stays inside one", "zmq")
     if not options.headless:
@@ -87,10 +100,11 @@ def _run_mpi(
     return lead(plan, bootstrap, options, say, opened)
 
 
-def _placed(layout: Layout, launched: Bootstrap, machines: Sequence[str]) -> Bootstrap:
-    """The launched processes under the ranks that suit their machines; one of them tells why that cannot be."""
+def _placed(layout: Layout, launched: Bootstrap, machines: Sequence[str]) -> tuple[tuple[int, ...], Bootstrap]:
+    """The wall's rank of every launched process, by their machines; one of them tells why that cannot be."""
     try:
-        return Renumbered(launched, assign(layout.graph.hosts, machines, config=layout.loaded.name))
+        rank_of = assign(layout.graph.hosts, machines, config=layout.loaded.name)
+        return rank_of, Renumbered(launched, rank_of)
     except ConfigError:
         if launched.rank == HEAD:
             raise

@@ -18,6 +18,7 @@ from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
 from wall.roles.plan import Plan
 from wall.roles.renderer import Renderer
+from wall.roles.renderer_image import image_at
 from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.clock import HeadClock
@@ -49,9 +50,10 @@ def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[s
     with ExitStack() as closing:
         ports = ways_of(plan, rank, address, clock, None)
         closing.callback(ports.close)
-        tracers = Tracers(plan, tracer_scene, rank, clock)
+        image = image_at(plan, rank, ports.ready, clock)
+        tracers = Tracers(plan, tracer_scene, rank, clock, image=image)
         closing.callback(tracers.close)
-        Loop(Renderer(plan, hello_of(rank, ""), ports.ready), ports, clock, tracers=tracers).run()
+        Loop(Renderer(plan, hello_of(rank, ""), ports.ready, image), ports, clock, tracers=tracers).run()
 
 
 def _compose(plan: Plan, rank: int, address: Mapping[str, str], *, headless: bool) -> None:

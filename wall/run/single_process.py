@@ -6,14 +6,17 @@ hand.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from wall.core.clock import ManualClock
 from wall.display.base import PanelImage
 from wall.packets.control import Hello
-from wall.packets.samples import decode
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import Packet
-from wall.roles.plan import HEAD, Plan, first_event, on_one_rank
+from wall.roles.plan import HEAD, Plan, first_event, on_one_rank, reconstructed_at_renderers
 from wall.roles.renderer import Renderer
+from wall.roles.renderer_image import image_at
+from wall.roles.worker import Worker
 from wall.run.clock import HeadClock
 from wall.run.loop import Loop
 from wall.run.ports import Ports
@@ -40,28 +43,36 @@ class SingleProcess:
     """Every renderer and the compositor of a plan, each in its loop, turned one after the other under `event`."""
 
     def __init__(self, plan: Plan, scene: TracerScene) -> None:
-        layout, self._wire = plan.layout, Wire()
+        layout = reconstructed_at_renderers(plan.layout, [""] * plan.layout.size)
+        plan, self._wire = replace(plan, layout=layout), Wire()
         self.clock, self.event = ManualClock(), first_event(plan, now=0.0)
-        tracers = [Tracers(plan, scene, rank, self.clock, threads=False) for rank in layout.renderers()]
-        self.workers = [worker for each in tracers for worker in each.workers]
-        roles = [Renderer(plan, hello_of(rank), ready=lambda _: True) for rank in layout.renderers()]
-        self._renderers = [Loop(r, self._wire, self.clock, tracers=t) for r, t in zip(roles, tracers, strict=True)]
+        self.workers, self._renderers = list[Worker](), list[Loop]()
+        for rank in layout.renderers():
+            image = image_at(plan, rank, lambda _: True, self.clock)
+            tracers = Tracers(plan, scene, rank, self.clock, threads=False, image=image)
+            renderer = Renderer(plan, hello_of(rank), ready=lambda _: True, image=image)
+            self._renderers.append(Loop(renderer, self._wire, self.clock, tracers=tracers))
+            self.workers += tracers.workers
         compositor = Compositor(on_one_rank(plan), hello_of(HEAD), ready=lambda _: True)
         self.composition, self._refresh_s = compositor.composition, 1.0 / plan.view.refresh_hz
         self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 
     def step(self) -> int:
         """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the image is complete."""
+        traced = sum(worker.work.samples for worker in self.workers)
         for loop in (self._compositor, *self._renderers):
             loop.tell(self.event)  # Renderer.on_message
+        self._turn()
+        self.clock.advance(BATCH_SECONDS)
+        return sum(worker.work.samples for worker in self.workers) - traced
+
+    def _turn(self) -> None:
         for loop in self._renderers:
-            loop.turn()  # Renderer.on_tick: Trace -> Worker.step -> Traced -> Offer
+            loop.turn()  # Renderer.on_tick: Trace -> Worker.trace -> Traced -> its own image, or Offer
         packets, self._wire.packets = self._wire.packets, []
         for packet in packets:
-            self._compositor.tell(Packet(packet))  # Compositor.on_message: decode, to the layer of its rank
+            self._compositor.tell(Packet(packet))  # Compositor.on_message: an image, or samples for the rank's layer
         self._compositor.turn()  # Compositor.on_tick: layers, then the graph's nodes, then Show
-        self.clock.advance(BATCH_SECONDS)
-        return sum(decode(packet).samples.size for packet in packets)
 
     def until_complete(self) -> list[PanelImage]:
         """Step under the present event until every renderer has nothing left to do."""
@@ -69,7 +80,7 @@ class SingleProcess:
             pass
         self.clock.advance(self._refresh_s)
         self._compositor.tell(self.event)
-        self._compositor.turn()
+        self._turn()
         return list(self.composition.shown()[0].images())
 
 

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
 from wall.core.clock import Clock
-from wall.packets.samples import decode
+from wall.core.data import Batch
+from wall.packets.samples import decode, encode
 from wall.roles.instructions import Trace, Traced
 from wall.roles.plan import Plan
+from wall.roles.renderer_image import RendererImage
 from wall.roles.worker import Worker, make_samplers
 from wall.tracing.tracer_scene import TracerScene
 
@@ -16,10 +18,20 @@ from wall.tracing.tracer_scene import TracerScene
 class Tracers:
     """Executes Trace and Restart for one rank."""
 
-    def __init__(self, plan: Plan, tracer_scene: TracerScene, rank: int, clock: Clock, *, threads: bool = True) -> None:
-        """`threads`: False steps all workers in the caller's."""
+    def __init__(
+        self,
+        plan: Plan,
+        tracer_scene: TracerScene,
+        rank: int,
+        clock: Clock,
+        *,
+        threads: bool = True,
+        image: RendererImage | None = None,
+    ) -> None:
+        """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself."""
         self._plan, self._region, self._clock = plan, plan.layout.region(rank), clock
-        samplers = make_samplers(plan, "", self._region, clock)
+        self._shown = image.reconstruction if image is not None else None
+        samplers = make_samplers(plan, "", self._region, clock, shown=self._shown)
         self.workers = [Worker(plan, tracer_scene, rank, clock, samplers, k) for k in range(len(samplers))]
         self._pool = ThreadPoolExecutor(len(self.workers)) if threads and len(self.workers) > 1 else None
         self._running: set[Future[Traced]] = set()
@@ -35,9 +47,9 @@ class Tracers:
         worker = self.workers[trace.worker]
         for lost in trace.lost:
             worker.forget(decode(lost))
-        packet = worker.step(trace.event)
+        traced = _kept(worker.trace(trace.event)) if trace.keep else worker.step(trace.event)
         measured = worker.measure_tiles() if trace.measure else None
-        return Traced(trace.worker, trace.event, packet, worker.work, measured)
+        return Traced(trace.worker, trace.event, traced, worker.work, measured)
 
     def finished(self) -> Iterator[Traced]:
         """Answers of threads that are done."""
@@ -56,7 +68,7 @@ class Tracers:
 
     def restart(self, sampler: str, compare: str) -> None:
         """Make all samplers anew. Only while no thread is at work."""
-        samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare)
+        samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare, shown=self._shown)
         for worker, own in zip(self.workers, samplers, strict=True):
             worker.sampler = own
 
@@ -64,3 +76,11 @@ class Tracers:
         """End the threads."""
         if self._pool is not None:
             self._pool.shutdown(wait=True)
+
+
+def _kept(batch: Batch | None) -> Batch | None:
+    """A batch that does not travel: rounded as one that does, so that pixels have the same bits either way.
+
+    Only that of the adaptive sampler, whose images are rounded by nothing else, keeps its own values.
+    """
+    return batch if batch is None or batch.adaptive else decode(encode(batch))

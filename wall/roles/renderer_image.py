@@ -1,0 +1,96 @@
+"""The image that a renderer makes of its own samples, where it is shown on the same machine: no sample travels."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from wall.core.clock import Clock
+from wall.core.data import Batch, Event, StatisticsImage
+from wall.packets.control import serialise
+from wall.reconstruction.reconstruction import Reconstruction
+from wall.roles.composition import Composition
+from wall.roles.edges import Number
+from wall.roles.instructions import Offer, Ready
+from wall.roles.plan import HEAD, Plan
+from wall.roles.statistics import Due
+from wall.roles.view import FollowedView
+
+SHARE_OF_TIME = 0.6  # at most spent on refreshes; the rest is for rays
+
+
+class RendererImage:
+    """`follow` events, `insert` batches; `on_tick` refreshes the image when that is due, and offers what changed."""
+
+    def __init__(self, plan: Plan, rank: int, ready: Ready, clock: Clock) -> None:
+        """`clock`: tells how long refreshes take."""
+        self._clock = clock
+        self.composition = Composition(plan, rank, ready)
+        self._ready, self._view = ready, FollowedView(plan, plan.layout.view_index(plan.layout.panel(rank)))
+        self._rests = False  # the last refresh was of the newest event, and changed nothing
+        self._statistics_due = Due()
+
+    @property
+    def reconstruction(self) -> Reconstruction:
+        """The reconstruction that the adaptive sampler shares."""
+        (layer,) = self.composition.layers.values()
+        found = layer.reprojected.reconstruction
+        assert isinstance(found, Reconstruction)
+        return found
+
+    def follow(self, event: Event) -> None:
+        """Show a new event from the next refresh on."""
+        if self._view.take(event):
+            self.composition.follow(event)
+            self._rests = False
+
+    def insert(self, batch: Batch) -> None:
+        """Show a batch from the next refresh on."""
+        self.composition.insert_batch(batch)
+        self._rests = False
+
+    def keep_tiles(self, tiles: StatisticsImage) -> None:
+        """Show a sampler's tiles with the next statistics image."""
+        self.composition.keep(tiles)
+
+    def on_tick(self, now: float) -> Iterator[Offer]:
+        """Refresh if that is due, and offer what others need as far as there is credit."""
+        view = self._view
+        if view.event is not None and now >= view.due:
+            began, expected = self._clock.now(), view.begin_refresh(now)
+            changed = self.composition.refresh(expected, now)
+            self._rests = not changed and expected.number == view.event.number
+            view.due = max(view.due, now + (self._clock.now() - began) / SHARE_OF_TIME)
+            if view.event.statistics and self._ready(HEAD) and self._statistics_due.now(now):
+                for image in self.composition.statistics_images(now, comparing=True):
+                    yield Offer(HEAD, serialise(image))
+        yield from self.composition.send()
+
+    @property
+    def due(self) -> float:
+        """When the next refresh is due, seconds of the head's clock."""
+        return self._view.due
+
+    @property
+    def complete(self) -> bool:
+        """Whether all that came is shown, and has been sent."""
+        return self._rests and self.composition.idle
+
+    @property
+    def newest_event(self) -> Number:
+        """The newest event of which a sample is shown."""
+        return self.composition.newest_event
+
+    @property
+    def samples_shown(self) -> int:
+        """Number of samples that were used."""
+        return self.composition.samples_shown()
+
+    def drops(self) -> Counter[str]:
+        """What was dropped, by name."""
+        return self.composition.drops()
+
+
+def image_at(plan: Plan, rank: int, ready: Ready, clock: Clock) -> RendererImage | None:
+    """The image that a renderer makes. None where its samples travel to a compositor."""
+    return RendererImage(plan, rank, ready, clock) if plan.layout.layer(rank).at_renderer else None
