@@ -11,7 +11,7 @@ from wall.config.loading import Loaded
 from wall.geometry.panels import Wall
 from wall.reconstruction.choice import choose
 from wall.roles.edges import targets_of
-from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan
+from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.run.warm_up import warm_up
@@ -46,6 +46,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield f"reconstruction: {choice}"
     if choice.on == "gpu":
         yield from on_the_cpu(layout)
+    yield from at_renderers(layout)
     rate, size = measured_rate(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
@@ -61,8 +62,24 @@ def on_the_cpu(layout: Layout) -> Iterator[str]:
         if more := layout.graph.beyond_bytes(layer):
             found.setdefault(more, []).append(layer.node)
     for more, names in found.items():
-        which = ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES))
-        yield f"reconstruction: cpu for {which}, of which the graph needs more than display bytes: {', '.join(more)}"
+        beyond = ", ".join(more)
+        yield f"reconstruction: cpu for {_some(names)}, of which the graph needs more than display bytes: {beyond}"
+
+
+def at_renderers(layout: Layout) -> Iterator[str]:
+    """Lines about which layers their renderers reconstruct, and why others' samples travel."""
+    found: dict[str, list[str]] = {}
+    for layer in layout.graph.layers:
+        found.setdefault(why_not_at_renderer(layout, layer), []).append(layer.node)
+    for why, names in found.items():
+        if why:
+            yield f"reconstruction: samples of {_some(names)} travel to a compositor: {why}"
+        else:
+            yield f"reconstruction: {_some(names)} at the renderer, if it shares a machine with the compositor"
+
+
+def _some(names: list[str]) -> str:
+    return ", ".join(names[:MOST_NAMES]) + (f" and {len(names) - MOST_NAMES} more" * (len(names) > MOST_NAMES))
 
 
 def _ranks(layout: Layout) -> Table:

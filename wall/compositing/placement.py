@@ -17,6 +17,7 @@ from wall.operators.base import Node
 
 HEAD = 0
 ACCEPTED = "head, panel, rank N, host NAME or compositor N"
+AT_RENDERER = "renderer"
 _ON = re.compile(r"(head|panel)|(rank|compositor) +(\d{1,5})|host +(\S+)")
 
 
@@ -65,6 +66,8 @@ class Placement:
         if isinstance(node, SamplesNode):
             self._refusals.add(node, ["on"], "samples come from renderers", "rank: N, or group: NAME, instead of on")
             return None
+        if node.on == AT_RENDERER and isinstance(node, ReconstructNode):
+            return self._chosen(node, {}, panels)  # where its image goes
         if match is None:
             self._refusals.add(node, ["on"], "names no compositor", ACCEPTED)
             return None

@@ -38,7 +38,8 @@ class Node(Model):
     id: Name = Field(description="name of the node")
     on: OnRank | None = Field(
         default=None,
-        description="where it runs: head, panel, rank N, host NAME or compositor N; absent = where its first input is",
+        description="where it runs: head, panel, rank N, host NAME or compositor N; absent = where its first input is. "
+        "A reconstruct node also: renderer",
     )
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "framelet"

@@ -38,6 +38,7 @@ from wall.roles.view import FollowedView
 
 STATUS_PERIOD_S = 0.25  # how often the table of ranks is made anew
 RATE_SPAN_S = 1.0  # refreshes a second are an average over at least so long
+BETWEEN_ARRIVALS_S = 0.004  # images of others are shown as they come, but no more often than this
 LAST_S = 2.0  # at the end packets that are on their way are taken in for so long at most
 
 
@@ -48,7 +49,8 @@ class Compositor:
         graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
         self.due = -math.inf
         self.composition = Composition(plan, hello.rank, ready, run_all)
-        self.latency, self.refreshes, self._refresh_rate = Latency(), 0, Rates(RATE_SPAN_S)
+        self.latency, self._refresh_rate = Latency(), Rates(RATE_SPAN_S)
+        self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
         targets = {target for targets in targets_of(graph, hello.rank).values() for target in targets} | {HEAD}
         self._standing = Standing(hello, targets - {hello.rank}, plan.layout.config.transport)
@@ -63,6 +65,9 @@ class Compositor:
         self._packets = self._bytes = 0  # sent
         self._all_came = False  # every rank has been in the run
         self._came = False  # packets, since the last tick
+        self._others = {step.index for step in needed_from_others(graph, hello.rank)}
+        self._shows_only = not graph.layers_on(hello.rank) and graph.sync == "none"  # images that others made
+        self._news, self._shown_at = False, -math.inf  # images to show at once; when a refresh was last
         self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
         self._quiet = False  # the last refresh was of the newest event, and changed nothing
         self._complete = False  # what the manager was told
@@ -118,15 +123,20 @@ class Compositor:
         if self._stop_at is not None and (not came or now >= self._stop_at):
             yield from self._finish(now)
             return
+        self._news = self._news or (came and self._shows_only)
         for view in self._views:
             if view.event is not None and now >= view.due:
                 yield from self._refresh(view, view.event, view.begin_refresh(now), now)
+            elif view.event is not None and self._news and now >= self._shown_at + BETWEEN_ARRIVALS_S:
+                yield from self._refresh(view, view.event, view.event, now)
         yield from self._sent(self.composition.send())
         complete = self._is_complete()
         if complete != self._complete or self._standing.beat_due(now):
             self._complete = complete
             yield from self._beat(now)
         self.due = min(view.due if view.event is not None else math.inf for view in self._views)
+        if self._news:
+            self.due = min(self.due, self._shown_at + BETWEEN_ARRIVALS_S)
         if self._stop_at is not None:
             self.due = now
 
@@ -134,10 +144,12 @@ class Compositor:
         self, view: FollowedView, event: Event, expected: Event, now: float, *, force: bool = False
     ) -> Iterator[Instruction]:
         """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
-        composition = self.composition
-        changed = bool(composition.refresh(expected, now, force=force))
+        composition, self._news, self._shown_at = self.composition, False, now
+        changes = composition.refresh(expected, now, force=force)
+        changed = bool(changes)
         if changed or self.refreshes == 0:
-            self.refreshes += 1
+            came = changes.keys() & self._others
+            self.refreshes += len(came) / len(self._others) if came and self._shows_only else 1.0
         self._ahead = expected.number != event.number
         self._quiet = not changed and not self._ahead
         if event.statistics:

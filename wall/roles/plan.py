@@ -11,6 +11,7 @@ from pathlib import Path
 
 from wall.compositing.build import build
 from wall.compositing.graph import Graph, Layer
+from wall.compositing.placement import AT_RENDERER
 from wall.config.graph import NodeGraph, SinkNode
 from wall.config.loading import Loaded
 from wall.config.sampling import AnySampling
@@ -125,7 +126,19 @@ def make_layout(loaded: Loaded) -> Layout:
     wall = expand(loaded.config.wall)
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
-    return Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes)
+    layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes)
+    _check_asked_of_renderers(layout)
+    return layout
+
+
+def _check_asked_of_renderers(layout: Layout) -> None:
+    """Refuse `on: renderer` where that cannot be. Raises ConfigError."""
+    config = layout.config.graph
+    indices = {node.id: k for k, node in enumerate(config.nodes)} if isinstance(config, NodeGraph) else {}
+    for layer in layout.graph.layers:
+        if layout.graph.step(layer.node).node.on == AT_RENDERER and (why := why_not_at_renderer(layout, layer)):
+            path = ("graph", "nodes", indices[layer.node], "on")
+            raise layout.loaded.error(path, f"its renderer cannot make this image: {why}", "no `on`, or a compositor")
 
 
 def check_files(layout: Layout) -> None:
@@ -180,6 +193,9 @@ def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
         return f"the graph needs {' and '.join(beyond)}"
     if layout.config.reconstruction == "gpu" or (layout.config.reconstruction == "auto" and gpu_nodes()):
         return "the compositor's GPU reconstructs"
+    asked = layout.graph.step(layer.node).node.on
+    if asked not in (None, AT_RENDERER):
+        return f"`on: {asked}` asks for it"
     return ""
 
 
@@ -191,7 +207,11 @@ def reconstructed_at_renderers(layout: Layout, machines: Sequence[str]) -> Layou
     rank_of = {
         layer.index: layer.ranks[0]
         for layer in layout.graph.layers
-        if machines[layer.ranks[0]] == machines[layer.compositor] and not why_not_at_renderer(layout, layer)
+        if not why_not_at_renderer(layout, layer)
+        and (
+            machines[layer.ranks[0]] == machines[layer.compositor]
+            or layout.graph.step(layer.node).node.on == AT_RENDERER
+        )
     }
     return replace(layout, graph=layout.graph.reconstructed_at(rank_of))
 

@@ -33,10 +33,10 @@ class Rates:
 
     def __init__(self, span_s: float) -> None:
         self._span_s, self._then = span_s, -math.inf
-        self._counts: tuple[int, ...] = ()
+        self._counts: tuple[float, ...] = ()
         self._rates: tuple[float, ...] = ()
 
-    def at(self, now: float, *counts: int) -> tuple[float, ...]:
+    def at(self, now: float, *counts: float) -> tuple[float, ...]:
         """Growth a second of each count, as of the last measurement that was long enough after the one before."""
         span = now - self._then
         if span > self._span_s:
@@ -144,6 +144,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
     renderers = [beat for rank, beat in beats.items() if layout.role(rank) == "renderer"]
     others = [beat for rank, beat in beats.items() if layout.role(rank) != "renderer"]
     layers = compositor.composition.layers.values()
+    at_renderers = {layout.wall.panels[layer.panel].id for layer in layout.graph.layers if layer.at_renderer}
     return {
         "seconds": round(seconds, 3),
         "ended": manager.ended or "interrupted",
@@ -153,9 +154,10 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "packets": sum(beat.packets for beat in renderers),
         "bytes": sum(beat.bytes for beat in renderers),
         "framelet_bytes": sum(beat.bytes for beat in others),
-        "refreshes": compositor.refreshes,
+        "refreshes": round(compositor.refreshes, 2),
         "head_cores": round(cores, 3),
-        "reconstruction": {layer.panel.id: str(choice) for layer in layers if (choice := layer.reprojected.choice)},
+        "reconstruction": dict.fromkeys(sorted(at_renderers), "cpu (at its renderer)")
+        | {layer.panel.id: str(choice) for layer in layers if (choice := layer.reprojected.choice)},
         "dropped": dict(sorted(dropped.items())),
         "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(compositor.latency.seconds)), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},

@@ -13,6 +13,7 @@ from wall.display.base import PanelImage
 from wall.packets.control import Hello
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import Packet
+from wall.roles.layer import PanelCompositor
 from wall.roles.plan import HEAD, Plan, first_event, on_one_rank, reconstructed_at_renderers
 from wall.roles.renderer import Renderer
 from wall.roles.renderer_image import image_at
@@ -42,19 +43,25 @@ class Wire(Ports):
 class SingleProcess:
     """Every renderer and the compositor of a plan, each in its loop, turned one after the other under `event`."""
 
-    def __init__(self, plan: Plan, scene: TracerScene) -> None:
-        layout = reconstructed_at_renderers(plan.layout, [""] * plan.layout.size)
-        plan, self._wire = replace(plan, layout=layout), Wire()
+    def __init__(self, plan: Plan, scene: TracerScene, *, at_renderers: bool = True) -> None:
+        """`at_renderers`: False lets all samples travel to the compositor, as between machines."""
+        layout, self._wire = plan.layout, Wire()
+        if at_renderers:
+            layout = reconstructed_at_renderers(layout, [""] * layout.size)
+            plan = replace(plan, layout=layout)
         self.clock, self.event = ManualClock(), first_event(plan, now=0.0)
         self.workers, self._renderers = list[Worker](), list[Loop]()
+        self.layers: dict[int, PanelCompositor] = {}
         for rank in layout.renderers():
             image = image_at(plan, rank, lambda _: True, self.clock)
             tracers = Tracers(plan, scene, rank, self.clock, threads=False, image=image)
             renderer = Renderer(plan, hello_of(rank), ready=lambda _: True, image=image)
             self._renderers.append(Loop(renderer, self._wire, self.clock, tracers=tracers))
             self.workers += tracers.workers
+            self.layers |= image.composition.layers if image is not None else {}
         compositor = Compositor(on_one_rank(plan), hello_of(HEAD), ready=lambda _: True)
         self.composition, self._refresh_s = compositor.composition, 1.0 / plan.view.refresh_hz
+        self.layers |= self.composition.layers
         self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 
     def step(self) -> int:

@@ -26,6 +26,7 @@ from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import Codec, decode, encode
+from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
@@ -96,6 +97,8 @@ def _made_up_block(plan: Plan, relightable: bool) -> None:
     panel.follow(event)
     for number in range(2):
         panel.insert(batch)
+        if isinstance(own := panel.reprojected.reconstruction, Reconstruction) and panel.layer.at_renderer:
+            own.insert(batch.samples, batch.base_time, batch)  # as the sampler does that shares it
         panel.refresh(event, 0.1 * number)
     panel.statistics_images(0.1)
 
@@ -184,7 +187,7 @@ def _between(plan: Plan) -> None:
     few = Rect(x=0, y=0, width=8, height=8)
     light = Framelet.blank(few, frozenset({"colour", "depth"}))
     kernels.encode(light.colour, 0, 0, srgb_curve(), np.empty((8, 8, 3), np.uint8), 0, 0, 8, 8)
-    if graph.compositors > 1:
+    if graph.compositors > 1 or any(layer.at_renderer for layer in graph.layers):
         FrameletPart.of(0, light, few).write(light)
 
 

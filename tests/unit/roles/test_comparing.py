@@ -114,7 +114,7 @@ def test_a_process_spends_half_of_its_rays_on_each_and_all_on_one_afterwards(
         single.event = replace(single.event, camera_event=k + 1)  # it moves: nobody is ever done
         single.step()
     assert worker.work.compared == pytest.approx(worker.work.samples / 2, abs=128)
-    (panel,) = single.composition.layers.values()
+    (panel,) = single.layers.values()
     refresh(panel, single.event)
     assert second(panel).std() > 10
     assert rgb_of(panel).std() > 10
@@ -137,7 +137,7 @@ def test_what_comes_after_a_comparison_is_as_if_there_had_been_none(threads: int
     compared.event = replace(compared.event, compare="framed", camera_event=1)
     for _ in range(30):
         compared.step()
-    assert np.isfinite(compared.composition.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
+    assert np.isfinite(compared.layers[0].compared.buffer.records["time"]).all()  # type: ignore[union-attr]
 
     images = []
     for single in (compared, fresh):
@@ -152,8 +152,8 @@ def test_lost_samples_come_back_to_the_sampler_that_chose_them(
     plan: Plan, tracer_scene: TracerScene, compiled_only: None
 ) -> None:
     """Both are traced to the end of a still view, every third packet is lost: framed shows every pixel all the same."""
-    single = SingleProcess(plan, tracer_scene)
-    (worker,), (panel,) = single.workers, single.composition.layers.values()
+    single = SingleProcess(plan, tracer_scene, at_renderers=False)
+    (worker,), (panel,) = single.workers, single.layers.values()
     single.event = replace(single.event, compare="framed", camera_event=1)
     single.step()
     for k in range(400):

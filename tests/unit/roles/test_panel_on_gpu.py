@@ -79,7 +79,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
         plan = plan_of(wish)
         chain = SingleProcess(plan, make_tracer_scene(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
-        assert str(chain.composition.layers[0].reprojected.choice).startswith(wish)
+        assert str(chain.layers[0].reprojected.choice).startswith(wish)
     assert len(np.unique(shown["cpu"])) > 50
     assert np.abs(shown["cpu"] - shown["gpu"]).max() <= 1
 

@@ -1,0 +1,222 @@
+"""Where an image is shown on its renderer's machine, the renderer makes it: as good, from one deep buffer, and sent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from wall.config.loading import loads
+from wall.core.clock import ManualClock
+from wall.core.errors import ConfigError
+from wall.packets.control import parse_control
+from wall.packets.framelets import FrameletPart
+from wall.packets.samples import is_samples
+from wall.roles.adaptive_renderer import AdaptiveRenderer
+from wall.roles.plan import Plan, first_event, make_layout, make_plan, reconstructed_at_renderers, why_not_at_renderer
+from wall.roles.renderer_image import RendererImage
+from wall.run.single_process import SingleProcess
+from wall.run.tracers import Tracers
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
+
+TEXT = """\
+version: 1
+scene: {{source: courtyard}}
+wall: {{grid: {{columns: 2, rows: 1, pixels: [48, 32], size: [0.4, 0.3]}}}}
+views: [{{camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}}}]
+sampling: {{method: {method}, threads: {threads}}}
+graph: {graph}
+reconstruction: {reconstruction}
+"""
+NODES = """
+  nodes:
+    - {{op: samples, id: s0, panel: r0c0}}
+    - {{op: reconstruct, id: p0, input: s0{on}}}
+    - {{op: samples, id: s1, panel: r0c1}}
+    - {{op: reconstruct, id: p1, input: s1{on}}}
+    - {{op: tile, id: wall, inputs: [p0, p1]}}
+    - {{op: sink, id: files, kind: png, input: wall}}
+"""
+HERE = ["here"] * 3
+
+
+def plan_of(graph: str = "sort-first", *, method: str = "adaptive", threads: int = 1, where: str = "cpu") -> Plan:
+    text = TEXT.format(graph=graph, method=method, threads=threads, reconstruction=where)
+    return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+
+
+def nodes(on: str = "") -> str:
+    return NODES.format(on=f", on: {on}" if on else "")
+
+
+@pytest.fixture(scope="module")
+def tracer_scene() -> TracerScene:
+    return make_tracer_scene(plan_of().scene)
+
+
+@pytest.mark.parametrize(
+    ("plan", "why"),
+    [
+        (plan_of(), ""),
+        (plan_of(nodes("renderer")), ""),
+        (plan_of(nodes("head")), "`on: head` asks for it"),
+        (plan_of("{preset: sort-first, ranks_per_panel: 2}"), "2 ranks render it"),
+        (plan_of("{preset: sort-first, sync: frame}", method="framed"), "its frames are shown in lock step"),
+        (plan_of(threads=2), "2 threads render it"),
+        (plan_of(where="gpu"), "the compositor's GPU reconstructs"),
+    ],
+)
+def test_renderer_makes_the_image_unless_something_stands_against_it(plan: Plan, why: str) -> None:
+    layout = plan.layout
+    assert {why_not_at_renderer(layout, layer) for layer in layout.graph.layers} == {why}
+
+    placed = reconstructed_at_renderers(layout, ["here"] * layout.size)
+
+    assert [layer.at_renderer for layer in placed.graph.layers] == [not why] * 2
+    assert [placed.graph.step(layer.node).rank for layer in placed.graph.layers] == [
+        layer.ranks[0] if not why else 0 for layer in layout.graph.layers
+    ]
+
+
+def test_sort_last_needs_more_than_display_bytes() -> None:
+    layout = plan_of("{preset: sort-last, ranks_per_panel: 2}").layout
+    assert all("depth" in why_not_at_renderer(layout, layer) for layer in layout.graph.layers)
+
+
+def test_samples_travel_to_another_machine_unless_the_image_is_asked_for() -> None:
+    machines = ["here", "here", "there"]
+    layers = reconstructed_at_renderers(plan_of().layout, machines).graph.layers
+    asked = reconstructed_at_renderers(plan_of(nodes("renderer")).layout, machines).graph.layers
+
+    assert [layer.at_renderer for layer in layers] == [True, False]
+    assert [layer.at_renderer for layer in asked] == [True, True]
+
+
+def test_renderer_that_cannot_make_the_image_is_refused_with_the_reason() -> None:
+    with pytest.raises(ConfigError, match=r":9:\d+: graph.nodes\[1\].on = .renderer.*2 threads render it"):
+        plan_of(nodes("renderer"), threads=2)
+
+
+@pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
+def test_images_have_the_same_bits_wherever_they_are_made(
+    method: str, tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    here, travelling = (
+        images(plan_of(method=method), tracer_scene),
+        images(plan_of(nodes("head"), method=method), tracer_scene),
+    )
+
+    assert here.std() > 10
+    np.testing.assert_array_equal(here, travelling)
+
+
+def test_adaptive_image_at_rest_is_as_close_wherever_it_is_made(tracer_scene: TracerScene, compiled_only: None) -> None:
+    """Samples that travel are rounded, and their sampler's noise differs: the images agree within a code or so."""
+    here, travelling = images(plan_of(), tracer_scene), images(plan_of(nodes("head")), tracer_scene)
+
+    difference = here.astype(float) - travelling.astype(float)
+    assert here.std() > 10
+    assert np.sqrt((difference**2).mean()) < 1.5
+
+
+def images(plan: Plan, scene: TracerScene) -> NDArray[np.uint8]:
+    return np.stack([image.rgb for image in SingleProcess(plan, scene).until_complete()])
+
+
+class OneRenderer:
+    """The first renderer of a plan on one machine, stepped by hand."""
+
+    def __init__(self, tracer_scene: TracerScene, *, credit: bool = True) -> None:
+        plan = plan_of()
+        self.plan = replace(plan, layout=reconstructed_at_renderers(plan.layout, HERE))
+        self.clock, self.credit = ManualClock(), credit
+        self.image = RendererImage(self.plan, 1, lambda rank: self.credit, self.clock)
+        self.tracers = Tracers(self.plan, tracer_scene, 1, self.clock, threads=False, image=self.image)
+        self.event = first_event(self.plan, 0.0)
+        self.image.follow(self.event)
+
+    def trace(self) -> int:
+        """Samples of one batch, which the image gets."""
+        batch = self.tracers.workers[0].trace(self.event)
+        if batch is None:
+            return 0
+        self.image.insert(batch)
+        return len(batch.samples)
+
+    def refresh(self) -> list[bytes]:
+        """What is sent by a refresh."""
+        self.clock.advance(0.1)
+        return [offer.packet for offer in self.image.on_tick(self.clock.now())]
+
+
+def test_sampler_and_image_share_one_deep_buffer_and_no_sample_is_sent(
+    tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    one = OneRenderer(tracer_scene)
+    sampler = one.tracers.workers[0].sampler
+    assert isinstance(sampler, AdaptiveRenderer)
+    assert sampler.reconstruction is one.image.reconstruction
+    one.refresh()
+
+    traced = one.trace()
+    packets = one.refresh()
+
+    assert traced > 0
+    assert one.image.reconstruction.count == traced
+    assert one.image.samples_shown == traced
+    assert packets
+    assert not any(is_samples(packet) for packet in packets)
+    parts = [parse_control(packet) for packet in packets]
+    assert all(isinstance(part, FrameletPart) and part.event is not None for part in parts)
+
+
+def test_only_the_refresh_of_the_image_replans_the_sampler(tracer_scene: TracerScene, compiled_only: None) -> None:
+    one = OneRenderer(tracer_scene)
+    one.refresh()
+    one.trace()
+    before = one.image.reconstruction.refreshes
+    for _ in range(3):
+        one.clock.advance(1.0)
+        one.trace()
+    assert one.image.reconstruction.refreshes == before
+
+    one.refresh()
+    assert one.image.reconstruction.refreshes == before + 1
+
+
+def test_without_credit_changes_wait_and_a_dropped_part_is_sent_again(
+    tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    one = OneRenderer(tracer_scene, credit=False)
+    one.refresh()
+    one.trace()
+    assert one.refresh() == []
+    assert not one.image.complete
+
+    one.credit = True
+    (packet,) = one.refresh()
+    one.image.composition.lose(0, packet)
+    (again,) = one.refresh()
+
+    first, second = parse_control(packet), parse_control(again)
+    assert isinstance(first, FrameletPart)
+    assert isinstance(second, FrameletPart)
+    assert first.rect == second.rect
+
+
+def test_image_is_complete_when_nothing_is_missing_and_all_is_sent(
+    tracer_scene: TracerScene, compiled_only: None
+) -> None:
+    one = OneRenderer(tracer_scene)
+    one.refresh()
+    while one.trace():
+        assert not one.image.complete, "its samples are not shown yet"
+        one.refresh()
+
+    one.refresh()
+    one.refresh()
+
+    assert one.image.complete
