@@ -15,12 +15,13 @@ from wall.core.errors import ConfigError, RunError
 from wall.display.image_log import LoggedImages, LoggedPanel
 from wall.study import json_lines
 from wall.study.live import scores, sweep
-from wall.study.live.command import methods_of, tables
+from wall.study.live.command import methods_of, report, tables
 from wall.study.live.cpu_limit import parents_of, quota_files
 from wall.study.live.film import read_film, scaled, write_film
 from wall.study.live.images import GAP, SMALLEST_LABEL, strip
 from wall.study.live.rewriting import load_without_windows, moving, text_for
 from wall.study.live.rows import Row, newest
+from wall.study.live.runs import busy_ticks
 from wall.study.live.scores import Shown, score
 from wall.study.live.sweep import Wanted, cpu_by_role, notes_of
 from wall.study.live.timeline import Timeline, intervals, moments
@@ -216,7 +217,7 @@ ROW = Row(
     interval_p95_ms=34.0, latency_p50_ms=20.0, latency_p95_ms=30.0, latency_p99_ms=40.0, samples_per_s=4e5,
     bytes_per_s=2e6, cpu_s={"head": 2.0, "renderer": 3.0}, run_s=5.0, seconds=3.0, warm_up_s=2.0, panels=1, pixels=192,
     display_delay_s=0.03, error_over_time=[0.1], times=[2.5], log_cpu_s=0.01, dropped={}, setup="s", reference="r",
-    spp=64, load=0.5, commit="c", machine="m", command="wall",
+    spp=64, other_cores=0.5, commit="c", machine="m", command="wall",
 )  # fmt: skip
 
 
@@ -255,6 +256,23 @@ def test_table_has_codes_and_cores():
     assert [line[0] for line in one.lines] == ["adaptive", "framed"]
     assert line[1] == "25.50"
     assert line[-1] == "0.40, 0.60"
+
+
+def test_report_tells_what_ran_beside():
+    def told(other_cores: float) -> list[object]:
+        rows = [replace(ROW, other_cores=other_cores)]
+        outcome = sweep.Outcome(rows=rows, failures=[], notes=["a: rests"])
+        return [item for item in report(outcome, Path("out")) if isinstance(item, str)]
+
+    assert told(0.05)[0] == "note: a: rests"
+    assert "used up to 0.75 cores" in told(0.75)[1]
+    assert len(told(0.75)) == len(told(0.05)) + 1
+
+
+def test_busy_time_is_all_but_idle():
+    line = "cpu  100 20 30 4000 500 6 7 8 9 10"
+
+    assert busy_ticks(line.split()) == 100 + 20 + 30 + 6 + 7 + 8
 
 
 def test_cpu_of_ranks_is_added_by_role():

@@ -15,6 +15,7 @@ from wall.study.live.sweep import Outcome
 from wall.study.quality.tables import Table
 
 NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "av": "av"}
+QUIET_CORES = 0.1  # that others may use without being told
 NOTE = (
     "RMSE of display values in 8-bit codes, against the reference image of each moment. Hz, interval: of images that "
     "became light. Input: to the refresh that first showed a sample of it, without the display's delay."
@@ -47,6 +48,9 @@ def report(outcome: Outcome, out: Path) -> Iterator[RenderableType]:
     """What is printed at the end."""
     yield from (table.rich() for table in tables(outcome.rows))
     yield from (f"note: {note}" for note in outcome.notes)
+    others = max((row.other_cores for row in outcome.rows), default=0.0)
+    if others > QUIET_CORES:
+        yield f"note: other processes used up to {others:.2f} cores during the runs; figures of a quiet machine differ"
     yield f"rows in {out}/{FILE}; strip.png and film.mp4 in {out}/CONFIG-CORES/"
 
 

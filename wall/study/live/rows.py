@@ -41,7 +41,7 @@ class Row:
     setup: str  # a hash of the configuration as it was run
     reference: str  # name of the reference images
     spp: int  # of those, samples a pixel
-    load: float  # of the machine in the minute before
+    other_cores: float  # that everything else on the machine used during the run
     commit: str
     machine: str
     command: str

@@ -5,9 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +31,29 @@ class Run:
 
     images: LoggedImages
     summary: dict[str, Any]
+    other_cores: float  # that everything else on this machine used meanwhile
+
+
+class Bystanders:
+    """How much CPU time others take on this machine, beside processes that this one starts and waits for."""
+
+    def __init__(self) -> None:
+        self._began, self._others = time.monotonic(), self._cpu_s()
+
+    def cores(self) -> float:
+        """Cores that others used since this was made, on average."""
+        return max(0.0, self._cpu_s() - self._others) / max(time.monotonic() - self._began, 1e-3)
+
+    def _cpu_s(self) -> float:
+        words = Path("/proc/stat").read_text(encoding="ascii").split("\n", 1)[0].split()
+        own = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return busy_ticks(words) / os.sysconf("SC_CLK_TCK") - own.ru_utime - own.ru_stime
+
+
+def busy_ticks(words: Sequence[str]) -> int:
+    """Of the first line of /proc/stat: all but idle and waiting for disks; guests are in `user` already."""
+    user, nice, system, _idle, _iowait, irq, softirq, steal = map(int, words[1:9])
+    return user + nice + system + irq + softirq + steal
 
 
 def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run:
@@ -39,6 +65,7 @@ def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run
     command = [sys.executable, "-m", "wall", "run", str(config), "--headless", "--seconds", f"{seconds:g}"]
     command += ["--out", str(folder), "--record", str(recorded)]
     limit_s = START_S / min(cores, 1.0) + seconds + END_S
+    bystanders = Bystanders()
     with limited(cores) as launcher, (folder / OUTPUT).open("w", encoding="utf-8") as output:
         process = subprocess.Popen(
             [*launcher, *command], stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
@@ -50,11 +77,12 @@ def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run
             raise RunError(f"{config}: the run did not end within {limit_s:.0f} s; see {folder / OUTPUT}") from None
         finally:
             stop(process)
+    others = bystanders.cores()
     if code:
         said = (folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
         raise RunError(f"{config}: the run failed with exit code {code}: {said[-500:]}")
     summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    return Run(images=read_log(recorded), summary=summary)
+    return Run(images=read_log(recorded), summary=summary, other_cores=others)
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:

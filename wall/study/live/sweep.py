@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -176,11 +175,11 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     trial.folder.mkdir(parents=True, exist_ok=True)
     config = trial.folder / f"{trial.config}.yaml"
     config.write_text(trial.text, encoding="utf-8")
-    load, seconds = os.getloadavg()[0], wanted.warm_up_s + wanted.seconds + BEYOND_S
+    seconds = wanted.warm_up_s + wanted.seconds + BEYOND_S
     try:
         run = run_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
         shown = Shown(run.images)
-        row = _row(wanted, trial, run, shown, reference, load=load)
+        row = _row(wanted, trial, run, shown, reference)
         hz = film_hz(trial.refresh_hz)
         keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=hz)
     finally:
@@ -189,7 +188,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     return row
 
 
-def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallReference, *, load: float) -> Row:
+def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallReference) -> Row:
     summary, latency = run.summary, run.summary["latency_ms"]
     error, pace = score(shown, reference), shown.timeline.intervals(wanted.warm_up_s, wanted.seconds)
     return Row(
@@ -220,7 +219,7 @@ def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallRe
         setup=trial.setup,
         reference=reference.key,
         spp=reference.spp,
-        load=round(load, 2),
+        other_cores=round(run.other_cores, 3),
         commit=record.commit(),
         machine=record.machine(),
         command=record.command(),
