@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.data import Batch, Float64
+from wall.deepbuffer.kernels.arrivals import note_newest
 
 NEVER = (-1, -1)  # the number of no event
 
@@ -23,12 +24,7 @@ class Arrivals:
 
     def note(self, batch: Batch) -> int:
         """Count a batch. Returns how many of its samples lie outside the panel."""
-        height, width = self.times.shape
-        x, y = np.floor(batch.samples["xy"]).T
-        inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-        pixels = y[inside].astype(np.int64), x[inside].astype(np.int64)
-        np.maximum.at(self.times, pixels, batch.base_time + batch.samples["time"][inside].astype(np.float64))
-        shown = int(inside.sum())
+        shown = int(note_newest(batch.samples, batch.base_time, self.times))
         self.samples_shown += shown
         if shown:
             self.newest_event = max(self.newest_event, (batch.camera_event, batch.scene_event))
