@@ -346,6 +346,7 @@ def live(
     warm_up: Annotated[float, typer.Option(min=0.0, max=600.0, help="Seconds that a wall runs before")] = 2.0,
     moments: Annotated[int, typer.Option(min=1, max=10000, help="Images compared with the reference")] = 24,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the reference images")] = 64,
+    display_delay: Annotated[float | None, typer.Option(min=0.0, help="Seconds from a refresh to its light")] = None,
     out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
         "OUT/live"
     ),
@@ -362,7 +363,7 @@ def live(
     command.check_installed()
     wanted = Wanted(
         configs=command.configs_of(configs), methods=command.methods_of(methods), cores=command.cores_of(cores),
-        seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, out=out, keep=keep,
+        seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, display_delay_s=display_delay, out=out, keep=keep,
     )  # fmt: skip
     with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
         outcome = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))

@@ -68,22 +68,39 @@ def test_held_picture_is_the_newest_that_was_light():
     assert [timeline.held("a", t).version for t in (0.031, 1.249, 1.2501, 9.0)] == [0, 0, 1, 1]
     assert timeline.held("b", 9.0).version == 0, "a panel that did not change is held"
     assert timeline.held("c", 9.0) is None
-    assert timeline.times == pytest.approx([0.03, 1.25])
 
 
 def test_intervals_are_of_the_pictures_within_the_span():
     times = [0.5, *np.arange(1.0, 2.0, 0.1), 2.4, 5.0]
 
-    found = intervals(times, 0.9, 1.6)  # 1.0, 1.1 ... 1.9, 2.4
+    found = intervals([times], 0.9, 1.6)  # 1.0, 1.1 ... 1.9, 2.4
 
     assert found.refresh_hz == pytest.approx(11 / 1.6)
     steps = [0.5, *[0.1] * 9, 0.5]
     assert found.p95_ms == pytest.approx(1000 * np.percentile(steps, 95))
 
 
+def test_refreshes_are_those_of_a_panel_whether_panels_change_together_or_in_turn():
+    ticks = np.arange(0.0, 10.0, 0.1)
+
+    together = intervals([list(ticks), list(ticks)], 1.0, 4.0)
+    in_turn = intervals([list(ticks), list(ticks + 0.05)], 1.0, 4.0)
+
+    assert together.refresh_hz == pytest.approx(10.0, abs=0.3)
+    assert in_turn.refresh_hz == pytest.approx(together.refresh_hz, abs=0.3)
+    assert in_turn.p95_ms == pytest.approx(100.0)
+
+
+def test_display_delay_of_the_log_can_be_replaced():
+    found = log(panel("a", 0, time=0.01, refresh=0.0))
+
+    assert Timeline(found, 0.0).held("a", 0.011) is not None
+    assert Timeline(found, 0.5).held("a", 0.499) is None
+
+
 @pytest.mark.parametrize("times", [[], [0.5]])
-def test_a_wall_that_never_changes_has_one_interval_as_long_as_the_span(times):
-    found = intervals(times, 1.0, 3.0)
+def test_a_panel_that_never_changes_has_one_interval_as_long_as_the_span(times):
+    found = intervals([times], 1.0, 3.0)
 
     assert (found.refresh_hz, found.p95_ms) == (0.0, 3000.0)
 

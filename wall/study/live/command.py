@@ -17,8 +17,8 @@ from wall.study.quality.tables import Table
 NEEDED = {"flip_evaluator": "flip-evaluator", "skimage": "scikit-image", "av": "av"}
 QUIET_CORES = 0.1  # that others may use without being told
 NOTE = (
-    "RMSE of display values in 8-bit codes, against the reference image of each moment. Hz, interval: of images that "
-    "became light. Input: to the refresh that first showed a sample of it, without the display's delay."
+    "RMSE of display values in 8-bit codes, against the reference image of each moment. Hz, interval: of images of "
+    "a panel that became light. Input: to the refresh that first showed a sample of it, without the display's delay."
 )
 
 

@@ -20,13 +20,13 @@ class Row:
     rmse_display: float  # of display values, 0 to 1, as in `wall measure quality`; times 255: 8-bit codes
     flip: float
     ssim: float
-    refresh_hz: float  # images that became light a second
-    interval_p95_ms: float  # from one to the next
+    refresh_hz: float  # images that became light a second, of a panel
+    interval_p95_ms: float  # from one to its next
     latency_p50_ms: float  # from an event to the refresh that first showed a sample of it, without the display's delay
     latency_p95_ms: float
     latency_p99_ms: float
     samples_per_s: float
-    bytes_per_s: float  # of packets of samples
+    bytes_per_s: float  # of samples, and of images that renderers make
     cpu_s: dict[str, float]  # by role, of the whole run
     run_s: float  # the whole run: starting, warming up, being measured, ending
     seconds: float  # measured

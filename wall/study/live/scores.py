@@ -30,8 +30,9 @@ class Score:
 class Shown:
     """What the panels of a wall showed in one run."""
 
-    def __init__(self, log: LoggedImages) -> None:
-        self.timeline, self._log = Timeline(log), log
+    def __init__(self, log: LoggedImages, display_delay_s: float | None = None) -> None:
+        """`display_delay_s`: from a refresh to its light; the configuration's if None."""
+        self.timeline, self._log = Timeline(log, display_delay_s), log
 
     def codes(self, panel: Panel, time: float) -> Bytes:
         """(h, w, 3) uint8 sRGB that a panel showed at `time` of the path: black before its first image.

@@ -48,6 +48,7 @@ class Wanted:
     moments: int = MOMENTS
     spp: int = SAMPLES_A_PIXEL  # of the reference images
     keep: bool = False  # the recorded images too
+    display_delay_s: float | None = None  # from a refresh to its light; None: the configuration's
 
     def check(self) -> None:
         """Raises ConfigError, RunError where this cannot be measured here."""
@@ -73,7 +74,7 @@ class Trial:
     method: str
     cores: float
     text: str  # YAML that is run
-    setup: str  # a hash of what is run: the text, for how long
+    setup: str  # a hash of what is run: the text, for how long, on what display
     folder: Path  # for all that the run leaves
     refresh_hz: float
 
@@ -81,7 +82,7 @@ class Trial:
     def of(cls, loaded: Loaded, method: str, cores: float, wanted: Wanted) -> Trial:
         """The trial of a configuration under a method."""
         name, text = loaded.path.stem, text_for(loaded, method)
-        what = f"{wanted.seconds} {wanted.warm_up_s} {text}"
+        what = f"{wanted.seconds} {wanted.warm_up_s} {wanted.display_delay_s} {text}"
         return cls(
             config=name, method=method, cores=cores, text=text,
             setup=hashlib.blake2b(what.encode(), digest_size=12).hexdigest(),
@@ -178,7 +179,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     seconds = wanted.warm_up_s + wanted.seconds + BEYOND_S
     try:
         run = run_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
-        shown = Shown(run.images)
+        shown = Shown(run.images, wanted.display_delay_s)
         row = _row(wanted, trial, run, shown, reference)
         hz = film_hz(trial.refresh_hz)
         keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=hz)
@@ -211,7 +212,7 @@ def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallRe
         warm_up_s=wanted.warm_up_s,
         panels=len(reference.wall.panels),
         pixels=pixels_of(reference.wall),
-        display_delay_s=run.images.display_delay_s,
+        display_delay_s=run.images.display_delay_s if wanted.display_delay_s is None else wanted.display_delay_s,
         error_over_time=error.over_time,
         times=reference.times,
         log_cpu_s=run.images.cpu_s,

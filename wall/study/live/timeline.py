@@ -7,7 +7,6 @@ configuration, one refresh unless it says otherwise, which is also how far ahead
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Sequence
@@ -22,10 +21,10 @@ SEED = 20050629
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Intervals:
-    """How often the wall changed within a span of time."""
+    """How often panels changed within a span of time."""
 
-    refresh_hz: float
-    p95_ms: float  # of the time from one image to the next
+    refresh_hz: float  # images a second of a panel, on average over panels
+    p95_ms: float  # of the time from one image of a panel to its next
 
 
 def moments(count: int, *, first: float, seconds: float) -> list[float]:
@@ -37,12 +36,13 @@ def moments(count: int, *, first: float, seconds: float) -> list[float]:
 class Timeline:
     """The images of a log by the time at which they became light."""
 
-    def __init__(self, log: LoggedImages) -> None:
+    def __init__(self, log: LoggedImages, display_delay_s: float | None = None) -> None:
+        """`display_delay_s`: from a refresh to its light; the one of the log if None."""
+        delay_s = log.display_delay_s if display_delay_s is None else display_delay_s
         self._shown: dict[str, list[tuple[float, LoggedPanel]]] = defaultdict(list)
         for panel in log.panels:
-            light = max(panel.time, panel.refresh + log.display_delay_s) - log.began
+            light = max(panel.time, panel.refresh + delay_s) - log.began
             self._shown[panel.panel].append((light, panel))
-        self.times = sorted({light for shown in self._shown.values() for light, _ in shown})
 
     def held(self, panel: str, time: float) -> LoggedPanel | None:
         """The newest image of a panel that was light at `time`; None before its first."""
@@ -51,18 +51,22 @@ class Timeline:
         return shown[k - 1][1] if k else None
 
     def intervals(self, first: float, seconds: float) -> Intervals:
-        """Of the images that became light within `seconds` from `first` on; each interval ends at one of them.
-
-        Where the image never changed, the whole span counts as one interval.
-        """
-        return intervals(self.times, first, seconds)
+        """Of the images that became light within `seconds` from `first` on, each panel for itself."""
+        return intervals([[light for light, _ in shown] for shown in self._shown.values()], first, seconds)
 
 
-def intervals(times: Sequence[float], first: float, seconds: float) -> Intervals:
-    """Timeline.intervals of growing times."""
-    begin, end = bisect_right(times, first), bisect_right(times, first + seconds)
-    inside = list(times[begin:end])
-    before = [times[begin - 1]] if begin else []
-    steps = np.diff([*before, *inside])
-    p95 = float(np.percentile(steps, 95)) if len(steps) else math.nan
-    return Intervals(refresh_hz=len(inside) / seconds, p95_ms=1000.0 * (seconds if math.isnan(p95) else p95))
+def intervals(panels: Sequence[Sequence[float]], first: float, seconds: float) -> Intervals:
+    """How often panels changed, on average, and the intervals of all of them.
+
+    panels : of each, the growing times of its images
+
+    Each interval ends at an image within the span. For a panel that never changed, the whole span is one interval.
+    """
+    count, steps = 0, []
+    for times in panels:
+        begin, end = bisect_right(times, first), bisect_right(times, first + seconds)
+        count += end - begin
+        own = list(np.diff(times[max(begin - 1, 0) : end]))
+        steps += own or [seconds]
+    p95 = float(np.percentile(steps, 95)) if steps else seconds
+    return Intervals(refresh_hz=count / seconds / max(len(panels), 1), p95_ms=1000.0 * p95)
