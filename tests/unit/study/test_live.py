@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from wall.config.sampling import METHODS
 from wall.core.errors import ConfigError, RunError
 from wall.display.image_log import LoggedImages, LoggedPanel
 from wall.study import json_lines
-from wall.study.live import scores, sweep
+from wall.study.live import cpu_limit, scores, sweep
 from wall.study.live.command import methods_of, report, tables
 from wall.study.live.cpu_limit import parents_of, quota_files
 from wall.study.live.film import read_film, scaled, write_film
@@ -227,6 +228,17 @@ def test_cgroups_are_looked_for_from_the_own_one_upwards(tmp_path):
     found = parents_of("3:cpu,cpuacct:/\n0::/user/me\n", mounts)
 
     assert found == [(tmp_path / "v1", 1), (own, 2), (own.parent, 2)], "the root of v2 has no CPU controller here"
+
+
+def test_cores_that_cannot_be_given_are_refused(monkeypatch):
+    monkeypatch.setattr(cpu_limit, "parents_of", lambda cgroup, mountinfo: [])
+
+    with cpu_limit.limited(1.0) as launcher:
+        assert launcher[-2:] == [str(min(os.sched_getaffinity(0))), "-"]
+    with pytest.raises(RunError, match=r"--cores 0.5: .*no cgroup with a CPU controller is mounted.*systemd-run --user"):
+        cpu_limit.check(0.5)
+    with pytest.raises(ConfigError, match="--cores 1000: this process may use"):
+        cpu_limit.check(1000.0)
 
 
 ROW = Row(
