@@ -61,7 +61,7 @@ class AdaptiveRenderer:
             self.sampler.replan(self.reconstruction.feedback())
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
-        elif newest is not self._newest:
+        elif newest is not self._newest and not (self._shared and self._event):  # shared: one event a refresh
             self._expected(newest, now)
         return self.sampler.choose(self._event or newest)
 
