@@ -12,6 +12,7 @@ from wall.geometry.cameras import PanelView
 from wall.geometry.prediction import foreseen
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
+from wall.roles.renderer_image import RendererImage
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
@@ -29,12 +30,12 @@ class AdaptiveRenderer:
 
     def __init__(
         self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock,
-        shown: Reconstruction | None = None,
+        shown: RendererImage | None = None,
     ) -> None:
-        """`band`: its part of the region; `shown`: the reconstruction of the image that is shown."""
+        """`band`: its part of the region; `shown`: the image that this rank makes itself."""
         panel = plan.layout.wall.panels[region.panel]
         self._panel_view = PanelView(plan.view_of(panel), panel)
-        self.reconstruction = shown or Reconstruction(
+        self.reconstruction = shown.reconstruction if shown is not None else Reconstruction(
             panel, self._panel_view.eye, plan.scene, detects_change=True, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
@@ -42,7 +43,7 @@ class AdaptiveRenderer:
             band, self.reconstruction.feedback(), batch=sampling.samples_per_batch, seed=sampling.seed,
             tiling=sampling.tiling,
         )  # fmt: skip
-        self._shared, self._refreshes = shown is not None, 0
+        self._shown, self._refreshes = shown, 0
         self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
         self._due = float("-inf")
         self._predictor = make_predictor(plan, plan.layout.view_index(panel))
@@ -52,16 +53,17 @@ class AdaptiveRenderer:
     def choose(self, newest: Event) -> Targets | None:
         """Returns the next batch's targets from the sampler; first refreshes the deep buffer if that is due."""
         now = self._clock.now()
-        if self._shared and self.reconstruction.refreshes != self._refreshes:
-            self._refreshes = self.reconstruction.refreshes
-            self._expected(newest, now)
-            self.sampler.replan(self.reconstruction.feedback())
-        elif not self._shared and now >= self._due:
+        if self._shown is not None:
+            if self._event is None or self.reconstruction.refreshes != self._refreshes:  # rays are for what is shown
+                self._refreshes = self.reconstruction.refreshes
+                self._event = foreseen(newest, self._shown.expected or newest)
+                self.sampler.replan(self.reconstruction.feedback())
+        elif now >= self._due:
             self.reconstruction.refresh(self._panel_view(self._expected(newest, now)), now)
             self.sampler.replan(self.reconstruction.feedback())
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
-        elif newest is not self._newest and not (self._shared and self._event):  # shared: one event a refresh
+        elif newest is not self._newest:
             self._expected(newest, now)
         return self.sampler.choose(self._event or newest)
 

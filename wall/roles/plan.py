@@ -216,6 +216,11 @@ def reconstructed_at_renderers(layout: Layout, machines: Sequence[str]) -> Layou
     return replace(layout, graph=layout.graph.reconstructed_at(rank_of))
 
 
+def on_one_machine(plan: Plan) -> Plan:
+    """The plan of a run on one machine."""
+    return replace(plan, layout=reconstructed_at_renderers(plan.layout, [""] * plan.layout.size))
+
+
 def make_predictor(plan: Plan, view: int) -> Predictor:
     """What a compositor foresees the refreshes of a view with."""
     shown = plan.views[view]

@@ -27,6 +27,7 @@ class RendererImage:
         self._clock = clock
         self.composition = Composition(plan, rank, ready)
         self._ready, self._view = ready, FollowedView(plan, plan.layout.view_index(plan.layout.panel(rank)))
+        self.expected: Event | None = None  # what the last refresh shows
         self._rests = False  # the last refresh was of the newest event, and changed nothing
         self._statistics_due = Due()
 
@@ -57,7 +58,8 @@ class RendererImage:
         """Refresh if that is due, and offer what others need as far as there is credit."""
         view = self._view
         if view.event is not None and now >= view.due:
-            began, expected = self._clock.now(), view.begin_refresh(now)
+            began = self._clock.now()
+            self.expected = expected = view.begin_refresh(now)
             changed = self.composition.refresh(expected, now)
             self._rests = not changed and expected.number == view.event.number
             view.due = max(view.due, now + (self._clock.now() - began) / SHARE_OF_TIME)

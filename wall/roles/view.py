@@ -7,6 +7,9 @@ import math
 from wall.core.data import Event
 from wall.roles.plan import Plan, make_predictor
 
+INTERVAL_SHARE = 0.2  # of the newest interval in the moving mean
+LONGEST_INTERVAL_S = 0.25  # longer ones are pauses
+
 
 class FollowedView:
     """One of a plan's views, at a rank that shows it."""
@@ -15,6 +18,8 @@ class FollowedView:
         self.index, self.period = index, 1.0 / plan.views[index].refresh_hz
         self.event: Event | None = None  # the newest
         self.due = -math.inf  # when it is refreshed next, seconds of the head's clock
+        self._began = -math.inf  # the last refresh
+        self._interval = self.period  # between refreshes, a moving mean: more than the period where they take longer
         self._predictor = make_predictor(plan, index)
 
     def take(self, event: Event) -> bool:
@@ -26,6 +31,11 @@ class FollowedView:
         return True
 
     def begin_refresh(self, now: float) -> Event:
-        """Begin a refresh at `now`, and plan the next. Returns the event that is expected when it is seen."""
-        self.due = max(self.due + self.period, now)
-        return self._predictor.at(now)
+        """Begin a refresh at `now`, and plan the next. Returns the event that is expected when it is seen.
+
+        It is seen until the next one is: the middle of that time is where its error is least.
+        """
+        if now - self._began < LONGEST_INTERVAL_S:
+            self._interval += INTERVAL_SHARE * (now - self._began - self._interval)
+        self._began, self.due = now, max(self.due + self.period, now)
+        return self._predictor.at(now + 0.5 * max(self._interval, self.period))

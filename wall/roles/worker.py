@@ -11,10 +11,10 @@ from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region
 from wall.geometry.cameras import PanelView
 from wall.packets.samples import Codec, encode
-from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
 from wall.roles.instructions import Work
 from wall.roles.plan import Plan
+from wall.roles.renderer_image import RendererImage
 from wall.sampling.base import Sampler
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
@@ -135,7 +135,7 @@ def make_samplers(
     clock: Clock,
     *,
     compare: str = "",
-    shown: Reconstruction | None = None,
+    shown: RendererImage | None = None,
 ) -> list[Sampler]:
     """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty.
 

@@ -1,12 +1,9 @@
 """The whole chain in one process: the reading path, where a debugger starts, the truth that distributed runs match.
 
-The same roles, loops, packets and images as in a run; packets are handed over instead of sent, the clock is turned by
-hand.
+Roles, loops, packets and images are those of a run; packets are handed over, not sent, the clock is turned by hand.
 """
 
 from __future__ import annotations
-
-from dataclasses import replace
 
 from wall.core.clock import ManualClock
 from wall.display.base import PanelImage
@@ -14,7 +11,7 @@ from wall.packets.control import Hello
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import Packet
 from wall.roles.layer import PanelCompositor
-from wall.roles.plan import HEAD, Plan, first_event, on_one_rank, reconstructed_at_renderers
+from wall.roles.plan import HEAD, Plan, first_event, on_one_machine, on_one_rank
 from wall.roles.renderer import Renderer
 from wall.roles.renderer_image import image_at
 from wall.roles.worker import Worker
@@ -45,14 +42,10 @@ class SingleProcess:
 
     def __init__(self, plan: Plan, scene: TracerScene, *, at_renderers: bool = True) -> None:
         """`at_renderers`: False lets all samples travel to the compositor, as between machines."""
-        layout, self._wire = plan.layout, Wire()
-        if at_renderers:
-            layout = reconstructed_at_renderers(layout, [""] * layout.size)
-            plan = replace(plan, layout=layout)
+        plan, self._wire = on_one_machine(plan) if at_renderers else plan, Wire()
         self.clock, self.event = ManualClock(), first_event(plan, now=0.0)
-        self.workers, self._renderers = list[Worker](), list[Loop]()
-        self.layers: dict[int, PanelCompositor] = {}
-        for rank in layout.renderers():
+        self.workers, self._renderers, self.layers = list[Worker](), list[Loop](), dict[int, PanelCompositor]()
+        for rank in plan.layout.renderers():
             image = image_at(plan, rank, lambda _: True, self.clock)
             tracers = Tracers(plan, scene, rank, self.clock, threads=False, image=image)
             renderer = Renderer(plan, hello_of(rank), ready=lambda _: True, image=image)

@@ -30,8 +30,8 @@ class Tracers:
     ) -> None:
         """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself."""
         self._plan, self._region, self._clock = plan, plan.layout.region(rank), clock
-        self._shown = image.reconstruction if image is not None else None
-        samplers = make_samplers(plan, "", self._region, clock, shown=self._shown)
+        self._image = image
+        samplers = make_samplers(plan, "", self._region, clock, shown=image)
         self.workers = [Worker(plan, tracer_scene, rank, clock, samplers, k) for k in range(len(samplers))]
         self._pool = ThreadPoolExecutor(len(self.workers)) if threads and len(self.workers) > 1 else None
         self._running: set[Future[Traced]] = set()
@@ -68,7 +68,7 @@ class Tracers:
 
     def restart(self, sampler: str, compare: str) -> None:
         """Make all samplers anew. Only while no thread is at work."""
-        samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare, shown=self._shown)
+        samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare, shown=self._image)
         for worker, own in zip(self.workers, samplers, strict=True):
             worker.sampler = own
 
