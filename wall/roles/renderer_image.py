@@ -16,7 +16,7 @@ from wall.roles.plan import HEAD, Plan
 from wall.roles.statistics import Due
 from wall.roles.view import FollowedView
 
-SHARE_OF_TIME = 0.6  # at most spent on refreshes; the rest is for rays
+SHARE_OF_TIME = 0.9  # at most spent on refreshes; rarer images lag by more than rays would mend, see docs/lab/live.md
 
 
 class RendererImage:
