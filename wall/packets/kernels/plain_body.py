@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.jit import inline_kernel, kernel
+from wall.core.jit import bit_kernel, inline_kernel, kernel
 
 POSITION_BITS = 14
 POSITION_MASK = 0x3FFF
@@ -78,7 +78,7 @@ def depth_range(samples):
     return low, high, latest, bad
 
 
-@kernel
+@bit_kernel
 def pack(samples, rect, scales, planes):
     """Quantise samples but their object ids; see docs/guide/packet_format.md for the layout and the error bounds.
 
@@ -120,7 +120,7 @@ def pack(samples, rect, scales, planes):
     return outside
 
 
-@kernel
+@bit_kernel
 def unpack(planes, rect, scales, samples):
     """The inverse of pack(). rect : (x, y, width, height). Returns how many positions lie outside the rectangle."""
     outside = 0

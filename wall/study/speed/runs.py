@@ -29,7 +29,7 @@ version: 1
 scene: {{source: {source}}}
 wall: {{grid: {{columns: {columns}, rows: {rows}, pixels: [480, 270], size: [0.48, 0.27], bezel: 0.008}}}}
 views: [{{camera: {camera}, path: {{type: orbit, period_s: 40}}, refresh_hz: 30}}]
-sampling: {{method: frameless}}
+sampling: {{method: frameless, threads: {threads}}}
 graph: {{preset: sort-first, sinks: [png]}}
 """
 
@@ -40,12 +40,13 @@ def run(
     columns: int = 1,
     rows: int = 1,
     source: str = "courtyard",
+    threads: int = 1,
     launcher: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """The summary of a headless run, its processes started by `launcher` or by itself."""
     with tempfile.TemporaryDirectory() as folder:
         config = Path(folder) / "wall.yaml"
-        text = LIVE.format(source=source, columns=columns, rows=rows, camera=CAMERAS[source])
+        text = LIVE.format(source=source, columns=columns, rows=rows, camera=CAMERAS[source], threads=threads)
         config.write_text(text, encoding="utf-8")
         command = [*launcher, sys.executable, "-m", "wall", "run", str(config), "--headless", "--seconds", str(seconds)]
         done = subprocess.run(
@@ -97,8 +98,11 @@ def latency_row(found: dict[str, Any]) -> Row:
 
 
 def static_bytes(seconds: float) -> list[Row]:
-    """Bytes of samples that a still, complete view sends: a long run's bytes less those of a short one."""
-    return [static_row(run(seconds, "--still"), run(2 * seconds, "--still"))]
+    """Bytes of samples that a still, complete view sends: a long run's bytes less those of a short one.
+
+    With two threads samples travel; what an image takes until it is complete depends on when it is refreshed.
+    """
+    return [static_row(run(seconds, "--still", threads=2), run(2 * seconds, "--still", threads=2))]
 
 
 def static_row(short: dict[str, Any], long: dict[str, Any]) -> Row:
