@@ -103,7 +103,7 @@ def test_run_of_some_seconds_ends_by_itself(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert 1.0 <= found["seconds"] < 1.0 + STOP_LIMIT_S
     assert found["samples_traced"] >= found["samples_shown"] > 64 * 48
-    assert found["bytes"] >= 12 * found["samples_shown"]
+    assert found["bytes"] > 64 * 48, "its own image, only what changed"
     assert [rank["role"] for rank in found["ranks"]] == ["head", "renderer"]
     assert all(rank["peak_memory"] > 0 for rank in found["ranks"])
     assert all(0 < rank["cpu_s"] < found["seconds"] * os.cpu_count() for rank in found["ranks"])

@@ -71,6 +71,7 @@ class Heartbeat:
     cpu_seconds: float = 0.0  # of its process, all threads, since its loop began
     dropped: dict[str, int] = field(default_factory=dict)
     complete: bool = False  # nothing left to do under the event below
+    oldest_sample_at: float = -1.0  # seconds of the head's clock, of a renderer's own image; below 0: none in a pixel
     camera_event: int = -1
     scene_event: int = -1
     last: bool = False  # its last word

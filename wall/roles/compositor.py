@@ -178,6 +178,10 @@ class Compositor:
         began = now if self._began is None else self._began
         (refreshes_per_s,) = self._refresh_rate.at(now, self.refreshes)
         oldest = {index: layer.oldest_sample(now) for index, layer in self.composition.layers.items()}
+        for layer in self._plan.layout.graph.layers:
+            beat = self._beats.get(layer.compositor)
+            if layer.at_renderer and beat is not None and beat.oldest_sample_at >= 0.0:
+                oldest[layer.index] = max(0.0, now - beat.oldest_sample_at)
         self._status = status_of(
             self._plan, event, self._beats, self._standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,

@@ -206,6 +206,7 @@ class Renderer:
             seconds=now - (now if self._began is None else self._began),
             dropped=dict(dropped),
             complete=self.complete,
+            oldest_sample_at=self._image.oldest_sample_at(now) if self._image is not None else -1.0,
             camera_event=number[0],
             scene_event=number[1],
             last=last,

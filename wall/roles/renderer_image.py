@@ -88,6 +88,12 @@ class RendererImage:
         """Number of samples that were used."""
         return self.composition.samples_shown()
 
+    def oldest_sample_at(self, now: float) -> float:
+        """When the oldest sample shown was traced, seconds of the head's clock; -1 while a pixel never had one."""
+        (layer,) = self.composition.layers.values()
+        age = layer.oldest_sample(now)
+        return -1.0 if age is None else now - age
+
     def drops(self) -> Counter[str]:
         """What was dropped, by name."""
         return self.composition.drops()
