@@ -39,7 +39,7 @@ TINY = Rect(x=0, y=0, width=8, height=8)
 
 
 def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -> None:
-    """Run the chain on a few pixels with every sampler: a second from the cache, half a minute to compile on two cores."""
+    """Run the chain on a few pixels with every sampler: a second from the cache, half a minute to compile."""
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
     second = _second_compiler(plan, tracer_scene.needs.relighting) if doing == "compiling" else nullcontext()
     with _one_compiler(), second:
