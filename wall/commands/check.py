@@ -10,7 +10,7 @@ from rich.table import Table
 from wall.config.loading import Loaded
 from wall.geometry.panels import Wall
 from wall.reconstruction.choice import choose
-from wall.roles.edges import targets_of
+from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
@@ -90,7 +90,7 @@ def _ranks(layout: Layout) -> Table:
         table.add_column(column)
     for rank in range(layout.size):
         renders = layout.role(rank) == "renderer"
-        targets = {t for found in targets_of(layout.graph, rank).values() for t in found}
+        targets = target_ranks(layout.graph, rank)
         names = ", ".join(f"rank {target}" for target in ([layout.target_of(rank)] if renders else sorted(targets)))
         host = [hosts.get(rank, "any")] if hosts else []
         table.add_row(str(rank), layout.role(rank), *host, layout.describe(rank), names)

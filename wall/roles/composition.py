@@ -16,7 +16,7 @@ from wall.core.data import Batch, Event, Framelet, Rect, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.geometry.panels import Panel
-from wall.packets.control import parse_control
+from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
@@ -26,6 +26,7 @@ from wall.roles.lockstep import Lockstep
 from wall.roles.plan import HEAD, Plan
 from wall.roles.present import PanelCrops
 from wall.roles.sky import SkyLayer
+from wall.roles.statistics import Due
 from wall.roles.timewarp import Timewarp
 
 MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
@@ -62,6 +63,7 @@ class Composition:
         self._refreshed: float | None = None  # when, seconds of the head's clock
         # of other ranks, the newest of each panel and sampler
         self._statistics_images: dict[tuple[int, bool], StatisticsImage] = {}
+        self._statistics_due = Due()
 
     def _make_nodes(self, of_layers: Mapping[int, Framelet], *, compared: bool = False) -> _Nodes:
         """The rank's nodes, fresh; `of_layers`: the framelets of the layers that are shown."""
@@ -183,6 +185,12 @@ class Composition:
         first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
         own = [image for panel in sorted(first) for image in first[panel].statistics_images(now)]
         return (*own, *(image for image in self._statistics_images.values() if comparing or not image.compared))
+
+    def offer_statistics(self, now: float) -> Iterator[Offer]:
+        """Offer the head this rank's statistics images, if they are due and there is credit."""
+        if self._ready(HEAD) and self._statistics_due.now(now):
+            for image in self.statistics_images(now, comparing=True):
+                yield Offer(HEAD, serialise(image))
 
     def shown(self) -> list[PanelCrops]:
         """What every sink of this rank shows, in the order of the graph."""

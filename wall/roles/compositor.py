@@ -7,23 +7,22 @@ its sinks and framelets to other compositors.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 
 from wall.core.data import Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.display.base import Status, WallImage
 from wall.operators.overlay import Overlay
-from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput, serialise
+from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput
 from wall.roles.composition import Composition, RunAll, one_by_one
-from wall.roles.edges import NEVER, Number, needed_from_others, targets_of
+from wall.roles.edges import NEVER, Number, Sent, needed_from_others, target_ranks
 from wall.roles.instructions import (
     MANAGER,
     Dropped,
     Finish,
     Input,
     Instruction,
-    Offer,
     Packet,
     Presented,
     Ready,
@@ -52,8 +51,8 @@ class Compositor:
         self.latency, self._refresh_rate = Latency(), Rates(RATE_SPAN_S)
         self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
-        targets = {target for targets in targets_of(graph, hello.rank).values() for target in targets} | {HEAD}
-        self._standing = Standing(hello, targets - {hello.rank}, plan.layout.config.transport)
+        targets = (target_ranks(graph, hello.rank) | {HEAD}) - {hello.rank}
+        self._standing = Standing(hello, targets, plan.layout.config.transport)
         self._sees_samples = bool(graph.layers_on(HEAD) or needed_from_others(graph, HEAD))
         self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
         self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
@@ -62,7 +61,7 @@ class Compositor:
         self._status_due = -math.inf
         self._statistics_images: tuple[StatisticsImage, ...] = ()
         self._statistics_due = Due()
-        self._packets = self._bytes = 0  # sent
+        self._sent = Sent()
         self._all_came = False  # every rank has been in the run
         self._came = False  # packets, since the last tick
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
@@ -129,12 +128,12 @@ class Compositor:
                 yield from self._refresh(view, view.event, view.begin_refresh(now), now)
             elif view.event is not None and self._news and now >= self._shown_at + BETWEEN_ARRIVALS_S:
                 yield from self._refresh(view, view.event, view.event, now)
-        yield from self._sent(self.composition.send())
+        yield from self._sent.counted(self.composition.send())
         complete = self._is_complete()
         if complete != self._complete or self._standing.beat_due(now):
             self._complete = complete
             yield from self._beat(now)
-        self.due = min(view.due if view.event is not None else math.inf for view in self._views)
+        self.due = min(view.due for view in self._views)
         if self._news:
             self.due = min(self.due, self._shown_at + BETWEEN_ARRIVALS_S)
         if self._stop_at is not None:
@@ -164,14 +163,10 @@ class Compositor:
 
     def _make_statistics_images(self, event: Event, now: float) -> Iterator[Instruction]:
         """Make statistics images for the head's page, if they are due."""
-        if self._rank != HEAD and not self._ready(HEAD):
-            return
-        if self._statistics_due.now(now):
-            made = self.composition.statistics_images(now, comparing=bool(event.compare) or self._rank != HEAD)
-            if self._rank == HEAD:
-                self._statistics_images = made
-            else:
-                yield from self._sent(Offer(HEAD, serialise(image)) for image in made)
+        if self._rank != HEAD:
+            yield from self._sent.counted(self.composition.offer_statistics(now))
+        elif self._statistics_due.now(now):
+            self._statistics_images = self.composition.statistics_images(now, comparing=bool(event.compare))
 
     def _make_status(self, event: Event, now: float) -> Iterator[Instruction]:
         self._status_due = now + STATUS_PERIOD_S
@@ -209,13 +204,6 @@ class Compositor:
             for k, crops in enumerate(self.composition.shown())
         )
 
-    def _sent(self, offers: Iterable[Offer]) -> Iterator[Offer]:
-        """Count what is offered."""
-        for offer in offers:
-            self._packets += 1
-            self._bytes += len(offer.packet)
-            yield offer
-
     def _is_complete(self) -> bool:
         """Whether nothing is left to do under the newest event; at the head: all of it is shown, and rests."""
         if self._rank == HEAD and self._sees_samples:
@@ -238,8 +226,8 @@ class Compositor:
             rank=self._rank,
             time=now,
             samples_shown=composition.samples_shown(),
-            packets=self._packets,
-            bytes=self._bytes,
+            packets=self._sent.packets,
+            bytes=self._sent.bytes,
             dropped=dict(composition.drops()),
             complete=self._complete,
             camera_event=number[0],

@@ -6,7 +6,7 @@ Inside a process an edge is a shared framelet, and nothing here is needed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from wall.compositing.executor import Changes, Regions, merged
@@ -118,6 +118,25 @@ class Outlets:
     def idle(self) -> bool:
         """Whether everything has been offered."""
         return not self._pending and not self._due and not self._under_way
+
+
+class Sent:
+    """Counts the packets that a role offers."""
+
+    def __init__(self) -> None:
+        self.packets = self.bytes = 0
+
+    def counted(self, offers: Iterable[Offer]) -> Iterator[Offer]:
+        """The same offers, each counted as it is taken."""
+        for offer in offers:
+            self.packets += 1
+            self.bytes += len(offer.packet)
+            yield offer
+
+
+def target_ranks(graph: Graph, rank: int) -> set[int]:
+    """The other ranks that need any framelet of a rank."""
+    return {target for targets in targets_of(graph, rank).values() for target in targets}
 
 
 def targets_of(graph: Graph, rank: int) -> dict[int, tuple[int, ...]]:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from wall.core.data import Batch, Event
 from wall.packets.control import Heartbeat, Hello, Membership, Stop, serialise
 from wall.packets.samples import decode, is_samples
-from wall.roles.edges import NEVER, Number, targets_of
+from wall.roles.edges import NEVER, Number, Sent, target_ranks
 from wall.roles.instructions import (
     Dropped,
     Finish,
@@ -50,8 +50,7 @@ class Renderer:
         self._target, self._workers = layout.target_of(hello.rank), layout.sampling.threads
         self._configured: str = layout.sampling.method
         self._samplers: tuple[str, str] = (self._configured, "")  # the second is compared with the first
-        users = {rank for ranks in targets_of(layout.graph, hello.rank).values() for rank in ranks}
-        targets = {self._target} if image is None else users | {HEAD}
+        targets = {self._target} if image is None else target_ranks(layout.graph, hello.rank) | {HEAD}
         self._standing = Standing(hello, targets, layout.config.transport)
         self._running: set[int] = set()  # workers that trace
         self._resting: dict[int, tuple[Number, float]] = {}  # under which event, and when it looks again
@@ -60,7 +59,7 @@ class Renderer:
         self._panel = layout.region(hello.rank).panel
         self._tiles: dict[int, Measured] = {}  # the newest of each worker's sampler, while a viewer shows them
         self._tiles_due = [Due() for _ in range(self._workers)]
-        self._packets = self._bytes = 0
+        self._sent = Sent()
         self._rates = Rates(RATE_SPAN_S)
         self._began: float | None = None
         self._stopping = False
@@ -103,10 +102,7 @@ class Renderer:
 
     def _show(self, image: RendererImage, now: float) -> Iterator[Instruction]:
         """Bring the image that this rank makes up to date, and send what changed."""
-        for offer in image.on_tick(now):
-            self._packets += 1
-            self._bytes += len(offer.packet)
-            yield offer
+        yield from self._sent.counted(image.on_tick(now))
         yield from self._tell_completeness(now)
 
     def _give_work(self, event: Event, now: float) -> Iterator[Instruction]:
@@ -152,7 +148,7 @@ class Renderer:
         if traced.measured is not None and traced.worker == self._workers - 1:
             tiles = tiles_of(self._rank, self._panel, self._tiles.values())
             if self._image is not None:
-                self._image.keep_tiles(tiles)
+                self._image.composition.keep(tiles)
             else:
                 yield from self._offer(serialise(tiles))
         if traced.result is None:
@@ -172,9 +168,7 @@ class Renderer:
             yield from self._standing.beat(self._heartbeat(now), now)
 
     def _offer(self, packet: bytes) -> Iterator[Offer]:
-        self._packets += 1
-        self._bytes += len(packet)
-        yield Offer(self._target, packet)
+        yield from self._sent.counted([Offer(self._target, packet)])
 
     def _lose(self, dropped: Dropped) -> None:
         if self._image is not None:
@@ -188,21 +182,22 @@ class Renderer:
         work = self._work.values()
         samples, compared = sum(w.samples for w in work), sum(w.compared for w in work)
         bad = sum(w.bad_samples for w in work)
-        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, samples, self._bytes, compared)
+        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, samples, self._sent.bytes, compared)
         number = self.event.number if self.event else NEVER
-        dropped = self._image.drops() if self._image is not None else Counter[str]()
+        shown = self._image.composition if self._image is not None else None
+        dropped = shown.drops() if shown is not None else Counter[str]()
         dropped += Counter(not_finite=bad)
         return Heartbeat(
             rank=self._rank,
             time=now,
             samples_traced=samples,
-            samples_shown=self._image.samples_shown if self._image is not None else 0,
+            samples_shown=shown.samples_shown() if shown is not None else 0,
             secondary_rays=sum(w.secondary_rays for w in work),
             samples_per_s=samples_per_s,
             compared_per_s=compared_per_s,
             bytes_per_s=bytes_per_s,
-            packets=self._packets,
-            bytes=self._bytes,
+            packets=self._sent.packets,
+            bytes=self._sent.bytes,
             seconds=now - (now if self._began is None else self._began),
             dropped=dict(dropped),
             complete=self.complete,

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 
 from wall.core.clock import Clock
-from wall.core.data import Batch, Event, StatisticsImage
-from wall.packets.control import serialise
+from wall.core.data import Batch, Event
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.composition import Composition
-from wall.roles.edges import Number
 from wall.roles.instructions import Offer, Ready
-from wall.roles.plan import HEAD, Plan
-from wall.roles.statistics import Due
+from wall.roles.plan import Plan
 from wall.roles.view import FollowedView
 
 SHARE_OF_TIME = 0.9  # at most spent on refreshes; rarer images lag by more than rays would mend, see docs/lab/live.md
@@ -26,18 +22,15 @@ class RendererImage:
         """`clock`: tells how long refreshes take."""
         self._clock = clock
         self.composition = Composition(plan, rank, ready)
-        self._ready, self._view = ready, FollowedView(plan, plan.layout.view_index(plan.layout.panel(rank)))
+        (self._layer,) = self.composition.layers.values()
+        self._view = FollowedView(plan, plan.layout.view_index(plan.layout.panel(rank)))
         self.expected: Event | None = None  # what the last refresh shows
         self._rests = False  # the last refresh was of the newest event, and changed nothing
-        self._statistics_due = Due()
 
     @property
     def reconstruction(self) -> Reconstruction:
-        """The reconstruction that the adaptive sampler shares."""
-        (layer,) = self.composition.layers.values()
-        found = layer.reprojected.reconstruction
-        assert isinstance(found, Reconstruction)
-        return found
+        """The reconstruction that the adaptive sampler shares; made when it is first asked for."""
+        return self._layer.reprojected.shared()
 
     def follow(self, event: Event) -> None:
         """Show a new event from the next refresh on."""
@@ -50,10 +43,6 @@ class RendererImage:
         self.composition.insert_batch(batch)
         self._rests = False
 
-    def keep_tiles(self, tiles: StatisticsImage) -> None:
-        """Show a sampler's tiles with the next statistics image."""
-        self.composition.keep(tiles)
-
     def on_tick(self, now: float) -> Iterator[Offer]:
         """Refresh if that is due, and offer what others need as far as there is credit."""
         view = self._view
@@ -63,9 +52,8 @@ class RendererImage:
             changed = self.composition.refresh(expected, now)
             self._rests = not changed and expected.number == view.event.number
             view.due = max(view.due, now + (self._clock.now() - began) / SHARE_OF_TIME)
-            if view.event.statistics and self._ready(HEAD) and self._statistics_due.now(now):
-                for image in self.composition.statistics_images(now, comparing=True):
-                    yield Offer(HEAD, serialise(image))
+            if view.event.statistics:
+                yield from self.composition.offer_statistics(now)
         yield from self.composition.send()
 
     @property
@@ -78,25 +66,10 @@ class RendererImage:
         """Whether all that came is shown, and has been sent."""
         return self._rests and self.composition.idle
 
-    @property
-    def newest_event(self) -> Number:
-        """The newest event of which a sample is shown."""
-        return self.composition.newest_event
-
-    @property
-    def samples_shown(self) -> int:
-        """Number of samples that were used."""
-        return self.composition.samples_shown()
-
     def oldest_sample_at(self, now: float) -> float:
         """When the oldest sample shown was traced, seconds of the head's clock; -1 while a pixel never had one."""
-        (layer,) = self.composition.layers.values()
-        age = layer.oldest_sample(now)
+        age = self._layer.oldest_sample(now)
         return -1.0 if age is None else now - age
-
-    def drops(self) -> Counter[str]:
-        """What was dropped, by name."""
-        return self.composition.drops()
 
 
 def image_at(plan: Plan, rank: int, ready: Ready, clock: Clock) -> RendererImage | None:

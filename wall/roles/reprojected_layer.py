@@ -23,7 +23,7 @@ from wall.roles.statistics import statistics_image_of
 
 
 class ReprojectedLayer:
-    """A deep buffer with its reconstruction, made when the first batch comes, and the image that it is shown in.
+    """A deep buffer with its reconstruction, made when it is first needed, and the image that it is shown in.
 
     A GPU that is lost takes its samples with it: the CPU goes on from an empty deep buffer. Where a GPU was insisted
     on, GpuError is raised instead and `given_up` is set.
@@ -46,22 +46,18 @@ class ReprojectedLayer:
         self.show_all = False  # at the next refresh, not only what changed
         self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
         self._refreshed = False
-        if layer.at_renderer:
-            self.reconstruction = Reconstruction(
-                self._panel, self._panel_view.eye, plan.scene, detects_change=True, samples_per_pixel=self._kept
-            )
-            self.choice = Choice(on="cpu", why="at its renderer")
+
+    def shared(self) -> Reconstruction:
+        """At the layer's renderer: the reconstruction that its adaptive sampler inserts samples into."""
+        reconstruction = self.reconstruction or self._make()
+        assert isinstance(reconstruction, Reconstruction)
+        return reconstruction
 
     @property
     def shows(self) -> bool:
         """Whether there is an image to show."""
         made = self.reconstruction is not None
         return made and not (self._layer.at_renderer and self.arrivals.samples_shown == 0)
-
-    @property
-    def _kept(self) -> float:
-        sampling = self._plan.layout.sampling
-        return sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
 
     @property
     def on_gpu(self) -> bool:
@@ -87,7 +83,12 @@ class ReprojectedLayer:
             self._give_up(error)
 
     def _make(self) -> AnyReconstruction:
-        eye, panel, scene, kept = self._panel_view.eye, self._panel, self._plan.scene, self._kept
+        sampling, eye, panel, scene = self._plan.layout.sampling, self._panel_view.eye, self._panel, self._plan.scene
+        kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
+        if self._layer.at_renderer:
+            self.reconstruction = Reconstruction(panel, eye, scene, detects_change=True, samples_per_pixel=kept)
+            self.choice = Choice(on="cpu", why="at its renderer")
+            return self.reconstruction
         if self._layer.transparent:
             self._coverage = Coverage(panel, eye, scene, samples_per_pixel=kept)
         self.reconstruction, choice = make_reconstruction(self._wish, panel, eye, scene, samples_per_pixel=kept)

@@ -17,7 +17,7 @@ class FollowedView:
     def __init__(self, plan: Plan, index: int) -> None:
         self.index, self.period = index, 1.0 / plan.views[index].refresh_hz
         self.event: Event | None = None  # the newest
-        self.due = -math.inf  # when it is refreshed next, seconds of the head's clock
+        self.due = math.inf  # when it is refreshed next, seconds of the head's clock; never before the first event
         self._began = -math.inf  # the last refresh
         self._interval = self.period  # between refreshes, a moving mean: more than the period where they take longer
         self._predictor = make_predictor(plan, index)
@@ -26,6 +26,8 @@ class FollowedView:
         """Follow an event of this view, unless a newer one came before. Returns whether it is followed."""
         if event.view != self.index or (self.event is not None and event.number < self.event.number):
             return False
+        if self.event is None:
+            self.due = -math.inf
         self.event = event
         self._predictor.take(event)
         return True

@@ -26,7 +26,6 @@ from wall.operators.base import Operator
 from wall.operators.kernels import pixels as kernels
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import Codec, decode, encode
-from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
@@ -96,11 +95,16 @@ def _made_up_block(plan: Plan, relightable: bool) -> None:
     panel = PanelCompositor(plan, region.layer, reconstruction="cpu")
     panel.follow(event)
     for number in range(2):
-        panel.insert(batch)
-        if isinstance(own := panel.reprojected.reconstruction, Reconstruction) and panel.layer.at_renderer:
-            own.insert(batch.samples, batch.base_time, batch)  # as the sampler does that shares it
+        _insert(panel, batch)
         panel.refresh(event, 0.1 * number)
     panel.statistics_images(0.1)
+
+
+def _insert(panel: PanelCompositor, batch: Batch) -> None:
+    """Give a panel a batch, and its deep buffer too where the sampler does that."""
+    panel.insert(batch)
+    if batch.adaptive and panel.layer.at_renderer:
+        panel.reprojected.shared().insert(batch.samples, batch.base_time, batch)
 
 
 def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None:
@@ -113,7 +117,7 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
     packet = worker.step(event)
     if packet is not None:
         batch = decode(packet)
-        panel.insert(batch)
+        _insert(panel, batch)
         worker.forget(batch)
     for number in range(2):  # something moved, nothing moved
         panel.refresh(event, 0.1 * number)

@@ -4,13 +4,30 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterable
 from dataclasses import MISSING, asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from wall.core.errors import ConfigError
 
 T = TypeVar("T")
+
+
+class Identified(Protocol):
+    """A row that may be measured again."""
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """Equal for two rows that measured the same."""
+
+
+R = TypeVar("R", bound=Identified)
+
+
+def newest(rows: Iterable[R]) -> list[R]:
+    """One row of each identity: of several, the last."""
+    return list({row.identity: row for row in rows}.values())
 
 
 def line_of(row: Any) -> str:

@@ -166,7 +166,7 @@ def test_sampler_and_image_share_one_deep_buffer_and_no_sample_is_sent(
 
     assert traced > 0
     assert one.image.reconstruction.count == traced
-    assert one.image.samples_shown == traced
+    assert one.image.composition.samples_shown() == traced
     assert packets
     assert not any(is_samples(packet) for packet in packets)
     parts = [parse_control(packet) for packet in packets]

@@ -21,7 +21,7 @@ from wall.study.live.cpu_limit import parents_of, quota_files
 from wall.study.live.film import read_film, scaled, write_film
 from wall.study.live.images import GAP, SMALLEST_LABEL, strip
 from wall.study.live.rewriting import load_without_windows, moving, text_for
-from wall.study.live.rows import Row, newest
+from wall.study.live.rows import Row
 from wall.study.live.runs import busy_ticks
 from wall.study.live.scores import Shown, score
 from wall.study.live.sweep import Wanted, cpu_by_role, notes_of
@@ -257,7 +257,7 @@ def test_rows_survive_the_file(tmp_path):
         json_lines.append(path, row)
 
     assert json_lines.read(path, Row) == rows
-    assert [row.rmse_display for row in newest(rows)] == [0.3, 0.1], "the newest of equal ones"
+    assert [row.rmse_display for row in json_lines.newest(rows)] == [0.3, 0.1], "the newest of equal ones"
 
 
 def test_a_disk_without_room_is_told_before_anything_runs(tmp_path, monkeypatch):

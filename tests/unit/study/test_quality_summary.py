@@ -73,7 +73,7 @@ def test_nan_becomes_null() -> None:
 def test_newest_row_of_a_cell_counts() -> None:
     old, new = row("a", "framed", 0.1), row("a", "framed", 0.2)
     other = replace(old, seed=2)
-    assert files.newest([old, other, new]) == [new, other]
+    assert json_lines.newest([old, other, new]) == [new, other]
 
 
 def test_ratio_is_the_geometric_mean_over_scenes_with_the_worst_named() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from wall.core.errors import RunError
+from wall.display.files import replaced
 from wall.study.live.images import PAPER, beside, labelled
 from wall.study.quality.image_strips import GAP, Bytes
 
@@ -23,25 +23,18 @@ def write_film(path: Path, images: Iterable[Bytes], *, hz: float, quality: int =
     """Encode (h, w, 3) uint8 RGB images of one size. Raises RunError where the file cannot be written."""
     import av
 
-    part = path.with_name(f".{path.name}")
     rate = Fraction(hz).limit_denominator(1000)
-    try:
-        with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as film:
-            stream = None
-            for image in images:
-                even = _even(image)
-                if stream is None:
-                    stream = film.add_stream("libx264", rate=rate, options={"crf": str(quality), "preset": "veryfast"})
-                    stream.height, stream.width = even.shape[:2]
-                    stream.pix_fmt = "yuv420p"
-                film.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")))
-            if stream is not None:
-                film.mux(stream.encode())
-        part.replace(path)
-    except OSError as error:
-        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
-    finally:
-        part.unlink(missing_ok=True)
+    with replaced(path) as part, av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as film:
+        stream = None
+        for image in images:
+            even = _even(image)
+            if stream is None:
+                stream = film.add_stream("libx264", rate=rate, options={"crf": str(quality), "preset": "veryfast"})
+                stream.height, stream.width = even.shape[:2]
+                stream.pix_fmt = "yuv420p"
+            film.mux(stream.encode(av.VideoFrame.from_ndarray(np.ascontiguousarray(even), format="rgb24")))
+        if stream is not None:
+            film.mux(stream.encode())
 
 
 def read_film(path: Path) -> Iterator[Bytes]:

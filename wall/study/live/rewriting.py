@@ -76,7 +76,7 @@ def _check_graph(layout: Layout) -> None:
     if strange:
         raise ConfigError(
             f"{layout.loaded.path}: graph: {', '.join(sorted(strange))}: changes what a panel shows; wanted, to hold "
-            f"it against an reference image, only {', '.join(sorted(SHOWS_PANELS))}"
+            f"it against a reference image, only {', '.join(sorted(SHOWS_PANELS))}"
         )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 FILE = "live.jsonl"
@@ -50,8 +49,3 @@ class Row:
     def identity(self) -> Identity:
         """Equal for two rows that measured the same."""
         return (self.config, self.method, self.cores, self.setup, self.reference)
-
-
-def newest(rows: Iterable[Row]) -> list[Row]:
-    """One row of each identity: of several, the last."""
-    return list({row.identity: row for row in rows}.values())

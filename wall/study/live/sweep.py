@@ -21,7 +21,7 @@ from wall.study.live.film import film_hz
 from wall.study.live.reference import WallReference
 from wall.study.live.results import compose, keep
 from wall.study.live.rewriting import load_without_windows, moving, text_for
-from wall.study.live.rows import FILE, Row, newest
+from wall.study.live.rows import FILE, Row
 from wall.study.live.runs import IMAGES, Run, run_wall
 from wall.study.live.scores import Shown, score
 from wall.study.live.timeline import moments
@@ -149,7 +149,7 @@ def _compare(
 ) -> None:
     """Every method on so many cores, and their strip and film."""
     path, rows, measured = wanted.out / FILE, [], False
-    have = {row.identity: row for row in newest(json_lines.read(path, Row))}
+    have = {row.identity: row for row in json_lines.newest(json_lines.read(path, Row))}
     trials = [Trial.of(loaded, method, cores, wanted) for method in wanted.methods]
     for done, trial in enumerate(trials):
         row = have.get((trial.config, trial.method, cores, trial.setup, reference.key))

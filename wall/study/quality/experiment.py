@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from wall.core.data import Float32
+from wall.display.files import replaced
 from wall.study.quality.clocks import STEPS_A_REFRESH, Clock, CpuClock, VirtualClock
 from wall.study.quality.method import Method, Setup
 from wall.study.quality.methods import make_method
@@ -155,7 +155,6 @@ def delay_errors(reference: Reference, step: float) -> list[float]:
     for late in range(min(len(reference), round(LONGEST_DELAY_S / step) + 1)):
         squares = [mean_square(images[max(k - late, 0)], images[k]) for k in range(1, len(reference))]
         errors.append(math.sqrt(sum(squares) / max(len(squares), 1)))
-    fresh = path.with_name(f"{path.name}.{os.getpid()}")
-    fresh.write_text(json.dumps(errors), encoding="utf-8")
-    fresh.replace(path)
+    with replaced(path) as fresh:
+        fresh.write_text(json.dumps(errors), encoding="utf-8")
     return errors

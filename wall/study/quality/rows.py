@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -73,8 +72,3 @@ def identity(trial: Trial, reference: str) -> Identity:
 def read(path: Path) -> list[Row]:
     """The rows of a file. Raises ConfigError for a line that is not one."""
     return json_lines.read(path, Row)
-
-
-def newest(rows: Iterable[Row]) -> list[Row]:
-    """One row a trial: of several, the last."""
-    return list({row.identity: row for row in rows}.values())

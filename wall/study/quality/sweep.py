@@ -16,12 +16,12 @@ from typing import TypeVar
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
 from wall.display.image_file import write_image
-from wall.study.json_lines import append
+from wall.study import json_lines
 from wall.study.options import check_names
 from wall.study.quality.experiment import reference_of, run
 from wall.study.quality.image_strips import LOOKS, REFERENCE, image_path, spent_by
 from wall.study.quality.methods import check_method
-from wall.study.quality.rows import FILE, Row, identity, newest, read
+from wall.study.quality.rows import FILE, Row, identity, read
 from wall.study.quality.trial import Trial
 
 CLOCKS = ("virtual", "cpu")
@@ -95,7 +95,7 @@ def sweep(wanted: Wanted, watch: Watch) -> list[Row]:
         todo = [trial for trial in trials if identity(trial, references[trial.config]) not in have]
         tasks = [partial(measure, trial, wanted.out if trial.seed == wanted.seeds[0] else None) for trial in todo]
         for done, row in enumerate(_as_completed(pool, tasks), start=1):
-            append(path, row)
+            json_lines.append(path, row)
             watch(f"{row.scene} {row.method}", done, len(todo))
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -104,9 +104,8 @@ def sweep(wanted: Wanted, watch: Watch) -> list[Row]:
         raise
     pool.shutdown()
     now = {config.stem: key for config, key in references.items()}
-    return [
-        row for row in newest(read(path)) if wanted.covers(row) and row.reference == now.get(row.scene, row.reference)
-    ]
+    rows = json_lines.newest(read(path))
+    return [row for row in rows if wanted.covers(row) and row.reference == now.get(row.scene, row.reference)]
 
 
 def measure(trial: Trial, out: Path | None) -> Row:
@@ -122,18 +121,11 @@ def measure(trial: Trial, out: Path | None) -> Row:
 
     def look(image: int, time: float, shown: Float32, reference: Float32) -> None:
         if image in looks:
-            _keep(path(trial.method, image), shown)
-            _keep(path(REFERENCE, image), reference)
+            write_image(path(trial.method, image), shown)
+            write_image(path(REFERENCE, image), reference)
 
     path(REFERENCE, next(iter(looks))).parent.mkdir(parents=True, exist_ok=True)
     return run(trial, look)
-
-
-def _keep(path: Path, image: Float32) -> None:
-    """Write an image that another process may be writing too."""
-    own = path.with_name(f".{os.getpid()}-{path.name}")
-    write_image(own, image)
-    own.replace(path)
 
 
 def _make_references(pool: ProcessPoolExecutor, trials: Sequence[Trial], watch: Watch) -> dict[Path, str]:
