@@ -45,9 +45,9 @@ class AdaptiveSampler:
         self._uniform, self._feedback = uniform, feedback
         self._rect, self._batch, self._sequence = rect, batch, 0
         shape = (rect.height, rect.width)
-        brightness, contrast, density, score = np.zeros((4, *shape), np.float32)
+        contrast, density, score = np.zeros((3, *shape), np.float32)
         score[:] = 1.0
-        self._scores = kernels.Scores(brightness, contrast, density, score)
+        self._scores = kernels.Scores(contrast, density, score)
         self._pixels = kernels.Pixels(np.zeros(shape, np.uint16), seed, rect.x, rect.y)
         self.division: Division = (Cut if tiling == "cut" else Grid)(rect.width, rect.height)
         self._floor = FLOOR_MOVING
@@ -58,13 +58,13 @@ class AdaptiveSampler:
         if self._uniform:
             return
         scores, tiles, accumulation = self._scores, self.division.tiles, feedback.accumulation
-        kernels.measure_brightness(feedback.resolved, scores)
         if feedback.nothing_moves:
             self._floor = FLOOR_STILL
-            kernels.score_still(accumulation, self._floor, ENOUGH, scores, tiles)
+            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, scores, tiles)
         else:
             self._floor = FLOOR_MOVING
-            kernels.score_moving(feedback.sample_density, accumulation, self._floor, scores, tiles)
+            density = feedback.sample_density
+            kernels.score_moving(feedback.resolved, density, accumulation, self._floor, scores, tiles)
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
 

@@ -68,14 +68,15 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     """The NumPy twin: contrast to the eight neighbours (the border repeated); n, the weight at the pixel, halves it."""
     random = np.random.default_rng(1)
     value = random.random((37, 40)).astype(np.float32)
+    resolved = np.repeat((value**2)[..., None], 3, axis=2)
     splat_sums = np.zeros((39, 42, 4), np.float32)
     splat_sums[..., 3] = random.uniform(0.11, 3, (39, 42))
     splat_sums[5:9, 7:11, 3] = 0.05  # holes
     accumulation = np.zeros((37, 40, 8), np.float32)
     accumulation[20, 20, 3] = 50
-    scores, tiles = kernels.Scores(value, *np.zeros((3, 37, 40), np.float32)), Grid(40, 37).tiles
+    scores, tiles = kernels.Scores(*np.zeros((3, 37, 40), np.float32)), Grid(40, 37).tiles
 
-    kernels.score_moving(splat_sums[1:-1, 1:-1, 3], accumulation, FLOOR_MOVING, scores, tiles)
+    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, FLOOR_MOVING, scores, tiles)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]

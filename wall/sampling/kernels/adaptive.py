@@ -32,7 +32,6 @@ class Tiles(NamedTuple):
 class Scores(NamedTuple):
     """What is known of each pixel: (h, w) float32 images."""
 
-    brightness: np.ndarray  # square root of the mean channel: about its display value
     contrast: np.ndarray  # mean squared difference of brightness to the neighbours
     density: np.ndarray  # samples
     score: np.ndarray  # expected reduction of the squared error by one more sample
@@ -48,51 +47,97 @@ class Pixels(NamedTuple):
 
 
 @kernel
-def measure_brightness(resolved, scores):
-    """Write the brightness of an image. resolved : (h, w, 3) float32 linear RGB; scores : Scores"""
-    third = np.float32(1.0 / 3.0)
-    for i in range(resolved.shape[0]):
-        for j in range(resolved.shape[1]):
-            mean = (resolved[i, j, 0] + resolved[i, j, 1] + resolved[i, j, 2]) * third
-            scores.brightness[i, j] = math.sqrt(min(max(mean, ZERO), ONE))
-
-
-@kernel
-def score_moving(sample_density, accumulation, floor, scores, tiles):
+def score_moving(resolved, sample_density, accumulation, floor, scores, tiles):
     """Score pixels while something moves: contrast / (n (n + 1)), and holes above all.
 
     Parameters
     ----------
+    resolved : (h, w, 3) float32, linear RGB
     sample_density : (h, w) float32, any strides; effective samples of each pixel
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     floor : float32, added to every score, so that no pixel starves
-    scores : Scores, brightness is read, the others are written; tiles : Tiles, sums are written
+    scores : Scores, written; tiles : Tiles, sums are written
     """
-    value, sums = scores.brightness, tiles.sums
-    height, width = value.shape
-    sums[:] = 0.0
-    eighth = np.float32(0.125)
+    height, width = scores.score.shape
+    brightness = np.empty((3, width + 2), np.float32)
+    for k in (2, 0):  # of the rows above and at row 0, which count as alike
+        measure_brightness(resolved[0], brightness[k])
     for i in range(height):
-        up, down = max(i - 1, 0), min(i + 1, height - 1)
+        measure_brightness(resolved[min(i + 1, height - 1)], brightness[(i + 1) % 3])
+        up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
+        contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
+        measure_contrast(up, own, down, contrast)
+        splats, counts = sample_density[i], accumulation[i, :, COUNT]
         for j in range(width):
-            left, right = max(j - 1, 0), min(j + 1, width - 1)
-            own = value[i, j]
-            total = (
-                (value[up, left] - own) ** 2
-                + (value[up, j] - own) ** 2
-                + (value[up, right] - own) ** 2
-                + (value[i, left] - own) ** 2
-                + (value[i, right] - own) ** 2
-                + (value[down, left] - own) ** 2
-                + (value[down, j] - own) ** 2
-                + (value[down, right] - own) ** 2
-            ) * eighth
-            n = max(sample_density[i, j], accumulation[i, j, COUNT])
-            scores.contrast[i, j] = total
-            scores.density[i, j] = n
-            gain = moving_gain(total, n) + floor
-            scores.score[i, j] = gain
-            sums[tiles.tile_of[i, j]] += gain
+            density[j] = max(splats[j], counts[j])
+        for j in range(width):
+            score[j] = moving_gain(contrast[j], density[j]) + floor
+    sum_tiles(scores.score, tiles)
+
+
+@inline_kernel
+def measure_brightness(row, brightness):
+    """Square root of the mean channel, about its display value, of a row of an image; its ends are repeated once.
+
+    row : (w, 3) float32, linear RGB; brightness : (w + 2,) float32, written
+    """
+    third = np.float32(1.0 / 3.0)
+    inner = brightness[1:-1]
+    for j in range(inner.shape[0]):
+        inner[j] = (row[j, 0] + row[j, 1] + row[j, 2]) * third
+    for j in range(inner.shape[0]):
+        inner[j] = math.sqrt(min(max(inner[j], ZERO), ONE))
+    brightness[0], brightness[-1] = brightness[1], brightness[-2]
+
+
+@inline_kernel
+def measure_contrast(up, own, down, contrast):
+    """Mean squared difference to the eight neighbours. up, own, down : (w + 2,); contrast : (w,), written; float32"""
+    eighth = np.float32(0.125)
+    for j in range(contrast.shape[0]):
+        value = own[j + 1]
+        contrast[j] = (
+            (up[j] - value) ** 2
+            + (up[j + 1] - value) ** 2
+            + (up[j + 2] - value) ** 2
+            + (own[j] - value) ** 2
+            + (own[j + 2] - value) ** 2
+            + (down[j] - value) ** 2
+            + (down[j + 1] - value) ** 2
+            + (down[j + 2] - value) ** 2
+        ) * eighth
+
+
+@inline_kernel
+def measure_contrast_of_four(up, own, down, contrast):
+    """Mean squared difference to the four nearest neighbours; parameters: see measure_contrast."""
+    for j in range(contrast.shape[0]):
+        value = own[j + 1]
+        contrast[j] = (
+            (up[j + 1] - value) ** 2
+            + (own[j] - value) ** 2
+            + (own[j + 2] - value) ** 2
+            + (down[j + 1] - value) ** 2
+        ) * np.float32(0.25)
+
+
+@kernel
+def sum_tiles(score, tiles):
+    """Write the tiles' sums of scores (h, w): columns in float32, and those in float64."""
+    rects = tiles.rects
+    columns = np.empty(score.shape[1], np.float32)
+    for tile in tiles.order:
+        first, top, width, height = rects[tile, X], rects[tile, Y], rects[tile, WIDTH], rects[tile, HEIGHT]
+        sums = columns[:width]
+        sums[:] = ZERO
+        for i in range(top, top + height):
+            line = score[i, first : first + width]
+            for j in range(sums.shape[0]):
+                sums[j] += line[j]
+        total = 0.0
+        for j in range(sums.shape[0]):
+            total += sums[j]
+        tiles.sums[tile] = total
 
 
 @inline_kernel
@@ -102,44 +147,39 @@ def moving_gain(contrast, n):
 
 
 @kernel
-def score_still(accumulation, floor, enough, scores, tiles):
+def score_still(resolved, accumulation, floor, enough, scores, tiles):
     """Score pixels while nothing moves: by their own variance; 0 where the standard error is below `enough`.
 
     Parameters
     ----------
+    resolved : (h, w, 3) float32, linear RGB
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     floor : float32, see score_moving; enough : float32, standard error in brightness that needs no more samples
     scores, tiles : see score_moving
     """
-    value, sums = scores.brightness, tiles.sums
-    height, width = value.shape
-    sums[:] = 0.0
+    height, width = scores.score.shape
+    brightness = np.empty((3, width + 2), np.float32)
+    for k in (2, 0):  # of the rows above and at row 0, which count as alike
+        measure_brightness(resolved[0], brightness[k])
     for i in range(height):
-        up, down = max(i - 1, 0), min(i + 1, height - 1)
+        measure_brightness(resolved[min(i + 1, height - 1)], brightness[(i + 1) % 3])
+        up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
+        contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
+        measure_contrast_of_four(up, own, down, contrast)
+        pixels = accumulation[i]
         for j in range(width):
-            left, right = max(j - 1, 0), min(j + 1, width - 1)
-            own = value[i, j]
-            total = (
-                (value[up, j] - own) ** 2
-                + (value[i, left] - own) ** 2
-                + (value[i, right] - own) ** 2
-                + (value[down, j] - own) ** 2
-            ) * np.float32(0.25)
-            n = accumulation[i, j, COUNT]
-            scores.contrast[i, j] = total
-            scores.density[i, j] = n
-            gain = still_gain(accumulation[i, j, BRIGHTNESS_DEVIATIONS], total, n, floor, enough)
-            scores.score[i, j] = gain
-            sums[tiles.tile_of[i, j]] += gain
+            density[j], score[j] = pixels[j, COUNT], pixels[j, BRIGHTNESS_DEVIATIONS]
+        for j in range(width):
+            score[j] = still_gain(score[j], contrast[j], density[j], floor, enough)
+    sum_tiles(scores.score, tiles)
 
 
 @inline_kernel
 def still_gain(deviations, contrast, n, floor, enough):
     """Expected error reduction of one more sample: variance of n samples and one pseudo-sample of the contrast."""
     variance = (deviations + contrast) / max(n, ONE)
-    if n >= BELIEVED and variance < enough * enough * n:
-        return ZERO
-    return variance / ((n + np.float32(0.5)) * (n + ONE)) + floor
+    known = (n >= BELIEVED) & (variance < enough * enough * n)
+    return ZERO if known else variance / ((n + np.float32(0.5)) * (n + ONE)) + floor
 
 
 @kernel
