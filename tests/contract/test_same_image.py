@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from running import mpirun, panels, wall, write_config
+from running import mpirun, panels, summary, wall, write_config
 
 from wall.config.loading import load
 from wall.roles.plan import make_layout, make_plan
@@ -25,6 +25,7 @@ def truth(config: Path) -> list[NDArray[np.uint8]]:
 
 
 def assert_same(folder: Path, config: Path) -> None:
+    assert summary(folder)["ended"] == "complete"
     expected, found = truth(config), panels(folder)
     assert len(found) == len(expected)
     for k, (ours, theirs) in enumerate(zip(found, expected, strict=True)):

@@ -79,7 +79,8 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     encoded = find_encoded(order, channels, refusals)
     orders = find_orders(order, refusals)
     placement = Placement(config, wall, refusals)
-    rank_of = placement.find(order, covering.panels)
+    held = covering.panels
+    rank_of = placement.find(order, held)
     refusals.raise_any()
     makers = [node for node in order if not isinstance(node, SamplesNode)]
     number = {node.id: k for k, node in enumerate(makers)}
@@ -97,7 +98,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
             order=orders[node.id],
             panels=tuple(p.index for p in panels_shown(wall, covering.cover[node.id]))
             if isinstance(node, SinkNode)
-            else tuple(sorted(covering.panels[node.id])),
+            else tuple(sorted(held[node.id])),
             users=tuple(number[user.id] for user in users[node.id]),
         )
         for node in makers

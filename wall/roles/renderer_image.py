@@ -33,10 +33,11 @@ class RendererImage:
         return self._layer.reprojected.shared()
 
     def follow(self, event: Event) -> None:
-        """Show a new event from the next refresh on."""
+        """Show a new event from the next refresh on; the manager repeats the newest, which changes nothing."""
+        before = self._view.event
         if self._view.take(event):
             self.composition.follow(event)
-            self._rests = False
+            self._rests = self._rests and event == before
 
     def insert(self, batch: Batch) -> None:
         """Show a batch from the next refresh on."""

@@ -220,3 +220,7 @@ def test_image_is_complete_when_nothing_is_missing_and_all_is_sent(
     one.refresh()
 
     assert one.image.complete
+    one.image.follow(one.event)
+    assert one.image.complete, "the manager only repeats the newest event"
+    one.image.follow(replace(one.event, camera_event=1))
+    assert not one.image.complete
