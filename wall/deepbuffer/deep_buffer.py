@@ -132,6 +132,7 @@ class DeepBuffer:
         self.history = PixelHistory.of(width, height, detects_change=detects_change)
         self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
         self._object_starts = np.zeros(objects + 2, np.int64)
+        self._contradicted = np.zeros_like(self.history.contradicted)  # tiles, before the last refresh; with neighbours
         self._ages = np.zeros(AGES, np.int32)
         self.count = 0
         self.epoch = 0.0  # the store's clock zero
@@ -174,8 +175,9 @@ class DeepBuffer:
         """Bring the samples of `moved` objects (n + 1,) to the pose shown, after rejecting contradicted ones."""
         history, pose = self.history, self.poses.pose
         assert pose is not None
+        self._contradicted = _with_neighbours(history.contradicted)
         if history.contradicted.any():
-            kernels_change.reject_contradicted(self.store, self.count, history, _with_neighbours(history.contradicted))
+            kernels_change.reject_contradicted(self.store, self.count, history, self._contradicted)
             history.contradicted[:] = False
         height, width = history.nearest.shape[:2]
         kernels_reproject.reproject(
@@ -184,7 +186,7 @@ class DeepBuffer:
 
     def reject_accumulation(self, changed: NDArray[np.uint8]) -> None:
         """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
-        kernels_accumulation.reject_accumulation(self.history, changed)
+        kernels_accumulation.reject_accumulation(self.history, changed, self._contradicted)
 
     def cutoff(self, alive: int, now: np.float32) -> np.float32:
         """The time before which samples are evicted, so that of `alive` ones no more than the wanted number stay."""
@@ -208,6 +210,7 @@ class DeepBuffer:
         self.count = 0
         self.poses.reset()
         self.history.accumulation[:] = 0.0
+        self.history.accumulating[:] = False
         self.history.rejection[:] = 0.0
         self.history.temporal_gradient[:] = 0.0
         self.history.contradicted[:] = False

@@ -68,6 +68,7 @@ class PixelHistory(NamedTuple):
     temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles where a sample contradicted the image
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
+    accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
 
     @classmethod
     def of(cls, width: int, height: int, *, detects_change: bool) -> PixelHistory:
@@ -82,4 +83,5 @@ class PixelHistory(NamedTuple):
             temporal_gradient=np.zeros(tiles, np.float32),
             contradicted=np.zeros(tiles, np.bool_),
             dirty=np.zeros(tiles, np.bool_),
+            accumulating=np.zeros(tiles, np.bool_),
         )

@@ -8,6 +8,7 @@ makes the image at a compositor and the one that a sampler reads.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, PoseTracker, take_dirty
 from wall.deepbuffer.feedback import Feedback
-from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.pose import Pose, Posed
 from wall.geometry.panels import Panel
@@ -81,10 +81,11 @@ class Reconstruction:
             samples_per_pixel=samples_per_pixel,
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
-        self._bounds = np.ones((height, width, 3), np.float32)
-        self._weight = np.zeros(self.buffer.store.capacity, np.float32)
+        self._bounds = np.ones((3, height, width), np.float32)
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
+        self._weight = np.zeros(self.buffer.store.capacity, np.float32)
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
+        self._holes = np.zeros(height * width, np.uint32)  # pixels
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
         self.refreshes = 0
@@ -104,8 +105,9 @@ class Reconstruction:
             history.dirty[:] = True
         if not self._with.accumulation:
             history.accumulation[:] = 0.0
+            history.accumulating[:] = False
         if history.dirty.any():
-            kernels_splat.mix_accumulation(self.resolved, history.accumulation, history.dirty, self.radiance)
+            kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
 
     def feedback(self) -> Feedback:
         """What a sampler may read after a refresh."""
@@ -200,16 +202,17 @@ class Reconstruction:
         return relit
 
     def _fill(self) -> None:
-        """Fill holes and resolve the splat sums (push-pull)."""
-        fine, border, trusted = self.splat_sums, 1, TRUSTED
-        for level in self._levels:
-            kernels_fill.halve(fine, border, trusted, level)
-            fine, border, trusted = level, 0, kernels_fill.ONE
+        """Resolve the splat sums, and fill holes (push-pull)."""
+        holes = kernels_fill.resolve(self.splat_sums, self.resolved, self._levels[0], self._holes)
+        if holes == 0:
+            return
+        for fine, coarse in pairwise(self._levels):
+            kernels_fill.halve(fine, coarse)
         filled = None
         for level in reversed(self._levels):
             kernels_fill.expand(level, filled)
             filled = level
-        kernels_fill.resolve(self.splat_sums, self._levels[0], self.resolved)
+        kernels_fill.fill_holes(self.splat_sums, self._levels[0], self._holes, holes, self.resolved)
 
 
 def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:

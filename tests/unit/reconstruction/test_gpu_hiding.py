@@ -20,7 +20,7 @@ AWAY, BEFORE = (9.0, 0.0, 2.0), (0.0, 0.0, 2.0)  # where the plate is at 0 s and
 
 def around_the_plate(twins: Twins) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """(h, w) bool: pixels within one of its outline, as the CPU's image found them."""
-    return np.asarray(twins.cpu._bounds[..., DECAY] >= SILHOUETTE_PER_S)
+    return np.asarray(twins.cpu._bounds[DECAY] >= SILHOUETTE_PER_S)
 
 
 def test_at_silhouettes_samples_age_faster_by_as_much(

@@ -27,7 +27,7 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
         object_id=object_id, time=ones, confidence=ones.copy(), screen_position=screen
     )
     nearest: Float32 = np.zeros((SIZE, SIZE, 4), np.float32)
-    bounds, decay = np.zeros((SIZE, SIZE, 3), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
+    bounds, decay = np.zeros((3, SIZE, SIZE), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
     find_nearest(store, n, nearest)
     no_image: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)

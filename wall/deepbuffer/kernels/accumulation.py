@@ -21,6 +21,7 @@ from wall.deepbuffer.kernels.columns import (
     NEAREST_OBJECT,
     RED,
 )  # fmt: skip
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 709
@@ -46,23 +47,43 @@ def accumulate(accumulation, i, j, sample):
 
 
 @kernel
-def reject_accumulation(history, changed):
+def reject_accumulation(history, changed, contradicted):
     """Clear the accumulation of pixels that show a changed object, shorten it where samples contradicted it.
 
-    history : PixelHistory; `accumulation` updated, `rejection` amounts cleared
+    history : PixelHistory; `accumulation` and `accumulating` updated, `rejection` amounts cleared
     changed : (n + 1,) uint8, objects that moved or stand in another light
+    contradicted : (rows, columns) bool, tiles in which rejection amounts may differ from 0
     """
-    nearest, accumulation, rejection = history.nearest, history.accumulation, history.rejection
-    for i in range(nearest.shape[0]):
-        for j in range(nearest.shape[1]):
-            amount = rejection[i, j, AMOUNT]
-            if accumulation[i, j, COUNT] > ZERO:
-                object_id = int(nearest[i, j, NEAREST_OBJECT])
-                if object_id < 0 or changed[object_id] != 0:
-                    accumulation[i, j, :] = ZERO
-                elif amount > ZERO:
-                    keep = (ONE - amount) ** 3  # one contradiction must outweigh many samples that agreed
-                    accumulation[i, j, COUNT] *= keep
-                    accumulation[i, j, BRIGHTNESS_DEVIATIONS] *= keep
-                    accumulation[i, j, IRRADIANCE_DEVIATIONS] *= keep
-            rejection[i, j, AMOUNT] = ZERO
+    tiles, rejection = history.accumulating, history.rejection
+    height, width = rejection.shape[0], rejection.shape[1]
+    for row in range(tiles.shape[0]):
+        for column in range(tiles.shape[1]):
+            top, left = row * TILE, column * TILE
+            bottom, right = min(top + TILE, height), min(left + TILE, width)
+            if tiles[row, column]:
+                accumulates = False
+                for i in range(top, bottom):
+                    for j in range(left, right):
+                        if history.accumulation[i, j, COUNT] > ZERO:
+                            accumulates |= reject_pixel(history, changed, i, j)
+                tiles[row, column] = accumulates
+            if contradicted[row, column]:
+                for i in range(top, bottom):
+                    for j in range(left, right):
+                        rejection[i, j, AMOUNT] = ZERO
+
+
+@inline_kernel
+def reject_pixel(history, changed, i, j):
+    """reject_accumulation for a pixel that has one; returns whether it still has."""
+    pixel, amount = history.accumulation[i, j], history.rejection[i, j, AMOUNT]
+    object_id = int(history.nearest[i, j, NEAREST_OBJECT])
+    if object_id < 0 or changed[object_id] != 0:
+        pixel[:] = ZERO
+        return False
+    if amount > ZERO:
+        keep = (ONE - amount) ** 3  # one contradiction must outweigh many samples that agreed
+        pixel[COUNT] *= keep
+        pixel[BRIGHTNESS_DEVIATIONS] *= keep
+        pixel[IRRADIANCE_DEVIATIONS] *= keep
+    return True

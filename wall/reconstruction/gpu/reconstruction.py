@@ -136,7 +136,7 @@ class GpuReconstruction:
         if not stood:
             self._rest()
         if history.dirty.any():
-            mix_accumulation(self._resolved, history.accumulation, history.dirty, self.radiance)
+            mix_accumulation(self._resolved, history, self.radiance)
 
     def clear(self) -> None:
         """Forget every sample."""
@@ -167,6 +167,7 @@ class GpuReconstruction:
         """Nothing moves any more: the accumulation and the resolved splats travel to the CPU."""
         self._send(moving=True)
         self._passes.read_accumulation(self._history.accumulation, self._resolved)
+        self._history.accumulating[:] = True
         self._device.check()
 
     def _reconstruct(self, now: float, *, stood: bool) -> None:

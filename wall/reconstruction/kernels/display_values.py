@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from wall.core.jit import kernel
-from wall.operators.kernels.pixels import display_code
+import math
+
+import numpy as np
+
+from wall.core.jit import inline_kernel, kernel
+
+uint32 = np.uint32
+ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @kernel
@@ -22,13 +28,27 @@ def display_tiles(radiance, dirty, tile, curve, rgb):
     redone : int, pixels written
     """
     redone = 0
+    source, out = radiance.reshape(-1), rgb.reshape(-1)
+    height, width = radiance.shape[0], radiance.shape[1]
+    places = np.empty(3 * tile, np.int32)
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
                 continue
-            for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
-                for x in range(column * tile, min((column + 1) * tile, radiance.shape[1])):
-                    for c in range(3):
-                        rgb[y, x, c] = display_code(radiance[y, x, c], curve)
-                    redone += 1
+            left, right = column * tile, min((column + 1) * tile, width)
+            for y in range(row * tile, min((row + 1) * tile, height)):
+                first, last = 3 * (y * width + left), 3 * (y * width + right)
+                look_up(source[first:last], curve, places, out[first:last])
+                redone += right - left
     return redone
+
+
+@inline_kernel
+def look_up(values, curve, places, codes):
+    """Write the 8-bit codes of a row: see operators.kernels.pixels.display_code. The first loop is vector code."""
+    steps = np.float32(curve.shape[0] - 1)
+    for k in range(values.shape[0]):
+        value = min(values[k], ONE) if values[k] > ZERO else ZERO
+        places[k] = np.int32(math.sqrt(value) * steps + HALF)
+    for k in range(values.shape[0]):
+        codes[k] = curve[uint32(places[k])]

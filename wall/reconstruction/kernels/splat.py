@@ -26,64 +26,75 @@ def splat(store, weight, count, bounds, sums, irradiance):
     Parameters
     ----------
     store : SampleStore; weight : (capacity,) float32, see weigh; count : int, samples stored
-    bounds : (h, w, 3) float32, see visibility.bound_depths; sharpness is 1 or more
+    bounds : (3, h, w) float32, see visibility.bound_depths; sharpness is 1 or more
     sums : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
     irradiance : (h, w, 2) float32, weighted square root of irradiance and weight, written: a
         sample counts in its own pixel; or empty
     """
-    radiance, screen = store.radiance, store.screen_position
+    radiance, screen = store.radiance.reshape(-1), store.screen_position
     flat, row = sums.reshape(-1), uint32(4 * sums.shape[1])
     flat[:] = ZERO
     irradiance[:] = ZERO
-    keeps_irradiance = irradiance.shape[0] > 0
+    light, keeps_irradiance = irradiance.reshape(-1), irradiance.shape[0] > 0
+    sharpness, width = bounds[SHARPNESS].reshape(-1), uint32(bounds.shape[2])
     for k in range(count):
         w = weight[k]
         if not w > ZERO:
             continue
-        x, y = screen[X, k], screen[Y, k]
-        i, j = uint32(y), uint32(x)
-        sharp = bounds[i, j, SHARPNESS]
+        x, y, n = screen[X, k], screen[Y, k], uint32(4) * uint32(k)
+        pixel = uint32(y) * width + uint32(x)
+        sharp = sharpness[pixel]
         if keeps_irradiance:
-            irradiance[i, j, IRRADIANCE] += w * radiance[k, SQRT_IRRADIANCE]
-            irradiance[i, j, WEIGHT] += w
+            i = uint32(2) * pixel
+            light[i + uint32(IRRADIANCE)] += w * radiance[n + uint32(SQRT_IRRADIANCE)]
+            light[i + uint32(WEIGHT)] += w
         x += HALF  # border included
         y += HALF
         i, j = uint32(y), uint32(x)
         fx = min(max((x - np.float32(j) - HALF) * sharp + HALF, ZERO), ONE)
         fy = min(max((y - np.float32(i) - HALF) * sharp + HALF, ZERO), ONE)
-        red, green, blue = radiance[k, 0], radiance[k, 1], radiance[k, 2]
+        red, green, blue = radiance[n], radiance[n + uint32(1)], radiance[n + uint32(2)]
         w11 = fx * fy * w
         w10 = fy * w - w11
         w01 = fx * w - w11
         i = i * row + j * uint32(4)
-        add(flat, i, red, green, blue, w - w01 - w10 - w11)
-        add(flat, i + uint32(4), red, green, blue, w01)
-        add(flat, i + row, red, green, blue, w10)
-        add(flat, i + row + uint32(4), red, green, blue, w11)
+        add_two(flat, i, red, green, blue, w - w01 - w10 - w11, w01)
+        add_two(flat, i + row, red, green, blue, w10, w11)
 
 
 @inline_kernel
-def add(flat, i, red, green, blue, weight):
-    """Add four numbers in a row and nothing between: one vector instruction each."""
-    flat[i] += weight * red
-    flat[i + uint32(1)] += weight * green
-    flat[i + uint32(2)] += weight * blue
-    flat[i + uint32(3)] += weight
+def add_two(flat, i, red, green, blue, u, v):
+    """Add to two neighbours: eight numbers in a row, all read before any is written, so that they become vectors."""
+    a, b, c, d = flat[i], flat[i + uint32(1)], flat[i + uint32(2)], flat[i + uint32(3)]
+    e, f, g, h = flat[i + uint32(4)], flat[i + uint32(5)], flat[i + uint32(6)], flat[i + uint32(7)]
+    a, b, c, d = a + u * red, b + u * green, c + u * blue, d + u
+    e, f, g, h = e + v * red, f + v * green, g + v * blue, h + v
+    flat[i], flat[i + uint32(1)], flat[i + uint32(2)], flat[i + uint32(3)] = a, b, c, d
+    flat[i + uint32(4)], flat[i + uint32(5)], flat[i + uint32(6)], flat[i + uint32(7)] = e, f, g, h
 
 
 @kernel
-def mix_accumulation(resolved, accumulation, dirty, shown):
+def mix_accumulation(resolved, history, shown):
     """Mix the accumulated mean of n samples into the resolved splats, with a share of 1 - 1 / (1 + n)^2.
 
-    resolved : (h, w, 3) float32; accumulation : (h, w, 8) float32; dirty : (rows, columns) bool, tiles to redo
+    resolved : (h, w, 3) float32; history : PixelHistory, its dirty tiles are redone
     shown : (h, w, 3) float32, written
     """
+    dirty, accumulation = history.dirty, history.accumulation
+    height, width = resolved.shape[0], resolved.shape[1]
+    source, out = resolved.reshape(-1), shown.reshape(-1)
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
                 continue
-            for i in range(row * TILE, min((row + 1) * TILE, resolved.shape[0])):
-                for j in range(column * TILE, min((column + 1) * TILE, resolved.shape[1])):
+            left, right = column * TILE, min((column + 1) * TILE, width)
+            for i in range(row * TILE, min((row + 1) * TILE, height)):
+                first = uint32(3 * (i * width + left))
+                if not history.accumulating[row, column]:
+                    for k in range(3 * (right - left)):
+                        out[first + uint32(k)] = source[first + uint32(k)]
+                    continue
+                for j in range(left, right):
                     n = accumulation[i, j, COUNT]
                     part = ONE / ((ONE + n) * (ONE + n))
                     own = ONE - part

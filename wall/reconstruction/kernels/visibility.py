@@ -23,7 +23,7 @@ WAIT_S = np.float32(0.5)  # hidden samples are rejected from this age on; younge
 SILHOUETTE_PER_S = np.float32(8.0)  # how much faster samples lose weight at silhouettes, where coverage changes
 DENSE = np.float32(4.0)  # effective samples of a pixel: with more, they spread less and age faster, in proportion,
 SHARPEST = np.float32(3.0)  # times at most (a factor)
-CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # columns of bounds
+CONSERVATIVE_DEPTH, DECAY, SHARPNESS = 0, 1, 2  # planes of bounds
 SLOWEST = np.float32(0.3)  # factor of decay where samples are few: there are no better ones
 
 
@@ -71,40 +71,68 @@ def bound_depths(nearest, moved, decay, silhouette, density, bounds):
     moved : (n + 1,) uint8, objects that moved in the image; decay : (rows, columns) float32, 1 / seconds, of each tile
     silhouette : float32, 1 / seconds, SILHOUETTE_PER_S unless nothing is to age
     density : (h + 2, w + 2, 4) float32, splat sums of the image before, weight last
-    bounds : (h, w, 3) float32, written.
+    bounds : (3, h, w) float32, written.
         CONSERVATIVE_DEPTH: the least depth over 3x3 pixels, enlarged by BEHIND. DECAY, 1 / seconds: the tile's decay
         times weight / DENSE from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show within
         these pixels `silhouette` more, times that if none of them moves. SHARPNESS: weight / DENSE from 1 to SHARPEST
     """
-    height, width = bounds.shape[0], bounds.shape[1]
-    depth = np.empty((height + 2, width + 2), np.float32)  # edges stand twice, which changes no extreme
-    moving = np.empty_like(depth)
+    height, width = bounds.shape[1], bounds.shape[2]
+    weights = density.reshape(-1)
+    near = np.empty((height + 2, width + 2), np.float32)  # edges stand twice, which changes no extreme
+    far, moving = np.empty_like(near), np.empty_like(near)
+    everything = moved.all()
     for i in range(height + 2):
-        row = min(max(i - 1, 0), height - 1)
+        copy_row(nearest[min(max(i - 1, 0), height - 1)].reshape(-1), moved, everything, near[i], far[i], moving[i])
+    low, high, moves = np.empty(width + 2, np.float32), np.empty(width + 2, np.float32), np.empty(width + 2, np.float32)
+    slow, dense = np.empty(width, np.float32), np.empty(width, np.float32)
+    for i in range(height):  # few arrays a loop: all are vector code
+        extremes(near[i], near[i + 1], near[i + 2], low, far[i], far[i + 1], far[i + 2], high)
+        for j in range(width + 2):
+            moves[j] = max(moving[i, j], max(moving[i + 1, j], moving[i + 2, j]))
+        row = weights[4 * (i + 1) * (width + 2) + 4 :]
         for j in range(width):
-            object_id = nearest[row, j, NEAREST_OBJECT]
-            depth[i, j + 1] = nearest[row, j, NEAREST_DEPTH]
-            moving[i, j + 1] = np.float32(moved[uint32(max(object_id, ZERO))]) if object_id >= ZERO else ZERO
-        depth[i, 0], depth[i, width + 1] = depth[i, 1], depth[i, width]
-        moving[i, 0], moving[i, width + 1] = moving[i, 1], moving[i, width]
-    low, high, any_moves = np.empty_like(depth[0]), np.empty_like(depth[0]), np.empty_like(depth[0])
-    for i in range(height):
-        for j in range(width + 2):  # vector code, as below
-            a, b, c = depth[i, j], depth[i + 1, j], depth[i + 2, j]
-            low[j] = min(a, min(b, c))
-            a, b, c = a if a < INFINITE else ZERO, b if b < INFINITE else ZERO, c if c < INFINITE else ZERO
-            high[j] = max(a, max(b, c))
-            any_moves[j] = max(moving[i, j], max(moving[i + 1, j], moving[i + 2, j]))
+            dense[j] = row[4 * j + 3] * (ONE / DENSE)
         for j in range(width):
-            bound = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
-            edge = max(high[j], max(high[j + 1], high[j + 2])) > bound
-            moves = max(any_moves[j], max(any_moves[j + 1], any_moves[j + 2]))
-            dense = density[i + 1, j + 1, 3] * (ONE / DENSE)
-            pace = min(max(dense, SLOWEST), SHARPEST) if dense > ZERO else ONE
-            at_edge = silhouette * (ONE if moves > ZERO else pace) if edge else ZERO
-            bounds[i, j, CONSERVATIVE_DEPTH] = bound
-            bounds[i, j, DECAY] = pace * decay[i // TILE, j // TILE] + at_edge
-            bounds[i, j, SHARPNESS] = min(max(dense, ONE), SHARPEST)
+            slow[j] = decay[i // TILE, j // TILE]
+        bound, decays, sharpness = bounds[CONSERVATIVE_DEPTH, i], bounds[DECAY, i], bounds[SHARPNESS, i]
+        for j in range(width):
+            limit = min(low[j], min(low[j + 1], low[j + 2])) * BEHIND
+            edge = max(high[j], max(high[j + 1], high[j + 2])) > limit
+            pace = min(max(dense[j], SLOWEST), SHARPEST) if dense[j] > ZERO else ONE
+            at_edge = silhouette * (ONE if max(moves[j], max(moves[j + 1], moves[j + 2])) > ZERO else pace)
+            bound[j] = limit
+            decays[j] = pace * slow[j] + (at_edge if edge else ZERO)
+            sharpness[j] = min(max(dense[j], ONE), SHARPEST)
+
+
+@inline_kernel
+def copy_row(nearest, moved, everything, near, far, moving):
+    """Copy a row of nearest samples: depth, depth or 0 where there is none, and whether the object moves."""
+    width = near.shape[0] - 2
+    a, b, c = near[1:], far[1:], moving[1:]
+    for j in range(width):
+        z = nearest[4 * j + NEAREST_DEPTH]
+        a[j] = z
+        b[j] = z if z < INFINITE else ZERO
+    if everything:
+        for j in range(width):
+            c[j] = ONE if nearest[4 * j + NEAREST_OBJECT] >= ZERO else ZERO
+    else:
+        for j in range(width):
+            object_id = nearest[4 * j + NEAREST_OBJECT]
+            c[j] = np.float32(moved[uint32(object_id)]) if object_id >= ZERO else ZERO
+    near[0], near[width + 1] = near[1], near[width]
+    far[0], far[width + 1] = far[1], far[width]
+    moving[0], moving[width + 1] = moving[1], moving[width]
+
+
+@inline_kernel
+def extremes(a, b, c, low, d, e, f, high):
+    """The least of three rows, and the greatest of three others."""
+    for j in range(low.shape[0]):
+        low[j] = min(a[j], min(b[j], c[j]))
+    for j in range(high.shape[0]):
+        high[j] = max(d[j], max(e[j], f[j]))
 
 
 @inline_kernel
@@ -152,20 +180,19 @@ def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
     untested : (capacity,) uint32, scratch: samples whose visibility needs a test
     """
     screen, times, confidence = store.screen_position, store.time, store.confidence
-    flat, width = bounds.reshape(-1), uint32(bounds.shape[1])
-    tests = uint32(0)
+    bound, decay = bounds[CONSERVATIVE_DEPTH].reshape(-1), bounds[DECAY].reshape(-1)
+    width, tests = uint32(bounds.shape[2]), uint32(0)
     for k in range(count):  # no branches
         z = screen[DEPTH, k]
         inside = z > ZERO
         i = uint32(screen[Y, k] if inside else ZERO) * width + uint32(screen[X, k] if inside else ZERO)
-        i *= uint32(3)
         time = times[k]
         age = now - time
-        a = max(age, ZERO) * flat[i + uint32(DECAY)]
+        a = max(age, ZERO) * decay[i]
         w = confidence[k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
         weight[k] = w if inside & (time >= cutoff) else ZERO
         untested[tests] = uint32(k)
-        tests += uint32(1) if inside & (age > young) & (z > flat[i]) else uint32(0)
+        tests += uint32(1) if inside & (age > young) & (z > bound[i]) else uint32(0)
     for n in range(tests):  # in a loop of their own the tests overlap
         k = untested[n]
         weight[k] *= ZERO if hidden(screen[X, k], screen[Y, k], screen[DEPTH, k], nearest) else ONE
