@@ -14,4 +14,6 @@ _CURVE = srgb_curve()
 
 def update_display(radiance: Float32, dirty: NDArray[np.bool_], tile: int, rgb: NDArray[np.uint8]) -> int:
     """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from `radiance` (h, w, 3) float32; returns pixels redone."""
-    return int(kernels.display_tiles(radiance, dirty, tile, _CURVE, rgb))
+    assert rgb.strides[1:] == (3, 1)  # else its rows would be copies
+    rows, codes = radiance.reshape(len(rgb), -1), rgb.reshape(len(rgb), -1)
+    return int(kernels.display_tiles(rows, dirty, tile, _CURVE, codes))

@@ -18,28 +18,25 @@ def display_tiles(radiance, dirty, tile, curve, rgb):
 
     Parameters
     ----------
-    radiance : (h, w, 3) float32, linear RGB
+    radiance : (h, 3 w) float32, linear RGB
     dirty : (rows, columns) bool, tiles to redo; tile : int, their edge in pixels
     curve : (4097,) uint8, sRGB code of (k / 4096)^2: looking up by square root keeps dark steps fine
-    rgb : (h, w, 3) uint8, updated in place
+    rgb : (h, 3 w) uint8, updated in place
 
     Returns
     -------
     redone : int, pixels written
     """
     redone = 0
-    source, out = radiance.reshape(-1), rgb.reshape(-1)
-    height, width = radiance.shape[0], radiance.shape[1]
     places = np.empty(3 * tile, np.int32)
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
                 continue
-            left, right = column * tile, min((column + 1) * tile, width)
-            for y in range(row * tile, min((row + 1) * tile, height)):
-                first, last = 3 * (y * width + left), 3 * (y * width + right)
-                look_up(source[first:last], curve, places, out[first:last])
-                redone += right - left
+            left, right = 3 * column * tile, min(3 * (column + 1) * tile, radiance.shape[1])
+            for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
+                look_up(radiance[y, left:right], curve, places, rgb[y, left:right])
+                redone += (right - left) // 3
     return redone
 
 
