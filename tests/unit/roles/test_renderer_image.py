@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,15 @@ from wall.packets.control import parse_control
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import is_samples
 from wall.roles.adaptive_renderer import AdaptiveRenderer
-from wall.roles.plan import Plan, first_event, make_layout, make_plan, reconstructed_at_renderers, why_not_at_renderer
+from wall.roles.plan import (
+    Layout,
+    Plan,
+    first_event,
+    make_layout,
+    make_plan,
+    reconstructed_at_renderers,
+    why_not_at_renderer,
+)
 from wall.roles.renderer_image import RendererImage
 from wall.run.single_process import SingleProcess
 from wall.run.tracers import Tracers
@@ -25,7 +34,7 @@ from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 TEXT = """\
 version: 1
 scene: {{source: courtyard}}
-wall: {{grid: {{columns: 2, rows: 1, pixels: [48, 32], size: [0.4, 0.3]}}}}
+wall: {{grid: {{columns: 2, rows: 1, pixels: [{pixels}], size: [0.4, 0.3]}}}}
 views: [{{camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}}}]
 sampling: {{method: {method}, threads: {threads}}}
 graph: {graph}
@@ -43,9 +52,13 @@ NODES = """
 HERE = ["here"] * 3
 
 
-def plan_of(graph: str = "sort-first", *, method: str = "adaptive", threads: int = 1, where: str = "cpu") -> Plan:
-    text = TEXT.format(graph=graph, method=method, threads=threads, reconstruction=where)
-    return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+def layout_of(graph: str = "sort-first", **changes: Any) -> Layout:
+    values = {"method": "adaptive", "pixels": "48, 32", "threads": 1, "reconstruction": "cpu"}
+    return make_layout(loads(TEXT.format(graph=graph, **(values | changes)), path=Path("wall.yaml")))
+
+
+def plan_of(graph: str = "sort-first", **changes: Any) -> Plan:
+    return make_plan(layout_of(graph, **changes))
 
 
 def nodes(on: str = "") -> str:
@@ -58,19 +71,21 @@ def tracer_scene() -> TracerScene:
 
 
 @pytest.mark.parametrize(
-    ("plan", "why"),
+    ("graph", "options", "why"),
     [
-        (plan_of(), ""),
-        (plan_of(nodes("renderer")), ""),
-        (plan_of(nodes("head")), "`on: head` asks for it"),
-        (plan_of("{preset: sort-first, ranks_per_panel: 2}"), "2 ranks render it"),
-        (plan_of("{preset: sort-first, sync: frame}", method="framed"), "its frames are shown in lock step"),
-        (plan_of(threads=2), "2 threads render it"),
-        (plan_of(where="gpu"), "the compositor's GPU reconstructs"),
+        ("sort-first", {}, ""),
+        (nodes("renderer"), {}, ""),
+        (nodes("head"), {}, "`on: head` asks for it"),
+        ("{preset: sort-first, ranks_per_panel: 2}", {}, "2 ranks render it"),
+        ("{preset: sort-first, sync: frame}", {"method": "framed"}, "its frames are shown in lock step"),
+        ("sort-first", {"threads": 2}, "2 threads render it"),
+        ("sort-first", {"reconstruction": "gpu"}, "the compositor's GPU reconstructs"),
     ],
 )
-def test_renderer_makes_the_image_unless_something_stands_against_it(plan: Plan, why: str) -> None:
-    layout = plan.layout
+def test_renderer_makes_the_image_unless_something_stands_against_it(
+    graph: str, options: dict[str, Any], why: str
+) -> None:
+    layout = layout_of(graph, **options)
     assert {why_not_at_renderer(layout, layer) for layer in layout.graph.layers} == {why}
 
     placed = reconstructed_at_renderers(layout, ["here"] * layout.size)
@@ -82,14 +97,14 @@ def test_renderer_makes_the_image_unless_something_stands_against_it(plan: Plan,
 
 
 def test_sort_last_needs_more_than_display_bytes() -> None:
-    layout = plan_of("{preset: sort-last, ranks_per_panel: 2}").layout
+    layout = layout_of("{preset: sort-last, ranks_per_panel: 2}")
     assert all("depth" in why_not_at_renderer(layout, layer) for layer in layout.graph.layers)
 
 
 def test_samples_travel_to_another_machine_unless_the_image_is_asked_for() -> None:
     machines = ["here", "here", "there"]
-    layers = reconstructed_at_renderers(plan_of().layout, machines).graph.layers
-    asked = reconstructed_at_renderers(plan_of(nodes("renderer")).layout, machines).graph.layers
+    layers = reconstructed_at_renderers(layout_of(), machines).graph.layers
+    asked = reconstructed_at_renderers(layout_of(nodes("renderer")), machines).graph.layers
 
     assert [layer.at_renderer for layer in layers] == [True, False]
     assert [layer.at_renderer for layer in asked] == [True, True]
@@ -97,7 +112,7 @@ def test_samples_travel_to_another_machine_unless_the_image_is_asked_for() -> No
 
 def test_renderer_that_cannot_make_the_image_is_refused_with_the_reason() -> None:
     with pytest.raises(ConfigError, match=r":9:\d+: graph.nodes\[1\].on = .renderer.*2 threads render it"):
-        plan_of(nodes("renderer"), threads=2)
+        layout_of(nodes("renderer"), threads=2)
 
 
 @pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
@@ -115,7 +130,8 @@ def test_images_have_the_same_bits_wherever_they_are_made(
 
 def test_adaptive_image_at_rest_is_as_close_wherever_it_is_made(tracer_scene: TracerScene, compiled_only: None) -> None:
     """Samples that travel are rounded, and their sampler's noise differs: the images agree within a code or so."""
-    here, travelling = images(plan_of(), tracer_scene), images(plan_of(nodes("head")), tracer_scene)
+    small = "24, 16"
+    here, travelling = (images(plan_of(graph, pixels=small), tracer_scene) for graph in ("sort-first", nodes("head")))
 
     difference = here.astype(float) - travelling.astype(float)
     assert here.std() > 10

@@ -86,14 +86,14 @@ def _rock() -> RawMesh:
 
 def _mosaic(size: int) -> NDArray[np.uint8]:
     """A round pavement: rings of trapezoid stones around a star, each stone its own shade; (size, size, 3) sRGB."""
-    chance = np.random.default_rng(3)
-    y, x = (np.mgrid[:size, :size] + 0.5) / size * 2.0 - 1.0
-    radius, angle = np.hypot(x, y), np.arctan2(y, x) / (2.0 * np.pi) + 0.5
-    edges = np.array([0.0, 0.16, 0.30, 0.37, 0.50, 0.57, 0.70, 0.83, 0.90, 1.01, 2.0])
-    ring = np.searchsorted(edges, radius, side="right") - 1
-    stones = np.array([12, 24, 48, 36, 72, 48, 60, 96, 72, 72])[ring]
-    along = angle * stones + 0.5 * (ring % 2)
-    stone = np.floor(along).astype(int) % stones
+    centres = (np.arange(size) + 0.5) / size * 2.0 - 1.0
+    rows = np.array_split(centres[:, None], max(1, size // 16))  # so few that temporary arrays stay in the cache
+    shades = _stone_colours()
+    return np.concatenate([_stones(centres, some, shades) for some in rows])
+
+
+def _stone_colours() -> Float64:
+    """(10, 96, 3) sRGB, 0 to 255: of the stones of each ring."""
     palette = np.array(
         [
             [203, 174, 134],
@@ -109,14 +109,24 @@ def _mosaic(size: int) -> NDArray[np.uint8]:
         ],
         float,
     )
-    shade = chance.uniform(0.86, 1.08, (len(edges), 96))
-    color = palette[ring] * shade[ring, stone][..., None]
-    checker = ((stone % 2 == 0) & np.isin(ring, (0, 1, 4, 6, 7)))[..., None]
-    color = np.where(checker, color * [0.80, 0.78, 0.76] + [14, 10, 8], color)
+    colours = palette[:, None] * np.random.default_rng(3).uniform(0.86, 1.08, (len(palette), 96))[..., None]
+    for ring in (0, 1, 4, 6, 7):  # checkered
+        colours[ring, ::2] = colours[ring, ::2] * [0.80, 0.78, 0.76] + [14, 10, 8]
+    return colours
+
+
+def _stones(x: Float64, y: Float64, colours: Float64) -> NDArray[np.uint8]:
+    """The pavement at x (w,), y (h, 1), from -1 to 1; (h, w, 3) sRGB."""
+    radius, angle = np.hypot(x, y), np.arctan2(y, x) / (2.0 * np.pi) + 0.5
+    edges = np.array([0.0, 0.16, 0.30, 0.37, 0.50, 0.57, 0.70, 0.83, 0.90, 1.01, 2.0])
+    ring = np.searchsorted(edges, radius, side="right") - 1
+    stones = np.array([12, 24, 48, 36, 72, 48, 60, 96, 72, 72])[ring]
+    along = angle * stones + 0.5 * (ring % 2)
+    stone = np.floor(along).astype(int) % stones
     across = np.minimum(radius - edges[ring], edges[ring + 1] - radius)
     sideways = np.minimum(along % 1.0, 1.0 - along % 1.0) * 2.0 * np.pi * radius / stones
     joint = np.clip(np.minimum(across, sideways) / 0.0035, 0.0, 1.0)[..., None]
-    return np.asarray(np.clip(color * (0.62 + 0.38 * joint), 0, 255), np.uint8)
+    return np.asarray(np.clip(colours[ring, stone] * (0.62 + 0.38 * joint), 0, 255), np.uint8)
 
 
 def _colonnade(parts: Assembly) -> None:
