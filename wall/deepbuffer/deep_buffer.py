@@ -132,14 +132,13 @@ class DeepBuffer:
         self.history = PixelHistory.of(width, height, detects_change=detects_change)
         self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
         self._object_starts = np.zeros(objects + 2, np.int64)
-        self._contradicted = np.zeros_like(self.history.contradicted)  # tiles, before the last refresh; with neighbours
         self._ages = np.zeros(AGES, np.int32)
         self.count = 0
         self.epoch = 0.0  # the store's clock zero
         self._until_sorted = self._sorts = 0
         self.cutoff(self._kept + 1, np.float32(0.0))  # compiled now, not when it is first needed
         self.count = kernels_sort.compact(self.store, 0, NO_CUTOFF)
-        kernels_change.reject_contradicted(self.store, 0, self.history, self.history.contradicted)
+        kernels_change.reject_contradicted(self.store, 0, self.history)
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
@@ -175,10 +174,8 @@ class DeepBuffer:
         """Bring the samples of `moved` objects (n + 1,) to the pose shown, after rejecting contradicted ones."""
         history, pose = self.history, self.poses.pose
         assert pose is not None
-        self._contradicted = _with_neighbours(history.contradicted)
         if history.contradicted.any():
-            kernels_change.reject_contradicted(self.store, self.count, history, self._contradicted)
-            history.contradicted[:] = False
+            kernels_change.reject_contradicted(self.store, self.count, history)
         height, width = history.nearest.shape[:2]
         kernels_reproject.reproject(
             self.store, self.count, pose.panel_from_object, moved, np.float32(width), np.float32(height)
@@ -186,7 +183,7 @@ class DeepBuffer:
 
     def reject_accumulation(self, changed: NDArray[np.uint8]) -> None:
         """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
-        kernels_accumulation.reject_accumulation(self.history, changed, self._contradicted)
+        kernels_accumulation.reject_accumulation(self.history, changed)
 
     def cutoff(self, alive: int, now: np.float32) -> np.float32:
         """The time before which samples are evicted, so that of `alive` ones no more than the wanted number stay."""
@@ -257,13 +254,3 @@ def take_dirty(history: PixelHistory) -> NDArray[np.bool_]:
     dirty = history.dirty.copy()
     history.dirty[:] = False
     return dirty
-
-
-def _with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(rows, columns) bool: the tiles, and those beside them."""
-    found = np.pad(tiles, 1)
-    found[1:] |= found[:-1].copy()
-    found[:-1] |= found[1:].copy()
-    found[:, 1:] |= found[:, :-1].copy()
-    found[:, :-1] |= found[:, 1:].copy()
-    return found[1:-1, 1:-1].copy()

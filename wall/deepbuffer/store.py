@@ -66,7 +66,7 @@ class PixelHistory(NamedTuple):
     rejection: Float32  # (h, w, 2) share of confidence that older samples lose, and the time before which they do
     rejected_object: NDArray[np.uint32]  # (h, w) object whose samples lose it
     temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
-    contradicted: NDArray[np.bool_]  # (rows, columns) tiles where a sample contradicted the image
+    contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
 

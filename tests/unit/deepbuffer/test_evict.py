@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.evict import AGES, oldest_kept
+from wall.deepbuffer.kernels.evict import AGES, EXACT, oldest_kept
 from wall.deepbuffer.store import SampleStore
 
 NOW = 100.5
 CLASS = 1 / 128  # of an age: as exact as ages are told apart
+ONE_DEVIATION = 0.5 / EXACT**0.5  # share of all, of a quantile told by EXACT of them: worst at the median
 
 
 def cutoff(times: Float32, wanted: int, *, outside: Float32 | None = None) -> np.float32:
@@ -55,3 +56,11 @@ def test_samples_of_the_future_are_the_youngest() -> None:
     times = np.float32([101.0, 102.0, 100.0, 99.0])
     limit = cutoff(times, 2)
     assert 100.0 < limit <= 101.0
+
+
+def test_of_many_samples_about_as_many_as_wanted_stay(random_numbers: np.random.Generator) -> None:
+    times = (NOW - random_numbers.random(12 * EXACT + 5)).astype(np.float32)
+    for wanted in (len(times) // 7, len(times) // 2):
+        staying = np.count_nonzero(times >= cutoff(times, wanted))
+        by_class = wanted * CLASS
+        assert abs(staying - wanted) <= 2 * ONE_DEVIATION * len(times) + by_class

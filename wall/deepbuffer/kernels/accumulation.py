@@ -47,12 +47,11 @@ def accumulate(accumulation, i, j, sample):
 
 
 @kernel
-def reject_accumulation(history, changed, contradicted):
+def reject_accumulation(history, changed):
     """Clear the accumulation of pixels that show a changed object, shorten it where samples contradicted it.
 
-    history : PixelHistory; `accumulation` and `accumulating` updated, `rejection` amounts cleared
+    history : PixelHistory; `accumulation` and `accumulating` updated, `contradicted` and `rejection` amounts cleared
     changed : (n + 1,) uint8, objects that moved or stand in another light
-    contradicted : (rows, columns) bool, tiles in which rejection amounts may differ from 0
     """
     tiles, rejection = history.accumulating, history.rejection
     height, width = rejection.shape[0], rejection.shape[1]
@@ -67,10 +66,11 @@ def reject_accumulation(history, changed, contradicted):
                         if history.accumulation[i, j, COUNT] > ZERO:
                             accumulates |= reject_pixel(history, changed, i, j)
                 tiles[row, column] = accumulates
-            if contradicted[row, column]:
+            if history.contradicted[row, column]:
                 for i in range(top, bottom):
                     for j in range(left, right):
                         rejection[i, j, AMOUNT] = ZERO
+                history.contradicted[row, column] = False
 
 
 @inline_kernel

@@ -77,7 +77,6 @@ def mark_contradicted(history, i, j, change, time, object_id):
     The greatest share of a pixel stays. change : float32, 0..1; time : float32, the contradicting sample's
     """
     rejection, rejected_object = history.rejection, history.rejected_object
-    history.contradicted[i // TILE, j // TILE] = True
     for di in range(max(i - 1, 0), min(i + 2, rejection.shape[0])):
         for dj in range(max(j - 1, 0), min(j + 2, rejection.shape[1])):
             square = (di - i) * (di - i) + (dj - j) * (dj - j)
@@ -86,24 +85,25 @@ def mark_contradicted(history, i, j, change, time, object_id):
                 rejection[di, dj, AMOUNT] = amount
                 rejection[di, dj, BEFORE] = time
                 rejected_object[di, dj] = object_id
+                history.contradicted[di // TILE, dj // TILE] = True
 
 
 @kernel
-def reject_contradicted(store, count, history, tiles):
+def reject_contradicted(store, count, history):
     """Take confidence from samples of the image's pixels that were contradicted.
 
     Parameters
     ----------
     store : SampleStore, screen positions still those of the image that was contradicted; `confidence` updated
     count : int, samples stored; history : PixelHistory, see mark_contradicted
-    tiles : (rows, columns) bool, tiles in which there is anything to reject
     """
     screen, rejection, rejected_object = store.screen_position, history.rejection, history.rejected_object
+    tiles = history.contradicted
     for k in range(count):
         if not screen[DEPTH, k] > ZERO:
             continue
         i, j = uint32(screen[Y, k]), uint32(screen[X, k])
-        if not tiles[i // TILE, j // TILE]:
+        if not tiles[i // uint32(TILE), j // uint32(TILE)]:
             continue
         amount, confidence = rejection[i, j, AMOUNT], store.confidence[k]
         if amount > ZERO and rejected_object[i, j] == store.object_id[k] and store.time[k] < rejection[i, j, BEFORE]:

@@ -9,12 +9,16 @@ from wall.deepbuffer.kernels.columns import DEPTH
 
 AGE_SHIFT = 16  # a class of age: the bits of its float32 above so many; each is 1/128 of an age wide at most
 AGES = 1 << (31 - AGE_SHIFT)
+EXACT = 1 << 14  # samples: of n times as many only every nth is counted
 ZERO = np.float32(0.0)
 
 
 @kernel
 def oldest_kept(store, count, now, wanted, ages):
     """The time before which samples are evicted, so that `wanted` stay, or a class of age more.
+
+    Of more than EXACT samples a part is counted: then the share that stays is off by 0.8 % of all (two standard
+    deviations) at most, wherever the cut lies.
 
     store : SampleStore; samples in the image count; count : int, samples stored
     now : float32 seconds of the store's clock; later times count as now
@@ -25,14 +29,15 @@ def oldest_kept(store, count, now, wanted, ages):
     cutoff : float32 seconds, -inf if there are fewer than `wanted`
     """
     ages[:] = 0
-    for k in range(count):
+    stride = max(count // EXACT, 1)
+    for k in range(0, count, stride):
         age = now - store.time[k]
         if store.screen_position[DEPTH, k] > ZERO:
             ages[np.float32(max(age, ZERO)).view(np.int32) >> AGE_SHIFT] += 1
     younger = 0
     for age in range(ages.shape[0]):
         younger += ages[age]
-        if younger >= wanted:
+        if younger * stride >= wanted:
             return first_younger(now, np.int32((age + 1) << AGE_SHIFT).view(np.float32))
     return np.float32(-np.inf)
 

@@ -17,7 +17,6 @@ FAR = np.float32(1e30)  # depth of the sky
 NEAREST = np.float32(1e-20)  # depths below it are not before the eye
 OUTSIDE = np.float32(-1.0)  # depth of a point that is not in the image
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-uint32 = np.uint32  # as indices: no test whether they count from the end
 
 
 @kernel
@@ -119,31 +118,31 @@ def reproject(store, count, table, moved, width, height):
     table : (n + 1, 12) float32, panel_from_object; moved : (n + 1,) uint8, rows that differ from the time before
     width, height : float32, image pixels
     """
-    rows = table.reshape(-1)
+    objects = store.object_id
     first = 0
     while first < count:
-        last = first
-        while last < count and moved[store.object_id[last]] != 0:
+        object_id, last = objects[first], first + 1
+        while last < count and objects[last] == object_id:
             last += 1
-        reproject_run(store, first, last, rows, width, height)
-        first = last + 1
+        if moved[object_id] != 0:
+            reproject_run(store, first, last, table[object_id], width, height)
+        first = last
 
 
 @inline_kernel
-def reproject_run(store, first, last, rows, width, height):
-    """Reproject samples first..last-1: nothing but arithmetic, so that it becomes vector code."""
-    position, object_id, screen = store.position, store.object_id, store.screen_position
-    for k in range(first, last):
-        a, b, c = position[X, k], position[Y, k], position[Z, k]
-        m = object_id[k] * uint32(12)
-        w = rows[m] * a + rows[m + uint32(1)] * b + rows[m + uint32(2)] * c + rows[m + uint32(3)]
-        x = rows[m + uint32(4)] * a + rows[m + uint32(5)] * b + rows[m + uint32(6)] * c + rows[m + uint32(7)]
-        y = rows[m + uint32(8)] * a + rows[m + uint32(9)] * b + rows[m + uint32(10)] * c + rows[m + uint32(11)]
+def reproject_run(store, first, last, m, width, height):
+    """Reproject samples first..last-1, all of one object, by row m of the table: nothing but vector code."""
+    position, screen = store.position, store.screen_position
+    a, b, c = position[X][first:last], position[Y][first:last], position[Z][first:last]
+    x, y, depth = screen[X][first:last], screen[Y][first:last], screen[DEPTH][first:last]
+    sky = store.object_id[first] == 0
+    wa, wb, wc, wd = m[0], m[1], m[2], m[3]  # in registers
+    xa, xb, xc, xd = m[4], m[5], m[6], m[7]
+    ya, yb, yc, yd = m[8], m[9], m[10], m[11]
+    for k in range(last - first):
+        w = wa * a[k] + wb * b[k] + wc * c[k] + wd
         inverse = ONE / w
-        x *= inverse
-        y *= inverse
-        inside = (w > NEAREST) & (x >= ZERO) & (y >= ZERO) & (x < width) & (y < height)
-        depth = FAR if object_id[k] == 0 else w
-        screen[X, k] = x
-        screen[Y, k] = y
-        screen[DEPTH, k] = depth if inside else OUTSIDE
+        u = (xa * a[k] + xb * b[k] + xc * c[k] + xd) * inverse
+        v = (ya * a[k] + yb * b[k] + yc * c[k] + yd) * inverse
+        inside = (w > NEAREST) & (u >= ZERO) & (v >= ZERO) & (u < width) & (v < height)
+        x[k], y[k], depth[k] = u, v, (FAR if sky else w) if inside else OUTSIDE

@@ -8,21 +8,24 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import SQRT_IRRADIANCE, X, Y, Z
-from wall.deepbuffer.kernels.lights import BYTE, LEAST_SQUARE, LIGHT_BLUE, LIGHT_GREEN, LIGHT_RED, NORMAL_STEPS
+from wall.deepbuffer.kernels.lights import BYTE, LEAST_SQUARE, LIGHT_RED, NORMAL_STEPS
 
+uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 CHUNK = 256  # samples at a time
+NX, NY, NZ, RED, GREEN, BLUE, WEIGHT, ROWS = 0, 1, 2, 3, 4, 5, 6, 7  # rows of a chunk: normal, light, of one light
 
 
 @kernel
 def relight(store, count, changed, lights, irradiance):
-    """Light the samples of changed objects anew.
+    """Light the samples of changed objects anew: `reflected_light` for many samples, in loops of vector code.
 
     store : SampleStore, `radiance` updated where the albedo is known; count : int, samples stored
     changed : (n + 1,) uint8, objects; lights : ObjectLights
     irradiance : (k, 3) float32, of the sky by the normal's height
     """
-    rows = np.empty(6 * CHUNK, np.float32)
+    rows = np.empty((ROWS, CHUNK), np.float32)
+    sky = np.ascontiguousarray(irradiance.T)
     first = 0
     while first < count:
         object_id = store.object_id[first]
@@ -30,21 +33,25 @@ def relight(store, count, changed, lights, irradiance):
         while last < count and last - first < CHUNK and store.object_id[last] == object_id:
             last += 1
         if changed[object_id] != 0:
-            light_from_sky(store.normal, first, last, lights.up[object_id], irradiance, rows)
+            unpack_normals(store.normal[first:last], rows)
+            light_from_sky(lights.up[object_id], sky, last - first, rows)
             for n in range(lights.rows.shape[1]):
-                add_light(store, first, last, lights.rows[object_id, n], n, n < lights.directional, rows)
+                light = lights.rows[object_id, n]
+                if n < lights.directional:
+                    light_from_direction(light, last - first, rows)
+                else:
+                    light_from_point(light, store.position, first, last, rows)
+                add_visible(light, store.light_visibility[first:last], uint32(n), rows)
             write_radiance(store, first, last, rows)
         first = last
 
 
 @inline_kernel
-def light_from_sky(normals, first, last, up, irradiance, rows):
-    """Write rows of CHUNK: normals (3), and the sky's light (3). `reflected_light` without branches."""
-    steps = irradiance.shape[0] - 1
-    half = np.float32(0.5) * np.float32(steps)
-    ux, uy, uz = up[X], up[Y], up[Z]
-    for k in range(last - first):
-        normal = np.int32(normals[first + k])
+def unpack_normals(normals, rows):
+    """Write rows NX to NZ."""
+    nx, ny, nz = rows[NX], rows[NY], rows[NZ]
+    for k in range(normals.shape[0]):
+        normal = np.int32(normals[k])
         low, high = normal & BYTE, (normal >> 8) & BYTE
         u = np.float32(low - ((low >> 7) << 8)) * (ONE / NORMAL_STEPS)
         v = np.float32(high - ((high >> 7) << 8)) * (ONE / NORMAL_STEPS)
@@ -53,45 +60,72 @@ def light_from_sky(normals, first, last, up, irradiance, rows):
         x = u - (fold if u >= ZERO else -fold)
         y = v - (fold if v >= ZERO else -fold)
         size = ONE / math.sqrt(x * x + y * y + z * z)
-        rows[k], rows[CHUNK + k], rows[2 * CHUNK + k] = x * size, y * size, z * size
-    for k in range(last - first):
-        height = (rows[k] * ux + rows[CHUNK + k] * uy + rows[2 * CHUNK + k] * uz + ONE) * half
-        i = min(max(int(height), 0), steps - 1)
-        f = height - np.float32(i)
-        rows[3 * CHUNK + k] = irradiance[i, 0] + f * (irradiance[i + 1, 0] - irradiance[i, 0])
-        rows[4 * CHUNK + k] = irradiance[i, 1] + f * (irradiance[i + 1, 1] - irradiance[i, 1])
-        rows[5 * CHUNK + k] = irradiance[i, 2] + f * (irradiance[i + 1, 2] - irradiance[i, 2])
+        nx[k], ny[k], nz[k] = x * size, y * size, z * size
 
 
 @inline_kernel
-def add_light(store, first, last, light, number, directional, rows):
-    """Add one light to the rows of a chunk, where it is visible."""
-    lx, ly, lz, red, green, blue = light[X], light[Y], light[Z], light[LIGHT_RED], light[LIGHT_GREEN], light[LIGHT_BLUE]
-    here = ZERO if directional else ONE  # a direction is the same wherever the sample is
-    position, visibility = store.position, store.light_visibility
+def light_from_sky(up, sky, count, rows):
+    """Write rows RED to BLUE. sky : (3, k) float32, by the normal's height"""
+    nx, ny, nz, height = rows[NX], rows[NY], rows[NZ], rows[WEIGHT]
+    steps = sky.shape[1] - 1
+    half, highest = np.float32(0.5) * np.float32(steps), np.float32(steps - 1)
+    ux, uy, uz = up[X], up[Y], up[Z]
+    for k in range(count):
+        height[k] = (nx[k] * ux + ny[k] * uy + nz[k] * uz + ONE) * half
+    r, g, b, red, green, blue = sky[0], sky[1], sky[2], rows[RED], rows[GREEN], rows[BLUE]
+    for k in range(count):
+        i = uint32(np.int32(min(max(height[k], ZERO), highest)))
+        j, f = i + uint32(1), height[k] - np.float32(i)
+        red[k] = r[i] + f * (r[j] - r[i])
+        green[k] = g[i] + f * (g[j] - g[i])
+        blue[k] = b[i] + f * (b[j] - b[i])
+
+
+@inline_kernel
+def light_from_direction(light, count, rows):
+    """Write row WEIGHT: the cosine."""
+    nx, ny, nz, weight = rows[NX], rows[NY], rows[NZ], rows[WEIGHT]
+    lx, ly, lz = light[X], light[Y], light[Z]
+    for k in range(count):
+        weight[k] = max(nx[k] * lx + ny[k] * ly + nz[k] * lz, ZERO)
+
+
+@inline_kernel
+def light_from_point(light, position, first, last, rows):
+    """Write row WEIGHT: the cosine over the squared distance."""
+    nx, ny, nz, weight = rows[NX], rows[NY], rows[NZ], rows[WEIGHT]
+    x, y, z = position[X][first:last], position[Y][first:last], position[Z][first:last]
+    lx, ly, lz = light[X], light[Y], light[Z]
     for k in range(last - first):
-        dx = lx - here * position[X, first + k]
-        dy = ly - here * position[Y, first + k]
-        dz = lz - here * position[Z, first + k]
+        dx, dy, dz = lx - x[k], ly - y[k], lz - z[k]
         square = max(dx * dx + dy * dy + dz * dz, LEAST_SQUARE)
-        fall = ONE if directional else ONE / (square * math.sqrt(square))
-        dot = max(rows[k] * dx + rows[CHUNK + k] * dy + rows[2 * CHUNK + k] * dz, ZERO)
-        seen = np.float32((visibility[first + k] >> np.uint32(number)) & np.uint32(1))
-        weight = seen * dot * fall
-        rows[3 * CHUNK + k] += weight * red
-        rows[4 * CHUNK + k] += weight * green
-        rows[5 * CHUNK + k] += weight * blue
+        weight[k] = max(nx[k] * dx + ny[k] * dy + nz[k] * dz, ZERO) * (ONE / (square * math.sqrt(square)))
+
+
+@inline_kernel
+def add_visible(light, visibility, number, rows):
+    """Add a light of these weights to rows RED to BLUE where it is visible."""
+    weight = rows[WEIGHT]
+    for k in range(visibility.shape[0]):
+        weight[k] *= np.float32((visibility[k] >> number) & uint32(1))
+    for c in range(3):
+        colour, out = light[LIGHT_RED + c], rows[RED + c]
+        for k in range(visibility.shape[0]):
+            out[k] += weight[k] * colour
 
 
 @inline_kernel
 def write_radiance(store, first, last, rows):
     """Write albedo times light where the albedo is known, and the square root of irradiance beside."""
-    albedo, radiance = store.albedo, store.radiance
+    albedo, radiance = store.albedo, store.radiance[first:last]
+    a, b, c = albedo[0][first:last], albedo[1][first:last], albedo[2][first:last]
+    red, green, blue, root = rows[RED], rows[GREEN], rows[BLUE], rows[WEIGHT]
     for k in range(last - first):
-        i = first + k
-        red, green, blue = albedo[0, i], albedo[1, i], albedo[2, i]
-        total = red + green + blue
-        red, green, blue = red * rows[3 * CHUNK + k], green * rows[4 * CHUNK + k], blue * rows[5 * CHUNK + k]
-        if albedo[0, i] >= ZERO and total > ZERO:
-            radiance[i, 0], radiance[i, 1], radiance[i, 2] = red, green, blue
-            radiance[i, SQRT_IRRADIANCE] = math.sqrt((red + green + blue) / total)
+        total = a[k] + b[k] + c[k]
+        red[k], green[k], blue[k] = a[k] * red[k], b[k] * green[k], c[k] * blue[k]
+        light = math.sqrt(max(red[k] + green[k] + blue[k], ZERO) / max(total, LEAST_SQUARE))
+        root[k] = light if (a[k] >= ZERO) & (total > ZERO) else -ONE
+    for k in range(last - first):
+        if root[k] >= ZERO:
+            radiance[k, 0], radiance[k, 1], radiance[k, 2] = red[k], green[k], blue[k]
+            radiance[k, SQRT_IRRADIANCE] = root[k]
