@@ -20,7 +20,7 @@ from wall.deepbuffer.kernels.columns import BEFORE
 from wall.deepbuffer.kernels.evict import AGES, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.lights import Diffuse, LightChanges
-from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown
+from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown, same_camera
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
 from wall.scene.build import Scene
@@ -33,6 +33,7 @@ BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for l
 CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
 NO_CUTOFF = np.float32(-np.inf)  # no sample is too old
+OTHER_MOMENTS = kernels_accumulation.MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
 
 class InsertRules(NamedTuple):
@@ -55,6 +56,8 @@ class PoseTracker:
         self.lit = lit
         self.diffuse = Diffuse.of(scene)
         self.nothing_moves = False
+        self.camera_moved = True  # between the last two images
+        self.spans_moments = False  # pixels may have accumulated samples of several times of the scene
         self.pose: Pose | None = None  # of the image
         self.last: Pose | None = None  # before
         self._light_changes = LightChanges(self.diffuse.objects)
@@ -63,10 +66,15 @@ class PoseTracker:
 
     def show(self, event: Event) -> None:
         """Show `event` from now on; nothing moves if the event before has the same number."""
-        self.nothing_moves = self._shown is not None and event.number == self._shown.number
-        self._shown = event
+        shown, self._shown = self._shown, event
+        self.nothing_moves = shown is not None and event.number == shown.number
+        self.camera_moved = shown is None or event.camera != shown.camera
         if not self.nothing_moves:
             self.pose, self.last = self._poses.of(event), self.pose
+        if self.camera_moved:
+            self.spans_moments = False  # pixels start anew
+        elif shown is not None and event.scene_time != shown.scene_time:
+            self.spans_moments = True
 
     def inserted(self, event: Posed) -> tuple[Pose, Pose]:
         """The pose of samples that are about to be inserted, and that of the image."""
@@ -78,7 +86,7 @@ class PoseTracker:
     def rules(self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool) -> InsertRules:
         """How samples of `event` are inserted into the image shown."""
         return InsertRules(
-            shows_event=not self.nothing_moves or is_shown(event, self._shown),
+            shows_event=(is_shown if self.nothing_moves else same_camera)(event, self._shown),
             ignores_change=self.nothing_moves or not change_test,
             most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
             detects_change=detects_change,
@@ -138,6 +146,8 @@ class DeepBuffer:
         self._until_sorted = self._sorts = 0
         self.cutoff(self._kept + 1, np.float32(0.0))  # compiled now, not when it is first needed
         self.count = kernels_sort.compact(self.store, 0, NO_CUTOFF)
+        kernels_accumulation.clear_changed(self.history, np.zeros(objects + 1, np.uint8))
+        kernels_accumulation.limit_counts(self.history.accumulation, OTHER_MOMENTS)
         kernels_change.reject_contradicted(self.store, 0, self.history)
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
@@ -180,6 +190,10 @@ class DeepBuffer:
         kernels_reproject.reproject(
             self.store, self.count, pose.panel_from_object, moved, np.float32(width), np.float32(height)
         )
+
+    def clear_changed(self, changed: NDArray[np.uint8]) -> None:
+        """Clear what pixels accumulated that showed one of the `changed` objects (n + 1,) in the image before."""
+        kernels_accumulation.clear_changed(self.history, changed)
 
     def reject_accumulation(self, changed: NDArray[np.uint8]) -> None:
         """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
@@ -254,3 +268,14 @@ def take_dirty(history: PixelHistory) -> NDArray[np.bool_]:
     dirty = history.dirty.copy()
     history.dirty[:] = False
     return dirty
+
+
+def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:
+    """To be called once nothing moves any more: samples accumulated at other times of the scene now weigh little.
+
+    Too little for any pixel to be complete: what moved last may cover it, or shade it, and no sample has told yet.
+    """
+    if poses.spans_moments:
+        poses.spans_moments = False
+        kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
+        history.dirty[:] = True

@@ -99,10 +99,16 @@ class Poses:
         return self._newest
 
 
+def same_camera(event: Posed, shown: Event | None) -> bool:
+    """Whether samples were traced from where the image is seen: what they hit is visible in it, unless objects move."""
+    if shown is None or event.camera.position != shown.camera.position:
+        return False
+    turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
+    return max(abs(a - b) for a, b in turned) < SAME_TURN
+
+
 def is_shown(event: Posed, shown: Event | None) -> bool:
     """Whether samples belong to the very image that is shown; a predicted pose has its event's number too."""
     if shown is None or (event.camera_event, event.scene_event) != shown.number:
         return False
-    turned = zip(event.camera.world_from_wall, shown.camera.world_from_wall, strict=True)
-    same = (event.scene_time, event.camera.position) == (shown.scene_time, shown.camera.position)
-    return same and max(abs(a - b) for a, b in turned) < SAME_TURN
+    return event.scene_time == shown.scene_time and same_camera(event, shown)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
-from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, PoseTracker, take_dirty
+from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, PoseTracker, come_to_rest, take_dirty
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.pose import Pose, Posed
@@ -97,12 +97,16 @@ class Reconstruction:
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
+        stood, history = self.nothing_moves, self.buffer.history
         self.poses.show(event)
         self.refreshes += 1
-        history = self.buffer.history
-        if not self.poses.nothing_moves:
+        if not self.nothing_moves:
+            if stood and not self.poses.camera_moved:
+                self.find_nearest()  # with what came since then: it tells which pixels keep what they accumulated
             self._reconstruct(self.buffer.seconds(now))
             history.dirty[:] = True
+        elif not stood:
+            come_to_rest(self.poses, history)
         if not self._with.accumulation:
             history.accumulation[:] = 0.0
             history.accumulating[:] = False
@@ -176,7 +180,9 @@ class Reconstruction:
         buffer, history = self.buffer, self.buffer.history
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
         buffer.reproject(moved)
-        relit = self._relight()
+        changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
+        if not self.poses.camera_moved:
+            buffer.clear_changed(changed)
         store, count = buffer.store, buffer.count
         alive = kernels_visibility.find_nearest(store, count, history.nearest)
         ageing = np.float32(self._with.ageing)
@@ -190,7 +196,7 @@ class Reconstruction:
             self._untested,
         )  # fmt: skip
         kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.sqrt_irradiance)
-        buffer.reject_accumulation(moved | relit)
+        buffer.reject_accumulation(changed)
         buffer.sort()
         self._fill()
 

@@ -85,7 +85,7 @@ def test_the_mean_of_a_million_equal_samples_beside_what_moves_is_the_sample(
     batch = hits(np.full((10_000, 2), (2.5, 2.5)), (0.7, 0.7, 0.7))
     for _ in range(100):
         image.insert(batch, START + 0.02, moved)
-    image.refresh(moved, START + 0.03)
+    image.refresh(event_at(2, scene_time=0.2), START + 0.03)
     assert image.accumulated_counts()[2, 2] == 1e6
     assert_allclose(image.radiance[2, 2], 0.7, rtol=1e-5)
 

@@ -24,6 +24,7 @@ from wall.deepbuffer.kernels.columns import (
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
+MEAN_ALONE = np.float32(4.0)  # samples of a pixel whose mean is shown alone; with fewer it is mixed with the splats
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 709
 
 
@@ -82,8 +83,42 @@ def reject_pixel(history, changed, i, j):
         pixel[:] = ZERO
         return False
     if amount > ZERO:
-        keep = (ONE - amount) ** 3  # one contradiction must outweigh many samples that agreed
-        pixel[COUNT] *= keep
-        pixel[BRIGHTNESS_DEVIATIONS] *= keep
-        pixel[IRRADIANCE_DEVIATIONS] *= keep
+        shorten(pixel, (ONE - amount) ** 3)  # one contradiction must outweigh many samples that agreed
     return True
+
+
+@kernel
+def clear_changed(history, changed):
+    """Clear the accumulation of pixels whose nearest sample is a changed object's: it may leave them.
+
+    history : PixelHistory, `nearest` still that of the image before; `accumulation` updated
+    changed : (n + 1,) uint8, see reject_accumulation
+    """
+    tiles, nearest, accumulation = history.accumulating, history.nearest, history.accumulation
+    height, width = nearest.shape[0], nearest.shape[1]
+    for row in range(tiles.shape[0]):
+        for column in range(tiles.shape[1]):
+            if not tiles[row, column]:
+                continue
+            for i in range(row * TILE, min((row + 1) * TILE, height)):
+                for j in range(column * TILE, min((column + 1) * TILE, width)):
+                    object_id = int(nearest[i, j, NEAREST_OBJECT])
+                    if object_id >= 0 and changed[object_id] != 0:
+                        accumulation[i, j, :] = ZERO
+
+
+@kernel
+def limit_counts(accumulation, most):
+    """Let every pixel's accumulation weigh as `most` samples (float32) at most."""
+    for i in range(accumulation.shape[0]):
+        for j in range(accumulation.shape[1]):
+            if accumulation[i, j, COUNT] > most:
+                shorten(accumulation[i, j], most / accumulation[i, j, COUNT])
+
+
+@inline_kernel
+def shorten(pixel, share):
+    """Let a pixel's accumulation weigh as a share of its samples; mean and variance stay."""
+    pixel[COUNT] *= share
+    pixel[BRIGHTNESS_DEVIATIONS] *= share
+    pixel[IRRADIANCE_DEVIATIONS] *= share

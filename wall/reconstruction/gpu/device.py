@@ -16,6 +16,7 @@ import numpy as np
 
 from wall.core.colour import CURVE_STEPS
 from wall.core.errors import RunError
+from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, TRUSTED
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
 from wall.deepbuffer.kernels.evict import AGE_SHIFT, AGES
@@ -48,6 +49,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
     "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
     "LEAST_CONFIDENCE": LEAST_CONFIDENCE, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE,
     "TRUSTED": TRUSTED, "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
+    "MEAN_ALONE": MEAN_ALONE,
     **{
         name: getattr(visibility, name)
         for name in (

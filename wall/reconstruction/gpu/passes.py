@@ -107,6 +107,13 @@ class Passes:
             self._splat(store, now=now, young=young, evicts=int(evicts), size=self._size)
         self._fill()
 
+    def find_nearest(self, store: GpuStore, table: Float32) -> None:
+        """Bring every pixel's nearest sample up to date after a rest, while nothing has moved; `table` see run."""
+        self._objects.write(np.column_stack([table, np.zeros((len(table), 2))]).astype(np.float32))
+        if store.count:
+            self._reproject(store, contradicted=0, size=self._size)
+            self._over_pixels(store, clear=0, contradicted=0)
+
     def _reproject(self, store: GpuStore, **uniforms: Any) -> None:
         a, run = store.arrays, self._device.compute
         names = ("position", "object_id", "state", "screen_position")

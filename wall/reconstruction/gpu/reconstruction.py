@@ -16,6 +16,7 @@ from wall.deepbuffer.deep_buffer import (
     SORT_EVERY,
     PoseTracker,
     capacity_for,
+    come_to_rest,
     take_dirty,
 )
 from wall.deepbuffer.kernels.columns import COUNT
@@ -62,6 +63,7 @@ class GpuReconstruction:
         self._largest = min(STAGED, self._store.capacity // 2)  # samples inserted at once
         self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.poses.lit), 0
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
+        self._accumulates = False  # their pixels accumulate them, see InsertRules.shows_event
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._until_packed = 0
         self._history = PixelHistory.of(width, height, detects_change=False)  # its rejections are the GPU's
@@ -106,6 +108,9 @@ class GpuReconstruction:
         samples = samples if known.all() else samples[known]
         rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
         pose, under = self.poses.inserted(event)
+        if rules.shows_event != self._accumulates:
+            self._send(moving=not self.nothing_moves)
+            self._accumulates = rules.shows_event
         for start in range(0, len(samples), self._largest):
             part = samples[start : start + self._largest]
             if self.count + len(part) > self._store.capacity:
@@ -169,6 +174,7 @@ class GpuReconstruction:
         self._passes.read_accumulation(self._history.accumulation, self._resolved)
         self._history.accumulating[:] = True
         self._device.check()
+        come_to_rest(self.poses, self._history)
 
     def _reconstruct(self, now: float, *, stood: bool) -> None:
         """Make the image of the event shown from all samples. `stood`: nothing moved before."""
@@ -178,13 +184,13 @@ class GpuReconstruction:
         relit = self.poses.relit().astype(np.bool_)
         if self.poses.lit:
             self._relighting.run(self._store, pose.lights, relit)
-        changed = moved | relit
-        if changed.all():
+        if self.poses.camera_moved:
             self._passes.clear_accumulation()
         elif stood:
             self._passes.write_accumulation(history.accumulation)
+            self._passes.find_nearest(self._store, pose.panel_from_object)
         self._passes.run(
-            self._store, pose.panel_from_object, moved, changed, contradicted=bool(history.contradicted.any()),
+            self._store, pose.panel_from_object, moved, moved | relit, contradicted=bool(history.contradicted.any()),
             now=self._seconds(now), young=np.float32(YOUNG_S), kept=self._kept,
         )  # fmt: skip
         self._read = False
@@ -204,7 +210,8 @@ class GpuReconstruction:
         first = self._store.count
         self._store.append(self._staged_store, n)
         if moving:
-            self._passes.accumulate(self._store, first, n)
+            if self._accumulates:
+                self._passes.accumulate(self._store, first, n)
             if self._change[:n].any():
                 self._passes.reject(self._store, first, self._change[:n], self._ordinal)
             self._ordinal += n

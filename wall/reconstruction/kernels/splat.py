@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT, IRRADIANCE, SQRT_IRRADIANCE, WEIGHT, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.reconstruction.kernels.visibility import SHARPNESS
@@ -77,6 +78,8 @@ def add_two(flat, i, red, green, blue, u, v):
 def mix_accumulation(resolved, history, shown):
     """Mix the accumulated mean of n samples into the resolved splats, with a share of 1 - 1 / (1 + n)^2.
 
+    From MEAN_ALONE samples on it is shown alone: splats may show what is no longer there, and at rest none are redone.
+
     resolved : (h, w, 3) float32; history : PixelHistory, its dirty tiles are redone
     shown : (h, w, 3) float32, written
     """
@@ -96,7 +99,7 @@ def mix_accumulation(resolved, history, shown):
                     continue
                 for j in range(left, right):
                     n = accumulation[i, j, COUNT]
-                    part = ONE / ((ONE + n) * (ONE + n))
+                    part = ONE / ((ONE + n) * (ONE + n)) if n < MEAN_ALONE else ZERO
                     own = ONE - part
                     for c in range(3):
                         shown[i, j, c] = part * resolved[i, j, c] + own * accumulation[i, j, c]

@@ -1,5 +1,5 @@
 // Resolve the image: weighted means, the filled coarser level where weight is missing, and the mean that pixels
-// accumulated at rest mixed in.
+// accumulated at rest mixed in, or alone.
 layout(binding = 1) uniform sampler2D splat_sums;
 layout(binding = 2) uniform sampler2D accumulation;  // mean radiance, count
 layout(std430, binding = 0) writeonly buffer Resolved { float resolved[]; };
@@ -14,7 +14,7 @@ void main() {
     vec3 mean = pixel.rgb / max(pixel.w, TRUSTED);
     if (pixel.w < TRUSTED) mean += (1.0 - pixel.w / TRUSTED) * interpolate(at);
     vec4 own = texelFetch(accumulation, at, 0);
-    float part = 1.0 / ((1.0 + own.w) * (1.0 + own.w));
+    float part = own.w < MEAN_ALONE ? 1.0 / ((1.0 + own.w) * (1.0 + own.w)) : 0.0;
     vec3 mixed = part * mean + (1.0 - part) * own.rgb;
     for (int c = 0; c < 3; c++) {
         resolved[3 * p + c] = mean[c];
