@@ -178,6 +178,7 @@ class DeepBuffer:
         j, i = (samples["xy"].astype(np.intp) - (rect.x, rect.y)).T
         inside = (i >= 0) & (j >= 0) & (i < rect.height) & (j < rect.width)
         history.accumulation[i[inside], j[inside]] = 0.0
+        history.list_accumulated()
         history.dirty[i[inside] // TILE, j[inside] // TILE] = True
 
     def reproject(self, moved: NDArray[np.uint8]) -> None:
@@ -220,8 +221,7 @@ class DeepBuffer:
         """Remove all samples."""
         self.count = 0
         self.poses.reset()
-        self.history.accumulation[:] = 0.0
-        self.history.accumulating[:] = False
+        self.history.clear_accumulation()
         self.history.rejection[:] = 0.0
         self.history.temporal_gradient[:] = 0.0
         self.history.contradicted[:] = False

@@ -108,8 +108,7 @@ class Reconstruction:
         elif not stood:
             come_to_rest(self.poses, history)
         if not self._with.accumulation:
-            history.accumulation[:] = 0.0
-            history.accumulating[:] = False
+            history.clear_accumulation()
         if history.dirty.any():
             kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
 

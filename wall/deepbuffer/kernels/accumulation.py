@@ -29,9 +29,13 @@ LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 7
 
 
 @inline_kernel
-def accumulate(accumulation, i, j, sample):
+def accumulate(history, i, j, sample):
     """Add a sample to pixel (i, j): Welford's means and squared deviations, which do not drift as sums do."""
-    pixel = accumulation[i, j]
+    pixel = history.accumulation[i, j]
+    if pixel[COUNT] == ZERO:
+        history.accumulated[history.listed[0]] = i * history.accumulation.shape[1] + j
+        history.listed[0] += 1
+        history.accumulating[i // TILE, j // TILE] = True
     pixel[COUNT] += ONE
     share = ONE / pixel[COUNT]
     red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
@@ -51,60 +55,53 @@ def accumulate(accumulation, i, j, sample):
 def reject_accumulation(history, changed):
     """Clear the accumulation of pixels that show a changed object, shorten it where samples contradicted it.
 
-    history : PixelHistory; `accumulation` and `accumulating` updated, `contradicted` and `rejection` amounts cleared
+    history : PixelHistory; what belongs to `accumulation` updated, `contradicted` and `rejection` amounts cleared
     changed : (n + 1,) uint8, objects that moved or stand in another light
     """
-    tiles, rejection = history.accumulating, history.rejection
-    height, width = rejection.shape[0], rejection.shape[1]
-    for row in range(tiles.shape[0]):
-        for column in range(tiles.shape[1]):
-            top, left = row * TILE, column * TILE
-            bottom, right = min(top + TILE, height), min(left + TILE, width)
-            if tiles[row, column]:
-                accumulates = False
-                for i in range(top, bottom):
-                    for j in range(left, right):
-                        if history.accumulation[i, j, COUNT] > ZERO:
-                            accumulates |= reject_pixel(history, changed, i, j)
-                tiles[row, column] = accumulates
+    pixels, width = history.accumulated, history.accumulation.shape[1]
+    history.accumulating[:] = False
+    kept = 0
+    for n in range(history.listed[0]):
+        i, j = pixels[n] // width, pixels[n] % width
+        if reject_pixel(history, changed, i, j):
+            history.accumulating[i // TILE, j // TILE] = True
+            pixels[kept] = pixels[n]
+            kept += 1
+    history.listed[0] = kept
+    for row in range(history.contradicted.shape[0]):
+        for column in range(history.contradicted.shape[1]):
             if history.contradicted[row, column]:
-                for i in range(top, bottom):
-                    for j in range(left, right):
-                        rejection[i, j, AMOUNT] = ZERO
+                top, left = row * TILE, column * TILE
+                history.rejection[top : top + TILE, left : left + TILE, AMOUNT] = ZERO
                 history.contradicted[row, column] = False
 
 
 @inline_kernel
 def reject_pixel(history, changed, i, j):
-    """reject_accumulation for a pixel that has one; returns whether it still has."""
+    """reject_accumulation for a pixel that may have one; returns whether it still has."""
     pixel, amount = history.accumulation[i, j], history.rejection[i, j, AMOUNT]
     object_id = int(history.nearest[i, j, NEAREST_OBJECT])
     if object_id < 0 or changed[object_id] != 0:
         pixel[:] = ZERO
-        return False
-    if amount > ZERO:
+    elif amount > ZERO:
         shorten(pixel, (ONE - amount) ** 3)  # one contradiction must outweigh many samples that agreed
-    return True
+    return pixel[COUNT] > ZERO
 
 
 @kernel
 def clear_changed(history, changed):
     """Clear the accumulation of pixels whose nearest sample is a changed object's: it may leave them.
 
-    history : PixelHistory, `nearest` still that of the image before; `accumulation` updated
+    history : PixelHistory, `nearest` still that of the image before; `accumulation` updated; reject_accumulation is to
+        follow before anything is accumulated
     changed : (n + 1,) uint8, see reject_accumulation
     """
-    tiles, nearest, accumulation = history.accumulating, history.nearest, history.accumulation
-    height, width = nearest.shape[0], nearest.shape[1]
-    for row in range(tiles.shape[0]):
-        for column in range(tiles.shape[1]):
-            if not tiles[row, column]:
-                continue
-            for i in range(row * TILE, min((row + 1) * TILE, height)):
-                for j in range(column * TILE, min((column + 1) * TILE, width)):
-                    object_id = int(nearest[i, j, NEAREST_OBJECT])
-                    if object_id >= 0 and changed[object_id] != 0:
-                        accumulation[i, j, :] = ZERO
+    pixels, width = history.accumulated, history.accumulation.shape[1]
+    for n in range(history.listed[0]):
+        i, j = pixels[n] // width, pixels[n] % width
+        object_id = int(history.nearest[i, j, NEAREST_OBJECT])
+        if object_id >= 0 and changed[object_id] != 0:
+            history.accumulation[i, j, :] = ZERO
 
 
 @kernel

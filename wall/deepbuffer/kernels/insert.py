@@ -72,8 +72,7 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
                 if change > ZERO:
                     mark_contradicted(history, i, j, change, time, object_id)
             if rules.shows_event:
-                accumulate(accumulation, i, j, sample)
-                history.accumulating[i // TILE, j // TILE] = True
+                accumulate(history, i, j, sample)
     return count
 
 

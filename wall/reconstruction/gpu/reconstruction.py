@@ -147,7 +147,7 @@ class GpuReconstruction:
         """Forget every sample."""
         self._store.count = self._staged = 0
         self.poses.reset()
-        self._history.accumulation[:] = 0.0
+        self._history.clear_accumulation()
         self._passes.clear_accumulation()
 
     def take_dirty(self) -> NDArray[np.bool_]:
@@ -172,7 +172,7 @@ class GpuReconstruction:
         """Nothing moves any more: the accumulation and the resolved splats travel to the CPU."""
         self._send(moving=True)
         self._passes.read_accumulation(self._history.accumulation, self._resolved)
-        self._history.accumulating[:] = True
+        self._history.list_accumulated()
         self._device.check()
         come_to_rest(self.poses, self._history)
 
