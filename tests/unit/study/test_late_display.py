@@ -51,11 +51,10 @@ def test_delayed_display_shows_the_same_bits_later(orbit: Setup, compiled_only: 
 
 
 def test_prediction_takes_most_of_the_delays_error_off_a_steady_orbit(
-    orbit: Setup, compiled_only: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    orbit: Setup, compiled_only: None, tmp_path: Path
 ) -> None:
     """72 degrees a second; two refreshes are three pixels. What is left is under a third of what the delay costs."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    reference = Reference(orbit.plan, orbit.tracer_scene, [0.0, REFRESHES / REFRESH_HZ], spp=16)
+    reference = Reference(orbit.plan, orbit.tracer_scene, [0.0, REFRESHES / REFRESH_HZ], spp=16, cache=tmp_path)
     reference.make([1])
     reference = display_values(reference.image(1))
 

@@ -22,7 +22,7 @@ from wall.study.quality import command
 from wall.study.quality.clocks import CpuClock
 from wall.study.quality.method import Setup
 from wall.study.quality.methods import METHODS, make_method
-from wall.study.quality.reference import SEED, Reference, reference_refreshes
+from wall.study.quality.reference import SEED, Reference, cache_folder, reference_refreshes
 from wall.study.quality.sweep import Wanted
 from wall.study.quality.trial import Trial, on_one_panel, setup_of
 
@@ -38,7 +38,8 @@ HALF_WAY = 2.0**-11  # of a float16, relative
 
 @pytest.fixture
 def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    images = tmp_path / "cache"  # a folder of their own; $XDG_CACHE_HOME would be that of compiled kernels too
+    monkeypatch.setattr("wall.study.quality.reference.cache_folder", lambda: images)
     path = tmp_path / "moving.yaml"
     path.write_text(MOVING)
     return path
@@ -79,6 +80,11 @@ def test_reference_image_is_what_wall_render_gives_rounded_to_half_precision(set
     rendered = render(setup.plan, spp=4, seed=SEED, at=0.5)
     assert rendered is not None
     assert reference.image(1) == pytest.approx(rendered, rel=HALF_WAY, abs=1e-7)
+
+
+def test_reference_images_are_kept_in_the_users_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert cache_folder() == tmp_path / "wall" / "quality"
 
 
 def test_reference_images_are_made_once_and_found_again(setup: Setup) -> None:
