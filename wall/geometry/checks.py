@@ -104,9 +104,7 @@ def _unaligned(loaded: Loaded, wall: Wall) -> Iterator[str]:
     found = {second.index: (first, second) for first, second in pairs if first.plane is not second.plane}
     if found:
         first = next(iter(found.values()))[0]
-        what = (
-            f"its pixels lie between those of panel {first.id}, whose light it shares: the image is less sharp there"
-        )
+        what = f"its pixels lie between those of panel {first.id}, whose light it shares: the image is less sharp there"
         yield _note(loaded, [second for _, second in found.values()], what)
 
 

@@ -133,9 +133,7 @@ def _declared(a: Panel, b: Panel, away: Float64) -> tuple[float, float]:
     return min(across), min(down)
 
 
-def _crowded(
-    panels: Sequence[Panel], face: list[int], corners: list[tuple[int, int]], known: list[Overlap]
-) -> bool:
+def _crowded(panels: Sequence[Panel], face: list[int], corners: list[tuple[int, int]], known: list[Overlap]) -> bool:
     """Whether pixels lie on others that they were not said to."""
     low = np.array(corners)
     high = low + np.array([panels[k].pixels for k in face])

@@ -42,12 +42,14 @@ OUTLIER = 2.0  # times what was foreseen: what came counts as no more, so that a
 
 class Input(NamedTuple):
     """A camera that was heard, and when."""
+
     time: float  # seconds of the head's clock
     camera: Camera
 
 
 class Foresight(NamedTuple):
     """A prediction that is checked once its moment has come."""
+
     moment: float  # that it is for
     camera: Camera  # it started from
     twist: Float64  # (6,) it expected, with full trust

@@ -104,5 +104,3 @@ def _picked(framelet: Framelet, name: str, rect: Rect, band: Rect, some: Any) ->
     whole[rect.inside(band)] = 1.0 if opaque else pixels_of(framelet, name, rect)
     picked: NDArray[Any] = whole[some]
     return picked
-
-

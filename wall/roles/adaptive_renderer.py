@@ -29,7 +29,12 @@ class AdaptiveRenderer:
     coherent = AdaptiveSampler.coherent
 
     def __init__(
-        self, plan: Plan, sampling: AdaptiveSampling, region: Region, band: Rect, clock: Clock,
+        self,
+        plan: Plan,
+        sampling: AdaptiveSampling,
+        region: Region,
+        band: Rect,
+        clock: Clock,
         shown: RendererImage | None = None,
     ) -> None:
         """`band`: its part of the region; `shown`: the image that this rank makes itself."""

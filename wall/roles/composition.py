@@ -257,8 +257,6 @@ def check_statistics_image(image: StatisticsImage, panel: Panel) -> None:
     """Raise RemoteProtocolError for a statistics image whose tiles are not this panel's."""
     width, height = panel.pixels
     if image.age.shape != (-(-height // TILE), -(-width // TILE)):
-        raise RemoteProtocolError(
-            f"statistics_image of {image.age.shape} tiles, panel {panel.id} has {width}x{height}"
-        )
+        raise RemoteProtocolError(f"statistics_image of {image.age.shape} tiles, panel {panel.id} has {width}x{height}")
     if not Rect(x=0, y=0, width=width, height=height).contains(image.bounds):
         raise RemoteProtocolError(f"statistics_image: a tile reaches outside panel {panel.id} of {width}x{height}")

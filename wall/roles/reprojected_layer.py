@@ -29,9 +29,7 @@ class ReprojectedLayer:
     on, GpuError is raised instead and `given_up` is set.
     """
 
-    def __init__(
-        self, plan: Plan, layer: Layer, framelet: Framelet, counters: Counter[str], wish: Wish | None
-    ) -> None:
+    def __init__(self, plan: Plan, layer: Layer, framelet: Framelet, counters: Counter[str], wish: Wish | None) -> None:
         """`wish` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
         self._plan, self._layer, self._framelet, self._counters = plan, layer, framelet, counters
         self._panel = plan.layout.wall.panels[layer.panel]

@@ -1,9 +1,9 @@
 """The loop of every rank: give a role its messages and the time, carry out what it asks for, sleep until more is due.
 
-    while not finished:
-        role.on_message(each message that came)   -> instructions
-        role.on_tick(now)                         -> instructions
-        wait for a message, at most until role.due
+while not finished:
+    role.on_message(each message that came)   -> instructions
+    role.on_tick(now)                         -> instructions
+    wait for a message, at most until role.due
 """
 
 from __future__ import annotations

@@ -141,5 +141,3 @@ class Ports:
         except RemoteProtocolError:
             self._counters["bad_message"] += 1
             return None
-
-

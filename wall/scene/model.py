@@ -22,6 +22,7 @@ class Texture:
 
     Lookups are bilinear and repeat.
     """
+
     name: str
     texels: NDArray[np.uint8]  # (h, w, 3) sRGB, row 0 at the top (v = 1)
 
@@ -32,6 +33,7 @@ class Material:
 
     A new property goes here and into tracing.kernels.values.MATERIAL; tracing.kernels.bsdf reads it.
     """
+
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)  # linear RGB reflectance, 0..1
     texture: int | None = None  # index in Scene.textures; multiplies base_color
@@ -42,6 +44,7 @@ class Material:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mesh:
     """A triangle mesh in object space with one material; it may be placed many times."""
+
     name: str
     vertices: Float32  # (v, 3) object space, relative to `origin`
     triangles: NDArray[np.uint32]  # (t, 3)
@@ -55,6 +58,7 @@ class Mesh:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instance:
     """A mesh placed in the world. Instance k of a scene has object id k + 1, uint32, so ids never wrap."""
+
     name: str
     mesh: int  # index in Scene.meshes
     world_from_object: Float64  # (4, 4), affine, at scene time 0 before animation
@@ -63,6 +67,7 @@ class Instance:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointLight:
     """A light that shines from one point in all directions."""
+
     position: tuple[float, float, float]  # world
     intensity: tuple[float, float, float]  # linear RGB, W sr^-1
 
@@ -70,6 +75,7 @@ class PointLight:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionalLight:
     """A light infinitely far away, as the sun."""
+
     direction: tuple[float, float, float]  # world, unit, from the surface towards the light
     irradiance: tuple[float, float, float]  # linear RGB, W m^-2 on a facing surface
 

@@ -114,10 +114,7 @@ def measure_contrast_of_four(up, own, down, contrast):
     for j in range(contrast.shape[0]):
         value = own[j + 1]
         contrast[j] = (
-            (up[j + 1] - value) ** 2
-            + (own[j] - value) ** 2
-            + (own[j + 2] - value) ** 2
-            + (down[j + 1] - value) ** 2
+            (up[j + 1] - value) ** 2 + (own[j] - value) ** 2 + (own[j + 2] - value) ** 2 + (down[j + 1] - value) ** 2
         ) * np.float32(0.25)
 
 

@@ -1,0 +1,69 @@
+"""A compiled kernel is found again as long as nothing that it is made of has changed."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+import wall
+from wall.core import jit
+
+PACKAGE = Path(wall.__file__).parent
+KERNELS = sorted(PACKAGE.rglob("kernels/*.py"))
+
+
+def parsed(path: Path) -> set[Path]:
+    """The `wall` files that a file imports from, by Python's own parser."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "wall":
+            for name in (node.module, *(f"{node.module}.{alias.name}" for alias in node.names)):
+                found.add(PACKAGE.joinpath(*str(name).split(".")[1:]).with_suffix(".py"))
+    return {file for file in found if file.exists()}
+
+
+@pytest.mark.parametrize("path", KERNELS, ids=lambda path: f"{path.parts[-3]}/{path.stem}")
+def test_hash_covers_every_imported_file(path: Path) -> None:
+    ahead, found = [path], set[Path]()
+    while ahead:
+        if (file := ahead.pop()) not in found:
+            found.add(file)
+            ahead += parsed(file)
+    assert found <= jit._with_imports(path)
+
+
+def test_imports_are_found_however_they_are_written(tmp_path: Path) -> None:
+    source = tmp_path / "source.py"
+    source.write_text(
+        "from wall.core.data import Rect\n"
+        "from wall.geometry import (\n    cameras,  # and a word\n    eyes as both,\n)\n"
+        "def late():\n    from wall.scene.needs import needs\n"
+    )
+    names = {str(file.relative_to(PACKAGE)) for file in jit._imports(source)}
+    assert names == {"core/data.py", "geometry/cameras.py", "geometry/eyes.py", "scene/needs.py"}
+
+
+def test_an_edit_of_an_imported_file_changes_the_hash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "wall"
+    package.mkdir()
+    (package / "user.py").write_text("from wall.used import VALUE\n")
+    (package / "other.py").write_text("")
+    (package / "used.py").write_text("VALUE = 1\n")
+    monkeypatch.setattr(jit, "PACKAGE", package)
+
+    def fresh() -> list[str]:
+        jit._imports.cache_clear()
+        jit.source_hash.cache_clear()
+        return [jit.source_hash(package / name) for name in ("user.py", "other.py")]
+
+    try:
+        before = fresh()
+        (package / "used.py").write_text("VALUE = 2\n")
+        after = fresh()
+    finally:
+        jit._imports.cache_clear()
+        jit.source_hash.cache_clear()
+    assert after[0] != before[0]
+    assert after[1] == before[1]
