@@ -85,7 +85,6 @@ class Reconstruction:
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
-        self._holes = np.zeros(height * width, np.uint32)  # pixels
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
         self.refreshes = 0
@@ -118,6 +117,7 @@ class Reconstruction:
             resolved=self.radiance,
             sample_density=self.splat_sums[1:-1, 1:-1, 3],
             accumulation=self.buffer.history.accumulation,
+            accumulating=self.buffer.history.accumulating,
             temporal_gradient=self.buffer.history.temporal_gradient,
             nothing_moves=self.nothing_moves,
         )
@@ -208,16 +208,14 @@ class Reconstruction:
 
     def _fill(self) -> None:
         """Resolve the splat sums, and fill holes (push-pull)."""
-        holes = kernels_fill.resolve(self.splat_sums, self.resolved, self._levels[0], self._holes)
-        if holes == 0:
-            return
+        kernels_fill.halve_splats(self.splat_sums, self._levels[0])
         for fine, coarse in pairwise(self._levels):
             kernels_fill.halve(fine, coarse)
         filled = None
         for level in reversed(self._levels):
             kernels_fill.expand(level, filled)
             filled = level
-        kernels_fill.fill_holes(self.splat_sums, self._levels[0], self._holes, holes, self.resolved)
+        kernels_fill.resolve(self.splat_sums, self._levels[0], self.resolved)
 
 
 def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:

@@ -63,8 +63,10 @@ class AdaptiveSampler:
             kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, scores, tiles)
         else:
             self._floor = FLOOR_MOVING
-            density = feedback.sample_density
-            kernels.score_moving(feedback.resolved, density, accumulation, self._floor, scores, tiles)
+            kernels.score_moving(
+                feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
+                self._floor, scores, tiles,
+            )  # fmt: skip
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
 

@@ -28,6 +28,7 @@ def unknown(rect: Rect = RECT, *, nothing_moves: bool = False) -> Feedback:
         resolved=np.zeros((height, width, 3), np.float32),
         sample_density=np.zeros((height + 2, width + 2, 4), np.float32)[1:-1, 1:-1, 3],
         accumulation=np.zeros((height, width, ACCUMULATION_COLUMNS), np.float32),
+        accumulating=np.ones((-(-height // 16), -(-width // 16)), np.bool_),
         temporal_gradient=np.zeros((-(-height // 16), -(-width // 16)), np.float32),
         nothing_moves=nothing_moves,
     )
@@ -76,7 +77,8 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     accumulation[20, 20, 3] = 50
     scores, tiles = kernels.Scores(*np.zeros((3, 37, 40), np.float32)), Grid(40, 37).tiles
 
-    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, FLOOR_MOVING, scores, tiles)
+    rows = np.array([False, True, False])  # of 16: those with an accumulation
+    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, rows, FLOOR_MOVING, scores, tiles)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]

@@ -7,60 +7,30 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.change import TRUSTED
 
-uint32 = np.uint32  # as indices: no test whether they count from the end
-ZERO, ONE = np.float32(0.0), np.float32(1.0)
+ZERO, ONE, QUARTER, THREE_QUARTERS = np.float32(0.0), np.float32(1.0), np.float32(0.25), np.float32(0.75)
 
 
 @kernel
-def resolve(sums, shown, coarse, holes):
-    """Resolve splat sums to an image: weighted means, less where the weight is below TRUSTED: see fill_holes.
+def halve_splats(sums, coarse):
+    """Make the first level of a pyramid: sums over 2x2, a pixel of weight TRUSTED or more counting once.
 
     sums : (h + 2, w + 2, 4) float32 weighted radiance and weight, one pixel of border around
-    shown : (h, w, 3) float32, written
-    coarse : (ceil(h/2), ceil(w/2), 4) float32, written: sums over 2x2, a pixel of weight TRUSTED or more counting once
-    holes : (h * w,) uint32, written: pixels with less, row by row
-
-    Returns
-    -------
-    count : int, of holes
+    coarse : (ceil(h/2), ceil(w/2), 4) float32, written
     """
-    height, width = shown.shape[0], shown.shape[1]
-    out = shown.reshape(-1)
+    height, width = sums.shape[0] - 2, sums.shape[1] - 2
     coarse[:] = ZERO
-    count = uint32(0)
     for i in range(height):
-        row, below = sums[i + 1], coarse[i >> 1]
-        for j in range(width):
-            weight = row[j + 1, 3]
-            scale = ONE / max(weight, TRUSTED)
-            red, green, blue = row[j + 1, 0] * scale, row[j + 1, 1] * scale, row[j + 1, 2] * scale
-            below[j >> 1, 0] += red
-            below[j >> 1, 1] += green
-            below[j >> 1, 2] += blue
-            below[j >> 1, 3] += weight * scale
-            at = uint32(i * width + j)
-            k = at * uint32(3)
-            out[k], out[k + uint32(1)], out[k + uint32(2)] = red, green, blue
-            holes[count] = at
-            count += uint32(1) if weight < TRUSTED else uint32(0)
-    return np.int64(count)
-
-
-@kernel
-def fill_holes(sums, filled, holes, count, shown):
-    """Add what is missing in holes from the coarser level: the less weight, the more.
-
-    sums : (h + 2, w + 2, 4) float32; filled : (ceil(h/2), ceil(w/2), 4) float32, see expand
-    holes, count : see resolve; shown : (h, w, 3) float32, updated
-    """
-    width = uint32(shown.shape[1])
-    for n in range(count):
-        i, j = holes[n] // width, holes[n] % width
-        red, green, blue = between(filled, i, j)
-        missing = ONE - sums[i + uint32(1), j + uint32(1), 3] / TRUSTED
-        shown[i, j, 0] += missing * red
-        shown[i, j, 1] += missing * green
-        shown[i, j, 2] += missing * blue
+        row, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], coarse[i >> 1].reshape(-1)
+        for k in range(width >> 1):
+            u, v = ONE / max(row[8 * k + 3], TRUSTED), ONE / max(row[8 * k + 7], TRUSTED)
+            out[4 * k] += u * row[8 * k] + v * row[8 * k + 4]
+            out[4 * k + 1] += u * row[8 * k + 1] + v * row[8 * k + 5]
+            out[4 * k + 2] += u * row[8 * k + 2] + v * row[8 * k + 6]
+            out[4 * k + 3] += u * row[8 * k + 3] + v * row[8 * k + 7]
+        if width & 1:
+            u = ONE / max(row[4 * width - 1], TRUSTED)
+            for c in range(4):
+                coarse[i >> 1, width >> 1, c] += u * row[4 * (width - 1) + c]
 
 
 @kernel
@@ -103,7 +73,6 @@ def expand(coarse, filled):
 @inline_kernel
 def between(filled, i, j):
     """Interpolate the coarser level at the centre of pixel (i, j): bilinear, weights 9 3 3 1 of 16."""
-    i, j = np.int64(i), np.int64(j)
     m, n = i >> 1, j >> 1
     mm = min(max(m - 1 + 2 * (i & 1), 0), filled.shape[0] - 1)
     nn = min(max(n - 1 + 2 * (j & 1), 0), filled.shape[1] - 1)
@@ -112,3 +81,47 @@ def between(filled, i, j):
     green = a * filled[m, n, 1] + b * filled[m, nn, 1] + c * filled[mm, n, 1] + d * filled[mm, nn, 1]
     blue = a * filled[m, n, 2] + b * filled[m, nn, 2] + c * filled[mm, n, 2] + d * filled[mm, nn, 2]
     return red, green, blue
+
+
+@kernel
+def resolve(sums, filled, shown):
+    """Resolve splat sums to an image: weighted means; the further the weight is below TRUSTED, the coarser level.
+
+    sums : (h + 2, w + 2, 4) float32, see halve_splats; filled : (ceil(h/2), ceil(w/2), 4) float32, see expand
+    shown : (h, w, 3) float32, written
+    """
+    width = shown.shape[1]
+    coarse, fine = np.empty((3, filled.shape[1] + 2), np.float32), np.empty((3, width + 1), np.float32)
+    scale, missing = np.empty(width, np.float32), np.empty(width, np.float32)
+    for i in range(shown.shape[0]):
+        interpolate(filled, i, coarse, fine)
+        row, out = sums[i + 1].reshape(-1)[4 : 4 * (width + 1)], shown[i].reshape(-1)
+        for j in range(width):
+            scale[j] = ONE / max(row[4 * j + 3], TRUSTED)
+            missing[j] = max(ONE - row[4 * j + 3] / TRUSTED, ZERO)
+        red, green, blue = fine[0], fine[1], fine[2]
+        for j in range(width):
+            out[3 * j] = scale[j] * row[4 * j] + missing[j] * red[j]
+            out[3 * j + 1] = scale[j] * row[4 * j + 1] + missing[j] * green[j]
+            out[3 * j + 2] = scale[j] * row[4 * j + 2] + missing[j] * blue[j]
+
+
+@inline_kernel
+def interpolate(filled, i, coarse, fine):
+    """Interpolate row i of the next finer level, as `between` does, in loops of vector code.
+
+    coarse : (3, w' + 2) float32, scratch: a row between two of the coarser level's, its ends repeated
+    fine : (3, 2 w' or 1 more) float32, written
+    """
+    m, width = i >> 1, filled.shape[1]
+    near = filled[m].reshape(-1)
+    far = filled[min(max(m - 1 + 2 * (i & 1), 0), filled.shape[0] - 1)].reshape(-1)
+    for c in range(3):
+        row, out = coarse[c], fine[c]
+        inner, left, right = row[1 : width + 1], row[:width], row[2:]
+        for k in range(width):
+            inner[k] = THREE_QUARTERS * near[4 * k + c] + QUARTER * far[4 * k + c]
+        row[0], row[width + 1] = row[1], row[width]
+        for k in range(width):
+            out[2 * k] = THREE_QUARTERS * inner[k] + QUARTER * left[k]
+            out[2 * k + 1] = THREE_QUARTERS * inner[k] + QUARTER * right[k]

@@ -9,6 +9,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import BRIGHTNESS_DEVIATIONS, COUNT
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y, hash_uint32
 
 PACKET = 16  # rays
@@ -47,7 +48,7 @@ class Pixels(NamedTuple):
 
 
 @kernel
-def score_moving(resolved, sample_density, accumulation, floor, scores, tiles):
+def score_moving(resolved, sample_density, accumulation, accumulating, floor, scores, tiles):
     """Score pixels while something moves: contrast / (n (n + 1)), and holes above all.
 
     Parameters
@@ -55,6 +56,7 @@ def score_moving(resolved, sample_density, accumulation, floor, scores, tiles):
     resolved : (h, w, 3) float32, linear RGB
     sample_density : (h, w) float32, any strides; effective samples of each pixel
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
+    accumulating : (rows,) bool, of every 16 rows: whether any of their pixels accumulates
     floor : float32, added to every score, so that no pixel starves
     scores : Scores, written; tiles : Tiles, sums are written
     """
@@ -69,7 +71,10 @@ def score_moving(resolved, sample_density, accumulation, floor, scores, tiles):
         measure_contrast(up, own, down, contrast)
         splats, counts = sample_density[i], accumulation[i, :, COUNT]
         for j in range(width):
-            density[j] = max(splats[j], counts[j])
+            density[j] = splats[j]
+        if accumulating[i // TILE]:
+            for j in range(width):
+                density[j] = max(density[j], counts[j])
         for j in range(width):
             score[j] = moving_gain(contrast[j], density[j]) + floor
     sum_tiles(scores.score, tiles)
