@@ -1,7 +1,7 @@
 """Adaptive frameless sampling: rays where they are expected to reduce the error of the reconstruction most.
 
-After Dayal, Woolley, Watson and Luebke, "Adaptive Frameless Rendering", 2005: tiles of the region are chosen by the
-expected error reduction of another sample there. Gradients come from the reconstruction, without rays of their own, and
+After Dayal, Woolley, Watson and Luebke, "Adaptive Frameless Rendering", 2005: pixels are chosen by the expected
+error reduction of another sample there. Gradients come from the reconstruction, without rays of their own, and
 every new ray is also a gradient sample: where it contradicts what was shown, its surroundings draw rays at once.
 """
 
@@ -26,7 +26,7 @@ ENOUGH = np.float32(0.5 / 255.0)  # display units: half a step of 8 bits
 class AdaptiveSampler:
     """Chooses for one region. `replan` after every refresh of its reconstruction; complete when no pixel gains."""
 
-    coherent = False  # its packets span 16 pixels: at edges every ray goes its own way
+    coherent = False  # its packets span a tile or more: at edges every ray goes its own way
 
     def __init__(
         self,
@@ -98,7 +98,7 @@ class AdaptiveSampler:
         self._sequence += 1
         score = self._scores.score
         self.division.adjust(score, max(1, packets // PACKETS_A_STEP))
-        filled = kernels.draw(score, self.division.tiles, self._pixels, packets, self._sequence, xy)
+        filled = kernels.draw(score, self.division.tiles, self._pixels, self._sequence, xy)
         return Targets(xy=xy[:filled], event=newest) if filled else None
 
     def observe(self, samples: Samples) -> None:

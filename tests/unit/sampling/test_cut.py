@@ -114,7 +114,7 @@ def test_where_nothing_is_to_be_gained_nothing_is_drawn_and_no_number_breaks(com
     cut.balance(score, 0.0)
     assert math.isfinite(cut.wanted)
     xy, pixels = np.zeros((160, 2), np.float32), Pixels(np.zeros((75, 100), np.uint16), 1, 0, 0)
-    assert kernels_adaptive.draw(score, cut.tiles, pixels, 10, 1, xy) == 0
+    assert kernels_adaptive.draw(score, cut.tiles, pixels, 1, xy) == 0
 
 
 def test_equal_calls_give_equal_cuts(compiled_only: None) -> None:
@@ -150,7 +150,7 @@ def test_with_a_floor_no_pixel_starves_beside_a_hot_one(compiled_only: None) -> 
     xy = np.zeros((1000 * kernels_adaptive.PACKET, 2), np.float32)
     for sequence in range(100):
         cut.adjust(score, 5)
-        filled = kernels_adaptive.draw(score, cut.tiles, pixels, 1000, sequence, xy)
+        filled = kernels_adaptive.draw(score, cut.tiles, pixels, sequence, xy)
         assert filled == len(xy)
         np.add.at(seen, (xy[:, 1].astype(int), xy[:, 0].astype(int)), 1)
     expected = seen.sum() * score / score.sum(dtype=np.float64)

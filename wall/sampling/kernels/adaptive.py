@@ -1,4 +1,4 @@
-"""Adaptive sampling: pixel scores, a systematic draw over tiles and inside them, updates as samples come in."""
+"""Adaptive sampling: pixel scores, a systematic draw over them, updates as samples come in."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y, hash_uint32
 
 PACKET = 16  # rays
+BLOCK = 4  # pixels, edge of the blocks that a tile is walked in
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 HOLE_DENSITY = np.float32(0.1)  # samples, weighted: a pixel with less is a hole
 HOLE = np.float32(0.005)  # squared display units: least squared error expected of a hole
@@ -45,6 +46,14 @@ class Pixels(NamedTuple):
     seed: int
     x0: int  # panel pixel of visits[0, 0]
     y0: int
+
+
+class Marks(NamedTuple):
+    """Where a systematic draw meets a tile."""
+
+    count: int
+    first: float  # the first mark, and from one to the next, in tile sums
+    step: float
 
 
 @kernel
@@ -185,20 +194,23 @@ def still_gain(deviations, contrast, n, floor, enough):
 
 
 @kernel
-def draw(score, tiles, pixels, packets, sequence, xy):
-    """Place packets of 16 rays: tiles by a systematic draw over their sums, pixels by one inside each tile.
+def draw(score, tiles, pixels, sequence, xy):
+    """Place rays by one systematic draw over the scores of all pixels, along a curve through the tiles.
+
+    Marks at equal distances over the sum of all scores: every tile, block and pixel gets its share of the rays rounded
+    down or up, so that few rays are spread as evenly as many. Neighbours on the curve share packets.
 
     Parameters
     ----------
     score : (h, w) float32
     tiles : Tiles; sums are corrected where they have drifted
     pixels : Pixels, visits are counted up
-    packets : int, wanted; sequence : int, random numbers are a hash of (pixels.seed, sequence)
-    xy : (16 * packets, 2) float32, written: panel pixels
+    sequence : int, random numbers are a hash of (pixels.seed, sequence)
+    xy : (n, 2) float32, written: panel pixels
 
     Returns
     -------
-    filled : int, positions written
+    filled : int, positions written; all, but for those of tiles that proved empty
     """
     order, sums = tiles.order, tiles.sums
     total = 0.0
@@ -206,52 +218,94 @@ def draw(score, tiles, pixels, packets, sequence, xy):
         total += sums[tile]
     if not total > 0.0:
         return 0
-    key = hash_uint32(np.uint32(pixels.seed), np.uint32(sequence))
-    step = total / packets
-    at = (hash_uint32(key, np.uint32(0)) * 2.0**-32) * step
-    seen, filled = 0.0, np.int64(0)  # a literal 0 would compile what it is handed to once more
+    step = total / xy.shape[0]
+    at = hash_uint32(hash_uint32(np.uint32(pixels.seed), np.uint32(sequence)), np.uint32(0)) * 2.0**-32 * step
+    scratch = np.empty(blocks_along(score.shape[1]) * (blocks_along(score.shape[0]) + BLOCK), np.float32)
+    seen, left, filled = 0.0, xy.shape[0], np.int64(0)  # a literal 0 would compile what it is handed to once more
     for tile in order:
+        first = at - seen
         seen += sums[tile]
-        picks = 0
-        while at < seen and filled + PACKET * (picks + 1) <= xy.shape[0]:
-            picks += 1
+        count = 0
+        while at < seen and count < left:
+            count += 1
             at += step
-        if picks > 0:
-            u = hash_uint32(key, np.uint32(1 + tile)) * 2.0**-32
-            filled = draw_inside(score, tiles, tile, PACKET * picks, u, pixels, xy, filled)
+        if count > 0:
+            left -= count
+            marks = Marks(count, first / sums[tile], step / sums[tile])
+            filled = draw_inside(score, tiles, tile, marks, pixels, scratch, xy, filled)
     return filled
 
 
 @inline_kernel
-def draw_inside(score, tiles, tile, count, u, pixels, xy, filled):
-    """Write `count` positions of a tile, drawn by its pixels' scores in a serpentine order; returns the new `filled`.
+def blocks_along(edge):
+    """Blocks that an edge of so many pixels touches."""
+    return (edge + BLOCK - 1) // BLOCK
 
-    u : float in [0, 1), where the systematic draw begins; other parameters : see draw
+
+@inline_kernel
+def draw_inside(score, tiles, tile, marks, pixels, scratch, xy, filled):
+    """Write the positions of a tile's marks; returns the new `filled`.
+
+    The curve takes blocks of 4 x 4 pixels in a serpentine order, and the pixels of each in Morton order. So where all
+    pixels score alike, 16 marks on 256 pixels are a grid of every fourth one.
+
+    marks : Marks; scratch : float32, see sum_blocks; other parameters : see draw
     """
     rects = tiles.rects
     first, top, width, height = rects[tile, X], rects[tile, Y], rects[tile, WIDTH], rects[tile, HEIGHT]
-    last, bottom = first + width, top + height
-    total = 0.0
-    for i in range(top, bottom):
-        for j in range(first, last):
-            total += score[i, j]
+    across, down = blocks_along(width), blocks_along(height)
+    total, block_sums = sum_blocks(score, first, top, width, height, scratch)
     tiles.sums[tile] = total
     if not total > 0.0:
         return filled
-    step = total / count
-    at, seen, end = u * step, 0.0, filled + count
-    for i in range(top, bottom):
-        for q in range(width):
-            j = first + q if i % 2 == 0 else last - 1 - q
-            seen += score[i, j]
-            while at < seen and filled < end:
+    step, at = marks.step * total, marks.first * total
+    seen, end = 0.0, filled + marks.count
+    i, j = top, first  # the last pixel with a score
+    for k in range(across * down):
+        row, column = k // across, k % across
+        column = column if row % 2 == 0 else across - 1 - column
+        before, seen = seen, seen + block_sums[row * across + column]
+        if not at < seen:
+            continue
+        for m in range(BLOCK * BLOCK):
+            y, x = top + BLOCK * row + (m >> 1 & 1 | m >> 2 & 2), first + BLOCK * column + (m & 1 | m >> 1 & 2)
+            if y >= top + height or x >= first + width or not score[y, x] > ZERO:
+                continue
+            i, j = y, x
+            before += score[i, j]
+            while at < before and filled < end:
                 write_position(i, j, pixels, xy, filled)
                 filled += 1
                 at += step
-    while filled < end:  # rounding left the last one over
-        write_position(bottom - 1, last - 1, pixels, xy, filled)
+    while filled < end:  # rounding left some over
+        write_position(i, j, pixels, xy, filled)
         filled += 1
     return filled
+
+
+@inline_kernel
+def sum_blocks(score, first, top, width, height, scratch):
+    """Sums of the 4 x 4 blocks of a rectangle of scores (h, w), those at its right and bottom edges cut off.
+
+    scratch : float32, 4 to a block of a row and one to each block; column sums and block sums are written
+    Returns the sum of all, and the blocks' sums, row after row, which lie in scratch.
+    """
+    across = blocks_along(width)
+    columns, block_sums = scratch[: BLOCK * across], scratch[BLOCK * across :]
+    total = 0.0
+    for row in range(blocks_along(height)):
+        for j in range(columns.shape[0]):
+            columns[j] = ZERO
+        for i in range(top + BLOCK * row, min(top + BLOCK * row + BLOCK, top + height)):
+            line = score[i, first : first + width]
+            for j in range(line.shape[0]):
+                columns[j] += line[j]
+        for b in range(across):
+            j = BLOCK * b
+            block_sum = (columns[j] + columns[j + 1]) + (columns[j + 2] + columns[j + 3])
+            block_sums[row * across + b] = block_sum
+            total += block_sum
+    return total, block_sums
 
 
 @inline_kernel
