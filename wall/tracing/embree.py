@@ -37,7 +37,7 @@ _GEOMETRY_TRIANGLE, _GEOMETRY_INSTANCE = 0, 121
 _BUFFER_INDEX, _BUFFER_VERTEX = 0, 1
 _FORMAT_UINT3, _FORMAT_FLOAT3, FORMAT_FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134
 _SCENE_DYNAMIC, _SCENE_ROBUST = 1, 4
-_QUALITY_LOW, _QUALITY_MEDIUM = 0, 1
+_QUALITY_MEDIUM = 1  # low quality takes longer to build over instances, and is no faster to trace
 _QUERY_COHERENT = 1 << 16
 _FEATURES = (1 << 1) | (1 << 23)  # triangles and instances: Embree skips tests for anything else
 
@@ -173,7 +173,7 @@ class Device:
         scene : handle
         geometries : (n,) intp, the instances' handles; instance k has ID k in hits
         """
-        scene = self._new_scene(_SCENE_ROBUST | _SCENE_DYNAMIC, _QUALITY_LOW)
+        scene = self._new_scene(_SCENE_ROBUST | _SCENE_DYNAMIC, _QUALITY_MEDIUM)
         geometries = np.zeros(len(meshes), np.intp)
         for k, mesh in enumerate(meshes):
             geometries[k] = geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_INSTANCE)
