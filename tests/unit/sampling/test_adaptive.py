@@ -92,8 +92,8 @@ def test_inside_a_tile_every_pixel_gets_its_expected_number_rounded_down_or_up()
 
 
 def test_over_many_draws_pixels_get_rays_in_proportion_to_their_scores(compiled_only: None) -> None:
-    """400 draws of 48 rays: a pixel's count is its expectation rounded down or up at random, with a deviation of at most
-    half, so that the mean of 400 is within 5 / (2 sqrt(400))."""
+    """400 draws of 48 rays: a pixel's count is its expectation rounded down or up at random, with a deviation of at
+    most half, so that the mean of 400 is within 5 / (2 sqrt(400))."""
     score = scores((32, 32))
     found = np.mean([per_pixel(drawn(score, 3, sequence=k), score.shape) for k in range(400)], axis=0)
     expected = 3 * PACKET * score / score.sum(dtype=np.float64)
