@@ -49,11 +49,11 @@ class Pixels(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """Where a systematic draw meets a tile."""
+    """The marks of a systematic draw inside one tile."""
 
-    count: int
-    first: float  # the first mark, and from one to the next, in tile sums
-    step: float
+    number: int
+    first: float  # where the first lies, as a share of the tile's sum
+    step: float  # from one to the next, likewise
 
 
 @kernel
@@ -259,7 +259,7 @@ def draw_inside(score, tiles, tile, marks, pixels, scratch, xy, filled):
     if not total > 0.0:
         return filled
     step, at = marks.step * total, marks.first * total
-    seen, end = 0.0, filled + marks.count
+    seen, end = 0.0, filled + marks.number
     i, j = top, first  # the last pixel with a score
     for k in range(across * down):
         row, column = k // across, k % across
