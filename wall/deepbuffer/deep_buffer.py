@@ -68,7 +68,7 @@ class PoseTracker:
         """Show `event` from now on; nothing moves if the event before has the same number."""
         shown, self._shown = self._shown, event
         self.nothing_moves = shown is not None and event.number == shown.number
-        self.camera_moved = shown is None or event.camera != shown.camera
+        self.camera_moved = not self.nothing_moves and (shown is None or event.camera != shown.camera)
         if not self.nothing_moves:
             self.pose, self.last = self._poses.of(event), self.pose
         if self.camera_moved:
@@ -96,6 +96,8 @@ class PoseTracker:
         """(n + 1,) uint8: objects whose matrix differs from that of the image before; all in the first image."""
         assert self.pose is not None
         table = self.pose.panel_from_object
+        if self.nothing_moves:
+            return np.zeros(len(table), np.uint8)
         if self.last is None:
             return np.ones(len(table), np.uint8)
         moved: NDArray[np.uint8] = (table != self.last.panel_from_object).any(axis=1).astype(np.uint8)
@@ -104,7 +106,7 @@ class PoseTracker:
     def relit(self) -> NDArray[np.uint8]:
         """(n + 1,) uint8: objects whose stored samples are to be lit anew."""
         assert self.pose is not None
-        if not self.lit:
+        if not self.lit or self.nothing_moves:
             return np.zeros(len(self.pose.panel_from_object), np.uint8)
         return self._light_changes.take(self.pose.lights, self.last.lights if self.last is not None else None)
 
@@ -268,6 +270,35 @@ def take_dirty(history: PixelHistory) -> NDArray[np.bool_]:
     dirty = history.dirty.copy()
     history.dirty[:] = False
     return dirty
+
+
+class RestSchedule:
+    """When an image at rest is resolved anew: what moved last may have left holes, and samples fill them.
+
+    First after a sixteenth of a sample a pixel, then after twice as many, and so on, until pixels show their own means.
+    """
+
+    FIRST, LAST = 1.0 / 16.0, 4.0  # samples a pixel
+
+    def __init__(self, pixels: int) -> None:
+        self._first, self._last = self.FIRST * pixels, self.LAST * pixels
+        self._samples, self._due = 0, self._first
+
+    def move(self) -> None:
+        """The image has been made anew, since something moved."""
+        self._samples, self._due = 0, self._first
+
+    def insert(self, samples: int) -> None:
+        """So many samples came."""
+        self._samples += samples
+
+    def take_due(self) -> bool:
+        """Whether the image at rest is to be resolved anew, now."""
+        if self._samples < self._due or self._due > self._last:
+            return False
+        while self._due <= self._samples:
+            self._due *= 2.0
+        return True
 
 
 def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:

@@ -15,7 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
-from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL, DeepBuffer, PoseTracker, come_to_rest, take_dirty
+from wall.deepbuffer.deep_buffer import (
+    SAMPLES_PER_PIXEL,
+    DeepBuffer,
+    PoseTracker,
+    RestSchedule,
+    come_to_rest,
+    take_dirty,
+)
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.pose import Pose, Posed
@@ -87,12 +94,14 @@ class Reconstruction:
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
+        self._rest = RestSchedule(width * height)
         self.refreshes = 0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
         self.buffer.insert(samples, base_time, event)
+        self._rest.insert(len(samples))
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
@@ -102,10 +111,12 @@ class Reconstruction:
         if not self.nothing_moves:
             if stood and not self.poses.camera_moved:
                 self.find_nearest()  # with what came since then: it tells which pixels keep what they accumulated
+            self._rest.move()
             self._reconstruct(self.buffer.seconds(now))
-            history.dirty[:] = True
         elif not stood:
             come_to_rest(self.poses, history)
+        elif self._rest.take_due():
+            self._reconstruct(self.buffer.seconds(now))
         if not self._with.accumulation:
             history.clear_accumulation()
         if history.dirty.any():
@@ -198,6 +209,7 @@ class Reconstruction:
         buffer.reject_accumulation(changed)
         buffer.sort()
         self._fill()
+        history.dirty[:] = True
 
     def _relight(self) -> NDArray[np.uint8]:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""

@@ -78,7 +78,7 @@ def test_samples_of_a_foreseen_pose_do_not_spoil_what_still_pixels_gather(
     twins.insert(hits(centres(SIZE), RED), START + 0.05, foreseen)
     twins.refresh(event_at(0, SEEN), START + 0.05)
     twins.agree()
-    assert twins.gpu.radiance[..., 0].max() == 0.0
+    assert twins.gpu.radiance[..., 0].max() < RED[0] / 16, "the splats' share beside the mean of three"
 
 
 @pytest.mark.parametrize("moves", [True, False], ids=["moving", "at rest"])

@@ -78,14 +78,14 @@ def weights(image: Reconstruction) -> Float32:
 
 @pytest.mark.parametrize(("n", "share"), [(1, 3 / 4), (2, 8 / 9), (3, 15 / 16), (4, 1), (12, 1)])
 def test_at_rest_a_pixel_shows_the_mean_of_its_samples(scene: Scene, n: int, share: float) -> None:
-    """The mean counts 1 - 1 / (1 + n)^2; the rest is the reconstruction, which is black here, and from 4 on nothing."""
+    """The mean counts 1 - 1 / (1 + n)^2; the rest is the reconstruction, and from 4 samples on nothing."""
     random = np.random.default_rng(2)
     rounds = random.uniform(0, 1, (12, SIZE[0] * SIZE[1], 3)).astype(np.float32)
 
     image = at_rest_after(scene, *(hits(centres(SIZE), colors) for colors in rounds[:n]))
 
     mean = rounds[:n].mean(axis=0).reshape(SIZE[1], SIZE[0], 3)
-    assert_allclose(image.radiance, mean * share, rtol=1e-5)
+    assert_allclose(image.radiance, mean * share + image.resolved * (1 - share), rtol=1e-5)
 
 
 def test_at_rest_samples_anywhere_in_a_pixel_count_for_that_pixel_alone(scene: Scene) -> None:

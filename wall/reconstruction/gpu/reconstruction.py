@@ -15,6 +15,7 @@ from wall.deepbuffer.deep_buffer import (
     SAMPLES_PER_PIXEL,
     SORT_EVERY,
     PoseTracker,
+    RestSchedule,
     capacity_for,
     come_to_rest,
     take_dirty,
@@ -63,6 +64,7 @@ class GpuReconstruction:
         self._largest = min(STAGED, self._store.capacity // 2)  # samples inserted at once
         self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.poses.lit), 0
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
+        self._schedule = RestSchedule(width * height)
         self._accumulates = False  # their pixels accumulate them, see InsertRules.shows_event
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._until_packed = 0
@@ -104,6 +106,7 @@ class GpuReconstruction:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`. Raises GpuError if the GPU is lost."""
+        self._schedule.insert(len(samples))
         known = samples["object_id"] < len(self.poses.diffuse.objects)
         samples = samples if known.all() else samples[known]
         rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
@@ -135,11 +138,16 @@ class GpuReconstruction:
         stood, history = self.nothing_moves, self._history
         self.poses.show(event)
         if not self.nothing_moves:
+            self._schedule.move()
             self._reconstruct(now, stood=stood)
             history.dirty[:] = True
             return
         if not stood:
             self._rest()
+        elif self._schedule.take_due():
+            self._reconstruct(now, stood=True)
+            self._rest()
+            history.dirty[:] = True
         if history.dirty.any():
             mix_accumulation(self._resolved, history, self.radiance)
 
