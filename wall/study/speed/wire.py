@@ -186,7 +186,7 @@ def end_to_end(rounds: int) -> list[Row]:
         "the limit has no choosing, encoding, sending or inserting"
     )
     more = {"choosing_and_tracing": median(chosen)}
-    return [compared("end_to_end", values, limits, unit="M samples/s", at_least=0.8, note=note, **more)]
+    return [compared("end_to_end", values, limits, unit="M samples/s", at_least=0.85, note=note, **more)]
 
 
 def _received_rate(plan: Plan, tracer_scene: TracerScene) -> float:
