@@ -17,6 +17,7 @@ from wall.core.data import CHANNELS, Batch, Camera, Event, Framelet, Rect, Stati
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.steering import parse
 from wall.packets.control import (
+    KIND_FRAMELET,
     Heartbeat,
     Hello,
     Message,
@@ -26,7 +27,7 @@ from wall.packets.control import (
     parse_control,
     serialise,
 )
-from wall.packets.framelets import FrameletPart
+from wall.packets.framelets import HEAD, FrameletPart, is_plain
 from wall.packets.samples import Codec, decode, encode
 
 Parsed = Batch | Message
@@ -39,10 +40,10 @@ EVENT = Event(
 )  # fmt: skip
 
 
-def framelet(*channels: str, encoded: bool) -> bytes:
+def framelet(*channels: str, encoded: bool, plain: bool = False) -> bytes:
     whole = Framelet.blank(RECT, frozenset({"colour", *channels}), encoded=encoded)
     whole.event = EVENT if channels else None
-    return serialise(FrameletPart.of(2, whole, Rect(x=5, y=6, width=4, height=3)))
+    return serialise(FrameletPart.of(2, whole, Rect(x=5, y=6, width=4, height=3), plain=plain))
 
 
 CONTROL = [
@@ -55,6 +56,8 @@ CONTROL = [
     framelet(encoded=True),
     framelet("depth", "alpha", encoded=False),
     framelet(*CHANNELS, encoded=False),
+    framelet(encoded=True, plain=True),
+    framelet(*CHANNELS, encoded=False, plain=True),
     serialise(
         StatisticsImage(
             panel=1, compared=True, age=np.ones((2, 3), np.uint8), density=np.ones((2, 3), np.uint8),
@@ -76,7 +79,9 @@ RELIGHTABLE = [encode(batch_of(relightable_samples(n), adaptive=True, relightabl
 def resealed_control(data: bytes) -> bytes:
     body = data[16:]
     head = data[:8] + struct.pack("<I", len(body))
-    return head + struct.pack("<I", zlib.crc32(body, zlib.crc32(head))) + body
+    plain = data[5:6] == bytes([KIND_FRAMELET]) and is_plain(body[:HEAD.size])
+    covered = body[: HEAD.size] if plain else body
+    return head + struct.pack("<I", zlib.crc32(covered, zlib.crc32(head))) + body
 
 
 def mutated(rng: np.random.Generator, data: bytes) -> bytes:

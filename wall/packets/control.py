@@ -1,8 +1,8 @@
 """Everything on the wire that is not samples: events, signs of life, stop, framelets.
 
 Each message is a header (magic, version, kind, length, CRC-32) and a body: fixed structs for events and framelets, JSON
-with checked types for the rest, which is rare. parse_control() gives a message or raises RemoteProtocolError; what
-serialise() refuses is what parse_control() would refuse.
+with checked types for the rest, which is rare. Plain pixels of a framelet are not in its checksum. parse_control()
+gives a message or raises RemoteProtocolError; what serialise() refuses is what parse_control() would refuse.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from typing import Any, TypeAlias
 
 from wall.core.data import Camera, Event, StatisticsImage
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
-from wall.packets.framelets import FrameletPart, parse_part, part_body
+from wall.packets.framelets import HEAD as PART_HEAD
+from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 6
+MAGIC, VERSION = b"WALL", 7
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 MAX_TEXT_BYTES = 16384  # of a JSON body
@@ -140,11 +141,12 @@ def serialise(message: Message) -> bytes:
     name = type(message).__name__
     try:
         kind, body = _body(message)
-        _parse_body(kind, body)  # they are small and rare; a framelet's data is not looked into
+        data = message.data if isinstance(message, FrameletPart) else b""
+        _parse_body(kind, body, data)  # they are small and rare; a framelet's data is not looked into
     except (struct.error, ValueError, RemoteProtocolError) as error:
         raise LocalProtocolError(f"{name} does not fit its message: {error}") from error
-    head = _HEADER.pack(MAGIC, VERSION, kind, len(body))
-    return b"".join((head, _CHECKSUM.pack(zlib.crc32(body, zlib.crc32(head))), body))
+    head = _HEADER.pack(MAGIC, VERSION, kind, len(body) + len(data))
+    return b"".join((head, _CHECKSUM.pack(_checksum(head, kind, body, data)), body, data))
 
 
 def parse_control(data: bytes | memoryview) -> Message:
@@ -153,12 +155,19 @@ def parse_control(data: bytes | memoryview) -> Message:
         raise RemoteProtocolError(f"a message of {len(data)} bytes; its header alone has {HEADER_BYTES}")
     magic, version, kind, length = _HEADER.unpack_from(data)
     (checksum,) = _CHECKSUM.unpack_from(data, _HEADER.size)
-    body = bytes(data[HEADER_BYTES:])
+    end = HEADER_BYTES + PART_HEAD.size if kind == KIND_FRAMELET else len(data)
+    body, rest = bytes(data[HEADER_BYTES:end]), memoryview(data)[end:]
     if magic != MAGIC or version != VERSION:
         raise RemoteProtocolError(f"not a message of version {VERSION}: starts with {bytes(data[:6])!r}")
-    if length != len(body) or zlib.crc32(body, zlib.crc32(data[: _HEADER.size])) != checksum:
-        raise RemoteProtocolError(f"message of kind {kind}: {len(body)} bytes of {length}, or a checksum that differs")
-    return _parse_body(kind, body)
+    came = len(body) + len(rest)
+    if length != came or _checksum(data[: _HEADER.size], kind, body, rest) != checksum:
+        raise RemoteProtocolError(f"message of kind {kind}: {came} bytes of {length}, or a checksum that differs")
+    return _parse_body(kind, body, rest)
+
+
+def _checksum(head: bytes | memoryview, kind: int, body: bytes, data: bytes | memoryview) -> int:
+    checksum = zlib.crc32(body, zlib.crc32(head))
+    return checksum if kind == KIND_FRAMELET and is_plain(body) else zlib.crc32(data, checksum)
 
 
 def _body(message: Message) -> tuple[int, bytes]:
@@ -167,16 +176,17 @@ def _body(message: Message) -> tuple[int, bytes]:
     if isinstance(message, StatisticsImage):
         return KIND_STATISTICS_IMAGE, statistics_image_body(message)
     if isinstance(message, FrameletPart):
-        return KIND_FRAMELET, part_body(message)
+        return KIND_FRAMELET, part_head(message)
     kind = next(number for number, cls in _JSON_KINDS.items() if isinstance(message, cls))
     return kind, json.dumps(asdict(message), allow_nan=False).encode()
 
 
-def _parse_body(kind: int, body: bytes) -> Message:
+def _parse_body(kind: int, body: bytes, data: bytes | memoryview) -> Message:
+    """`data`: of a framelet, behind its head; of others none."""
+    if kind == KIND_FRAMELET:
+        return parse_part(body, data)
     if kind == KIND_EVENT:
         return _parse_event(body)
-    if kind == KIND_FRAMELET:
-        return parse_part(body)
     if kind == KIND_STATISTICS_IMAGE:
         return parse_statistics_image(body)
     if kind in _JSON_KINDS:

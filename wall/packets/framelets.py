@@ -1,7 +1,8 @@
 """The body of a framelet's part on the wire: which node made it, where, under which camera and scene time, its pixels.
 
 Channels stand one after another, whole; numbers of four bytes go byte by byte (all first bytes, all second ones, ...),
-which lz4 then shrinks. Exact: what comes out is what went in.
+which lz4 then shrinks. Between processes that share memory they are plain: as they are in a framelet. Exact: what comes
+out is what went in.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ HEAD = struct.Struct("<HHiiIIBBHHqqddI3d9d")
 MAX_AREA = 1 << 25  # pixels: 8K UHD
 MAX_RAW = 1 << 25  # bytes of one part before compression: it fits a message, whatever they are
 LZ4_LARGEST_RATIO = 255  # lz4 cannot expand more: a few bytes cannot ask for a large buffer
-ENCODED, COMPARED, POSED = 1, 2, 4  # flags
+ENCODED, COMPARED, POSED, PLAIN = 1, 2, 4, 8  # flags
+FLAGS_OFFSET = 21  # in HEAD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,20 +39,31 @@ class FrameletPart:
     compared: bool  # of the second image, while two samplers are compared
     event: Event | None  # what it shows; only its numbers, camera and scene time travel
     refreshed_at: float  # seconds of the head's clock; see Framelet.time_origin
-    data: bytes
+    data: bytes | memoryview
+    plain: bool = False  # the data are the channels' own bytes, uncompressed
     index: int = 0  # of `count` parts that belong together: all of them show one moment
     count: int = 1
 
     @classmethod
-    def of(cls, step: int, framelet: Framelet, rect: Rect, *, compared: bool = False) -> FrameletPart:
-        """A copy of the pixels of `rect`, which lies inside the framelet."""
+    def of(
+        cls, step: int, framelet: Framelet, rect: Rect, *, compared: bool = False, plain: bool = False
+    ) -> FrameletPart:
+        """The pixels of `rect`, which lies inside the framelet.
+
+        They are compressed, or `plain`: then they may be the framelet's own, so serialise the part before they change.
+        """
         rows = rect.inside(framelet.rect)
-        planes = [_bytes(framelet.channel(name)[rows]) for name in CHANNELS if name in framelet.channels]
-        data = bytes(lz4.block.compress(b"".join(planes), store_size=False))
+        channels = [framelet.channel(name)[rows] for name in CHANNELS if name in framelet.channels]
+        data: bytes | memoryview
+        if plain:
+            whole = [np.ascontiguousarray(channel).data.cast("B") for channel in channels]
+            data = whole[0] if len(whole) == 1 else b"".join(whole)
+        else:
+            data = bytes(lz4.block.compress(b"".join(map(_bytes, channels)), store_size=False))
         return cls(
             step=step, view=framelet.event.view if framelet.event is not None else 0, rect=rect,
             channels=framelet.channels, encoded=framelet.encoded, compared=compared,
-            event=framelet.event, refreshed_at=framelet.refreshed_at, data=data,
+            event=framelet.event, refreshed_at=framelet.refreshed_at, data=data, plain=plain,
         )  # fmt: skip
 
     def check(self, out: Framelet) -> None:
@@ -68,13 +81,15 @@ class FrameletPart:
         for name in CHANNELS:
             if name in self.channels:
                 here = out.channel(name)[rows]
-                here[...] = _values(raw[start : start + here.nbytes], here.shape, here.dtype)
+                data = raw[start : start + here.nbytes]
+                values = data.view(here.dtype).reshape(here.shape)
+                here[...] = values if self.plain else _values(data, here.shape, here.dtype)
                 start += here.nbytes
 
     def _raw(self) -> NDArray[np.uint8]:
         size = bytes_a_pixel(self.channels, encoded=self.encoded) * self.rect.area
         try:
-            raw = lz4.block.decompress(self.data, uncompressed_size=size)
+            raw = self.data if self.plain else lz4.block.decompress(self.data, uncompressed_size=size)
         except (lz4.block.LZ4BlockError, ValueError, MemoryError) as error:
             raise RemoteProtocolError(f"framelet of step {self.step}: does not decompress ({error})") from error
         if len(raw) != size:
@@ -96,38 +111,43 @@ def bands(rect: Rect, channels: Channels, *, encoded: bool) -> list[Rect]:
     ]
 
 
-def part_body(part: FrameletPart) -> bytes:
-    """The bytes of a part. Raises struct.error where a number does not fit its field."""
+def part_head(part: FrameletPart) -> bytes:
+    """The bytes before a part's data. Raises struct.error where a number does not fit its field."""
     event, r = part.event, part.rect
     channels = sum(1 << k for k, name in enumerate(CHANNELS) if name in part.channels)
-    flags = ENCODED * part.encoded | COMPARED * part.compared | POSED * (event is not None)
+    flags = ENCODED * part.encoded | COMPARED * part.compared | POSED * (event is not None) | PLAIN * part.plain
     pose = (*event.camera.position, *event.camera.world_from_wall) if event else (0.0,) * 12
     numbers = (event.camera_event, event.scene_event, event.scene_time) if event else (0, 0, 0.0)
-    head = HEAD.pack(
+    return HEAD.pack(
         part.step, part.view, r.x, r.y, r.width, r.height, channels, flags, part.index, part.count, *numbers,
         part.refreshed_at, len(part.data), *pose,
     )  # fmt: skip
-    return head + part.data
 
 
-def parse_part(body: bytes) -> FrameletPart:
-    """The part of some bytes. Raises RemoteProtocolError for anything that part_body() cannot have made."""
-    if len(body) < HEAD.size:
-        raise RemoteProtocolError(f"a framelet of {len(body)} bytes; its head alone has {HEAD.size}")
-    step, view, x, y, width, height, mask, flags, index, count, *numbers = HEAD.unpack_from(body)
+def is_plain(head: bytes) -> bool:
+    """Whether the data behind a head are plain pixels, which the message's checksum leaves out: memory carries them."""
+    return len(head) == HEAD.size and bool(head[FLAGS_OFFSET] & PLAIN)
+
+
+def parse_part(head: bytes, data: bytes | memoryview) -> FrameletPart:
+    """The part of a head and its data. Raises RemoteProtocolError for anything that no part has."""
+    if len(head) != HEAD.size:
+        raise RemoteProtocolError(f"a framelet of {len(head)} bytes; its head alone has {HEAD.size}")
+    step, view, x, y, width, height, mask, flags, index, count, *numbers = HEAD.unpack(head)
     camera_event, scene_event, scene_time, refreshed_at, length, *pose = numbers
-    if length != len(body) - HEAD.size:
-        raise RemoteProtocolError(f"framelet of step {step}: {len(body) - HEAD.size} bytes came of {length}")
+    if length != len(data):
+        raise RemoteProtocolError(f"framelet of step {step}: {len(data)} bytes came of {length}")
     if index >= count:
         raise RemoteProtocolError(f"framelet of step {step}: part {index} of {count}")
-    if not mask & 1 or mask >= 1 << len(CHANNELS) or flags > ENCODED | COMPARED | POSED:
+    if not mask & 1 or mask >= 1 << len(CHANNELS) or flags > ENCODED | COMPARED | POSED | PLAIN:
         raise RemoteProtocolError(f"framelet of step {step}: channels {mask:#x} or flags {flags:#x} are not known")
     if not all(map(math.isfinite, (scene_time, refreshed_at, *pose))):
         raise RemoteProtocolError(f"framelet of step {step}: a number is not finite")
     channels = frozenset(name for k, name in enumerate(CHANNELS) if mask >> k & 1)
     encoded = bool(flags & ENCODED)
-    size = bytes_a_pixel(channels, encoded=encoded) * width * height
-    if not 0 < width * height <= MAX_AREA or max(abs(x), abs(y)) > 1 << 24 or size > LZ4_LARGEST_RATIO * length:
+    plain, size = bool(flags & PLAIN), bytes_a_pixel(channels, encoded=encoded) * width * height
+    fits = length == size if plain else size <= LZ4_LARGEST_RATIO * length
+    if not 0 < width * height <= MAX_AREA or max(abs(x), abs(y)) > 1 << 24 or not fits:
         raise RemoteProtocolError(f"framelet of step {step}: {width}x{height} with {length} bytes is out of range")
     event = None
     if flags & POSED:
@@ -139,7 +159,7 @@ def parse_part(body: bytes) -> FrameletPart:
     return FrameletPart(
         step=step, view=view, rect=Rect(x=x, y=y, width=width, height=height), channels=channels,
         encoded=encoded, compared=bool(flags & COMPARED), event=event, refreshed_at=refreshed_at,
-        data=body[HEAD.size :], index=index, count=count,
+        data=data, plain=plain, index=index, count=count,
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
-from wall.roles.instructions import Offer, Ready
+from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.lockstep import Lockstep
 from wall.roles.plan import HEAD, Plan
@@ -48,11 +48,19 @@ def no_credit(rank: int) -> bool:
 class Composition:
     """The layers and the nodes of one rank: `follow` events, `insert` packets, `refresh` the images, `send` them."""
 
-    def __init__(self, plan: Plan, rank: int, ready: Ready = no_credit, run_all: RunAll = one_by_one) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        rank: int,
+        ready: Ready = no_credit,
+        run_all: RunAll = one_by_one,
+        shares: Shares = shares_nothing,
+    ) -> None:
         """`ready`: which ranks take framelets now; `run_all` refreshes several layers, perhaps a thread each."""
         graph = plan.layout.graph
         self.counters = Counter[str]()
         self._plan, self._rank, self._ready, self._run_all = plan, rank, ready, run_all
+        self._shares = shares
         self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
         self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
         steps = [step for step in graph.steps if step.rank == rank]
@@ -69,7 +77,8 @@ class Composition:
         """The rank's nodes, fresh; `of_layers`: the framelets of the layers that are shown."""
         sources = {step: sky.framelet for step, sky in self._skies.items()}
         sources |= {self._source_of[index]: framelet for index, framelet in of_layers.items()}
-        return _Nodes(self._plan, self._rank, sources, self._ready, self.lockstep, compared=compared)
+        outlets = Outlets(self._plan.layout.graph, self._rank, self._ready, compared=compared, shares=self._shares)
+        return _Nodes(self._plan, self._rank, sources, outlets, self.lockstep)
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
@@ -225,16 +234,15 @@ class _Nodes:
     """The graph's nodes on a rank, working on one set of samples; on two while samplers are compared."""
 
     def __init__(
-        self, plan: Plan, rank: int, sources: dict[int, Framelet], ready: Ready, lockstep: Lockstep | None,
-        *, compared: bool,
-    ) -> None:  # fmt: skip
+        self, plan: Plan, rank: int, sources: dict[int, Framelet], outlets: Outlets, lockstep: Lockstep | None
+    ) -> None:
         """`sources`: framelets that this rank makes of samples and skies, by step."""
         graph, layout = plan.layout.graph, plan.layout
         self.remote = {step.index: RemoteFramelet(step) for step in needed_from_others(graph, rank)}
         sources = sources | {step: remote.framelet for step, remote in self.remote.items()}
         reproject = Timewarp(plan) if lockstep is None else None
         self.executor = Executor(graph, rank, sources, layout.loaded.folder, reproject)
-        self.outlets = Outlets(graph, rank, ready, compared=compared)
+        self.outlets = outlets
         self.shown = [PanelCrops(graph, sink, layout.wall) for sink in graph.sinks_on(rank)]
         self._lockstep = lockstep
 

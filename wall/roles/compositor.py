@@ -27,7 +27,9 @@ from wall.roles.instructions import (
     Presented,
     Ready,
     Send,
+    Shares,
     Show,
+    shares_nothing,
 )
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
@@ -44,10 +46,17 @@ LAST_S = 2.0  # at the end packets that are on their way are taken in for so lon
 class Compositor:
     """A role: the layers, nodes and sinks of one rank. The head's also shows how the run is doing."""
 
-    def __init__(self, plan: Plan, hello: Hello, ready: Ready, run_all: RunAll = one_by_one) -> None:
+    def __init__(
+        self,
+        plan: Plan,
+        hello: Hello,
+        ready: Ready,
+        run_all: RunAll = one_by_one,
+        shares: Shares = shares_nothing,
+    ) -> None:
         graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
         self.due = -math.inf
-        self.composition = Composition(plan, hello.rank, ready, run_all)
+        self.composition = Composition(plan, hello.rank, ready, run_all, shares)
         self.latency, self._refresh_rate = Latency(), Rates(RATE_SPAN_S)
         self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]

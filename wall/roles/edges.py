@@ -12,9 +12,9 @@ from dataclasses import replace
 from wall.compositing.executor import Changes, Regions, merged
 from wall.compositing.graph import Graph, Step
 from wall.core.data import STILL, Event, Framelet, Rect
-from wall.packets.control import serialise
-from wall.packets.framelets import FrameletPart, bands
-from wall.roles.instructions import Offer, Ready
+from wall.packets.control import HEADER_BYTES, serialise
+from wall.packets.framelets import HEAD, MAX_RAW, FrameletPart, bands, bytes_a_pixel
+from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 
 Number = tuple[int, int]  # of an event: camera, scene
 NEVER: Number = (-1, -1)
@@ -65,8 +65,10 @@ class RemoteFramelet:
 class Outlets:
     """What other ranks need of this one: pending regions, sent as soon as there is credit, newest content first."""
 
-    def __init__(self, graph: Graph, rank: int, ready: Ready, *, compared: bool = False) -> None:
-        self._graph, self._ready, self.compared = graph, ready, compared
+    def __init__(
+        self, graph: Graph, rank: int, ready: Ready, *, compared: bool = False, shares: Shares = shares_nothing
+    ) -> None:
+        self._graph, self._ready, self._shares, self.compared = graph, ready, shares, compared
         self._targets = targets_of(graph, rank)
         self._pending: dict[tuple[int, int], Regions] = {}  # by step and target
         self._under_way: dict[tuple[int, int], deque[bytes]] = {}  # parts that belong together, not sent yet
@@ -105,7 +107,9 @@ class Outlets:
         if not regions:
             regions = [Rect(x=framelet.rect.x, y=framelet.rect.y, width=1, height=1)]
         rects = [rect for region in regions for rect in bands(region, framelet.channels, encoded=framelet.encoded)]
-        parts = [FrameletPart.of(key[0], framelet, rect, compared=self.compared) for rect in rects]
+        pixels = bytes_a_pixel(framelet.channels, encoded=framelet.encoded) * framelet.rect.area
+        plain = self._shares(key[1], HEADER_BYTES + HEAD.size + min(pixels, MAX_RAW))
+        parts = [FrameletPart.of(key[0], framelet, rect, compared=self.compared, plain=plain) for rect in rects]
         self._under_way[key] = deque(
             serialise(replace(part, event=told, index=k, count=len(parts))) for k, part in enumerate(parts)
         )

@@ -17,6 +17,12 @@ from wall.sampling.tiles import Measured
 
 MANAGER = -1  # the address of the manager; other addresses are ranks
 Ready: TypeAlias = Callable[[int], bool]  # whether a packet to a rank would be sent at once; False before Connect
+Shares: TypeAlias = Callable[[int, int], bool]  # whether packets to a rank of so many bytes go through shared memory
+
+
+def shares_nothing(to: int, size: int) -> bool:
+    """No memory is shared with any rank."""
+    return False
 
 
 @dataclass(frozen=True, slots=True)

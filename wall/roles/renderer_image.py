@@ -8,7 +8,7 @@ from wall.core.clock import Clock
 from wall.core.data import Batch, Event
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.composition import Composition
-from wall.roles.instructions import Offer, Ready
+from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.plan import Plan
 from wall.roles.view import FollowedView
 
@@ -18,10 +18,10 @@ SHARE_OF_TIME = 0.9  # at most spent on refreshes; rarer images lag by more than
 class RendererImage:
     """`follow` events, `insert` batches; `on_tick` refreshes the image when that is due, and offers what changed."""
 
-    def __init__(self, plan: Plan, rank: int, ready: Ready, clock: Clock) -> None:
+    def __init__(self, plan: Plan, rank: int, ready: Ready, clock: Clock, shares: Shares = shares_nothing) -> None:
         """`clock`: tells how long refreshes take."""
         self._clock = clock
-        self.composition = Composition(plan, rank, ready)
+        self.composition = Composition(plan, rank, ready, shares=shares)
         (self._layer,) = self.composition.layers.values()
         self._view = FollowedView(plan, plan.layout.view_index(plan.layout.panel(rank)))
         self.expected: Event | None = None  # what the last refresh shows
@@ -73,6 +73,8 @@ class RendererImage:
         return -1.0 if age is None else now - age
 
 
-def image_at(plan: Plan, rank: int, ready: Ready, clock: Clock) -> RendererImage | None:
+def image_at(
+    plan: Plan, rank: int, ready: Ready, clock: Clock, shares: Shares = shares_nothing
+) -> RendererImage | None:
     """The image that a renderer makes. None where its samples travel to a compositor."""
-    return RendererImage(plan, rank, ready, clock) if plan.layout.layer(rank).at_renderer else None
+    return RendererImage(plan, rank, ready, clock, shares) if plan.layout.layer(rank).at_renderer else None

@@ -26,9 +26,10 @@ from wall.run.bootstrap import Bootstrap
 from wall.run.clock import HeadClock
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
-from wall.run.ranks import compositor_loop, machine_id, open_data_hub, ways_of
+from wall.run.ranks import compositor_loop, open_data_hub, ways_of
 from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
 from wall.run.usage import cpu_seconds
+from wall.transport.shared_memory import machine_id
 
 INPUT_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
 STOP_WAIT_S = 6.0  # for the manager to end the run in all its steps

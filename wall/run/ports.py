@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -85,6 +86,16 @@ class Ports:
         """Whether a packet to a rank would be sent at once."""
         link = self._links.get(to)
         return link is not None and link.ready()
+
+    def shares(self, to: int, size: int) -> bool:
+        """Whether packets of so many bytes to a rank go through shared memory. Says once why they cannot."""
+        link = self._links.get(to)
+        if link is None or link.shares(size):
+            return link is not None
+        if link.note:
+            print(f"note: rank {self._rank}: images for rank {to} are sent: {link.note}", file=sys.stderr, flush=True)
+            link.note = ""
+        return False
 
     def wait(self, seconds: float) -> None:
         """Sleep until something comes or the time is over, at one way alone: the hub; else a link without credit."""

@@ -29,6 +29,7 @@ from wall.run.tracers import Tracers
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Hub
 from wall.transport.factory import connect, open_hub
+from wall.transport.shared_memory import machine_id
 
 RENDERER_NICE = 5  # renderers share this machine's cores with the head: showing comes before tracing
 EVENT_POLL_S = 0.02  # how long an event may wait at a compositor, which sleeps until samples come
@@ -50,7 +51,7 @@ def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[s
     with ExitStack() as closing:
         ports = ways_of(plan, rank, address, clock, None)
         closing.callback(ports.close)
-        image = image_at(plan, rank, ports.ready, clock)
+        image = image_at(plan, rank, ports.ready, clock, ports.shares)
         tracers = Tracers(plan, tracer_scene, rank, clock, image=image)
         closing.callback(tracers.close)
         Loop(Renderer(plan, hello_of(rank, ""), ports.ready, image), ports, clock, tracers=tracers).run()
@@ -82,7 +83,7 @@ def compositor_loop(
 ) -> Loop:
     """A compositor, at the head or elsewhere; `log` keeps what its sinks are given."""
     run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
-    compositor = Compositor(plan, hello_of(rank, hub.endpoint), ports.ready, run_all)
+    compositor = Compositor(plan, hello_of(rank, hub.endpoint), ports.ready, run_all, ports.shares)
     return Loop(compositor, ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, log=log)
 
 
@@ -97,11 +98,6 @@ def hello_of(rank: int, endpoint: str) -> Hello:
     """What this process says of itself; `endpoint`: where others send packets to."""
     incarnation = int.from_bytes(os.urandom(6), "little")
     return Hello(rank=rank, host=socket.gethostname(), endpoint=endpoint, incarnation=incarnation)
-
-
-def machine_id() -> str:
-    """Names this machine since it was started: processes that agree share one monotonic clock."""
-    return Path("/proc/sys/kernel/random/boot_id").read_text().strip()
 
 
 def open_data_hub(plan: Plan) -> Hub:

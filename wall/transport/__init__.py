@@ -1,1 +1,1 @@
-"""How bytes travel: in one process (loopback) or between processes (ZeroMQ), behind one interface."""
+"""How bytes travel: in one process (loopback) or between processes (ZeroMQ, shared memory), behind one interface."""

@@ -32,6 +32,7 @@ class Link(ABC):
     def __init__(self) -> None:
         self.counters = Counter[str]()
         self.credit = LinkCredit(self.counters)
+        self.note = ""  # why memory is not shared with a hub of the same machine, once that is known
 
     def offer(self, packet: bytes) -> list[bytes]:
         """Send a data packet, or let it wait for credit. Never blocks.
@@ -46,6 +47,10 @@ class Link(ABC):
         """Whether a packet offered now would be sent at once, if it is no larger than the one before."""
         self._pump()
         return self.credit.ready
+
+    @abstractmethod
+    def shares(self, size: int) -> bool:
+        """Whether a packet of so many bytes goes through memory that both ends have: it need not be compressed."""
 
     @abstractmethod
     def send(self, message: bytes) -> None:

@@ -18,17 +18,18 @@ class LinkCredit:
 
     def __init__(self, counters: Counter[str]) -> None:
         self.sent = 0
-        self._limit, self._window, self._last_size = 0, 0, 1
+        self._limit, self._last_size = 0, 1
+        self.window = 0  # bytes that may be under way; 0 before the first grant
         self._queue: deque[bytes] = deque()
         self._counters = counters
 
     def grant(self, limit: int, window: int) -> None:
         """Takes the hub's grant: bytes allowed in all since the start, and the window, in bytes."""
-        self._limit, self._window = max(limit, self._limit), window
+        self._limit, self.window = max(limit, self._limit), window
 
     def allows(self, size: int) -> bool:
         """Whether `size` more bytes may go; a packet above the whole window may when nothing is under way."""
-        idle = self._window > 0 and self.sent <= self._limit - self._window
+        idle = self.window > 0 and self.sent <= self._limit - self.window
         return self.sent + size <= self._limit or idle
 
     @property

@@ -1,7 +1,8 @@
 """ZeroMQ: DEALER links to a ROUTER hub. The only file that imports zmq.
 
-Messages have two parts: a tag (data, control, ask, grant) and a body. ROUTER_MANDATORY makes a vanished peer an
-error that is counted instead of a silent drop; ZMTP heartbeats close connections to frozen hosts.
+Messages have two parts: a tag (data, control, ask, grant, ...) and a body. ROUTER_MANDATORY makes a vanished peer an
+error that is counted instead of a silent drop; ZMTP heartbeats close connections to frozen hosts. Between processes of
+one machine a large packet goes through shared memory, and only its place there is sent, in order with all else.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from typing import TypeVar
 
 import zmq
 
-from wall.core.errors import RunError
+from wall.core.errors import RemoteProtocolError, RunError
 from wall.transport.addresses import reachable
 from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
 from wall.transport.credit import HubCredit
+from wall.transport.shared_memory import OTHER_MACHINE, REFERENCE, RingReader, RingWriter
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
+MEMORY, PLACED = b"M", b"P"  # memory to share, and what became of it; a packet that lies there
+SMALLEST_PLACED = 4096  # bytes: smaller packets are sent as fast
 LINGER_MS = 200  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
 ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
@@ -30,6 +34,8 @@ MAX_SENT = 1 << 62  # bytes a link can claim to have sent
 T = TypeVar("T")
 _ASK = struct.Struct("<Q")  # bytes sent so far
 _GRANT = struct.Struct("<QQ")  # limit, window
+_PLACE = struct.Struct("<QQQ")  # token of the memory, position, size
+_ANSWER = struct.Struct("<QB")  # token, whether it is open at the hub; then, unless it can be tried again, why not
 
 
 def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:
@@ -54,8 +60,49 @@ class ZmqLink(Link):
         self._socket.connect(endpoint)
         self._messages: deque[bytes] = deque()
         self._outgoing: deque[bytes] = deque()
-        self._asked = float("-inf")
+        self._asked = self._reference_sent = float("-inf")
+        self._ring: RingWriter | None = None
+        self._ring_open, self._refused = False, ""  # at the hub; why there will be none
         self._ask()
+
+    def shares(self, size: int) -> bool:
+        """Whether a packet of so many bytes goes through shared memory; tells the hub of some where that is not known.
+
+        Never blocks. Memory that cannot be had, or that the hub cannot open, is not asked for again.
+        """
+        if self._refused or self.credit.window == 0:
+            return False
+        capacity = 2 * max(size, self.credit.window)
+        if self._ring is None or self._ring.capacity < capacity:
+            self._make_ring(capacity)
+        if self._ring is not None and not self._ring_open and time.monotonic() - self._reference_sent > ASK_AGAIN_S:
+            self._reference_sent = time.monotonic()
+            self._put(MEMORY, self._ring.reference)
+        return self._ring_open
+
+    def _make_ring(self, capacity: int) -> None:
+        self._drop_ring()
+        try:
+            self._ring = RingWriter(capacity)
+        except OSError as error:
+            self.note = self._refused = f"no shared memory of {capacity} bytes: {error.strerror}"
+
+    def _drop_ring(self) -> None:
+        self._ring_open, self._reference_sent = False, float("-inf")
+        if self._ring is not None:
+            self._ring.close()
+            self._ring = None
+
+    def _take_answer(self, body: bytes) -> None:
+        """The hub has opened the ring, or has none, or says why it will have none."""
+        token, state = _ANSWER.unpack_from(body)
+        if self._ring is None or self._ring.token != token:
+            return  # of an earlier one
+        self._ring_open = state == 1
+        if reason := body[_ANSWER.size :].decode(errors="replace"):
+            self._drop_ring()
+            self._refused = reason
+            self.note = "" if reason == OTHER_MACHINE else reason
 
     def send(self, message: bytes) -> None:
         """Sends a control message to the hub; the oldest waiting one is dropped if too many wait."""
@@ -84,6 +131,7 @@ class ZmqLink(Link):
             self._put(BYE, b"")
             self._socket.close()
             self._context.term()
+            self._drop_ring()
 
     def _pump(self) -> None:
         while (parts := _receive(self._socket)) is not None:
@@ -91,6 +139,8 @@ class ZmqLink(Link):
                 _keep(self._messages, parts[1], self.counters)
             elif len(parts) == 2 and parts[0] == GRANT and len(parts[1]) == _GRANT.size:
                 self.credit.grant(*_GRANT.unpack(parts[1]))
+            elif len(parts) == 2 and parts[0] == MEMORY and len(parts[1]) >= _ANSWER.size:
+                self._take_answer(parts[1])
             else:
                 self.counters["bad_frame"] += 1
         self.credit.flush(self._put_data)
@@ -107,7 +157,11 @@ class ZmqLink(Link):
             self._outgoing.popleft()
 
     def _put_data(self, packet: bytes) -> bool:
-        return self._put(DATA, packet)
+        ring, size = self._ring, len(packet)
+        if ring is None or not self._ring_open or not SMALLEST_PLACED <= size <= ring.capacity // 2:
+            return self._put(DATA, packet)
+        ring.write(self.credit.sent, packet)
+        return self._put(PLACED, _PLACE.pack(ring.token, self.credit.sent, size))
 
     def _put(self, tag: bytes, body: bytes) -> bool:
         try:
@@ -133,6 +187,7 @@ class ZmqHub(Hub):
             self._context.term()
             raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
         self.endpoint = f"tcp://{reachable(bind)}:{port}"
+        self._rings: dict[bytes, RingReader] = {}  # by peer
         self._messages: deque[tuple[bytes, bytes]] = deque()
 
     def messages(self) -> list[tuple[bytes, bytes]]:
@@ -156,6 +211,7 @@ class ZmqHub(Hub):
         if not self._socket.closed:
             self._socket.close()
             self._context.term()
+            self._rings.clear()
 
     def _pump(self, max_bytes: int) -> None:
         size = sum(len(packet) for _, packet in self._data)
@@ -167,15 +223,16 @@ class ZmqHub(Hub):
                 continue
             peer, tag, body = parts
             if tag == BYE:
-                self._credits.pop(peer, None)
+                self._forget(peer)
                 continue
             if peer not in self._credits and not self._welcome(peer):
                 continue
-            if tag == DATA and body and not self._credits[peer].arrive(len(body)):
-                self.counters["over_credit"] += 1
-            elif tag == DATA and body:
-                self._data.append((peer, body))
-                size += len(body)
+            if tag == DATA and body:
+                size += self._take_packet(peer, body, len(body))
+            elif tag == PLACED and len(body) == _PLACE.size:
+                size += self._take_placed(peer, *_PLACE.unpack(body))
+            elif tag == MEMORY and len(body) == REFERENCE.size:
+                self._open_ring(peer, body)
             elif tag == CONTROL:
                 _keep(self._messages, (peer, body), self.counters)
             elif tag == ASK and len(body) == _ASK.size and _ASK.unpack(body)[0] <= MAX_SENT:
@@ -191,6 +248,48 @@ class ZmqHub(Hub):
         self._credits[peer] = HubCredit(self._window)
         return True
 
+    def _forget(self, peer: bytes) -> None:
+        self._credits.pop(peer, None)
+        self._rings.pop(peer, None)
+
+    def _take_packet(self, peer: bytes, packet: bytes | None, size: int) -> int:
+        """Keep a packet, None for one that is lost. Returns the bytes that lie here now."""
+        if not self._credits[peer].arrive(size):
+            self.counters["over_credit"] += 1
+        elif packet is None:
+            self.counters["lost_in_memory"] += 1
+            self.release(peer, size)
+        else:
+            self._data.append((peer, packet))
+            return size
+        return 0
+
+    def _take_placed(self, peer: bytes, token: int, position: int, size: int) -> int:
+        if not 0 < size <= MAX_MESSAGE_BYTES:
+            self.counters["bad_frame"] += 1
+            return 0
+        ring = self._rings.get(peer)
+        if ring is not None and ring.token == token:
+            return self._take_packet(peer, ring.read(position, size), size)
+        taken = self._take_packet(peer, None, size)
+        self._answer(peer, token, opened=False)  # the peer was forgotten meanwhile
+        return taken
+
+    def _open_ring(self, peer: bytes, reference: bytes) -> None:
+        """Open memory that a link wants to share, and tell it."""
+        reason, token = "", REFERENCE.unpack(reference)[-1]
+        try:
+            self._rings[peer] = RingReader(reference)
+        except RemoteProtocolError as error:
+            reason = str(error)
+        except OSError as error:
+            reason = f"the receiver cannot open the sender's memory: {error.strerror or error}"
+        self._rings = {known: ring for known, ring in self._rings.items() if known == peer or ring.alive}
+        self._answer(peer, token, opened=not reason, reason=reason)
+
+    def _answer(self, peer: bytes, token: int, *, opened: bool, reason: str = "") -> None:
+        self._put(peer, MEMORY, _ANSWER.pack(token, opened) + reason.encode())
+
     def _send_grant(self, peer: bytes, limit: int) -> None:
         self._put(peer, GRANT, _GRANT.pack(limit, self._window))
 
@@ -202,7 +301,7 @@ class ZmqHub(Hub):
         except zmq.ZMQError as error:
             if error.errno != zmq.EHOSTUNREACH:
                 raise
-            self._credits.pop(peer, None)  # it says hello again if it comes back
+            self._forget(peer)  # it says hello again if it comes back
             self.counters["peer_gone"] += 1
 
 

@@ -15,7 +15,7 @@ from packet_examples import batch_of
 
 from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, StatisticsImage
 from wall.packets import control
-from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, POSED, FrameletPart
+from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, PLAIN, POSED, FrameletPart
 from wall.packets.kernels import compact_body as kernels
 from wall.packets.plain_body import BYTES_A_SAMPLE
 from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, RELIGHTABLE, Channel, decode, encode
@@ -187,7 +187,7 @@ def test_the_framelet_s_bits_are_the_document_s() -> None:
     row = next(line for line in PAGE.splitlines() if "| B | channels |" in line)
     assert re.findall(r"bit \d (\w+)", row) == list(CHANNELS)
     row = next(line for line in PAGE.splitlines() if "| flags | 1:" in line)
-    assert [int(k) for k in re.findall(r"(\d): ", row)] == [ENCODED, COMPARED, POSED]
+    assert [int(k) for k in re.findall(r"(\d): ", row)] == [ENCODED, COMPARED, POSED, PLAIN]
     assert MAX_AREA == 1 << 25
     assert "width · height at most 2^25" in PAGE
 

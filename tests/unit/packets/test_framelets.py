@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from wall.core.data import CHANNELS, Camera, Event, Framelet
 from wall.core.errors import RemoteProtocolError
-from wall.packets.control import parse_control, serialise
-from wall.packets.framelets import MAX_RAW, FrameletPart, bands, bytes_a_pixel
+from wall.packets.control import HEADER_BYTES, parse_control, serialise
+from wall.packets.framelets import HEAD, MAX_RAW, FrameletPart, bands, bytes_a_pixel
 
 SETS = [frozenset({"colour", *more}) for n in range(6) for more in combinations(CHANNELS[1:], n)]
 EVENT = Event(
@@ -23,37 +23,41 @@ EVENT = Event(
 )  # fmt: skip
 
 
-def sent(framelet: Framelet, *, compared: bool = False) -> FrameletPart:
-    part = parse_control(serialise(FrameletPart.of(7, framelet, framelet.rect, compared=compared)))
+def sent(framelet: Framelet, *, compared: bool = False, plain: bool = False) -> FrameletPart:
+    part = parse_control(serialise(FrameletPart.of(7, framelet, framelet.rect, compared=compared, plain=plain)))
     assert isinstance(part, FrameletPart)
     return part
 
 
+@pytest.mark.parametrize("plain", [False, True])
 @pytest.mark.parametrize("encoded", [False, True])
 @pytest.mark.parametrize("channels", SETS, ids=lambda channels: "+".join(c for c in CHANNELS if c in channels))
-def test_every_set_of_channels_comes_back_exactly(channels: frozenset[str], encoded: bool) -> None:
+def test_every_set_of_channels_comes_back_exactly(channels: frozenset[str], encoded: bool, plain: bool) -> None:
     framelet = random_framelet(np.random.default_rng(1), rect(-3, 5, 7, 4), channels=channels, encoded=encoded)
     if not encoded:
         framelet.colour[0, 0] = (np.nan, np.inf, -0.0)
     framelet.event, framelet.refreshed_at = EVENT, 12.5
-    part = sent(framelet, compared=encoded)
+    part = sent(framelet, compared=encoded, plain=plain)
     out = Framelet.blank(framelet.rect, channels, encoded=encoded)
     part.write(out)
     assert_equal(out, framelet)
     assert (part.step, part.compared, part.encoded, part.refreshed_at) == (7, encoded, encoded, 12.5)
+    assert part.plain == plain
     assert part.event is not None
     told = (part.event.number, part.event.camera, part.event.scene_time)
     assert told == ((3, 4), EVENT.camera, 5.5), "numbers, camera and scene time travel"
 
 
-@given(x=st.integers(0, 8), y=st.integers(0, 6), width=st.integers(1, 8), height=st.integers(1, 6))
+@given(
+    x=st.integers(0, 8), y=st.integers(0, 6), width=st.integers(1, 8), height=st.integers(1, 6), plain=st.booleans()
+)
 @settings(max_examples=40, deadline=None)
-def test_a_part_writes_its_own_pixels_and_no_other(x: int, y: int, width: int, height: int) -> None:
+def test_a_part_writes_its_own_pixels_and_no_other(x: int, y: int, width: int, height: int, plain: bool) -> None:
     whole = random_framelet(np.random.default_rng(2), rect(10, 20, 16, 12))
     here = rect(10 + x, 20 + y, width, height)
     out = Framelet.blank(rect(5, 15, 30, 30), EVERY)
     before = out.colour.copy()
-    FrameletPart.of(0, whole, here).write(out)
+    FrameletPart.of(0, whole, here, plain=plain).write(out)
     for name in CHANNELS:
         inside, source = here.inside(out.rect), here.inside(whole.rect)
         np.testing.assert_array_equal(out.channel(name)[inside], whole.channel(name)[source])
@@ -79,14 +83,26 @@ def test_a_part_that_does_not_fit_is_refused_before_anything_is_written(out: Fra
     assert not out.colour.any()
 
 
+@pytest.mark.parametrize("plain", [False, True])
 @pytest.mark.parametrize(
     "change", [{"data": b""}, {"data": b"\xff" * 64}, {"rect": rect(0, 0, 8, 5)}, {"rect": rect(0, 0, 9, 6)}], ids=str
 )
-def test_data_that_is_not_the_rectangle_s_is_refused(change: dict[str, object]) -> None:
-    part = FrameletPart.of(1, Framelet.blank(rect(0, 0, 8, 6), EVERY), rect(0, 0, 8, 6))
+def test_data_that_is_not_the_rectangle_s_is_refused(change: dict[str, object], plain: bool) -> None:
+    part = FrameletPart.of(1, Framelet.blank(rect(0, 0, 8, 6), EVERY), rect(0, 0, 8, 6), plain=plain)
     wrong = replace(part, **change)  # type: ignore[arg-type]
     with pytest.raises(RemoteProtocolError, match="framelet of step 1"):
         wrong.write(Framelet.blank(rect(0, 0, 9, 6), EVERY))
+
+
+def test_the_checksum_of_plain_pixels_covers_their_head() -> None:
+    """What carries them is memory; a head that differs in any bit is refused, pixels count by their number."""
+    data = serialise(FrameletPart.of(1, Framelet.blank(rect(0, 0, 8, 6), EVERY), rect(0, 0, 8, 6), plain=True))
+    for k in range(HEADER_BYTES + HEAD.size):
+        with pytest.raises(RemoteProtocolError):
+            parse_control(data[:k] + bytes([data[k] ^ 1]) + data[k + 1 :])
+    for wrong in (data[:-1], data + b"0"):
+        with pytest.raises(RemoteProtocolError):
+            parse_control(wrong)
 
 
 def test_large_rectangles_are_cut_into_bands_that_fit_a_message() -> None:

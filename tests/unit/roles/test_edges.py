@@ -112,6 +112,22 @@ def test_only_what_changed_is_sent_and_lands_where_it_was(graph: Graph) -> None:
     assert wire.outlets.idle
 
 
+def test_pixels_are_plain_where_memory_is_shared_and_they_are_those_of_the_update(graph: Graph) -> None:
+    """Also where the framelet has changed again before they were taken."""
+    wire, asked = Wire(graph), []
+    wire.outlets = Outlets(
+        graph, REMOTE, lambda target: wire.link.ready(), shares=lambda to, size: bool(asked.append((to, size)) or True)
+    )
+    wire.change(wire.step.rect)
+    sent = wire.framelet.colour.copy()
+    wire.framelet.colour[...] += 1
+    (part,) = wire.arrive()
+    assert part.plain
+    assert wire.outlets.idle
+    np.testing.assert_array_equal(wire.remote.framelet.colour, sent)
+    assert asked == [(HEAD, len(serialise(part)))], "the largest packet that there can be"
+
+
 def test_parts_of_one_update_are_shown_together_and_tell_their_number_once(graph: Graph) -> None:
     wire = Wire(graph)
     wire.change(rect(8, 0, 1, 1), rect(14, 5, 1, 1))

@@ -46,6 +46,22 @@ def test_a_stray_control_message_at_a_data_hub_is_counted_and_its_owner_sleeps_a
     close(stray, ports, control)
 
 
+def test_why_memory_is_not_shared_is_said_once(capsys: pytest.CaptureFixture[str]) -> None:
+    control, data = (open_hub("loopback", "127.0.0.1", credit_bytes=1 << 20) for _ in range(2))
+    ports = Ports(3, HeadClock(), hub=None, manager=connect(control.endpoint, rank=3))
+    assert not ports.shares(0, 100), "there is no link yet"
+    ports.connect(0, data.endpoint)
+    assert ports.shares(0, 100)
+    link = ports._links[0]
+    link.shares = lambda size: False  # type: ignore[method-assign]
+    link.note = "no shared memory of 9 bytes: full"
+    assert not ports.shares(0, 100)
+    assert not ports.shares(0, 100)
+    wanted = "note: rank 3: images for rank 0 are sent: no shared memory of 9 bytes: full\n"
+    assert capsys.readouterr().err == wanted
+    close(ports, control, data)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_stray_packet_at_the_control_hub_is_taken_and_its_owner_sleeps_again(kind: str) -> None:
     control = open_hub(kind, "127.0.0.1", credit_bytes=1 << 20)

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+import numpy as np
 import pytest
 
 from wall.core.errors import LocalProtocolError
@@ -144,6 +145,19 @@ def test_a_large_packet_after_a_small_one_does_not_wait_to_ask(ends: Ends, monke
         assert number(ends.next_of(link)) == 2 * k
         link.offer(packet(2 * k + 1, WINDOW))
         assert number(ends.next_of(link)) == 2 * k + 1
+
+
+def test_large_packets_come_as_they_were_sent_also_through_memory(ends: Ends) -> None:
+    """Of every size: beside the ring, in it, across its end, and larger than it was made for."""
+    link, rng, sizes = ends.ready_link(), np.random.default_rng(1), [1, 4095, 4096, 9000, 30_000, 30_001, 4097, 70_000]
+    assert isinstance(link.shares(30_000), bool)
+    ends.until(lambda: link.shares(30_000) or bool(ends.hub.drain(ALL)) or bool(link.receive()))
+    for size in sizes * 3:
+        data = rng.bytes(size)
+        assert link.offer(data) == []
+        assert ends.next_of(link) == data
+        ends.until(lambda: link.ready() or bool(ends.hub.drain(ALL)))
+    assert (link.counters, ends.hub.counters) == ({}, {})
 
 
 def test_control_messages_keep_their_order_both_ways(ends: Ends) -> None:

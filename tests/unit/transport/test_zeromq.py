@@ -10,10 +10,11 @@ from contextlib import ExitStack
 import pytest
 import zmq
 
-from wall.core.errors import RunError
+from wall.core.errors import RemoteProtocolError, RunError
 from wall.transport import zeromq
 from wall.transport.addresses import WILDCARDS, reachable
 from wall.transport.base import MAX_MESSAGE_BYTES, Hub
+from wall.transport.shared_memory import OTHER_MACHINE
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 DEADLINE_S = 10.0
@@ -190,6 +191,121 @@ def test_a_link_that_went_is_counted_and_the_others_still_hear(closing: ExitStac
 
     until(noticed)
     until(lambda: b"news" in stays.receive())
+
+
+def shares(link: ZmqLink, hub: Hub, size: int = 8000) -> bool:
+    """Whether the hub has opened the link's memory by now."""
+    return bool(hub.drain(1 << 20)) or link.receive() != [] or link.shares(size)
+
+
+def only_place_is_sent(link: ZmqLink, hub: ZmqHub, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Offers a packet and takes it. Whether it went through memory."""
+    tags: list[bytes] = []
+    put = link._put
+    with monkeypatch.context() as patch:
+        patch.setattr(link, "_put", lambda tag, body: bool(tags.append(tag) or put(tag, body)))
+        until(link.ready)
+        link.offer(b"word" * 2000)
+    came: list[tuple[bytes, bytes]] = []
+    until(lambda: bool(came.extend(hub.drain(1 << 20)) or came))
+    assert [packet for _, packet in came] == [b"word" * 2000]
+    hub.release(came[0][0], len(came[0][1]))
+    assert (b"P" in tags) != (b"D" in tags)
+    return b"P" in tags
+
+
+def test_large_packets_between_processes_of_a_machine_go_through_memory(
+    closing: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hub = hub_of(closing)
+    link = link_to(closing, hub.endpoint)
+    assert not link.shares(8000), "before any grant"
+    until(lambda: goes_through(link, hub))
+    assert not only_place_is_sent(link, hub, monkeypatch), "nobody asked for memory yet"
+    until(lambda: shares(link, hub))
+    for _ in range(10):
+        assert only_place_is_sent(link, hub, monkeypatch)
+    assert not link.shares(1 << 20), "first the hub must open larger memory"
+    assert not only_place_is_sent(link, hub, monkeypatch)
+    until(lambda: shares(link, hub, 1 << 20))
+    assert only_place_is_sent(link, hub, monkeypatch)
+    assert (link.note, link.counters, hub.counters) == ("", {}, {})
+
+
+@pytest.mark.parametrize(
+    ("where", "error", "note"),
+    [
+        ("RingWriter", OSError(28, "No space left"), "no shared memory of 20000 bytes: No space left"),
+        ("RingReader", PermissionError(13, "Permission denied"), "the receiver cannot open the sender's memory"),
+        ("RingReader", RemoteProtocolError("not an anonymous file"), "not an anonymous file"),
+        ("RingReader", RemoteProtocolError(OTHER_MACHINE), ""),
+    ],
+)
+def test_where_memory_cannot_be_shared_packets_are_sent_and_a_note_says_why(
+    closing: ExitStack, monkeypatch: pytest.MonkeyPatch, where: str, error: Exception, note: str
+) -> None:
+    monkeypatch.setattr(zeromq, "ASK_AGAIN_S", 0.0)
+
+    def refuse(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(zeromq, where, refuse)
+    hub = hub_of(closing)
+    link = link_to(closing, hub.endpoint)
+    until(lambda: goes_through(link, hub))
+    until(lambda: not shares(link, hub) and bool(link._refused))
+    assert link.note.startswith(note)
+    assert bool(link.note) == bool(note)
+    for _ in range(3):
+        assert not link.shares(8000)
+        assert not only_place_is_sent(link, hub, monkeypatch)
+    assert link._ring is None
+
+
+def test_a_hub_that_forgot_a_link_is_told_of_its_memory_again(
+    closing: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(zeromq, "ASK_AGAIN_S", 0.02)
+    hub = hub_of(closing)
+    link = link_to(closing, hub.endpoint)
+    until(lambda: goes_through(link, hub))
+    until(lambda: shares(link, hub))
+    hub._rings.clear()
+    until(link.ready)
+    link.offer(b"word" * 2000)
+    until(lambda: not hub.drain(1 << 20) and hub.counters == {"lost_in_memory": 1})
+    until(lambda: bool(link.receive()) or not link._ring_open)
+    until(lambda: shares(link, hub))
+    assert only_place_is_sent(link, hub, monkeypatch)
+
+
+def test_memory_of_links_that_went_is_let_go(closing: ExitStack) -> None:
+    hub = hub_of(closing)
+    stays, goes = link_to(closing, hub.endpoint), link_to(closing, hub.endpoint)
+    for link in (stays, goes):
+        until(lambda link=link: goes_through(link, hub))  # type: ignore[misc]
+        until(lambda link=link: shares(link, hub))  # type: ignore[misc]
+    assert len(hub._rings) == 2
+    goes.close()
+    until(lambda: not hub.drain(1 << 20) and len(hub._rings) == 1)
+    hub.close()
+    assert not hub._rings
+
+
+def test_a_stranger_s_memory_and_places_are_refused(closing: ExitStack, raw: Raw) -> None:
+    hub = hub_of(closing)
+    stranger, link = raw(zmq.DEALER, hub.endpoint), link_to(closing, hub.endpoint)
+    bad = [[b"M", b"short"], [b"P", b"short"], [b"P", struct.pack("<QQQ", 1, 2, 0)]]
+    bad += [[b"P", struct.pack("<QQQ", 1, 2, 2**64 - 1)]]
+    lost = [[b"P", struct.pack("<QQQ", 1, 2**64 - 1, size)] for size in (1, 8000, MAX_MESSAGE_BYTES)]
+    for parts in (*bad, *lost, [b"M", bytes(48)]):
+        stranger.send_multipart(parts)
+    until(lambda: goes_through(link, hub) and hub.counters.get("lost_in_memory") == len(lost))
+    assert hub.counters == {"bad_frame": len(bad), "lost_in_memory": len(lost)}
+    answers = [stranger.recv_multipart()[-1]]
+    while OTHER_MACHINE.encode() not in answers[-1]:
+        answers.append(stranger.recv_multipart()[-1])
+    assert not hub._rings
 
 
 def test_an_address_that_is_not_this_host_s_is_refused_with_a_word() -> None:
