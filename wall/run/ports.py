@@ -93,7 +93,8 @@ class Ports:
         if link is None or link.shares(size):
             return link is not None
         if link.note:
-            print(f"note: rank {self._rank}: images for rank {to} are sent: {link.note}", file=sys.stderr, flush=True)
+            note = f"note: rank {self._rank}: images for rank {to} are compressed and sent: {link.note}"
+            print(note, file=sys.stderr, flush=True)
             link.note = ""
         return False
 

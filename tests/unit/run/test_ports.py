@@ -57,7 +57,7 @@ def test_why_memory_is_not_shared_is_said_once(capsys: pytest.CaptureFixture[str
     link.note = "no shared memory of 9 bytes: full"
     assert not ports.shares(0, 100)
     assert not ports.shares(0, 100)
-    wanted = "note: rank 3: images for rank 0 are sent: no shared memory of 9 bytes: full\n"
+    wanted = "note: rank 3: images for rank 0 are compressed and sent: no shared memory of 9 bytes: full\n"
     assert capsys.readouterr().err == wanted
     close(ports, control, data)
 
