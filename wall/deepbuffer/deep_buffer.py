@@ -292,9 +292,9 @@ class RestSchedule:
         """So many samples came."""
         self._samples += samples
 
-    def take_due(self) -> bool:
-        """Whether the image at rest is to be resolved anew, now."""
-        if self._samples < self._due or self._due > self._last:
+    def take_due(self, stored: int) -> bool:
+        """Whether the image at rest is to be resolved anew, now, of so many `stored` samples."""
+        if self._samples < self._due or self._due > self._last or stored == 0:
             return False
         while self._due <= self._samples:
             self._due *= 2.0

@@ -115,7 +115,7 @@ class Reconstruction:
             self._reconstruct(self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
-        elif self._rest.take_due():
+        elif self._rest.take_due(self.count):
             self._reconstruct(self.buffer.seconds(now))
         if not self._with.accumulation:
             history.clear_accumulation()
@@ -189,9 +189,10 @@ class Reconstruction:
         """Make the image of the event shown from all samples. `now`: seconds of the store's clock."""
         buffer, history = self.buffer, self.buffer.history
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
-        buffer.reproject(moved)
+        if not self.nothing_moves:  # else samples stay where they are, and so do what they contradict and the means
+            buffer.reproject(moved)
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
-        if not self.poses.camera_moved:
+        if not (self.poses.camera_moved or self.nothing_moves):
             buffer.clear_changed(changed)
         store, count = buffer.store, buffer.count
         alive = kernels_visibility.find_nearest(store, count, history.nearest)
@@ -206,7 +207,8 @@ class Reconstruction:
             self._untested,
         )  # fmt: skip
         kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.sqrt_irradiance)
-        buffer.reject_accumulation(changed)
+        if not self.nothing_moves:
+            buffer.reject_accumulation(changed)
         buffer.sort()
         self._fill()
         history.dirty[:] = True

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 from adaptive_images import GREEN, RED, SIZE, START, centres, event_at, hits, image_of, plate_before_wall
+from numpy.testing import assert_allclose, assert_array_equal
 
 from wall.deepbuffer.deep_buffer import RestSchedule
 
@@ -14,7 +16,7 @@ def test_it_is_due_after_a_sixteenth_of_a_sample_a_pixel_then_after_twice_as_man
     due = []
     for samples in range(1, 20 * PIXELS):
         schedule.insert(1)
-        if schedule.take_due():
+        if schedule.take_due(PIXELS):
             due.append(samples)
     assert due == [10, 20, 40, 80, 160, 320, 640]
 
@@ -22,13 +24,33 @@ def test_it_is_due_after_a_sixteenth_of_a_sample_a_pixel_then_after_twice_as_man
 def test_it_begins_anew_with_a_move_and_a_large_batch_counts_once() -> None:
     schedule = RestSchedule(PIXELS)
     schedule.insert(3 * PIXELS)
-    assert schedule.take_due()
-    assert not schedule.take_due()
+    assert schedule.take_due(PIXELS)
+    assert not schedule.take_due(PIXELS)
     schedule.move()
     schedule.insert(9)
-    assert not schedule.take_due()
+    assert not schedule.take_due(PIXELS)
     schedule.insert(1)
-    assert schedule.take_due()
+    assert schedule.take_due(PIXELS)
+
+
+def test_an_image_is_not_made_again_of_nothing() -> None:
+    schedule = RestSchedule(PIXELS)
+    schedule.insert(PIXELS)
+    assert not schedule.take_due(0)
+    assert schedule.take_due(1)
+
+
+def test_a_pixel_at_rest_keeps_its_mean_when_its_samples_have_left_the_store() -> None:
+    image = image_of(plate_before_wall((9.0, 0.0, 2.0)), kept=1.0)
+    everywhere = centres(SIZE)
+    image.refresh(event_at(1), START)
+    image.refresh(event_at(1), START + 0.01)
+    for k in range(12):  # more than the store has room for
+        image.insert(hits(everywhere, GREEN), START + 0.02 * k, event_at(1))
+        image.refresh(event_at(1), START + 0.02 * k)
+    assert image.count < 12 * len(everywhere)
+    assert_array_equal(image.accumulated_counts(), 12.0)
+    assert_allclose(image.radiance, np.broadcast_to(np.float32(GREEN), image.radiance.shape), rtol=1e-6)
 
 
 def test_new_samples_fill_the_holes_between_them_at_rest() -> None:

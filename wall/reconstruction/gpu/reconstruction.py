@@ -144,9 +144,9 @@ class GpuReconstruction:
             return
         if not stood:
             self._rest()
-        elif self._schedule.take_due():
+        elif self._schedule.take_due(self.count):
             self._reconstruct(now, stood=True)
-            self._rest()
+            self._passes.read_accumulation(np.empty_like(history.accumulation), self._resolved)  # means stay
             history.dirty[:] = True
         if history.dirty.any():
             mix_accumulation(self._resolved, history, self.radiance)
@@ -198,12 +198,14 @@ class GpuReconstruction:
             self._passes.write_accumulation(history.accumulation)
             self._passes.find_nearest(self._store, pose.panel_from_object)
         self._passes.run(
-            self._store, pose.panel_from_object, moved, moved | relit, contradicted=bool(history.contradicted.any()),
+            self._store, pose.panel_from_object, moved, moved | relit,
+            contradicted=not self.nothing_moves and bool(history.contradicted.any()),
             now=self._seconds(now), young=np.float32(YOUNG_S), kept=self._kept,
         )  # fmt: skip
         self._read = False
-        history.contradicted[:] = False
-        self._ordinal = 0
+        if not self.nothing_moves:
+            history.contradicted[:] = False
+            self._ordinal = 0
         self._until_packed -= 1
         if self._until_packed <= 0:
             self._until_packed = SORT_EVERY
