@@ -149,7 +149,7 @@ class DeepBuffer:
         self.cutoff(self._kept + 1, np.float32(0.0))  # compiled now, not when it is first needed
         self.count = kernels_sort.compact(self.store, 0, NO_CUTOFF)
         kernels_accumulation.clear_changed(self.history, np.zeros(objects + 1, np.uint8))
-        kernels_accumulation.limit_counts(self.history.accumulation, OTHER_MOMENTS)
+        kernels_accumulation.limit_counts(self.history, OTHER_MOMENTS)
         kernels_change.reject_contradicted(self.store, 0, self.history)
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
@@ -278,7 +278,7 @@ class RestSchedule:
     First after a sixteenth of a sample a pixel, then after twice as many, and so on, until pixels show their own means.
     """
 
-    FIRST, LAST = 1.0 / 16.0, 4.0  # samples a pixel
+    FIRST, LAST = 1.0 / 16.0, float(kernels_accumulation.MEAN_ALONE)  # samples a pixel
 
     def __init__(self, pixels: int) -> None:
         self._first, self._last = self.FIRST * pixels, self.LAST * pixels
@@ -308,5 +308,5 @@ def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:
     """
     if poses.spans_moments:
         poses.spans_moments = False
-        kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
+        kernels_accumulation.limit_counts(history, OTHER_MOMENTS)
         history.dirty[:] = True

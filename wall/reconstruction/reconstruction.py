@@ -94,14 +94,14 @@ class Reconstruction:
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
-        self._rest = RestSchedule(width * height)
+        self._schedule = RestSchedule(width * height)
         self.refreshes = 0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
         self.buffer.insert(samples, base_time, event)
-        self._rest.insert(len(samples))
+        self._schedule.insert(len(samples))
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
@@ -111,12 +111,12 @@ class Reconstruction:
         if not self.nothing_moves:
             if stood and not self.poses.camera_moved:
                 self.find_nearest()  # with what came since then: it tells which pixels keep what they accumulated
-            self._rest.move()
+            self._schedule.move()
             self._reconstruct(self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
-        elif self._rest.take_due(self.count):
-            self._reconstruct(self.buffer.seconds(now))
+        elif self._schedule.take_due(self.count):
+            self._splat(self.poses.moved(), self.buffer.seconds(now))
         if not self._with.accumulation:
             history.clear_accumulation()
         if history.dirty.any():
@@ -187,13 +187,18 @@ class Reconstruction:
 
     def _reconstruct(self, now: np.float32) -> None:
         """Make the image of the event shown from all samples. `now`: seconds of the store's clock."""
-        buffer, history = self.buffer, self.buffer.history
+        buffer = self.buffer
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
-        if not self.nothing_moves:  # else samples stay where they are, and so do what they contradict and the means
-            buffer.reproject(moved)
+        buffer.reproject(moved)
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
-        if not (self.poses.camera_moved or self.nothing_moves):
+        if not self.poses.camera_moved:
             buffer.clear_changed(changed)
+        self._splat(moved, now)
+        buffer.reject_accumulation(changed)
+
+    def _splat(self, moved: NDArray[np.uint8], now: np.float32) -> None:
+        """Splat the samples where they are; `moved` (n + 1,) objects are not where they were in the image before."""
+        buffer, history = self.buffer, self.buffer.history
         store, count = buffer.store, buffer.count
         alive = kernels_visibility.find_nearest(store, count, history.nearest)
         ageing = np.float32(self._with.ageing)
@@ -207,8 +212,6 @@ class Reconstruction:
             self._untested,
         )  # fmt: skip
         kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.sqrt_irradiance)
-        if not self.nothing_moves:
-            buffer.reject_accumulation(changed)
         buffer.sort()
         self._fill()
         history.dirty[:] = True

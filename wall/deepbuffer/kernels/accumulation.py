@@ -105,12 +105,13 @@ def clear_changed(history, changed):
 
 
 @kernel
-def limit_counts(accumulation, most):
-    """Let every pixel's accumulation weigh as `most` samples (float32) at most."""
-    for i in range(accumulation.shape[0]):
-        for j in range(accumulation.shape[1]):
-            if accumulation[i, j, COUNT] > most:
-                shorten(accumulation[i, j], most / accumulation[i, j, COUNT])
+def limit_counts(history, most):
+    """Let every pixel's accumulation weigh as `most` samples (float32) at most. history : PixelHistory"""
+    pixels, width = history.accumulated, history.accumulation.shape[1]
+    for n in range(history.listed[0]):
+        pixel = history.accumulation[pixels[n] // width, pixels[n] % width]
+        if pixel[COUNT] > most:
+            shorten(pixel, most / pixel[COUNT])
 
 
 @inline_kernel

@@ -196,10 +196,18 @@ def add_to_means(source, weight, sx, sy, colour, total, x, y, width, height):
 
 
 @inline_kernel
-def display_code(value, curve):
-    """8-bit sRGB of linear light, clipped to 0..1, NaN as 0; see wall.core.colour.srgb_curve."""
-    value = min(value, ONE) if value > ZERO else ZERO
-    return curve[uint(math.sqrt(value) * np.float32(curve.shape[0] - 1) + HALF)]
+def encode_row(values, curve, places, codes):
+    """8-bit sRGB of linear light, clipped to 0..1, NaN as 0; its first loop is vector code.
+
+    values : (n,) float32; curve : (4097,) uint8, see wall.core.colour.srgb_curve
+    places : (n,) int32 or longer, scratch; codes : (n,) uint8, written
+    """
+    steps = np.float32(curve.shape[0] - 1)
+    for k in range(values.shape[0]):
+        value = min(values[k], ONE) if values[k] > ZERO else ZERO
+        places[k] = np.int32(math.sqrt(value) * steps + HALF)
+    for k in range(values.shape[0]):
+        codes[k] = curve[uint(places[k])]
 
 
 @kernel
@@ -210,8 +218,7 @@ def encode(source, sx, sy, curve, rgb, x, y, width, height):
     curve : (4097,) uint8, see wall.core.colour.srgb_curve
     rgb : (h, w, 3) uint8, sRGB, the part x, y, width, height is written
     """
-    one, out = source.reshape(-1), rgb.reshape(-1)
+    one, out, places = source.reshape(-1), rgb.reshape(-1), np.empty(3 * width, np.int32)
     for row in range(height):
-        s, o = uint(3 * ((sy + row) * source.shape[1] + sx)), uint(3 * ((y + row) * rgb.shape[1] + x))
-        for j in range(3 * width):
-            out[o + uint(j)] = display_code(one[s + uint(j)], curve)
+        s, o = 3 * ((sy + row) * source.shape[1] + sx), 3 * ((y + row) * rgb.shape[1] + x)
+        encode_row(one[s : s + 3 * width], curve, places, out[o : o + 3 * width])

@@ -163,9 +163,12 @@ class Passes:
         self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values)
         self._codes.read_into(rgb, size=values)
 
-    def read_accumulation(self, accumulation: Float32, resolved: Float32) -> None:
-        """(h, w, 8) float32, means and counts written; (h, w, 3) float32, written: see mix_accumulation."""
+    def read_accumulation(self, accumulation: Float32) -> None:
+        """(h, w, 8) float32, means and counts written."""
         accumulation[..., :CHANNELS] = self._read_means()
+
+    def read_resolved(self, resolved: Float32) -> None:
+        """(h, w, 3) float32, written: the image without what pixels accumulated."""
         self._resolved.read_into(resolved)
 
     def read_counts(self) -> Float32:

@@ -146,7 +146,7 @@ class GpuReconstruction:
             self._rest()
         elif self._schedule.take_due(self.count):
             self._reconstruct(now, stood=True)
-            self._passes.read_accumulation(np.empty_like(history.accumulation), self._resolved)  # means stay
+            self._passes.read_resolved(self._resolved)
             history.dirty[:] = True
         if history.dirty.any():
             mix_accumulation(self._resolved, history, self.radiance)
@@ -179,7 +179,8 @@ class GpuReconstruction:
     def _rest(self) -> None:
         """Nothing moves any more: the accumulation and the resolved splats travel to the CPU."""
         self._send(moving=True)
-        self._passes.read_accumulation(self._history.accumulation, self._resolved)
+        self._passes.read_accumulation(self._history.accumulation)
+        self._passes.read_resolved(self._resolved)
         self._history.list_accumulated()
         self._device.check()
         come_to_rest(self.poses, self._history)
@@ -194,7 +195,7 @@ class GpuReconstruction:
             self._relighting.run(self._store, pose.lights, relit)
         if self.poses.camera_moved:
             self._passes.clear_accumulation()
-        elif stood:
+        elif stood and not self.nothing_moves:
             self._passes.write_accumulation(history.accumulation)
             self._passes.find_nearest(self._store, pose.panel_from_object)
         self._passes.run(

@@ -8,6 +8,7 @@ from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.change import TRUSTED
 
 ZERO, ONE, QUARTER, THREE_QUARTERS = np.float32(0.0), np.float32(1.0), np.float32(0.25), np.float32(0.75)
+SMALLEST = np.finfo(np.float32).tiny  # a weight whose inverse is finite
 
 
 @kernel
@@ -54,33 +55,17 @@ def expand(coarse, filled):
     coarse : (h, w, 4) float32 sums of halve(); on return, rows 0..2 hold radiance.
     filled : (h', w', 4) float32, the coarser level after its own expand(), | None at the top
     """
-    for i in range(coarse.shape[0]):
-        for j in range(coarse.shape[1]):
+    height, width = coarse.shape[0], coarse.shape[1]
+    between, finer = np.empty((3, (width + 1) // 2 + 2), np.float32), np.zeros((3, width + 1), np.float32)
+    least = ONE if filled is not None else SMALLEST  # the top has nothing to mix in
+    for i in range(height):
+        if filled is not None:
+            interpolate(filled, i, between, finer)
+        for j in range(width):
             weight = coarse[i, j, 3]
-            scale = ONE / max(weight, ONE)
-            red, green, blue = coarse[i, j, 0] * scale, coarse[i, j, 1] * scale, coarse[i, j, 2] * scale
-            if weight < ONE:
-                if filled is not None:
-                    r, g, b = between(filled, i, j)
-                    red += (ONE - weight) * r
-                    green += (ONE - weight) * g
-                    blue += (ONE - weight) * b
-                elif weight > ZERO:
-                    red, green, blue = red / weight, green / weight, blue / weight
-            coarse[i, j, 0], coarse[i, j, 1], coarse[i, j, 2] = red, green, blue
-
-
-@inline_kernel
-def between(filled, i, j):
-    """Interpolate the coarser level at the centre of pixel (i, j): bilinear, weights 9 3 3 1 of 16."""
-    m, n = i >> 1, j >> 1
-    mm = min(max(m - 1 + 2 * (i & 1), 0), filled.shape[0] - 1)
-    nn = min(max(n - 1 + 2 * (j & 1), 0), filled.shape[1] - 1)
-    a, b, c, d = np.float32(9.0 / 16.0), np.float32(3.0 / 16.0), np.float32(3.0 / 16.0), np.float32(1.0 / 16.0)
-    red = a * filled[m, n, 0] + b * filled[m, nn, 0] + c * filled[mm, n, 0] + d * filled[mm, nn, 0]
-    green = a * filled[m, n, 1] + b * filled[m, nn, 1] + c * filled[mm, n, 1] + d * filled[mm, nn, 1]
-    blue = a * filled[m, n, 2] + b * filled[m, nn, 2] + c * filled[mm, n, 2] + d * filled[mm, nn, 2]
-    return red, green, blue
+            scale, missing = ONE / max(weight, least), max(ONE - weight, ZERO)
+            for c in range(3):
+                coarse[i, j, c] = scale * coarse[i, j, c] + missing * finer[c, j]
 
 
 @kernel
@@ -108,7 +93,7 @@ def resolve(sums, filled, shown):
 
 @inline_kernel
 def interpolate(filled, i, coarse, fine):
-    """Interpolate row i of the next finer level, as `between` does, in loops of vector code.
+    """Interpolate row i of the next finer level: bilinear, weights 9 3 3 1 of 16, in loops of vector code.
 
     coarse : (3, w' + 2) float32, scratch: a row between two of the coarser level's, its ends repeated
     fine : (3, 2 w' or 1 more) float32, written
