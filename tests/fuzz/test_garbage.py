@@ -79,7 +79,7 @@ RELIGHTABLE = [encode(batch_of(relightable_samples(n), adaptive=True, relightabl
 def resealed_control(data: bytes) -> bytes:
     body = data[16:]
     head = data[:8] + struct.pack("<I", len(body))
-    plain = data[5:6] == bytes([KIND_FRAMELET]) and is_plain(body[:HEAD.size])
+    plain = data[5:6] == bytes([KIND_FRAMELET]) and is_plain(body[: HEAD.size])
     covered = body[: HEAD.size] if plain else body
     return head + struct.pack("<I", zlib.crc32(covered, zlib.crc32(head))) + body
 

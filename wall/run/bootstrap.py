@@ -29,8 +29,8 @@ class Bootstrap(Protocol):
         """Ranks known to have ended badly, with how they ended; ranks that are not watched are left out."""
         ...
 
-    def finish(self, code: int = 0) -> None:
-        """End what was started, within a bounded time. `code`: what this process will exit with."""
+    def finish(self) -> None:
+        """End what was started, within a bounded time."""
         ...
 
 

@@ -64,7 +64,7 @@ class LocalBootstrap:
                 ended[rank] = f"signal {-child.exitcode}" if child.exitcode < 0 else f"exit code {child.exitcode}"
         return ended
 
-    def finish(self, code: int = 0) -> None:
+    def finish(self) -> None:
         """Wait for the ranks to end, then end them."""
         limit = time.monotonic() + STOP_WAIT_S
         for child in self._children:

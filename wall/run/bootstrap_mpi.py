@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import atexit
+import faulthandler
 import os
 import sys
-import threading
 
 from mpi4py import MPI
 
 from wall.run.bootstrap import time_limit
 
 START_WAIT_S = 120.0  # for all ranks to load the scene and, on a fresh machine, to compile
-END_WAIT_S = 1.5  # for MPI_Finalize, which may wait for ranks that are dead
+END_WAIT_S = 5.0  # for MPI_Finalize, which waits for the head's results, and for ever for some dead ranks
 
 
 class MpiBootstrap:
@@ -40,13 +41,21 @@ class MpiBootstrap:
         """The launcher watches its ranks; we see them go quiet by their heartbeats."""
         return {}
 
-    def finish(self, code: int = 0) -> None:
-        """Let MPI end in order, but leave with `code` where it waits for the dead."""
-        timer = threading.Timer(END_WAIT_S, os._exit, [code])
-        timer.daemon = True
-        timer.start()
+    def finish(self) -> None:
+        """At the exit of this process let MPI end in order, or leave with exit code 1 where it waits for the dead."""
+        atexit.register(_finalize)
 
     def _give_up(self) -> None:
         text = f"rank {self.rank}: not all ranks have started after {START_WAIT_S:.0f} s; giving up"
         print(text, file=sys.stderr, flush=True)
         os._exit(1)
+
+
+def _finalize() -> None:
+    """End MPI within END_WAIT_S. MPI_Finalize keeps the GIL; faulthandler's thread, which needs none, can end it."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    with open(os.devnull, "w") as nowhere:  # faulthandler wants to write where every thread stands
+        faulthandler.dump_traceback_later(END_WAIT_S, exit=True, file=nowhere)
+        MPI.Finalize()
+        faulthandler.cancel_dump_traceback_later()

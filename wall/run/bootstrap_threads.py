@@ -54,7 +54,7 @@ class ThreadBootstrap:
         """Ranks that have failed: how."""
         return dict(self._shared.failed)
 
-    def finish(self, code: int = 0) -> None:
+    def finish(self) -> None:
         """Wait for the threads to end."""
         for thread in self._shared.threads:
             thread.join(STOP_WAIT_S)

@@ -103,8 +103,8 @@ class HeadProcess:
         data = open_data_hub(plan)
         ways = ways_of(plan, HEAD, address, clock, data)
         closing.later(ways.close)
-        closing.later(self._finish)
-        closing.later(self._write_summary)  # before MPI's time limit begins
+        closing.later(self._bootstrap.finish)
+        closing.later(self._write_summary)
         sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
         for sink in distinct(sinks):
             closing.later(sink.close)
@@ -151,10 +151,6 @@ class HeadProcess:
         self.summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
         with replaced(self._options.out / "summary.json") as part:  # what fails here is kept by Closing
             part.write_text(json.dumps(self.summary, indent=2) + "\n", encoding="utf-8")
-
-    def _finish(self) -> None:
-        """End the launch; the exit code says whether the run failed."""
-        self._bootstrap.finish(1 if self._manager is None or self._manager.lost or self.failures else 0)
 
     def outcome(self) -> Outcome:
         """The outcome of a run that began."""

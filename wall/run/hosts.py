@@ -66,6 +66,6 @@ class Renumbered:
         """Ranks of the wall that have ended badly: how."""
         return {self._rank_of[process]: how for process, how in self._bootstrap.dead().items()}
 
-    def finish(self, code: int = 0) -> None:
+    def finish(self) -> None:
         """End what was started."""
-        self._bootstrap.finish(code)
+        self._bootstrap.finish()

@@ -48,9 +48,7 @@ def test_every_set_of_channels_comes_back_exactly(channels: frozenset[str], enco
     assert told == ((3, 4), EVENT.camera, 5.5), "numbers, camera and scene time travel"
 
 
-@given(
-    x=st.integers(0, 8), y=st.integers(0, 6), width=st.integers(1, 8), height=st.integers(1, 6), plain=st.booleans()
-)
+@given(x=st.integers(0, 8), y=st.integers(0, 6), width=st.integers(1, 8), height=st.integers(1, 6), plain=st.booleans())
 @settings(max_examples=40, deadline=None)
 def test_a_part_writes_its_own_pixels_and_no_other(x: int, y: int, width: int, height: int, plain: bool) -> None:
     whole = random_framelet(np.random.default_rng(2), rect(10, 20, 16, 12))
