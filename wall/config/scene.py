@@ -130,7 +130,7 @@ class SceneConfig(Model):
     """What is rendered."""
 
     source: Text = Field(
-        description="a built-in scene (courtyard, forest, gallery, gallery_mirrors), or a .glb, .gltf, .obj, "
+        description="a built-in scene (arcade, courtyard, forest, gallery, gallery_mirrors), or a .glb, .gltf, .obj, "
         ".ply or .stl file relative to this one"
     )
     lights: Annotated[tuple[LightConfig, ...], Field(max_length=1024)] | None = Field(

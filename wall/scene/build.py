@@ -16,6 +16,7 @@ from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.bounds import framing_sphere, middle, world_boxes
+from wall.scene.builtin.arcade import arcade
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
@@ -33,7 +34,13 @@ from wall.scene.model import (
     Texture,
 )
 
-BUILT_IN = {"courtyard": courtyard, "forest": forest, "gallery": gallery, "gallery_mirrors": gallery_mirrors}
+BUILT_IN = {
+    "arcade": arcade,
+    "courtyard": courtyard,
+    "forest": forest,
+    "gallery": gallery,
+    "gallery_mirrors": gallery_mirrors,
+}
 NAMES_SHOWN = 20
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 

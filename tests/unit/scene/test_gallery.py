@@ -144,3 +144,14 @@ def test_only_what_the_file_names_moves(name: str) -> None:
     assert moving == ({"globe", "knot", "crate"} if name in ("shadows", "mirrors") else set())
     assert np.array_equal(early.point_positions, late.point_positions) == (name != "light")
     assert (view.camera_at(0.3) == view.camera_at(0.9)) == (name in ("shadows", "light"))
+
+
+def test_the_walker_keeps_its_pace_and_meets_no_column() -> None:
+    scene, view = shown("walk")
+    columns = {one.name: one.world_from_object[[0, 2], 3] for one in scene.instances if one.name.startswith("column")}
+    times = np.linspace(0.0, SECONDS - 1e-3, 200)
+    eyes = np.array([view.camera_at(t).position for t in times.tolist()])[:, [0, 2]]
+
+    assert len(columns) == 114
+    assert speeds(view, times).mean() == pytest.approx(1.4, rel=0.05)
+    assert min(np.linalg.norm(eyes - at, axis=1).min() for at in columns.values()) > 0.3
