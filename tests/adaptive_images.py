@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from small_scenes import Triple, View, instance, keyframes, quad, view
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
-from wall.reconstruction.reconstruction import Reconstruction
+from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.build import Scene, assemble
 from wall.scene.model import Instance, Material, PointLight, Source
 from wall.tracing.tracer import Tracer
@@ -54,8 +54,14 @@ def event_at(k: int, seen: View = FRONT, *, scene_time: float = 0.0, **camera: T
     )
 
 
-def image_of(scene: Scene, seen: View = FRONT, *, detects_change: bool = False, kept: float = 4.0) -> Reconstruction:
-    return Reconstruction(seen.panel, seen.eye, scene, detects_change=detects_change, samples_per_pixel=kept)
+def image_of(
+    scene: Scene, seen: View = FRONT, *, detects_change: bool = False, kept: float = 4.0, parts: bool = True
+) -> Reconstruction:
+    """`parts`: where only some tiles change, only those are made anew."""
+    return Reconstruction(
+        seen.panel, seen.eye, scene, detects_change=detects_change, samples_per_pixel=kept,
+        ingredients=Ingredients(parts=parts),
+    )  # fmt: skip
 
 
 def centres(size: tuple[int, int]) -> Float32:

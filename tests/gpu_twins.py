@@ -12,7 +12,7 @@ from small_scenes import View
 
 from wall.core.data import Event, Rect, Samples
 from wall.reconstruction.gpu.reconstruction import GpuReconstruction
-from wall.reconstruction.reconstruction import Reconstruction
+from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.build import Scene
 
 # Both place a sample to within some float32 roundings, so to 1e-4 pixels at pixel 97, and weights add up to 1 or more
@@ -28,7 +28,10 @@ class Twins:
 
     def __init__(self, scene: Scene, seen: View, rect: Rect | None = None, *, kept: float = 4.0) -> None:
         self.scene, self.seen = scene, seen
-        self.cpu = Reconstruction(seen.panel, seen.eye, scene, detects_change=False, rect=rect, samples_per_pixel=kept)
+        self.cpu = Reconstruction(
+            seen.panel, seen.eye, scene, detects_change=False, rect=rect, samples_per_pixel=kept,
+            ingredients=Ingredients(parts=False),
+        )  # fmt: skip
         self.gpu = GpuReconstruction(seen.panel, seen.eye, scene, rect=rect, samples_per_pixel=kept)
 
     def insert(self, samples: Samples, time: float, event: Event) -> None:

@@ -17,7 +17,7 @@ from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
 from wall.deepbuffer.kernels import sort as kernels_sort
 from wall.deepbuffer.kernels.columns import BEFORE
-from wall.deepbuffer.kernels.evict import AGES, oldest_kept
+from wall.deepbuffer.kernels.evict import AGES, evict, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.lights import Diffuse, LightChanges
 from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown, same_camera
@@ -32,7 +32,8 @@ SORT_EVERY = 8  # refreshes, by object
 BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for long
 CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
-NO_CUTOFF = np.float32(-np.inf)  # no sample is too old
+ALL_TIMES = np.float32(-np.inf)
+LARGEST_PART = 0.5  # of the tiles: more are not worth working on alone
 OTHER_MOMENTS = kernels_accumulation.MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
 
@@ -143,14 +144,11 @@ class DeepBuffer:
         self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
         self._object_starts = np.zeros(objects + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
+        self._indices = np.zeros(capacity, np.uint32)  # where the samples of a part came from
         self.count = 0
         self.epoch = 0.0  # the store's clock zero
         self._until_sorted = self._sorts = 0
-        self.cutoff(self._kept + 1, np.float32(0.0))  # compiled now, not when it is first needed
-        self.count = kernels_sort.compact(self.store, 0, NO_CUTOFF)
-        kernels_accumulation.clear_changed(self.history, np.zeros(objects + 1, np.uint8))
-        kernels_accumulation.limit_counts(self.history, OTHER_MOMENTS)
-        kernels_change.reject_contradicted(self.store, 0, self.history)
+        self._compile(objects)
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
@@ -180,33 +178,59 @@ class DeepBuffer:
         j, i = (samples["xy"].astype(np.intp) - (rect.x, rect.y)).T
         inside = (i >= 0) & (j >= 0) & (i < rect.height) & (j < rect.width)
         history.accumulation[i[inside], j[inside]] = 0.0
-        history.list_accumulated()
         history.dirty[i[inside] // TILE, j[inside] // TILE] = True
 
-    def reproject(self, moved: NDArray[np.uint8]) -> None:
-        """Bring the samples of `moved` objects (n + 1,) to the pose shown, after rejecting contradicted ones."""
-        history, pose = self.history, self.poses.pose
+    def reject_contradicted(self) -> NDArray[np.bool_]:
+        """Take confidence from contradicted samples. Returns (rows, columns) bool, the tiles with such pixels."""
+        contradicted = self.history.contradicted.copy()
+        if contradicted.any():
+            kernels_change.reject_contradicted(self.store, self.count, self.history)
+        return contradicted
+
+    def reproject(self, moved: NDArray[np.uint8], changed: NDArray[np.uint8], tiles: NDArray[np.bool_]) -> None:
+        """Bring the samples of `moved` objects (n + 1,) to the pose shown.
+
+        What pixels accumulated that show one of the `changed` objects (n + 1,) before or after, those that moved among
+        them, is cleared. Sets the tiles (rows, columns) bool where there are such pixels.
+        """
+        pose, history = self.poses.pose, self.history
         assert pose is not None
-        if history.contradicted.any():
-            kernels_change.reject_contradicted(self.store, self.count, history)
+        if changed.all():
+            history.clear_accumulation()
+            tiles[:] = True
+        else:
+            kernels_accumulation.clear_changed(self.store, self.count, changed, history, tiles)
         height, width = history.nearest.shape[:2]
         kernels_reproject.reproject(
             self.store, self.count, pose.panel_from_object, moved, np.float32(width), np.float32(height)
         )
+        if not changed.all():
+            kernels_accumulation.mark_tiles(self.store, self.count, moved, tiles)
 
-    def clear_changed(self, changed: NDArray[np.uint8]) -> None:
-        """Clear what pixels accumulated that showed one of the `changed` objects (n + 1,) in the image before."""
-        kernels_accumulation.clear_changed(self.history, changed)
+    def part(self, tiles: NDArray[np.bool_]) -> tuple[SampleStore, int]:
+        """The samples of some tiles (rows, columns) bool, and how many: to be weighed and splatted alone.
 
-    def reject_accumulation(self, changed: NDArray[np.uint8]) -> None:
+        What is rejected of them is told by `give_back`.
+        """
+        return self._spare, kernels_sort.gather(self.store, self.count, tiles, self._spare, self._indices)
+
+    def give_back(self, count: int) -> None:
+        """To be called after the `count` samples of a part were weighed, before anything else is done."""
+        kernels_sort.give_back(self._spare, count, self._indices, self.store)
+
+    def reject_accumulation(self, changed: NDArray[np.uint8], tiles: NDArray[np.bool_]) -> None:
         """Clear what pixels of `changed` objects (n + 1,) accumulated, shorten it where it was contradicted."""
-        kernels_accumulation.reject_accumulation(self.history, changed)
+        kernels_accumulation.reject_accumulation(self.history, changed, tiles)
 
-    def cutoff(self, alive: int, now: np.float32) -> np.float32:
-        """The time before which samples are evicted, so that of `alive` ones no more than the wanted number stay."""
-        if alive <= self._kept:
-            return NO_CUTOFF
-        return np.float32(oldest_kept(self.store, self.count, now, self._kept, self._ages))
+    def evict(self, now: np.float32) -> None:
+        """Reject the oldest samples, so that no more than the wanted number stay."""
+        if self.count > self._kept:
+            evict(self.store, self.count, oldest_kept(self.store, self.count, now, self._kept, self._ages))
+
+    @property
+    def sort_is_due(self) -> bool:
+        """Whether the next call of `sort` does anything."""
+        return self._until_sorted <= 1
 
     def sort(self) -> None:
         """Every SORT_EVERY calls: removes samples outside the image and sorts the others by object."""
@@ -227,6 +251,7 @@ class DeepBuffer:
         self.history.rejection[:] = 0.0
         self.history.temporal_gradient[:] = 0.0
         self.history.contradicted[:] = False
+        self.history.arrived[:] = 0
 
     def seconds(self, time: float) -> np.float32:
         """A time on the store's clock, which starts anew now and then."""
@@ -240,10 +265,21 @@ class DeepBuffer:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays."""
-        own: list[NDArray[Any]] = [self._tile_starts, self._object_starts, self._ages]
+        own: list[NDArray[Any]] = [self._tile_starts, self._object_starts, self._ages, self._indices]
         for arrays in (self.store, self._spare, self.history):
             own += arrays
         return sum(array.nbytes for array in own)
+
+    def _compile(self, objects: int) -> None:
+        """Compile what is not needed at once: no image is to wait for it."""
+        store, history, none, now = self.store, self.history, np.zeros(objects + 1, np.uint8), np.float32(0.0)
+        self.count = kernels_sort.compact(store, 0, ALL_TIMES)
+        kernels_accumulation.clear_changed(store, 0, none, history, history.dirty)
+        kernels_accumulation.mark_tiles(store, 0, none, history.dirty)
+        kernels_accumulation.limit_counts(history, OTHER_MOMENTS)
+        kernels_change.reject_contradicted(store, 0, history)
+        self.give_back(self.part(history.dirty)[1])
+        evict(store, 0, oldest_kept(store, 0, now, self._kept, self._ages))
 
     def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
         columns = self.history.dirty.shape[1]
@@ -253,7 +289,7 @@ class DeepBuffer:
     def _evict(self, n: int) -> None:
         """Free space for `n` samples, more than expected between two refreshes: the oldest are evicted if need be."""
         room = self.store.capacity - n
-        self.count = kernels_sort.compact(self.store, self.count, NO_CUTOFF)
+        self.count = kernels_sort.compact(self.store, self.count, ALL_TIMES)
         if self.count > room:
             share = 1.0 - min(self._kept, room) / self.count
             latest = np.float32(np.quantile(self.store.time[: self.count], share))
@@ -273,32 +309,33 @@ def take_dirty(history: PixelHistory) -> NDArray[np.bool_]:
 
 
 class RestSchedule:
-    """When an image at rest is resolved anew: what moved last may have left holes, and samples fill them.
+    """When tiles in which nothing moves are resolved anew: what moved there may have left holes, samples fill them.
 
-    First after a sixteenth of a sample a pixel, then after twice as many, and so on, until pixels show their own means.
+    First after a sixteenth of a sample a pixel, or an eighth where only some tiles moved, then after twice as many,
+    and so on, until pixels show their own means.
     """
 
-    FIRST, LAST = 1.0 / 16.0, float(kernels_accumulation.MEAN_ALONE)  # samples a pixel
+    FIRST, AGAIN, LAST = 1.0 / 16.0, 1.0 / 8.0, float(kernels_accumulation.MEAN_ALONE)  # samples a pixel
 
-    def __init__(self, pixels: int) -> None:
-        self._first, self._last = self.FIRST * pixels, self.LAST * pixels
-        self._samples, self._due = 0, self._first
+    def __init__(self, arrived: NDArray[np.int32], pixels: int) -> None:
+        """arrived : (rows, columns) samples that came to tiles of `pixels`; counted by others, here set to 0."""
+        self._arrived, self._last = arrived, int(self.LAST * pixels)
+        self._first, self._again = max(int(self.FIRST * pixels), 1), max(int(self.AGAIN * pixels), 1)
+        self._due = np.full_like(arrived, self._first)
 
-    def move(self) -> None:
-        """The image has been made anew, since something moved."""
-        self._samples, self._due = 0, self._first
+    def move(self, tiles: NDArray[np.bool_] | None = None) -> None:
+        """Something moved in these tiles, in all if None: they were resolved."""
+        chosen = slice(None) if tiles is None else tiles
+        self._arrived[chosen], self._due[chosen] = 0, self._first if tiles is None else self._again
 
-    def insert(self, samples: int) -> None:
-        """So many samples came."""
-        self._samples += samples
-
-    def take_due(self, stored: int) -> bool:
-        """Whether the image at rest is to be resolved anew, now, of so many `stored` samples."""
-        if self._samples < self._due or self._due > self._last or stored == 0:
-            return False
-        while self._due <= self._samples:
-            self._due *= 2.0
-        return True
+    def take_due(self) -> NDArray[np.bool_]:
+        """(rows, columns) bool of tiles that are to be resolved anew, now."""
+        due: NDArray[np.bool_] = (self._arrived >= self._due) & (self._due <= self._last)
+        late = due
+        while late.any():
+            self._due[late] *= 2
+            late = self._due <= np.minimum(self._arrived, self._last)
+        return due
 
 
 def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:

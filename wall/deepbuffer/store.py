@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32
-from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS, COUNT
+from wall.deepbuffer.kernels.columns import ACCUMULATION_COLUMNS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
 
@@ -69,8 +69,7 @@ class PixelHistory(NamedTuple):
     contradicted: NDArray[np.bool_]  # (rows, columns) tiles with a pixel that a sample contradicted
     dirty: NDArray[np.bool_]  # (rows, columns) tiles where the image changes
     accumulating: NDArray[np.bool_]  # (rows, columns) tiles that may have an accumulation
-    accumulated: NDArray[np.uint32]  # (h * w,) pixels i * w + j that have one, each once; see list_accumulated
-    listed: NDArray[np.int64]  # (1,) how many those are
+    arrived: NDArray[np.int32]  # (rows, columns) samples that came since the tile was resolved, see RestSchedule
 
     @classmethod
     def of(cls, width: int, height: int, *, detects_change: bool) -> PixelHistory:
@@ -86,19 +85,10 @@ class PixelHistory(NamedTuple):
             contradicted=np.zeros(tiles, np.bool_),
             dirty=np.zeros(tiles, np.bool_),
             accumulating=np.zeros(tiles, np.bool_),
-            accumulated=np.zeros(height * width, np.uint32),
-            listed=np.zeros(1, np.int64),
+            arrived=np.zeros(tiles, np.int32),
         )
 
     def clear_accumulation(self) -> None:
         """Clear that of every pixel."""
         self.accumulation[:] = 0.0
         self.accumulating[:] = False
-        self.listed[:] = 0
-
-    def list_accumulated(self) -> None:
-        """Find the pixels that have an accumulation, after other hands than the kernels' wrote it."""
-        pixels = np.flatnonzero(self.accumulation[..., COUNT])
-        self.accumulated[: len(pixels)] = pixels
-        self.listed[0] = len(pixels)
-        self.accumulating[:] = True

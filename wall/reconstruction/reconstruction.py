@@ -1,12 +1,13 @@
 """Reconstruct an image from the samples of a deep buffer, at every refresh, under the event of that moment.
 
 `insert` stores samples; `refresh` reprojects them, rejects what is contradicted or hidden, evicts the oldest, splats
-the rest, fills holes. While nothing moves, new samples are averaged per pixel and nothing else is redone. The same code
-makes the image at a compositor and the one that a sampler reads.
+the rest, fills holes. While the camera stands, only tiles where something changes are redone; elsewhere new samples are
+averaged per pixel. The same code makes the image at a compositor and the one that a sampler reads.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.deep_buffer import (
+    LARGEST_PART,
     SAMPLES_PER_PIXEL,
     DeepBuffer,
     PoseTracker,
@@ -25,7 +27,9 @@ from wall.deepbuffer.deep_buffer import (
 )
 from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.columns import COUNT
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Pose, Posed
+from wall.deepbuffer.store import SampleStore
 from wall.geometry.panels import Panel
 from wall.reconstruction.kernels import fill as kernels_fill
 from wall.reconstruction.kernels import splat as kernels_splat
@@ -37,6 +41,7 @@ from wall.scene.needs import needs
 YOUNG_S = 0.017  # a refresh at 60 Hz: what samples hide may not have been traced yet
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s where 4 samples a pixel are seen
 DECAY_PER_GRADIENT = 100.0
+LEVEL_OF_TILES = int(math.log2(TILE)) - 1  # of the pyramid: its pixels are as large as tiles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +55,7 @@ class Ingredients:
     ageing: bool = True  # else old samples weigh as much as new ones
     relighting: bool = True  # else stored samples keep the light that they were traced in
     accumulation: bool = True  # else pixels at rest accumulate no mean of their own
+    parts: bool = True  # else all of the image is made anew where some of it changes
 
 
 ALL = Ingredients()
@@ -92,16 +98,16 @@ class Reconstruction:
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
+        self._part_sums = np.zeros_like(self.splat_sums)  # of the samples of some tiles
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
-        self._schedule = RestSchedule(width * height)
+        self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE)
         self.refreshes = 0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
         self.buffer.insert(samples, base_time, event)
-        self._schedule.insert(len(samples))
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
@@ -109,14 +115,11 @@ class Reconstruction:
         self.poses.show(event)
         self.refreshes += 1
         if not self.nothing_moves:
-            if stood and not self.poses.camera_moved:
-                self.find_nearest()  # with what came since then: it tells which pixels keep what they accumulated
-            self._schedule.move()
             self._reconstruct(self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
-        elif self._schedule.take_due(self.count):
-            self._splat(self.poses.moved(), self.buffer.seconds(now))
+        elif self.count:
+            self._splat(self.poses.moved(), self._schedule.take_due(), self.buffer.seconds(now))
         if not self._with.accumulation:
             history.clear_accumulation()
         if history.dirty.any():
@@ -177,7 +180,8 @@ class Reconstruction:
     def find_nearest(self) -> Float32:
         """(h, w, 4) each pixel's nearest sample, also among those that came since the last refresh."""
         buffer = self.buffer
-        kernels_visibility.find_nearest(buffer.store, buffer.count, buffer.history.nearest)
+        everywhere = np.ones_like(buffer.history.dirty)
+        kernels_visibility.find_nearest(buffer.store, buffer.count, buffer.history.nearest, everywhere)
         return buffer.history.nearest
 
     def accumulated_counts(self) -> Float32:
@@ -186,35 +190,63 @@ class Reconstruction:
         return counts
 
     def _reconstruct(self, now: np.float32) -> None:
-        """Make the image of the event shown from all samples. `now`: seconds of the store's clock."""
+        """Make the image of the event shown. `now`: seconds of the store's clock."""
         buffer = self.buffer
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
-        buffer.reproject(moved)
+        tiles = buffer.reject_contradicted() | (not self._in_parts())
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
-        if not self.poses.camera_moved:
-            buffer.clear_changed(changed)
-        self._splat(moved, now)
-        buffer.reject_accumulation(changed)
+        buffer.reproject(moved, changed, tiles)
+        redone = self._splat(moved, tiles | self._schedule.take_due(), now)
+        buffer.reject_accumulation(changed, redone)
+        self._schedule.move(None if redone.all() else tiles)
 
-    def _splat(self, moved: NDArray[np.uint8], now: np.float32) -> None:
-        """Splat the samples where they are; `moved` (n + 1,) objects are not where they were in the image before."""
-        buffer, history = self.buffer, self.buffer.history
-        store, count = buffer.store, buffer.count
-        alive = kernels_visibility.find_nearest(store, count, history.nearest)
-        ageing = np.float32(self._with.ageing)
-        decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
-        kernels_visibility.bound_depths(
-            history.nearest, moved, decay, kernels_visibility.SILHOUETTE_PER_S * ageing, self.splat_sums, self._bounds
-        )
-        young = np.float32(YOUNG_S if self._with.visibility else np.inf)
-        kernels_visibility.weigh(
-            store, count, buffer.cutoff(alive, now), history.nearest, self._bounds, now, young, self._weight,
-            self._untested,
-        )  # fmt: skip
-        kernels_splat.splat(store, self._weight, count, self._bounds, self.splat_sums, history.sqrt_irradiance)
+    def _splat(self, moved: NDArray[np.uint8], tiles: NDArray[np.bool_], now: np.float32) -> NDArray[np.bool_]:
+        """Splat the samples of `tiles` (rows, columns) where they are: of all if that is much, or where some are empty.
+
+        moved : (n + 1,) uint8, objects that are not where they were in the image before
+
+        Returns
+        -------
+        redone : (rows, columns) bool, the tiles, or all
+        """
+        buffer, nearest = self.buffer, self.buffer.history.nearest
+        tiles = tiles | (tiles.mean() > (LARGEST_PART if self._in_parts() else 0.0))
+        if not tiles.any():
+            return tiles
+        if tiles.all():
+            kernels_visibility.find_nearest(buffer.store, buffer.count, nearest, tiles)
+            buffer.evict(now)
+            self._splat_samples(buffer.store, buffer.count, tiles, moved, now, self.splat_sums)
+        else:
+            if buffer.sort_is_due:
+                buffer.evict(now)
+            store, count = buffer.part(tiles)
+            kernels_visibility.find_nearest(store, count, nearest, tiles)
+            self._splat_samples(store, count, tiles, moved, now, self._part_sums)
+            buffer.give_back(count)
+            kernels_splat.copy_tiles(self._part_sums, tiles, self.splat_sums)
         buffer.sort()
         self._fill()
-        history.dirty[:] = True
+        buffer.history.dirty[with_neighbours(tiles)] = True
+        return tiles
+
+    def _splat_samples(
+        self, store: SampleStore, count: int, tiles: NDArray[np.bool_], moved: NDArray[np.uint8], now: np.float32,
+        sums: Float32,
+    ) -> None:  # fmt: skip
+        """Weigh and splat the `count` samples of a store, which are those of some tiles; the nearest are known."""
+        history, ageing = self.buffer.history, np.float32(self._with.ageing)
+        decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
+        silhouette = kernels_visibility.SILHOUETTE_PER_S * ageing
+        kernels_visibility.bound_depths(history.nearest, moved, decay, silhouette, self.splat_sums, tiles, self._bounds)
+        young = np.float32(YOUNG_S if self._with.visibility else np.inf)
+        kernels_visibility.weigh(store, count, history.nearest, self._bounds, now, young, self._weight, self._untested)
+        kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
+
+    def _in_parts(self) -> bool:
+        """Whether tiles may be made anew alone: not while some have no sample, and are filled from afar."""
+        weight = self._levels[min(LEVEL_OF_TILES, len(self._levels) - 1)][..., 3]
+        return self._with.parts and bool((weight > 0.0).all())
 
     def _relight(self) -> NDArray[np.uint8]:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""
@@ -233,6 +265,17 @@ class Reconstruction:
             kernels_fill.expand(level, filled)
             filled = level
         kernels_fill.resolve(self.splat_sums, self._levels[0], self.resolved)
+
+
+def with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(rows, columns) bool: these tiles and the eight around each."""
+    wide = tiles.copy()
+    wide[:, 1:] |= tiles[:, :-1]
+    wide[:, :-1] |= tiles[:, 1:]
+    grown = wide.copy()
+    grown[1:] |= wide[:-1]
+    grown[:-1] |= wide[1:]
+    return grown
 
 
 def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:

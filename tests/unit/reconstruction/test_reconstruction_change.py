@@ -62,7 +62,7 @@ def seen_then_contradicted(
     scene: Scene, second: Samples, *, detects_change: bool = False, quiet: int = 0
 ) -> Reconstruction:
     """Pixel centres sampled once, shown (after `quiet` more events like it), then `second`, then one more event."""
-    image = image_of(scene, detects_change=detects_change)
+    image = image_of(scene, detects_change=detects_change, parts=False)
     for k in range(1 + quiet):
         image.insert(all_pixels(), START + (k - 0.5) * REFRESH_S, event_at(k))
         image.refresh(event_at(k), START + k * REFRESH_S)

@@ -7,37 +7,50 @@ from adaptive_images import GREEN, RED, SIZE, START, centres, event_at, hits, im
 from numpy.testing import assert_allclose, assert_array_equal
 
 from wall.deepbuffer.deep_buffer import RestSchedule
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 PIXELS = 160
 
 
-def test_it_is_due_after_a_sixteenth_of_a_sample_a_pixel_then_after_twice_as_many_up_to_four() -> None:
-    schedule = RestSchedule(PIXELS)
+def test_a_tile_is_due_after_a_sixteenth_of_a_sample_a_pixel_then_after_twice_as_many_up_to_four() -> None:
+    arrived = np.zeros((2, 3), np.int32)
+    schedule = RestSchedule(arrived, PIXELS)
     due = []
     for samples in range(1, 20 * PIXELS):
-        schedule.insert(1)
-        if schedule.take_due(PIXELS):
+        arrived[1, 2] += 1
+        if (tiles := schedule.take_due()).any():
             due.append(samples)
+            assert np.argwhere(tiles).tolist() == [[1, 2]]
     assert due == [10, 20, 40, 80, 160, 320, 640]
 
 
-def test_it_begins_anew_with_a_move_and_a_large_batch_counts_once() -> None:
-    schedule = RestSchedule(PIXELS)
-    schedule.insert(3 * PIXELS)
-    assert schedule.take_due(PIXELS)
-    assert not schedule.take_due(PIXELS)
+def test_it_begins_anew_where_something_moves_and_a_large_batch_counts_once() -> None:
+    arrived = np.full((1, 2), 3 * PIXELS, np.int32)
+    schedule = RestSchedule(arrived, PIXELS)
+    assert schedule.take_due().all()
+    assert not schedule.take_due().any()
+    schedule.move(np.array([[True, False]]))
+    arrived += 9
+    assert not schedule.take_due().any()
+    arrived += 1
+    assert not schedule.take_due().any()
+    arrived += 10
+    assert schedule.take_due().tolist() == [[True, False]]
     schedule.move()
-    schedule.insert(9)
-    assert not schedule.take_due(PIXELS)
-    schedule.insert(1)
-    assert schedule.take_due(PIXELS)
+    arrived += 10
+    assert schedule.take_due().all()
 
 
 def test_an_image_is_not_made_again_of_nothing() -> None:
-    schedule = RestSchedule(PIXELS)
-    schedule.insert(PIXELS)
-    assert not schedule.take_due(0)
-    assert schedule.take_due(1)
+    image = image_of(plate_before_wall((9.0, 0.0, 2.0)))
+    image.insert(hits(centres(SIZE), RED), START, event_at(1))
+    image.refresh(event_at(1), START)
+    image.refresh(event_at(1), START + 0.1)
+    shown = image.radiance.copy()
+    image.buffer.count = 0
+    image.buffer.history.arrived[:] = 4 * TILE * TILE
+    image.refresh(event_at(1), START + 0.2)
+    assert_array_equal(image.radiance, shown)
 
 
 def test_a_pixel_at_rest_keeps_its_mean_when_its_samples_have_left_the_store() -> None:

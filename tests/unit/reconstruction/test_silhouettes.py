@@ -29,13 +29,11 @@ def covered(nearer: Float64, deeper: Float64) -> NDArray[np.bool_]:
     nearest: Float32 = np.zeros((SIZE, SIZE, 4), np.float32)
     bounds, decay = np.zeros((3, SIZE, SIZE), np.float32), np.zeros((SIZE // TILE + 1, SIZE // TILE + 1), np.float32)
     now = np.float32(2.0)  # all are from second 1: old enough not to wait
-    find_nearest(store, n, nearest)
+    everywhere = np.ones(decay.shape, np.bool_)
+    find_nearest(store, n, nearest, everywhere)
     no_image: Float32 = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
-    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_image, bounds)
-    weigh(
-        store, n, np.float32(-np.inf), nearest, bounds, now, np.float32(0.0), np.zeros(n, np.float32),
-        np.zeros(n, np.uint32),
-    )  # fmt: skip
+    bound_depths(nearest, np.ones(3, np.uint8), decay, SILHOUETTE_PER_S, no_image, everywhere, bounds)
+    weigh(store, n, nearest, bounds, now, np.float32(0.0), np.zeros(n, np.float32), np.zeros(n, np.uint32))
     return np.asarray(screen[2, len(nearer) :] == OUTSIDE, bool)
 
 

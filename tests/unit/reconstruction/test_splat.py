@@ -21,7 +21,7 @@ def shares(x: float, y: float, sharpness: float) -> Float32:
     store.radiance[:], store.screen_position[:, 0] = 1.0, (x, y, 1.0)
     sums: Float32 = np.full((SIZE + 2, SIZE + 2, 4), 7.0, np.float32)
     bounds = np.full((3, SIZE, SIZE), sharpness, np.float32)
-    splat(store, np.ones(1, np.float32), 1, bounds, sums, np.zeros((0, 0, 2), np.float32))
+    splat(store, np.ones(1, np.float32), 1, bounds, np.ones((1, 1), np.bool_), sums, np.zeros((0, 0, 2), np.float32))
     assert_allclose(sums[..., 0], sums[..., 3])
     return np.asarray(sums[..., 3])
 
@@ -44,7 +44,10 @@ def test_the_tent_is_steeper_only_where_samples_are_dense(weight: float, expecte
     nearest, bounds = np.ones((SIZE, SIZE, 4), np.float32), np.zeros((3, SIZE, SIZE), np.float32)
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[3, 5, 3] = weight
-    bound_depths(nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE_PER_S, sums, bounds)
+    bound_depths(
+        nearest, np.zeros(2, np.uint8), np.zeros((1, 1), np.float32), SILHOUETTE_PER_S, sums, np.ones((1, 1), np.bool_),
+        bounds,
+    )  # fmt: skip
     sharpness = bounds[SHARPNESS]
     assert sharpness[2, 4] == expected
     assert np.count_nonzero(sharpness != 1.0) == (expected != 1.0)
@@ -60,7 +63,7 @@ def test_silhouettes_age_at_full_pace_where_they_move_else_by_density(moves: int
     sums = np.zeros((SIZE + 2, SIZE + 2, 4), np.float32)
     sums[..., 3] = weight
     decay, moved = np.full((1, 1), 2.0, np.float32), np.array([0, moves, 0], np.uint8)
-    bound_depths(nearest, moved, decay, SILHOUETTE_PER_S, sums, bounds)
+    bound_depths(nearest, moved, decay, SILHOUETTE_PER_S, sums, np.ones(decay.shape, np.bool_), bounds)
     by_density = {0.0: 1.0, 0.6: 0.3, 8.0: 2.0}[weight]
     assert_allclose(bounds[DECAY, :, 3:6], 2.0 * by_density + float(SILHOUETTE_PER_S) * pace, rtol=FLOAT32)
     assert_allclose(np.delete(bounds[DECAY], (3, 4, 5), axis=1), 2.0 * by_density, rtol=FLOAT32)

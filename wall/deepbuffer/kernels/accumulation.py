@@ -15,14 +15,18 @@ from wall.deepbuffer.kernels.columns import (
     BRIGHTNESS_DEVIATIONS,
     BRIGHTNESS_MEAN,
     COUNT,
+    DEPTH,
     GREEN,
     IRRADIANCE_DEVIATIONS,
     IRRADIANCE_MEAN,
     NEAREST_OBJECT,
     RED,
+    X,
+    Y,
 )  # fmt: skip
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
+uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MEAN_ALONE = np.float32(4.0)  # samples of a pixel whose mean is shown alone; with fewer it is mixed with the splats
 LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 709
@@ -32,10 +36,7 @@ LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 7
 def accumulate(history, i, j, sample):
     """Add a sample to pixel (i, j): Welford's means and squared deviations, which do not drift as sums do."""
     pixel = history.accumulation[i, j]
-    if pixel[COUNT] == ZERO:
-        history.accumulated[history.listed[0]] = i * history.accumulation.shape[1] + j
-        history.listed[0] += 1
-        history.accumulating[i // TILE, j // TILE] = True
+    history.accumulating[i // TILE, j // TILE] = True
     pixel[COUNT] += ONE
     share = ONE / pixel[COUNT]
     red, green, blue = sample["radiance"][0], sample["radiance"][1], sample["radiance"][2]
@@ -52,35 +53,64 @@ def accumulate(history, i, j, sample):
 
 
 @kernel
-def reject_accumulation(history, changed):
+def clear_changed(store, count, changed, history, tiles):
+    """Clear what pixels accumulated in which a sample of a changed object lies: it may leave them.
+
+    store : SampleStore, screen positions still those of the image before; count : int, samples stored
+    changed : (n + 1,) uint8, objects that are about to move, or stand in another light
+    history : PixelHistory, `accumulation` updated
+    tiles : (rows, columns) bool, tiles with such a sample are set
+    """
+    screen, objects, accumulation = store.screen_position, store.object_id, history.accumulation
+    for k in range(count):
+        if changed[objects[k]] != 0 and screen[DEPTH, k] > ZERO:
+            i, j = uint32(screen[Y, k]), uint32(screen[X, k])
+            tiles[i // uint32(TILE), j // uint32(TILE)] = True
+            accumulation[i, j, :] = ZERO
+
+
+@kernel
+def mark_tiles(store, count, changed, tiles):
+    """Set the tiles (rows, columns) bool in which a sample of a changed object lies; see clear_changed."""
+    screen, objects = store.screen_position, store.object_id
+    for k in range(count):
+        if changed[objects[k]] != 0 and screen[DEPTH, k] > ZERO:
+            tiles[uint32(screen[Y, k]) // uint32(TILE), uint32(screen[X, k]) // uint32(TILE)] = True
+
+
+@kernel
+def reject_accumulation(history, changed, tiles):
     """Clear the accumulation of pixels that show a changed object, shorten it where samples contradicted it.
 
     history : PixelHistory; what belongs to `accumulation` updated, `contradicted` and `rejection` amounts cleared
     changed : (n + 1,) uint8, objects that moved or stand in another light
+    tiles : (rows, columns) bool, where that may be; all contradicted tiles are among them
     """
-    pixels, width = history.accumulated, history.accumulation.shape[1]
-    history.accumulating[:] = False
-    kept = 0
-    for n in range(history.listed[0]):
-        i, j = pixels[n] // width, pixels[n] % width
-        if reject_pixel(history, changed, i, j):
-            history.accumulating[i // TILE, j // TILE] = True
-            pixels[kept] = pixels[n]
-            kept += 1
-    history.listed[0] = kept
-    for row in range(history.contradicted.shape[0]):
-        for column in range(history.contradicted.shape[1]):
+    height, width = history.accumulation.shape[0], history.accumulation.shape[1]
+    for row in range(tiles.shape[0]):
+        for column in range(tiles.shape[1]):
+            if not tiles[row, column]:
+                continue
+            top, left = row * TILE, column * TILE
+            bottom, right = min(top + TILE, height), min(left + TILE, width)
+            if history.accumulating[row, column]:
+                kept = False
+                for i in range(top, bottom):
+                    for j in range(left, right):
+                        kept |= reject_pixel(history, changed, i, j)
+                history.accumulating[row, column] = kept
             if history.contradicted[row, column]:
-                top, left = row * TILE, column * TILE
-                history.rejection[top : top + TILE, left : left + TILE, AMOUNT] = ZERO
+                history.rejection[top:bottom, left:right, AMOUNT] = ZERO
                 history.contradicted[row, column] = False
 
 
 @inline_kernel
 def reject_pixel(history, changed, i, j):
     """reject_accumulation for a pixel that may have one; returns whether it still has."""
-    pixel, amount = history.accumulation[i, j], history.rejection[i, j, AMOUNT]
-    object_id = int(history.nearest[i, j, NEAREST_OBJECT])
+    pixel = history.accumulation[i, j]
+    if pixel[COUNT] == ZERO:
+        return False
+    object_id, amount = int(history.nearest[i, j, NEAREST_OBJECT]), history.rejection[i, j, AMOUNT]
     if object_id < 0 or changed[object_id] != 0:
         pixel[:] = ZERO
     elif amount > ZERO:
@@ -89,29 +119,13 @@ def reject_pixel(history, changed, i, j):
 
 
 @kernel
-def clear_changed(history, changed):
-    """Clear the accumulation of pixels whose nearest sample is a changed object's: it may leave them.
-
-    history : PixelHistory, `nearest` still that of the image before; `accumulation` updated; reject_accumulation is to
-        follow before anything is accumulated
-    changed : (n + 1,) uint8, see reject_accumulation
-    """
-    pixels, width = history.accumulated, history.accumulation.shape[1]
-    for n in range(history.listed[0]):
-        i, j = pixels[n] // width, pixels[n] % width
-        object_id = int(history.nearest[i, j, NEAREST_OBJECT])
-        if object_id >= 0 and changed[object_id] != 0:
-            history.accumulation[i, j, :] = ZERO
-
-
-@kernel
 def limit_counts(history, most):
     """Let every pixel's accumulation weigh as `most` samples (float32) at most. history : PixelHistory"""
-    pixels, width = history.accumulated, history.accumulation.shape[1]
-    for n in range(history.listed[0]):
-        pixel = history.accumulation[pixels[n] // width, pixels[n] % width]
-        if pixel[COUNT] > most:
-            shorten(pixel, most / pixel[COUNT])
+    for i in range(history.accumulation.shape[0]):
+        for j in range(history.accumulation.shape[1]):
+            pixel = history.accumulation[i, j]
+            if pixel[COUNT] > most:
+                shorten(pixel, most / pixel[COUNT])
 
 
 @inline_kernel

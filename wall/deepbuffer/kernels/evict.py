@@ -1,4 +1,4 @@
-"""Find the age beyond which samples are evicted: samples in any order are counted by classes of age."""
+"""Evict the oldest samples: in any order, they are counted by classes of age."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from wall.core.jit import kernel
 from wall.deepbuffer.kernels.columns import DEPTH
+from wall.deepbuffer.kernels.reproject import OUTSIDE
 
 AGE_SHIFT = 16  # a class of age: the bits of its float32 above so many; each is 1/128 of an age wide at most
 AGES = 1 << (31 - AGE_SHIFT)
@@ -49,3 +50,12 @@ def first_younger(now, limit):
     while now - time >= limit:
         time = np.nextafter(time, np.float32(np.inf))
     return time
+
+
+@kernel
+def evict(store, count, cutoff):
+    """Reject samples from before `cutoff`, float32 seconds of the store's clock. store : SampleStore; count : int"""
+    for k in range(count):
+        if store.time[k] < cutoff:
+            store.screen_position[DEPTH, k] = OUTSIDE
+            store.confidence[k] = ZERO

@@ -63,6 +63,7 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
             if not shown:
                 continue
             history.dirty[i // TILE, j // TILE] = True
+            history.arrived[i // TILE, j // TILE] += 1
             if not rules.ignores_change:
                 change = sample["change"]
                 if compares:

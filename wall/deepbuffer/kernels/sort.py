@@ -1,6 +1,7 @@
-"""Sort the store by tile or by object, or compact it: samples outside the image are removed.
+"""Sort the store by tile or by object, compact it, or copy some tiles' samples to work on them alone.
 
-A sample is outside when its depth on the screen is OUTSIDE, which rejected and evicted samples get at a refresh.
+Sorting and compacting remove samples outside the image: those whose depth on the screen is OUTSIDE, which rejected
+and evicted samples get at a refresh.
 """
 
 from __future__ import annotations
@@ -11,7 +12,11 @@ from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
+uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO = np.float32(0.0)
+REACH = (
+    2  # pixels beyond a tile: samples there share pixels with those that spread from the tile to the pixel next to it
+)
 
 
 @kernel
@@ -69,6 +74,48 @@ def compact(store, count, latest):
             copy_sample(store, k, store, kept)
         kept += 1
     return kept
+
+
+@kernel
+def gather(store, count, tiles, out, indices):
+    """Copy what is needed to weigh and splat the samples of some tiles, and those that spread into pixels next to them.
+
+    store, out : SampleStore; count : int, samples stored; tiles : (rows, columns) bool
+    indices : (capacity,) uint32, written: where each copy came from
+
+    Returns
+    -------
+    count : int, samples copied
+    """
+    screen, copied = store.screen_position, out.screen_position
+    rows, columns = tiles.shape
+    near = np.zeros((rows * TILE + 2 * REACH, columns * TILE + 2 * REACH), np.bool_)  # pixels, with a border
+    for row in range(rows):
+        for column in range(columns):
+            if tiles[row, column]:
+                i, j = row * TILE, column * TILE
+                near[i : i + TILE + 2 * REACH, j : j + TILE + 2 * REACH] = True
+    copies, flat, width = 0, near.reshape(-1), uint32(near.shape[1])
+    for k in range(count):
+        inside = screen[DEPTH, k] > ZERO
+        x, y = screen[X, k] if inside else ZERO, screen[Y, k] if inside else ZERO
+        indices[copies] = k
+        copies += 1 if inside & flat[(uint32(y) + uint32(REACH)) * width + uint32(x) + uint32(REACH)] else 0
+    for n in range(copies):
+        k = indices[n]
+        copied[X, n], copied[Y, n], copied[DEPTH, n] = screen[X, k], screen[Y, k], screen[DEPTH, k]
+        out.object_id[n], out.time[n], out.confidence[n] = store.object_id[k], store.time[k], store.confidence[k]
+        for c in range(4):
+            out.radiance[n, c] = store.radiance[k, c]
+    return copies
+
+
+@kernel
+def give_back(part, count, indices, store):
+    """Write what weighing changed in the `count` samples of `part` back to where `gather` found them."""
+    for n in range(count):
+        store.confidence[indices[n]] = part.confidence[n]
+        store.screen_position[DEPTH, indices[n]] = part.screen_position[DEPTH, n]
 
 
 @inline_kernel

@@ -64,11 +64,11 @@ class GpuReconstruction:
         self._largest = min(STAGED, self._store.capacity // 2)  # samples inserted at once
         self._staged_store, self._staged = SampleStore.of(self._largest, lit=self.poses.lit), 0
         self._change = np.zeros(self._largest, np.float32)  # of the staged samples
-        self._schedule = RestSchedule(width * height)
         self._accumulates = False  # their pixels accumulate them, see InsertRules.shows_event
         self._ordinal = 0  # new samples that have travelled since the last refresh
         self._until_packed = 0
         self._history = PixelHistory.of(width, height, detects_change=False)  # its rejections are the GPU's
+        self._schedule = RestSchedule(self._history.arrived, TILE * TILE)
         self._resolved = np.zeros((height, width, 3), np.float32)
         self._radiance = np.zeros((height, width, 3), np.float32)
         self._read = True  # whether that is what the GPU shows
@@ -106,7 +106,6 @@ class GpuReconstruction:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`. Raises GpuError if the GPU is lost."""
-        self._schedule.insert(len(samples))
         known = samples["object_id"] < len(self.poses.diffuse.objects)
         samples = samples if known.all() else samples[known]
         rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
@@ -138,13 +137,13 @@ class GpuReconstruction:
         stood, history = self.nothing_moves, self._history
         self.poses.show(event)
         if not self.nothing_moves:
-            self._schedule.move()
             self._reconstruct(now, stood=stood)
+            self._schedule.move()
             history.dirty[:] = True
             return
         if not stood:
             self._rest()
-        elif self._schedule.take_due(self.count):
+        elif self.count and self._schedule.take_due().any():
             self._reconstruct(now, stood=True)
             self._passes.read_resolved(self._resolved)
             history.dirty[:] = True
@@ -181,7 +180,7 @@ class GpuReconstruction:
         self._send(moving=True)
         self._passes.read_accumulation(self._history.accumulation)
         self._passes.read_resolved(self._resolved)
-        self._history.list_accumulated()
+        self._history.accumulating[:] = True
         self._device.check()
         come_to_rest(self.poses, self._history)
 

@@ -18,7 +18,7 @@ ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 
 
 @kernel
-def splat(store, weight, count, bounds, sums, irradiance):
+def splat(store, weight, count, bounds, tiles, sums, irradiance):
     """Splat samples: each spreads over the four nearest pixel centres by a tent, or a steeper one.
 
     Between two centres its share goes from one to the other within 1 / sharpness pixels, about the edge between them:
@@ -28,15 +28,20 @@ def splat(store, weight, count, bounds, sums, irradiance):
     ----------
     store : SampleStore; weight : (capacity,) float32, see weigh; count : int, samples stored
     bounds : (3, h, w) float32, see visibility.bound_depths; sharpness is 1 or more
+    tiles : (rows, columns) bool, whose samples these are, and those within REACH of them
     sums : (h + 2, w + 2, 4) float32, weighted radiance and weight, written
     irradiance : (h, w, 2) float32, weighted square root of irradiance and weight, written: a
-        sample counts in its own pixel; or empty
+        sample counts in its own pixel; or empty. Only that of `tiles`
     """
     radiance, screen = store.radiance.reshape(-1), store.screen_position
     flat, row = sums.reshape(-1), uint32(4 * sums.shape[1])
     flat[:] = ZERO
-    irradiance[:] = ZERO
+    for i in range(irradiance.shape[0]):
+        for column in range(tiles.shape[1]):
+            if tiles[i // TILE, column]:
+                irradiance[i, column * TILE : (column + 1) * TILE] = ZERO
     light, keeps_irradiance = irradiance.reshape(-1), irradiance.shape[0] > 0
+    everywhere = tiles.all()
     sharpness, width = bounds[SHARPNESS].reshape(-1), uint32(bounds.shape[2])
     for k in range(count):
         w = weight[k]
@@ -45,7 +50,7 @@ def splat(store, weight, count, bounds, sums, irradiance):
         x, y, n = screen[X, k], screen[Y, k], uint32(4) * uint32(k)
         pixel = uint32(y) * width + uint32(x)
         sharp = sharpness[pixel]
-        if keeps_irradiance:
+        if keeps_irradiance and (everywhere or tiles[uint32(y) // uint32(TILE), uint32(x) // uint32(TILE)]):
             i = uint32(2) * pixel
             light[i + uint32(IRRADIANCE)] += w * radiance[n + uint32(SQRT_IRRADIANCE)]
             light[i + uint32(WEIGHT)] += w
@@ -72,6 +77,18 @@ def add_two(flat, i, red, green, blue, u, v):
     e, f, g, h = e + v * red, f + v * green, g + v * blue, h + v
     flat[i], flat[i + uint32(1)], flat[i + uint32(2)], flat[i + uint32(3)] = a, b, c, d
     flat[i + uint32(4)], flat[i + uint32(5)], flat[i + uint32(6)], flat[i + uint32(7)] = e, f, g, h
+
+
+@kernel
+def copy_tiles(source, tiles, sums):
+    """Copy splat sums (h + 2, w + 2, 4) of some tiles and of the pixels around, to which their samples spread."""
+    height, width = sums.shape[0], sums.shape[1]
+    for row in range(tiles.shape[0]):
+        for column in range(tiles.shape[1]):
+            if tiles[row, column]:
+                right = min((column + 1) * TILE + 2, width)
+                for i in range(row * TILE, min((row + 1) * TILE + 2, height)):
+                    sums[i, column * TILE : right] = source[i, column * TILE : right]
 
 
 @kernel

@@ -11,6 +11,7 @@ from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import DEPTH, NEAREST_DEPTH, NEAREST_OBJECT, NEAREST_X, NEAREST_Y, X, Y
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import OUTSIDE
+from wall.deepbuffer.kernels.sort import REACH
 
 uint32 = np.uint32
 INFINITE = np.float32(np.inf)
@@ -28,20 +29,19 @@ SLOWEST = np.float32(0.3)  # factor of decay where samples are few: there are no
 
 
 @kernel
-def find_nearest(store, count, nearest):
+def find_nearest(store, count, nearest, tiles):
     """Find each pixel's nearest sample. Rejected samples leave the image.
 
     store : SampleStore; count : int, samples stored
     nearest : (h, w, 4) float32, written, see PixelHistory
-
-    Returns
-    -------
-    alive : int, samples in the image
+    tiles : (rows, columns) bool, where they are found anew; all their samples are in the store
     """
     screen, flat, width = store.screen_position, nearest.reshape(-1), uint32(nearest.shape[1])
-    for i in range(0, flat.shape[0], 4):
-        flat[i], flat[i + 3] = INFINITE, -ONE
-    alive = 0
+    for i in range(nearest.shape[0]):
+        for column in range(tiles.shape[1]):
+            if tiles[i // TILE, column]:
+                for j in range(column * TILE, min((column + 1) * TILE, nearest.shape[1])):
+                    nearest[i, j, NEAREST_DEPTH], nearest[i, j, NEAREST_OBJECT] = INFINITE, -ONE
     for k in range(count):
         z = screen[DEPTH, k]
         if not z > ZERO:
@@ -49,7 +49,6 @@ def find_nearest(store, count, nearest):
         if store.confidence[k] == ZERO:
             screen[DEPTH, k] = OUTSIDE
             continue
-        alive += 1
         x, y, object_id = screen[X, k], screen[Y, k], np.float32(store.object_id[k])
         i = (uint32(y) * width + uint32(x)) * uint32(4)
         a, b, c, d = flat[i], flat[i + uint32(1)], flat[i + uint32(2)], flat[i + uint32(3)]
@@ -58,11 +57,10 @@ def find_nearest(store, count, nearest):
         flat[i + uint32(1)] = x if closer else b
         flat[i + uint32(2)] = y if closer else c
         flat[i + uint32(3)] = object_id if closer else d
-    return alive
 
 
 @kernel
-def bound_depths(nearest, moved, decay, silhouette, density, bounds):
+def bound_depths(nearest, moved, decay, silhouette, density, tiles, bounds):
     """Bound the depth up to which samples are visible without further tests, their decay, and how far they spread.
 
     Where samples are dense, enough are near and new: the tent would only blur, the old would only lag behind.
@@ -71,6 +69,7 @@ def bound_depths(nearest, moved, decay, silhouette, density, bounds):
     moved : (n + 1,) uint8, objects that moved in the image; decay : (rows, columns) float32, 1 / seconds, of each tile
     silhouette : float32, 1 / seconds, SILHOUETTE_PER_S unless nothing is to age
     density : (h + 2, w + 2, 4) float32, splat sums of the image before, weight last
+    tiles : (rows, columns) bool, where bounds are wanted, and for pixels within REACH
     bounds : (3, h, w) float32, written.
         CONSERVATIVE_DEPTH: the least depth over 3x3 pixels, enlarged by BEHIND. DECAY, 1 / seconds: the tile's decay
         times weight / DENSE from SLOWEST to SHARPEST (1 where nothing was shown); where deeper surfaces show within
@@ -81,11 +80,17 @@ def bound_depths(nearest, moved, decay, silhouette, density, bounds):
     near = np.empty((height + 2, width + 2), np.float32)  # edges stand twice, which changes no extreme
     far, moving = np.empty_like(near), np.empty_like(near)
     everything = moved.all()
+    wanted = np.empty(height, np.bool_)
+    for i in range(height):
+        wanted[i] = tiles[max(i - REACH, 0) // TILE].any() | tiles[min(i + REACH, height - 1) // TILE].any()
     for i in range(height + 2):
-        copy_row(nearest[min(max(i - 1, 0), height - 1)].reshape(-1), moved, everything, near[i], far[i], moving[i])
+        if wanted[max(i - 2, 0) : i + 1].any():
+            copy_row(nearest[min(max(i - 1, 0), height - 1)].reshape(-1), moved, everything, near[i], far[i], moving[i])
     low, high, moves = np.empty(width + 2, np.float32), np.empty(width + 2, np.float32), np.empty(width + 2, np.float32)
     slow, dense = np.empty(width, np.float32), np.empty(width, np.float32)
     for i in range(height):  # few arrays a loop: all are vector code
+        if not wanted[i]:
+            continue
         extremes(near[i], near[i + 1], near[i + 2], low, far[i], far[i + 1], far[i + 2], high)
         for j in range(width + 2):
             moves[j] = max(moving[i, j], max(moving[i + 1, j], moving[i + 2, j]))
@@ -164,8 +169,8 @@ def hidden(x, y, z, nearest):
 
 
 @kernel
-def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
-    """Weigh each sample: its confidence reduced by its age; nothing where it is hidden, too old or outside.
+def weigh(store, count, nearest, bounds, now, young, weight, untested):
+    """Weigh each sample: its confidence reduced by its age; nothing where it is hidden or outside.
 
     What is hidden waits for a while, then is rejected. Samples younger than `young` seconds are never hidden: what
     they hide may not have been traced yet.
@@ -173,7 +178,6 @@ def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
     Parameters
     ----------
     store : SampleStore; rejected samples get depth OUTSIDE and no confidence; count : int, samples stored
-    cutoff : float32 seconds of the store's clock; samples from before it are evicted, in the same way
     nearest, bounds : see PixelHistory and bound_depths
     now, young : float32 seconds of the store's clock
     weight : (capacity,) float32, written
@@ -186,11 +190,10 @@ def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
         z = screen[DEPTH, k]
         inside = z > ZERO
         i = uint32(screen[Y, k] if inside else ZERO) * width + uint32(screen[X, k] if inside else ZERO)
-        time = times[k]
-        age = now - time
+        age = now - times[k]
         a = max(age, ZERO) * decay[i]
         w = confidence[k] / (ONE + a * (ONE + a * (HALF + a * np.float32(1.0 / 6.0))))
-        weight[k] = w if inside & (time >= cutoff) else ZERO
+        weight[k] = w if inside else ZERO
         untested[tests] = uint32(k)
         tests += uint32(1) if inside & (age > young) & (z > bound[i]) else uint32(0)
     for n in range(tests):  # in a loop of their own the tests overlap
@@ -201,8 +204,3 @@ def weigh(store, count, cutoff, nearest, bounds, now, young, weight, untested):
         if weight[k] == ZERO and now - times[k] >= WAIT_S:
             screen[DEPTH, k] = OUTSIDE
             confidence[k] = ZERO
-    if cutoff > -INFINITE:
-        for k in range(count):
-            if times[k] < cutoff:
-                screen[DEPTH, k] = OUTSIDE
-                confidence[k] = ZERO
