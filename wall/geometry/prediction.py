@@ -83,8 +83,8 @@ class Predictor:
         if event.camera != last.camera:
             self._add(event)
 
-    def at(self, now: float) -> Event:
-        """The event expected when a refresh at `now` (seconds of the head's clock) becomes light.
+    def at(self, now: float, later: float = 0.0) -> Event:
+        """The event expected `later` seconds after a refresh at `now` (of the head's clock) could become light.
 
         It is the newest event itself, the same object, where nothing is expected to move; else it has a number of its
         own, below any real one's. Raises ValueError before the first event was taken.
@@ -92,7 +92,7 @@ class Predictor:
         event = self._event
         if event is None:
             raise ValueError("nothing to predict from: no event was taken yet")
-        moment = now + self._delay
+        moment = now + later + self._delay
         if not self._on or not math.isfinite(moment):
             return event
         camera = self._camera(now, moment)
@@ -171,8 +171,9 @@ class Predictor:
         return np.clip(share, 0.0, 1.0)
 
     def _look_back(self, now: float) -> None:
-        """Hold foresights whose moment has come against what came."""
-        while self._foresights and self._foresights[0].moment <= now:
+        """Hold foresights against what came: once an input is as late, or is not to be expected any more."""
+        heard = max(self._inputs[-1].time, now - GONE_S) if self._inputs else now
+        while self._foresights and self._foresights[0].moment <= heard:
             moment, camera, twist = self._foresights.popleft()
             came = between(camera, self._known(moment))
             most = OUTLIER * np.abs(twist)

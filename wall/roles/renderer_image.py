@@ -52,7 +52,9 @@ class RendererImage:
             self.expected = expected = view.begin_refresh(now)
             changed = self.composition.refresh(expected, now)
             self._rests = not changed and expected.number == view.event.number
-            view.due = max(view.due, now + (self._clock.now() - began) / SHARE_OF_TIME)
+            took = self._clock.now() - began
+            view.made(took)
+            view.due = max(view.due, now + took / SHARE_OF_TIME)
             if view.event.statistics:
                 yield from self.composition.offer_statistics(now)
         yield from self.composition.send()

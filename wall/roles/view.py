@@ -7,8 +7,9 @@ import math
 from wall.core.data import Event
 from wall.roles.plan import Plan, make_predictor
 
-INTERVAL_SHARE = 0.2  # of the newest interval in the moving mean
+NEWEST_SHARE = 0.2  # of the newest time in a moving mean
 LONGEST_INTERVAL_S = 0.25  # longer ones are pauses
+ON_ITS_WAY_S = 0.005  # an image that was made elsewhere, until the head shows it: 4 to 8 ms were measured
 
 
 class FollowedView:
@@ -20,6 +21,7 @@ class FollowedView:
         self.due = math.inf  # when it is refreshed next, seconds of the head's clock; never before the first event
         self._began = -math.inf  # the last refresh
         self._interval = self.period  # between refreshes, a moving mean: more than the period where they take longer
+        self._making = 0.0  # from a refresh here to the one of the head that shows it, a moving mean
         self._predictor = make_predictor(plan, index)
 
     def take(self, event: Event) -> bool:
@@ -38,6 +40,10 @@ class FollowedView:
         It is seen until the next one is: the middle of that time is where its error is least.
         """
         if now - self._began < LONGEST_INTERVAL_S:
-            self._interval += INTERVAL_SHARE * (now - self._began - self._interval)
+            self._interval += NEWEST_SHARE * (now - self._began - self._interval)
         self._began, self.due = now, max(self.due + self.period, now)
-        return self._predictor.at(now + 0.5 * max(self._interval, self.period))
+        return self._predictor.at(now, self._making + 0.5 * max(self._interval, self.period))
+
+    def made(self, seconds: float) -> None:
+        """An image that others show was ready so long after its refresh had begun; the display's delay starts then."""
+        self._making += NEWEST_SHARE * (seconds + ON_ITS_WAY_S - self._making)

@@ -64,6 +64,20 @@ def test_steady_orbit_comes_true(delay: float) -> None:
     assert_allclose(found.rotation(), wanted.rotation(), atol=1e-9)
 
 
+@pytest.mark.parametrize("later", [0.0, 0.02, 0.06])
+def test_steady_orbit_comes_true_for_images_that_are_seen_later(later: float) -> None:
+    """What is foreseen for a moment is judged when that moment has come, however often others are asked for before."""
+    predictor = Predictor(REFRESH_S)
+    for number, time in enumerate(ticks(0.5)):
+        predictor.take(event(number, time, orbiting(1.2 * time)))
+        predictor.at(time, later)
+
+    found, wanted = predictor.at(0.505, later).camera, orbiting(1.2 * (0.505 + later + REFRESH_S))
+
+    assert_allclose(found.origin(), wanted.origin(), atol=1e-9)
+    assert_allclose(found.rotation(), wanted.rotation(), atol=1e-9)
+
+
 @pytest.mark.parametrize("delay", [REFRESH_S, 2 * REFRESH_S])
 @pytest.mark.parametrize("acceleration", [5.0, 20.0, 40.0])  # radians / s^2; a flick reaches 5 rad/s in an eighth
 def test_growing_speed_is_off_by_just_the_bound(acceleration: float, delay: float) -> None:

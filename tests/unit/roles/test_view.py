@@ -1,0 +1,46 @@
+"""An image is made for the middle of the time that it is seen, wherever it is made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from wall.config.loading import load
+from wall.roles.plan import Plan, first_event, make_layout, make_plan
+from wall.roles.view import ON_ITS_WAY_S, FollowedView
+
+HZ, SPEED = 50.0, 2.0  # refreshes a second; world units a second
+DELAY_S, INPUT_S = 0.02, 0.01
+CONFIG = f"""\
+version: 1
+scene: {{source: courtyard}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [32, 16], size: [0.32, 0.16]}}}}
+views: [{{camera: {{position: [0, 1, 9], target: [0, 1, 0], fov: 40}}, refresh_hz: {HZ}, display_delay_s: {DELAY_S}}}]
+"""
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    path = tmp_path_factory.mktemp("view") / "wall.yaml"
+    path.write_text(CONFIG)
+    return make_plan(make_layout(load(path)))
+
+
+@pytest.mark.parametrize("making", [None, 0.015])
+def test_a_view_in_motion_is_foreseen_for_the_middle_of_the_time_it_is_seen(plan: Plan, making: float | None) -> None:
+    """The display's delay begins with a refresh of the head: with this one, or when an image made here is ready."""
+    view, first = FollowedView(plan, 0), first_event(plan, 0.0)
+    x, y, z = first.camera.position
+    for k in range(60):
+        now = k * INPUT_S
+        camera = replace(first.camera, position=(x + SPEED * now, y, z))
+        view.take(replace(first, camera_event=k + 1, input_time=now, camera=camera))
+        if k % 2 == 1:
+            expected = view.begin_refresh(now)
+            if making is not None:
+                view.made(making)
+
+    ahead = (expected.camera.position[0] - x) / SPEED - now
+    until_shown = 0.0 if making is None else making + ON_ITS_WAY_S
+    assert ahead == pytest.approx(until_shown + DELAY_S + 0.5 / HZ, abs=1e-3)
