@@ -312,9 +312,10 @@ class RestSchedule:
     """When tiles in which nothing moves are resolved anew: what moved there may have left holes, samples fill them.
 
     First after a sixteenth of a sample a pixel, or an eighth where only some tiles moved, then after twice as many,
-    and so on, until pixels show their own means.
+    and so on, until pixels show their own means. Once in INTERVAL_S at most: meanwhile pixels show what they have.
     """
 
+    INTERVAL_S = 0.1
     FIRST, AGAIN, LAST = 1.0 / 16.0, 1.0 / 8.0, float(kernels_accumulation.MEAN_ALONE)  # samples a pixel
 
     def __init__(self, arrived: NDArray[np.int32], pixels: int) -> None:
@@ -322,15 +323,19 @@ class RestSchedule:
         self._arrived, self._last = arrived, int(self.LAST * pixels)
         self._first, self._again = max(int(self.FIRST * pixels), 1), max(int(self.AGAIN * pixels), 1)
         self._due = np.full_like(arrived, self._first)
+        self._next = float("-inf")  # not before, seconds
 
     def move(self, tiles: NDArray[np.bool_] | None = None) -> None:
         """Something moved in these tiles, in all if None: they were resolved."""
         chosen = slice(None) if tiles is None else tiles
         self._arrived[chosen], self._due[chosen] = 0, self._first if tiles is None else self._again
+        self._next = float("-inf") if tiles is None else self._next
 
-    def take_due(self) -> NDArray[np.bool_]:
-        """(rows, columns) bool of tiles that are to be resolved anew, now."""
-        due: NDArray[np.bool_] = (self._arrived >= self._due) & (self._due <= self._last)
+    def take_due(self, now: float) -> NDArray[np.bool_]:
+        """(rows, columns) bool of tiles that are to be resolved anew, at `now` seconds."""
+        due: NDArray[np.bool_] = (self._arrived >= self._due) & (self._due <= self._last) & (now >= self._next)
+        if due.any():
+            self._next = now + self.INTERVAL_S
         late = due
         while late.any():
             self._due[late] *= 2

@@ -115,11 +115,11 @@ class Reconstruction:
         self.poses.show(event)
         self.refreshes += 1
         if not self.nothing_moves:
-            self._reconstruct(self.buffer.seconds(now))
+            self._reconstruct(self._schedule.take_due(now), self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
         elif self.count:
-            self._splat(self.poses.moved(), self._schedule.take_due(), self.buffer.seconds(now))
+            self._splat(self.poses.moved(), self._schedule.take_due(now), self.buffer.seconds(now))
         if not self._with.accumulation:
             history.clear_accumulation()
         if history.dirty.any():
@@ -189,14 +189,14 @@ class Reconstruction:
         counts: Float32 = self.buffer.history.accumulation[..., COUNT]
         return counts
 
-    def _reconstruct(self, now: np.float32) -> None:
-        """Make the image of the event shown. `now`: seconds of the store's clock."""
+    def _reconstruct(self, due: NDArray[np.bool_], now: np.float32) -> None:
+        """Make the image of the event shown. `due`: see RestSchedule; `now`: seconds of the store's clock."""
         buffer = self.buffer
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
         tiles = buffer.reject_contradicted() | (not self._in_parts())
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
         buffer.reproject(moved, changed, tiles)
-        redone = self._splat(moved, tiles | self._schedule.take_due(), now)
+        redone = self._splat(moved, tiles | due, now)
         buffer.reject_accumulation(changed, redone)
         self._schedule.move(None if redone.all() else tiles)
 

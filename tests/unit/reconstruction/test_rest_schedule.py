@@ -18,7 +18,7 @@ def test_a_tile_is_due_after_a_sixteenth_of_a_sample_a_pixel_then_after_twice_as
     due = []
     for samples in range(1, 20 * PIXELS):
         arrived[1, 2] += 1
-        if (tiles := schedule.take_due()).any():
+        if (tiles := schedule.take_due(float(samples))).any():
             due.append(samples)
             assert np.argwhere(tiles).tolist() == [[1, 2]]
     assert due == [10, 20, 40, 80, 160, 320, 640]
@@ -27,18 +27,25 @@ def test_a_tile_is_due_after_a_sixteenth_of_a_sample_a_pixel_then_after_twice_as
 def test_it_begins_anew_where_something_moves_and_a_large_batch_counts_once() -> None:
     arrived = np.full((1, 2), 3 * PIXELS, np.int32)
     schedule = RestSchedule(arrived, PIXELS)
-    assert schedule.take_due().all()
-    assert not schedule.take_due().any()
+    assert schedule.take_due(0.0).all()
+    assert not schedule.take_due(1.0).any()
     schedule.move(np.array([[True, False]]))
-    arrived += 9
-    assert not schedule.take_due().any()
+    arrived += 19
+    assert not schedule.take_due(2.0).any()
     arrived += 1
-    assert not schedule.take_due().any()
-    arrived += 10
-    assert schedule.take_due().tolist() == [[True, False]]
+    assert schedule.take_due(3.0).tolist() == [[True, False]]
     schedule.move()
     arrived += 10
-    assert schedule.take_due().all()
+    assert schedule.take_due(4.0).all()
+
+
+def test_between_two_times_there_is_a_pause() -> None:
+    arrived = np.full((1, 1), 10, np.int32)
+    schedule = RestSchedule(arrived, PIXELS)
+    assert schedule.take_due(5.0).all()
+    arrived += 10
+    assert not schedule.take_due(5.0 + 0.9 * RestSchedule.INTERVAL_S).any()
+    assert schedule.take_due(5.0 + 1.1 * RestSchedule.INTERVAL_S).all()
 
 
 def test_an_image_is_not_made_again_of_nothing() -> None:

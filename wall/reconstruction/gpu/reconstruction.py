@@ -143,7 +143,7 @@ class GpuReconstruction:
             return
         if not stood:
             self._rest()
-        elif self.count and self._schedule.take_due().any():
+        elif self.count and self._schedule.take_due(now).any():
             self._reconstruct(now, stood=True)
             self._passes.read_resolved(self._resolved)
             history.dirty[:] = True
