@@ -16,6 +16,7 @@ from wall.roles.renderer_image import RendererImage
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
+from wall.scene.needs import needs
 
 SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, which may lag behind the displayed one
 
@@ -41,7 +42,7 @@ class AdaptiveRenderer:
         panel = plan.layout.wall.panels[region.panel]
         self._panel_view = PanelView(plan.view_of(panel), panel)
         self.reconstruction = shown.reconstruction if shown is not None else Reconstruction(
-            panel, self._panel_view.eye, plan.scene, detects_change=True, rect=band,
+            panel, self._panel_view.eye, plan.scene, detects_change=needs(plan.scene).change_detection, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
         self.sampler = AdaptiveSampler(

@@ -20,6 +20,7 @@ from wall.reconstruction.gpu.reconstruction import GpuReconstruction
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan
 from wall.roles.statistics import statistics_image_of
+from wall.scene.needs import needs
 
 
 class ReprojectedLayer:
@@ -84,7 +85,8 @@ class ReprojectedLayer:
         sampling, eye, panel, scene = self._plan.layout.sampling, self._panel_view.eye, self._panel, self._plan.scene
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self._layer.at_renderer:
-            self.reconstruction = Reconstruction(panel, eye, scene, detects_change=True, samples_per_pixel=kept)
+            changes = needs(scene).change_detection
+            self.reconstruction = Reconstruction(panel, eye, scene, detects_change=changes, samples_per_pixel=kept)
             self.choice = Choice(on="cpu", why="at its renderer")
             return self.reconstruction
         if self._layer.transparent:

@@ -22,6 +22,7 @@ class Needs:
     instancing: bool  # a mesh is placed more than once
     animation: bool
     emission: bool
+    change_detection: bool  # a surface may look different from one moment, or one place of the eye, to the next
     relighting: bool  # something moves under lights, and a light visibility mask has a bit for each
 
 
@@ -30,16 +31,18 @@ def needs(scene: Scene) -> Needs:
     meshes = [scene.meshes[k] for k in {instance.mesh for instance in scene.instances}]
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
     textured = any(mesh.uvs is not None and scene.materials[mesh.material].texture is not None for mesh in meshes)
+    mirrors = any(material.mirror > 0.0 for material in materials)
     return Needs(
         textures=textured,
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
-        mirrors=any(material.mirror > 0.0 for material in materials),
+        mirrors=mirrors,
         point_lights=bool(scene.point_lights),
         directional_lights=bool(scene.directional_lights),
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
         emission=any(max(material.emission) > 0.0 for material in materials),
+        change_detection=scene.animated or mirrors,
         relighting=scene.animated and 0 < len(scene.point_lights) + len(scene.directional_lights) <= MOST_RELIT_LIGHTS,
     )
 

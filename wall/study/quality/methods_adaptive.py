@@ -23,6 +23,7 @@ from wall.reconstruction.reconstruction import ALL, Ingredients, Reconstruction
 from wall.roles.manager import EVENTS_A_REFRESH
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.kernels import adaptive as kernels_adaptive
+from wall.scene.needs import needs
 from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
@@ -78,7 +79,8 @@ class AdaptiveMethod:
         """
         eye, scene = setup.plan.view.eye, setup.plan.scene
         self._setup, self._inputs = setup, Inputs(setup.plan)
-        self._image = Reconstruction(setup.panel, eye, scene, detects_change=True, ingredients=ingredients)
+        changes = needs(scene).change_detection
+        self._image = Reconstruction(setup.panel, eye, scene, detects_change=changes, ingredients=ingredients)
         self._shown = self._image
         if remote:
             self._shown = Reconstruction(setup.panel, eye, scene, detects_change=False)
