@@ -43,7 +43,7 @@ def run(
     headless: Annotated[bool, typer.Option("--headless", help="No browser page")] = False,
     still: Annotated[bool, typer.Option("--still", help="Begin paused, at time 0")] = False,
     until_complete: Annotated[
-        bool, typer.Option("--until-complete", help="Show time 0 and stop when the picture has all its samples")
+        bool, typer.Option("--until-complete", help="Show time 0 and stop when the image has all its samples")
     ] = False,
     record: Annotated[
         Path | None, typer.Option(help="Folder that keeps every image shown, lossless: large, for short runs")
@@ -82,14 +82,14 @@ def render(
         Path, typer.Argument(metavar="CONFIG|MODEL", help="A configuration, or a model file", show_default=False)
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="picture.png (8-bit sRGB), .exr or .npy (linear float32)")
+        Path, typer.Option("-o", "--output", help="image.png (8-bit sRGB), .exr or .npy (linear float32)")
     ],
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 64,
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels; the wall's own if left out")] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same picture")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
 ) -> None:
-    """Render one converged picture: the same bits for a seed, however many threads or ranks.
+    """Render one converged image: the same bits for a seed, however many threads or ranks.
 
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
     """
@@ -101,7 +101,7 @@ def render(
     check_suffix(output)
     loaded = load_config(what)
     with progress_bar("rendering") as update:
-        picture = render_image(
+        image = render_image(
             make_plan(make_layout(loaded)),
             spp=spp,
             seed=seed,
@@ -109,9 +109,9 @@ def render(
             at=at,
             progress=lambda done, total: update(completed=done, total=total),
         )
-    if picture is not None:
-        write_image(output, picture)
-        console.print(f"wrote {output}: {picture.shape[1]}x{picture.shape[0]}, {spp} samples a pixel, seed {seed}")
+    if image is not None:
+        write_image(output, image)
+        console.print(f"wrote {output}: {image.shape[1]}x{image.shape[0]}, {spp} samples a pixel, seed {seed}")
 
 
 @app.command()
@@ -144,7 +144,7 @@ def screenshot(
     scale: Annotated[float, typer.Option(min=1e-3, max=1e4, help="Times more pixels each way than the wall has")] = 1.0,
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels instead; flat walls only")] = None,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 16,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same picture")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
     panels: Annotated[bool, typer.Option("--panels", help="A file for each panel, wall-ID.png, instead")] = False,
     bezels: Annotated[bool, typer.Option("--bezels", help="Dark bezels; else the scene goes on behind them")] = False,
@@ -290,7 +290,7 @@ def quality(
         str, typer.Option("--methods", "--arms", help="Only these, such as framed,adaptive or 'taa_*'; all if left out")
     ] = "",
     rates: Annotated[str, typer.Option(help="Rays a second")] = "100k,400k,800k",
-    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the picture, pixels")] = "256x256",
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the image, pixels")] = "256x256",
     seeds: Annotated[int, typer.Option(min=1, max=1000, help="Seeds 1 to N")] = 5,
     out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
         "OUT/quality"
@@ -299,12 +299,12 @@ def quality(
         str, typer.Option(help="virtual: the same rays for every method; cpu: the same CPU time")
     ] = "virtual",
     cores: Annotated[str, typer.Option(help="With --clock cpu, instead of rates: CPU seconds a second")] = "1,2",
-    refresh_hz: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Pictures shown a second")] = 60.0,
+    refresh_hz: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Images shown a second")] = 60.0,
     seconds: Annotated[
         float | None, typer.Option(min=0.2, max=600.0, help="Of a run; 4, or the camera's path, if left out")
     ] = None,
 ) -> None:
-    """Measure speed against error: every way to spend rays, held against the reference picture of each refresh.
+    """Measure speed against error: every way to spend rays, held against the reference image of each refresh.
 
     [bold]wall measure quality --rates 400k --seeds 1[/]
     """
