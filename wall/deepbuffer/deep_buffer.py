@@ -33,7 +33,6 @@ BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for l
 CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
 ALL_TIMES = np.float32(-np.inf)
-LARGEST_PART = 0.5  # of the tiles: more are not worth working on alone
 OTHER_MOMENTS = kernels_accumulation.MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
 
@@ -193,19 +192,19 @@ class DeepBuffer:
         What pixels accumulated that show one of the `changed` objects (n + 1,) before or after, those that moved among
         them, is cleared. Sets the tiles (rows, columns) bool where there are such pixels.
         """
-        pose, history = self.poses.pose, self.history
+        pose, history, everything = self.poses.pose, self.history, changed.all()
         assert pose is not None
-        if changed.all():
+        if everything:
             history.clear_accumulation()
             tiles[:] = True
         else:
-            kernels_accumulation.clear_changed(self.store, self.count, changed, history, tiles)
+            kernels_accumulation.mark_changed(self.store, self.count, changed, tiles, history.accumulation)
         height, width = history.nearest.shape[:2]
         kernels_reproject.reproject(
             self.store, self.count, pose.panel_from_object, moved, np.float32(width), np.float32(height)
         )
-        if not changed.all():
-            kernels_accumulation.mark_tiles(self.store, self.count, moved, tiles)
+        if not everything:  # where they have come to
+            kernels_accumulation.mark_changed(self.store, self.count, moved, tiles, history.accumulation[:0])
 
     def part(self, tiles: NDArray[np.bool_]) -> tuple[SampleStore, int]:
         """The samples of some tiles (rows, columns) bool, and how many: to be weighed and splatted alone.
@@ -274,9 +273,8 @@ class DeepBuffer:
         """Compile what is not needed at once: no image is to wait for it."""
         store, history, none, now = self.store, self.history, np.zeros(objects + 1, np.uint8), np.float32(0.0)
         self.count = kernels_sort.compact(store, 0, ALL_TIMES)
-        kernels_accumulation.clear_changed(store, 0, none, history, history.dirty)
-        kernels_accumulation.mark_tiles(store, 0, none, history.dirty)
-        kernels_accumulation.limit_counts(history, OTHER_MOMENTS)
+        kernels_accumulation.mark_changed(store, 0, none, history.dirty, history.accumulation)
+        kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
         kernels_change.reject_contradicted(store, 0, history)
         self.give_back(self.part(history.dirty)[1])
         evict(store, 0, oldest_kept(store, 0, now, self._kept, self._ages))
@@ -350,5 +348,5 @@ def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:
     """
     if poses.spans_moments:
         poses.spans_moments = False
-        kernels_accumulation.limit_counts(history, OTHER_MOMENTS)
+        kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
         history.dirty[:] = True

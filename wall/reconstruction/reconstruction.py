@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.deep_buffer import (
-    LARGEST_PART,
     SAMPLES_PER_PIXEL,
     DeepBuffer,
     PoseTracker,
@@ -41,6 +40,7 @@ from wall.scene.needs import needs
 YOUNG_S = 0.017  # a refresh at 60 Hz: what samples hide may not have been traced yet
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s where 4 samples a pixel are seen
 DECAY_PER_GRADIENT = 100.0
+LARGEST_PART = 0.5  # of the tiles: more are not worth making anew alone
 LEVEL_OF_TILES = int(math.log2(TILE)) - 1  # of the pyramid: its pixels are as large as tiles
 
 
@@ -211,9 +211,10 @@ class Reconstruction:
         redone : (rows, columns) bool, the tiles, or all
         """
         buffer, nearest = self.buffer, self.buffer.history.nearest
-        tiles = tiles | (tiles.mean() > (LARGEST_PART if self._in_parts() else 0.0))
         if not tiles.any():
             return tiles
+        if tiles.mean() > LARGEST_PART or not self._in_parts():
+            tiles = np.ones_like(tiles)
         if tiles.all():
             kernels_visibility.find_nearest(buffer.store, buffer.count, nearest, tiles)
             buffer.evict(now)

@@ -53,29 +53,21 @@ def accumulate(history, i, j, sample):
 
 
 @kernel
-def clear_changed(store, count, changed, history, tiles):
-    """Clear what pixels accumulated in which a sample of a changed object lies: it may leave them.
+def mark_changed(store, count, changed, tiles, accumulation):
+    """Set the tiles in which a sample of a changed object lies, and clear what its pixel accumulated.
 
-    store : SampleStore, screen positions still those of the image before; count : int, samples stored
-    changed : (n + 1,) uint8, objects that are about to move, or stand in another light
-    history : PixelHistory, `accumulation` updated
-    tiles : (rows, columns) bool, tiles with such a sample are set
+    store : SampleStore, as its screen positions are; count : int, samples stored
+    changed : (n + 1,) uint8, objects that move, or stand in another light
+    tiles : (rows, columns) bool
+    accumulation : (h, w, 8) float32, or empty: then only tiles are set
     """
-    screen, objects, accumulation = store.screen_position, store.object_id, history.accumulation
+    screen, objects, clears = store.screen_position, store.object_id, accumulation.shape[0] > 0
     for k in range(count):
         if changed[objects[k]] != 0 and screen[DEPTH, k] > ZERO:
             i, j = uint32(screen[Y, k]), uint32(screen[X, k])
             tiles[i // uint32(TILE), j // uint32(TILE)] = True
-            accumulation[i, j, :] = ZERO
-
-
-@kernel
-def mark_tiles(store, count, changed, tiles):
-    """Set the tiles (rows, columns) bool in which a sample of a changed object lies; see clear_changed."""
-    screen, objects = store.screen_position, store.object_id
-    for k in range(count):
-        if changed[objects[k]] != 0 and screen[DEPTH, k] > ZERO:
-            tiles[uint32(screen[Y, k]) // uint32(TILE), uint32(screen[X, k]) // uint32(TILE)] = True
+            if clears:
+                accumulation[i, j, :] = ZERO
 
 
 @kernel
@@ -119,13 +111,12 @@ def reject_pixel(history, changed, i, j):
 
 
 @kernel
-def limit_counts(history, most):
-    """Let every pixel's accumulation weigh as `most` samples (float32) at most. history : PixelHistory"""
-    for i in range(history.accumulation.shape[0]):
-        for j in range(history.accumulation.shape[1]):
-            pixel = history.accumulation[i, j]
-            if pixel[COUNT] > most:
-                shorten(pixel, most / pixel[COUNT])
+def limit_counts(accumulation, most):
+    """Let every pixel's accumulation weigh as `most` samples (float32) at most."""
+    for i in range(accumulation.shape[0]):
+        for j in range(accumulation.shape[1]):
+            if accumulation[i, j, COUNT] > most:
+                shorten(accumulation[i, j], most / accumulation[i, j, COUNT])
 
 
 @inline_kernel

@@ -14,9 +14,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO = np.float32(0.0)
-REACH = (
-    2  # pixels beyond a tile: samples there share pixels with those that spread from the tile to the pixel next to it
-)
+REACH = 2  # pixels beyond a tile: samples there may share a pixel with one that spreads from inside it
 
 
 @kernel
