@@ -23,7 +23,7 @@ from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, Plan, first_event
-from wall.sampling.progressive import ProgressiveSampler
+from wall.sampling.progressive import ProgressiveSampler, footprint_of
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
@@ -129,7 +129,7 @@ class OfflineRenderer:
         """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
         tracer, sampler = self._tracer(tile), ProgressiveSampler(rect, seed=tile.seed)
         for sample in range(self._spp):
-            sampler.add(tracer.trace(sampler.positions(sample))[0])
+            sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp))[0])
         return sampler.mean()
 
     def bands(

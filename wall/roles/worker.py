@@ -65,7 +65,7 @@ class Worker:
         event = self._panel_view(targets.event)
         tracer = self._tracer_at(event, self.sampler.coherent)
         began = self._clock.now()
-        samples, cost = tracer.trace(targets.xy)
+        samples, cost = tracer.trace(targets.xy, targets.footprint)
         step = max(0.0, self._clock.now() - began) / len(targets.xy)
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
         self.sampler.observe(samples, began)

@@ -20,6 +20,8 @@ from wall.sampling.tiles import Division, Grid, Measured
 
 FLOOR_MOVING, FLOOR_STILL = np.float32(3e-5), np.float32(1e-5)  # squared display units; see docs/lab/quality.md
 PACKETS_A_STEP = 4  # of 64 rays, between two changes of the cut
+# pixels, edge of the square that a sample stands for: less than 1, since its neighbours are splatted to the same pixels
+FOOTPRINT_MOVING, FOOTPRINT_STILL = 0.5, 0.25
 ENOUGH = np.float32(0.5 / 255.0)  # display units: half a step of 8 bits
 
 
@@ -50,7 +52,7 @@ class AdaptiveSampler:
         self._scores = kernels.Scores(contrast, density, score)
         self._pixels = kernels.Pixels(np.zeros(shape, np.uint16), seed, rect.x, rect.y)
         self.division: Division = (Cut if tiling == "cut" else Grid)(rect.width, rect.height)
-        self._floor = FLOOR_MOVING
+        self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
 
     def replan(self, feedback: Feedback) -> None:
         """Score every pixel anew."""
@@ -59,10 +61,10 @@ class AdaptiveSampler:
             return
         scores, tiles, accumulation = self._scores, self.division.tiles, feedback.accumulation
         if feedback.nothing_moves:
-            self._floor = FLOOR_STILL
+            self._floor, self._footprint = FLOOR_STILL, FOOTPRINT_STILL
             kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, scores, tiles)
         else:
-            self._floor = FLOOR_MOVING
+            self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
             kernels.score_moving(
                 feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
                 self._floor, scores, tiles,
@@ -99,7 +101,9 @@ class AdaptiveSampler:
         score = self._scores.score
         self.division.adjust(score, max(1, packets // PACKETS_A_STEP))
         filled = kernels.draw(score, self.division.tiles, self._pixels, self._sequence, xy)
-        return Targets(xy=xy[:filled], event=newest) if filled else None
+        if not filled:
+            return None
+        return Targets(xy=xy[:filled], event=newest, footprint=self._footprint)
 
     def observe(self, samples: Samples) -> None:
         """Update scores by samples that the reconstruction has taken in, and has written their `change` to."""

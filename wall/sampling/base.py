@@ -26,6 +26,7 @@ class Targets:
     frame: int = 0  # see wall.core.data.Batch
     frame_samples: int = 0
     blend: float = 1.0
+    footprint: float = 1.0  # pixels, edge of the square that a sample stands for: textures are filtered over it
 
 
 class Sampler(Protocol):

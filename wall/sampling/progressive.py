@@ -7,11 +7,20 @@ R2: M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from wall.core.data import Float32, Float64, Rect, Samples
 from wall.sampling.kernels import permutation as kernels
 from wall.sampling.ownership import block_order
+
+SMALLEST_FOOTPRINT = 1 / 8  # pixels
+
+
+def footprint_of(spp: int) -> float:
+    """Edge of the square, pixels, that each of `spp` samples of a pixel stands for."""
+    return max(SMALLEST_FOOTPRINT, 1.0 / math.sqrt(spp))
 
 
 class ProgressiveSampler:

@@ -105,11 +105,11 @@ class Tracer:
         self._transforms = embree.aligned((n, 12), np.float32)
         self._surfaces = tracer_scene.surfaces._replace(
             placements=np.zeros((n, PLACEMENT_COLUMNS), np.float32),
-            eye_from_object=self._transforms if tracer_scene.needs.relighting else None,
+            eye_from_object=self._transforms,
         )
         self._lights = Lights(None, None, tracer_scene.sky, tracer_scene.sky_irradiance)
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
-        self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64))
+        self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0)
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def set_event(self, event: Event) -> None:
@@ -145,11 +145,13 @@ class Tracer:
             directional = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
             self._lights = self._lights._replace(directional=directional)
 
-    def trace(self, xy: Float32) -> tuple[Samples, Traced]:
+    def trace(self, xy: Float32, footprint: float = 1.0) -> tuple[Samples, Traced]:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
 
+        footprint : pixels, edge of the square whose mean of a texture each sample shows; 0: the nearest texels alone
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
         """
+        self._ray_frame = self._ray_frame._replace(footprint=footprint)
         samples = np.zeros(len(xy), SAMPLE)
         work = self._work
         work.counts[:] = 0

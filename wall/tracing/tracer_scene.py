@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.colour import srgb_decoded
+from wall.core.colour import srgb_decoded, srgb_encoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import Mesh
@@ -37,7 +37,7 @@ class TracerScene:
     device: Device
     meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
     extents: Float64  # (n,) radius of each instance's mesh about its origin
-    surfaces: Surfaces  # without placements, which are each Tracer's own
+    surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
     materials: Materials
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
@@ -79,7 +79,9 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
             normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
             colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
             uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
-            eye_from_object=None,
+            vertices=vertices if wanted.textures else None,
+            eye_from_object=np.zeros((0, 12), np.float32),
+            relit=True if wanted.relighting else None,
         ),
         materials=_materials(scene, wanted),
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
@@ -109,18 +111,42 @@ def _attribute(meshes: tuple[Mesh, ...], name: str, width: int) -> Float32:
 
 def _materials(scene: Scene, wanted: Needs) -> Materials:
     """One MATERIAL row for each of the scene's materials, and the texels of all textures one after another."""
-    sizes = [texture.texels.shape[:2] for texture in scene.textures]
-    firsts = np.cumsum([0, *(height * width for height, width in sizes)])
+    texels = [mip_levels(texture.texels) for texture in scene.textures] if wanted.textures else []
+    firsts = np.cumsum([0, *map(len, texels)])
     rows = np.zeros(len(scene.materials), MATERIAL)
     for row, material in zip(rows, scene.materials, strict=True):
         row["base_color"], row["mirror"], row["emission"] = material.base_color, material.mirror, material.emission
         if wanted.textures and (texture := material.texture) is not None:
             row["first_texel"] = firsts[texture]
-            row["texture_height"], row["texture_width"] = sizes[texture]
+            row["texture_height"], row["texture_width"] = scene.textures[texture].texels.shape[:2]
     return Materials(
         rows=rows,
-        texels=np.concatenate([t.texels.reshape(-1, 3) for t in scene.textures]) if wanted.textures else None,
+        texels=np.concatenate(texels) if wanted.textures else None,
         linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
         emits=True if wanted.emission else None,
         mirrors=True if wanted.mirrors else None,
     )
+
+
+def mip_levels(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(p, 3) sRGB texels of (h, w, 3) and of its mip levels, each half as wide and high, rounded down, to one texel.
+
+    A level's texel is the mean of what it covers in the level before, in linear light.
+    """
+    levels, linear = [texels.reshape(-1, 3)], srgb_decoded(texels / 255.0)
+    while linear.shape[:2] != (1, 1):
+        linear = _halved(_halved(linear).swapaxes(0, 1)).swapaxes(0, 1)
+        levels.append(np.round(srgb_encoded(linear) * 255.0).astype(np.uint8).reshape(-1, 3))
+    return np.concatenate(levels)
+
+
+def _halved(rows: Float64) -> Float64:
+    """Means of rows (n, ...), half as many, rounded down, each of the same share of the n."""
+    n, half = len(rows), max(1, len(rows) // 2)
+    if n == 2 * half:
+        return 0.5 * (rows[::2] + rows[1::2])
+    edges = np.arange(half + 1) * (n / half)
+    whole = np.minimum(edges.astype(np.int64), n - 1)
+    sums = np.concatenate([np.zeros_like(rows[:1]), np.cumsum(rows, axis=0)])
+    at_edges = sums[whole] + (edges - whole).reshape(-1, *[1] * (rows.ndim - 1)) * rows[whole]
+    return np.diff(at_edges, axis=0) * (half / n)

@@ -148,7 +148,7 @@ def test_temporal_antialiasing_of_a_still_scene_converges(setup: MakeSetup) -> N
     given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ)
     method = FRAMED["taa_full"](given)
     one, many = error(given, method.show(0.0), 0.0), error(given, run(method, 0.6), 0.0)
-    assert many < one / 3  # random ones would leave a sixth after 36 frames; R2 within a pixel is no worse
+    assert many < one / 2.5  # of a first frame that is filtered already
 
 
 @pytest.mark.usefixtures("compiled_only")

@@ -20,6 +20,7 @@ from wall.study.quality.kernels.maps import PointMaps
 from wall.study.quality.method import Inputs, MeteredTracer, Setup, centres
 
 ROUNDING_RAYS = 1e-6  # a ray that is done but for the rounding of times is done
+AVERAGED_FOOTPRINT = 0.5  # pixels, of samples that are averaged on the way to a pixel; the best for `adaptive` too
 R2 = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's powers; M. Roberts 2018
 
 
@@ -82,6 +83,7 @@ class FramedMethod:
         self._rate, self._display, self._grid = setup.rate, display, grid
         self._cells = block_order(Rect(x=0, y=0, width=columns, height=rows), worker=0, workers=1)
         self._spacing = np.array(setup.size, np.float64) / grid
+        self._footprint = AVERAGED_FOOTPRINT if display.jittered else float(self._spacing.max())
         self._inputs, self._tracer = Inputs(setup.plan), MeteredTracer(setup, coherent=True)
         self._raster = np.zeros((rows, columns), SAMPLE)
         self._now, self._frame, self._done, self._allowed = 0.0, 0, 0.0, 0
@@ -120,7 +122,9 @@ class FramedMethod:
         """Trace the frame under way. A sample that is dropped leaves the pixel's one of the frame before."""
         self._frame += 1
         xy = self._positions()
-        samples = self._tracer.trace(xy, event, self._now, frame=self._frame, frame_samples=len(xy))
+        samples = self._tracer.trace(
+            xy, event, self._now, frame=self._frame, frame_samples=len(xy), footprint=self._footprint
+        )
         columns, rows = self._grid
         x, y = (samples["xy"] / self._spacing).astype(np.int64).T
         self._raster[np.minimum(y, rows - 1), np.minimum(x, columns - 1)] = samples
@@ -180,7 +184,8 @@ class FramelessMethod:
             xy = self._renderer.choose(int(self._owed + ROUNDING_RAYS), event, end)
             if len(xy):
                 self._owed -= len(xy)
-                self._renderer.take(self._tracer.trace(xy, event, end), event, end)
+                samples = self._tracer.trace(xy, event, end, footprint=AVERAGED_FOOTPRINT)
+                self._renderer.take(samples, event, end)
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
     def show(self, time: float) -> Float32:

@@ -151,19 +151,27 @@ class MeteredTracer:
         return self.rays, self.secondary, self.bytes
 
     def trace(
-        self, xy: Float32, event: Event, time: float, *, frame: int = 0, frame_samples: int = 0, blend: float = 1.0
+        self,
+        xy: Float32,
+        event: Event,
+        time: float,
+        *,
+        frame: int = 0,
+        frame_samples: int = 0,
+        blend: float = 1.0,
+        footprint: float = 1.0,
     ) -> Samples:
         """Samples at (n, 2) float32 panel pixels under `event`, counted and sent at `time` seconds."""
-        samples, dropped = self.trace_only(xy, event)
+        samples, dropped = self.trace_only(xy, event, footprint)
         self.send(samples, event, time, frame=frame, frame_samples=frame_samples, dropped=dropped, blend=blend)
         return samples
 
-    def trace_only(self, xy: Float32, event: Event) -> tuple[Samples, int]:
+    def trace_only(self, xy: Float32, event: Event, footprint: float = 1.0) -> tuple[Samples, int]:
         """Samples that are counted but not sent yet, and how many rays gave none."""
         if self._placed is not event:
             self._tracer.set_event(event)
             self._placed = event
-        samples, cost = self._tracer.trace(xy)
+        samples, cost = self._tracer.trace(xy, footprint)
         self.rays += cost.primary
         self.secondary += cost.shadow + cost.secondary
         return samples, cost.bad

@@ -109,12 +109,12 @@ class AdaptiveMethod:
                 self._spent = owed  # no pixel gains: this time passes unused
                 continue
             self._spent += len(targets.xy)
-            self._trace(targets.xy, event, now)
+            self._trace(targets.xy, event, now, targets.footprint)
         self._now = until
         self.rays, self.secondary, self.bytes = self._tracer.counts
 
-    def _trace(self, xy: Float32, event: Event, now: float) -> None:
-        samples, _ = self._tracer.trace_only(xy, event)
+    def _trace(self, xy: Float32, event: Event, now: float, footprint: float = 1.0) -> None:
+        samples, _ = self._tracer.trace_only(xy, event, footprint)
         self._image.insert(samples, now, event)  # which writes into them what they contradict
         self._sampler.observe(samples)
         self._tracer.send(samples, event, now)

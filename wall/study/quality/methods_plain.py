@@ -64,7 +64,7 @@ class SamplerMethod:
     def _trace(self, targets: Targets) -> None:
         samples = self._tracer.trace(
             targets.xy, targets.event, self._now, frame=targets.frame, frame_samples=targets.frame_samples,
-            blend=targets.blend,
+            blend=targets.blend, footprint=targets.footprint,
         )  # fmt: skip
         self._sampler.observe(samples, self._now)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from wall.core.data import Event, Float32
 from wall.packets.samples import MAX_SAMPLES
-from wall.sampling.progressive import ProgressiveSampler
+from wall.sampling.progressive import ProgressiveSampler, footprint_of
 from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
@@ -63,7 +63,7 @@ class ProgressiveMethod:
             xy = self._xy[self._at : self._at + count]
             self._at = (self._at + len(xy)) % len(self._xy)
             count -= len(xy)
-            self._sampler.add(self._tracer.trace(xy, event, now))
+            self._sampler.add(self._tracer.trace(xy, event, now, footprint=footprint_of(self._sweep)))
 
     def _fresh(self) -> ProgressiveSampler:
         return ProgressiveSampler(self._setup.rect, seed=self._setup.seed)

@@ -24,6 +24,15 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     THROUGHPUT,  # share of the newest ray's radiance that reaches the eye through the mirrors before it
     LIGHT_WEIGHT,  # factor of a light's irradiance or intensity, besides the albedo; 0: the surface is turned away
     IRRADIANCE,  # radiance over albedo of the first surface: irradiance over pi
+    CONE_WIDTH,  # of the footprint where the newest ray starts; written only where there are textures
+    CONE_SPREAD,  # what it grows by in each unit of the way
+    TEXTURED,  # 1 where the newest ray hit a texture; the rows behind it are only written there
+    EDGE_1_X, EDGE_1_Y, EDGE_1_Z, EDGE_2_X, EDGE_2_Y, EDGE_2_Z,  # of the triangle, from corner 0, relative to the eye
+    MAPPING_U0, MAPPING_U1, MAPPING_U2,  # texture coordinate u at the hit, and by how much it grows along both edges
+    MAPPING_V0, MAPPING_V1, MAPPING_V2,
+    TEXELS_U, TEXELS_V,  # of the texture
+    LONG_U, LONG_V,  # longer axis of the footprint, texture coordinates
+    LONG_SQUARE, SHORT_SQUARE,  # squares of the footprint's axes in texels
     DEPTH,  # of the first surface, from the eye; inf = background
     HIT,  # 1 where the newest ray hit something, else 0
     OBJECT_ID,  # uint32, of the first surface; 0 = background
@@ -31,7 +40,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 32 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 53 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = PRIMARY_MASK + PACKET
 
 

@@ -15,7 +15,6 @@ from wall.tracing.kernels.values import (
     FIRST_VERTEX,
     HAS_COLORS,
     HAS_NORMALS,
-    HAS_UVS,
     MATERIAL_ROW,
     MESH_FLAGS,
     MISS,
@@ -26,7 +25,7 @@ from wall.tracing.kernels.values import (
     ZERO,
 )
 
-NORMALS_FLAG, COLORS_FLAG, UVS_FLAG = np.uint32(HAS_NORMALS), np.uint32(HAS_COLORS), np.uint32(HAS_UVS)
+NORMALS_FLAG, COLORS_FLAG = np.uint32(HAS_NORMALS), np.uint32(HAS_COLORS)
 
 
 @inline_kernel
@@ -139,46 +138,3 @@ def colour_by_vertices(surfaces, colors, work):
                 p[rows.ALBEDO_R + lane] *= w * colors[i0, 0] + u * colors[i1, 0] + v * colors[i2, 0]
                 p[rows.ALBEDO_G + lane] *= w * colors[i0, 1] + u * colors[i1, 1] + v * colors[i2, 1]
                 p[rows.ALBEDO_B + lane] *= w * colors[i0, 2] + u * colors[i1, 2] + v * colors[i2, 2]
-
-
-@inline_kernel
-def colour_by_textures(surfaces, materials, uvs, work):
-    """Multiplies albedo by textures (bilinear, repeating) at texture coordinates uvs (v, 2); None does nothing."""
-    if uvs is not None:
-        p, bits = work.packet, work.bits
-        for lane in range(16):
-            if p[rows.HIT + lane] == ZERO:
-                continue
-            if surfaces.mesh_table[bits[embree.INSTANCE + lane], MESH_FLAGS] & UVS_FLAG == np.uint32(0):
-                continue
-            material = material_of(surfaces, materials, lane, work)
-            if material["texture_width"] > 0:
-                i0, i1, i2 = corners_of(surfaces, lane, work)
-                w, u, v = weights_of(lane, work)
-                x = w * uvs[i0, 0] + u * uvs[i1, 0] + v * uvs[i2, 0]
-                y = w * uvs[i0, 1] + u * uvs[i1, 1] + v * uvs[i2, 1]
-                r, g, b = texel_at(materials.texels, material, materials.linear_of_srgb, x, y)
-                p[rows.ALBEDO_R + lane] *= r
-                p[rows.ALBEDO_G + lane] *= g
-                p[rows.ALBEDO_B + lane] *= b
-
-
-@inline_kernel
-def texel_at(texels, material, to_linear, u, v):
-    """Bilinear lookup of a material's texture in linear light; v up, wrapped."""
-    first, width, height = material["first_texel"], material["texture_width"], material["texture_height"]
-    x = (u - np.floor(u)) * width - np.float32(0.5)
-    y = (ONE - (v - np.floor(v))) * height - np.float32(0.5)
-    if not (x > -ONE and y > -ONE):  # NaN coordinates read texel 0
-        x, y = ZERO, ZERO
-    x0, y0 = math.floor(x), math.floor(y)
-    fx, fy = np.float32(x - x0), np.float32(y - y0)
-    x1, y1 = (x0 + 1) % width, (y0 + 1) % height
-    x0, y0 = x0 % width, y0 % height
-    a, b = texels[first + y0 * width + x0], texels[first + y0 * width + x1]
-    c, d = texels[first + y1 * width + x0], texels[first + y1 * width + x1]
-    wa, wb, wc, wd = (ONE - fx) * (ONE - fy), fx * (ONE - fy), (ONE - fx) * fy, fx * fy
-    red = wa * to_linear[a[0]] + wb * to_linear[b[0]] + wc * to_linear[c[0]] + wd * to_linear[d[0]]
-    green = wa * to_linear[a[1]] + wb * to_linear[b[1]] + wc * to_linear[c[1]] + wd * to_linear[d[1]]
-    blue = wa * to_linear[a[2]] + wb * to_linear[b[2]] + wc * to_linear[c[2]] + wd * to_linear[d[2]]
-    return red, green, blue

@@ -27,12 +27,12 @@ from wall.tracing.kernels.lights import (
 )
 from wall.tracing.kernels.rows import set_xyz, xyz
 from wall.tracing.kernels.surface import (
-    colour_by_textures,
     colour_by_vertices,
     finish_surfaces,
     gather_surfaces,
     material_of,
 )
+from wall.tracing.kernels.textures import colour_by_textures, start_footprints, widen_footprints
 from wall.tracing.kernels.values import (
     ALL_LIGHTS,
     BAD_SAMPLES,
@@ -75,8 +75,9 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
+        start_footprints(camera, materials.texels, work)
         trace_packet(scene, count, surfaces, materials, lights, work)
-        kept = write_samples(xy, first, count, samples, kept, surfaces.eye_from_object, work)
+        kept = write_samples(xy, first, count, samples, kept, surfaces.relit, work)
     return kept
 
 
@@ -92,7 +93,7 @@ def trace_packet(scene, count, surfaces, materials, lights, work):
         bits[rows.OBJECT_ID + lane] = np.uint32(0) if missed else bits[embree.INSTANCE + lane] + np.uint32(1)
     light_packet(scene, surfaces, materials, lights, work)
     divide_out_albedo(work)
-    encode_normals(surfaces.eye_from_object, surfaces, materials, work)
+    encode_normals(surfaces.relit, surfaces, materials, work)
     follow_mirrors(materials.mirrors, scene, surfaces, materials, lights, work)
 
 
@@ -130,6 +131,7 @@ def follow_mirrors(mirrors, scene, surfaces, materials, lights, work):
             set_xyz(p, rows.PATH_RADIANCE_R, lane, ZERO, ZERO, ZERO)
             p[rows.THROUGHPUT + lane] = ONE
         for _bounce in range(MAX_BOUNCES):
+            widen_footprints(materials.texels, work)
             going = reflect(surfaces, materials, work)
             if going == 0:
                 break
@@ -158,20 +160,20 @@ def divide_out_albedo(work):
 
 
 @inline_kernel
-def encode_normals(eye_from_object, surfaces, materials, work):
+def encode_normals(relit, surfaces, materials, work):
     """Fills the rows NORMAL_CODE and SAMPLE_VISIBILITY: normals in their objects' frames, and visible lights.
 
     A code is octahedral, 2 x 8 bits. Mirrors get none: their radiance is not their surface's.
-    eye_from_object : (n, 12) float32 | None; None does nothing
+    relit = None does nothing.
     """
-    if eye_from_object is not None:
+    if relit is not None:
         p, bits = work.packet, work.bits
         for lane in range(16):
             mirror = p[rows.HIT + lane] != ZERO and material_of(surfaces, materials, lane, work)["mirror"] > ZERO
             if p[rows.HIT + lane] == ZERO or mirror:
                 bits[rows.NORMAL_CODE + lane], bits[rows.SAMPLE_VISIBILITY + lane] = NO_NORMAL, ALL_LIGHTS
                 continue
-            m = eye_from_object[bits[embree.INSTANCE + lane]]
+            m = surfaces.eye_from_object[bits[embree.INSTANCE + lane]]
             a, b, c = xyz(p, rows.SHADING_NORMAL_X, lane)
             x, y, z = m[0] * a + m[4] * b + m[8] * c, m[1] * a + m[5] * b + m[9] * c, m[2] * a + m[6] * b + m[10] * c
             size = STEPS / max(abs(x) + abs(y) + abs(z), TINY)
@@ -184,7 +186,7 @@ def encode_normals(eye_from_object, surfaces, materials, work):
 
 
 @inline_kernel
-def write_samples(xy, first, count, samples, kept, eye_from_object, work):
+def write_samples(xy, first, count, samples, kept, relit, work):
     """Writes the packet's records from `kept` on, leaving out radiance that is not finite. Returns the new `kept`."""
     p, bits = work.packet, work.bits
     for lane in range(count):
@@ -202,7 +204,7 @@ def write_samples(xy, first, count, samples, kept, eye_from_object, work):
         sample["object_id"] = bits[rows.OBJECT_ID + lane]
         sample["sqrt_irradiance"] = math.sqrt(max(p[rows.IRRADIANCE + lane], ZERO))
         sample["change"] = ZERO
-        if eye_from_object is not None:
+        if relit is not None:
             code = bits[rows.NORMAL_CODE + lane]
             sample["normal"][0] = np.int8(np.int32(code & BYTE) - CODE_OFFSET)
             sample["normal"][1] = np.int8(np.int32(code >> np.uint32(8)) - CODE_OFFSET)

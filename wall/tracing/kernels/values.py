@@ -45,8 +45,8 @@ MATERIAL = np.dtype(
         ("base_color", np.float32, (3,)),  # linear RGB reflectance
         ("mirror", np.float32),  # share of the ray that is mirrored, 0..1
         ("emission", np.float32, (3,)),  # W sr^-1 m^-2
-        ("first_texel", np.int32),  # row of Materials.texels
-        ("texture_width", np.int32),  # texels; 0 = no texture
+        ("first_texel", np.int32),  # row of Materials.texels, of the finest level; coarser ones follow it
+        ("texture_width", np.int32),  # texels, of the finest level; 0 = no texture
         ("texture_height", np.int32),
     ]
 )
@@ -57,6 +57,7 @@ class RayFrame(NamedTuple):
 
     frame: Float64  # (3, 3) rows A, B, C
     corner: Float64  # (2,) the panel's top left corner on the virtual screen, pixels
+    footprint: float  # pixels, edge of the square whose mean of a texture a sample shows
 
 
 class Surfaces(NamedTuple):
@@ -68,14 +69,16 @@ class Surfaces(NamedTuple):
     normals: Float32 | None  # (v, 3) shading normals
     colors: Float32 | None  # (v, 3) linear RGB
     uvs: Float32 | None  # (v, 2)
-    eye_from_object: Float32 | None  # (n, 12) row major 3x4; None leaves normals and visible lights out of samples
+    vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures
+    eye_from_object: Float32  # (n, 12) row major 3x4
+    relit: bool | None  # None leaves normals and visible lights out of samples
 
 
 class Materials(NamedTuple):
     """What surfaces look like."""
 
     rows: Samples  # (k,) MATERIAL
-    texels: NDArray[np.uint8] | None  # (p, 3) sRGB, of all textures
+    texels: NDArray[np.uint8] | None  # (p, 3) sRGB, of all textures and their mip levels
     linear_of_srgb: Float32  # (256,) linear light of an sRGB byte
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
