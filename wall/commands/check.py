@@ -15,6 +15,7 @@ from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout,
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
 from wall.run.warm_up import warm_up
+from wall.scene.build import sources_of
 from wall.scene.needs import describe, needs
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -33,7 +34,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     if table := _displays(wall):
         yield table
     yield (
-        f"scene: {loaded.config.scene.source}, {scene.triangles:,} triangles in {len(scene.instances):,} objects of "
+        f"scene: {', '.join(sources_of(loaded.config.scene))}, {scene.triangles:,} triangles in {len(scene.instances):,} objects of "
         f"{len(scene.meshes):,} meshes, "
         f"{len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
     )

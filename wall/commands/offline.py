@@ -129,7 +129,7 @@ class OfflineRenderer:
         """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
         tracer, sampler = self._tracer(tile), ProgressiveSampler(rect, seed=tile.seed)
         for sample in range(self._spp):
-            sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp))[0])
+            sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp), sample)[0])
         return sampler.mean()
 
     def bands(

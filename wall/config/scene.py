@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
+from wall.config.materials import DirectConfig, IntegratorConfig, MaterialConfig
 from wall.core.fields import (
     Color,
     Direction,
@@ -129,9 +130,12 @@ AnimationConfig = Annotated[SpinConfig | OrbitConfig | KeyframesConfig, Field(di
 class SceneConfig(Model):
     """What is rendered."""
 
-    source: Text = Field(
-        description="a built-in scene (arcade, courtyard, forest, gallery, gallery_mirrors), or a .glb, .gltf, .obj, "
-        ".ply or .stl file relative to this one"
+    source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] = Field(
+        description="a built-in scene (arcade, courtyard, forest, gallery, gallery_mirrors), a .glb, .gltf, .obj, "
+        ".ply or .stl file relative to this one, or a list of them, in one world"
+    )
+    materials: Annotated[tuple[MaterialConfig, ...], Field(max_length=10000)] = Field(
+        default=(), description="materials by name of object or material; later ones win"
     )
     lights: Annotated[tuple[LightConfig, ...], Field(max_length=1024)] | None = Field(
         default=None, description="lights; absent = the source's own, or sensible ones"
@@ -140,6 +144,7 @@ class SceneConfig(Model):
     animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
         default=None, description="rigid motion; absent = the source's own, [] = nothing moves"
     )
+    integrator: IntegratorConfig = Field(default=DirectConfig(), description="how light is followed")
 
     @model_validator(mode="after")
     def _lights_exist(self) -> SceneConfig:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from wall.config.materials import PathConfig
 from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig
 from wall.core.data import Float64
 from wall.core.errors import SceneError
@@ -21,6 +21,7 @@ from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.lights import STUDIO_SKY, default_lights, unit
+from wall.scene.materials import described, with_materials
 from wall.scene.model import (
     DirectionalLight,
     Instance,
@@ -41,7 +42,6 @@ BUILT_IN = {
     "gallery": gallery,
     "gallery_mirrors": gallery_mirrors,
 }
-NAMES_SHOWN = 20
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 
 
@@ -59,6 +59,7 @@ class Scene:
     tracks: Tracks
     notes: tuple[str, ...]  # each repair or assumption, for a reader
     center: Float64  # (3,) world, middle of the bounding box at rest
+    path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     radius: float  # world units, of the smallest sphere about `center`
     rest: Float64  # (bodies, 4, 4): instances, point lights, directional lights
     _moments: dict[float, Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
@@ -114,7 +115,13 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
     Raises SceneError where a model cannot be used, or where the animation names what does not exist.
     """
-    return assemble(_configured(make_source(scene_config.source, base_folder), scene_config))
+    sources = [make_source(name, base_folder) for name in sources_of(scene_config)]
+    return assemble(_configured(joined(sources), scene_config))
+
+
+def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
+    """The names of everything that is put in the scene's world."""
+    return scene_config.source if isinstance(scene_config.source, tuple) else (scene_config.source,)
 
 
 def make_source(name: str, base_folder: Path) -> Source:
@@ -126,8 +133,38 @@ def make_source(name: str, base_folder: Path) -> Source:
     return load(base_folder / name)
 
 
+def joined(sources: Sequence[Source]) -> Source:
+    """Several sources in one world; lights and sky are those of the first that has any."""
+    if len(sources) == 1:
+        return sources[0]
+    meshes: list[Mesh] = []
+    materials: list[Material] = []
+    textures: list[Texture] = []
+    instances: list[Instance] = []
+    for source in sources:
+        instances += [replace(i, mesh=i.mesh + len(meshes)) for i in source.instances]
+        meshes += [replace(m, material=m.material + len(materials)) for m in source.meshes]
+        materials += [
+            m if m.texture is None else replace(m, texture=m.texture + len(textures)) for m in source.materials
+        ]
+        textures += source.textures
+    return Source(
+        meshes=tuple(meshes),
+        materials=tuple(materials),
+        textures=tuple(textures),
+        instances=tuple(instances),
+        lights=next((source.lights for source in sources if source.lights is not None), None),
+        sky=next((source.sky for source in sources if source.sky is not None), None),
+        animation=tuple(track for source in sources for track in source.animation),
+        notes=tuple(note for source in sources for note in source.notes),
+    )
+
+
 def _configured(source: Source, config: SceneConfig) -> Source:
     """The source with everything that the configuration says; what it leaves out stays the source's."""
+    source = with_materials(source, config.materials)
+    if isinstance(config.integrator, PathConfig):
+        source = replace(source, path_depth=config.integrator.depth)
     if config.lights is not None:
         source = replace(source, lights=tuple(_light(light) for light in config.lights))
     if config.sky is not None:
@@ -162,6 +199,7 @@ def assemble(source: Source) -> Scene:
         tracks=compile_tracks(_movings(source, (*points, *directional), lights)),
         notes=source.notes,
         center=center,
+        path_depth=source.path_depth,
         radius=radius,
         rest=_rest(instances, (*points, *directional)),
     )
@@ -214,7 +252,9 @@ def _moving_objects(
     wanted = track.object or ""
     matched = [k for k, instance in enumerate(instances) if fnmatchcase(instance.name, wanted)]
     if not matched:
-        raise SceneError(f"{where}.object = {wanted!r}: no such object; {_names(wanted, instances)}")
+        raise SceneError(
+            f"{where}.object = {wanted!r}: no such object; {described(wanted, [i.name for i in instances])}"
+        )
     parts: dict[bytes, list[int]] = {}
     for k in matched:
         parts.setdefault(instances[k].world_from_object.tobytes(), []).append(k)
@@ -223,12 +263,3 @@ def _moving_objects(
         x, y, z = middle(boxes[rows]).tolist()
         movings += [Moving(body=row, motion=track, center=(x, y, z)) for row in rows]
     return movings
-
-
-def _names(wanted: str, instances: Sequence[Instance]) -> str:
-    """The scene's object names, the likeliest first, as the end of an error."""
-    known = sorted({instance.name for instance in instances})
-    near = get_close_matches(wanted, known, n=1)
-    meant = f"did you mean {near[0]!r}? " if near else ""
-    more = f" and {len(known) - NAMES_SHOWN} more" if len(known) > NAMES_SHOWN else ""
-    return f"{meant}objects are {', '.join(known[:NAMES_SHOWN])}{more}"

@@ -29,16 +29,24 @@ class Texture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """What a surface looks like: diffuse with a share of mirror, and emission.
+    """What a surface looks like. `direct` light knows it as diffuse with a share of mirror; paths know all of it.
 
-    A new property goes here and into tracing.kernels.values.MATERIAL; tracing.kernels.bsdf reads it.
+    A new property goes here and into tracing.kernels.values.MATERIAL; tracing.kernels.scatter reads it.
     """
 
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)  # linear RGB reflectance, 0..1
     texture: int | None = None  # index in Scene.textures; multiplies base_color
     mirror: float = 0.0  # share of the ray that is mirrored, 0..1
-    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W sr^-1 m^-2, seen by the eye, lights nothing
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W sr^-1 m^-2; lights others on paths alone
+    emits_behind: bool = (
+        True  # also from the back, on paths; the front is where a triangle's corners go counterclockwise
+    )
+    metallic: float = 0.0  # 0..1, as in glTF
+    roughness: float = 1.0  # 0..1, of the interface; GGX with alpha = roughness squared
+    specular: float = 0.0  # 0..1, how much of an interface lies over diffuse light; 0: none
+    ior: float = 1.5  # index of refraction, of glass and of the interface
+    transmission: float = 0.0  # share that is glass, 0..1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +111,7 @@ class Source:
     lights: tuple[Light, ...] | None = None
     sky: Sky | None = None
     animation: tuple[AnimationConfig, ...] = ()
+    path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 
 

@@ -23,6 +23,9 @@ class Needs:
     animation: bool
     emission: bool
     change_detection: bool  # a surface may look different from one moment, or one place of the eye, to the next
+    paths: bool  # light comes over several surfaces
+    interfaces: bool  # metal or a coat over diffuse light, on paths
+    emitters: bool  # surfaces that light others, on paths
     relighting: bool  # something moves under lights, and a light visibility mask has a bit for each
 
 
@@ -32,6 +35,8 @@ def needs(scene: Scene) -> Needs:
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
     textured = any(mesh.uvs is not None and scene.materials[mesh.material].texture is not None for mesh in meshes)
     mirrors = any(material.mirror > 0.0 for material in materials)
+    paths, emission = scene.path_depth is not None, any(max(material.emission) > 0.0 for material in materials)
+    lights = len(scene.point_lights) + len(scene.directional_lights)
     return Needs(
         textures=textured,
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
@@ -41,9 +46,12 @@ def needs(scene: Scene) -> Needs:
         directional_lights=bool(scene.directional_lights),
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
-        emission=any(max(material.emission) > 0.0 for material in materials),
-        change_detection=scene.animated or mirrors,
-        relighting=scene.animated and 0 < len(scene.point_lights) + len(scene.directional_lights) <= MOST_RELIT_LIGHTS,
+        emission=emission,
+        change_detection=(scene.animated or mirrors) and not paths,  # which would take noise for change
+        paths=paths,
+        interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
+        emitters=paths and emission,
+        relighting=scene.animated and 0 < lights <= MOST_RELIT_LIGHTS and not paths,
     )
 
 

@@ -19,6 +19,7 @@ from wall.scene.model import Moment
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels import trace as kernels
+from wall.tracing.kernels.path import trace_paths
 from wall.tracing.kernels.placement import place_instances
 from wall.tracing.kernels.values import (
     COUNTS,
@@ -28,6 +29,7 @@ from wall.tracing.kernels.values import (
     UNSEEN,
     Lights,
     Materials,
+    Paths,
     RayFrame,
     Surfaces,
     Workspace,
@@ -81,6 +83,19 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT) -> Workspace:
     )
 
 
+def path_room(count: int, depth: int) -> Paths:
+    """Room for so many paths of so many surfaces."""
+    return Paths(
+        rays=np.zeros((count, 12), np.float32),
+        sample=np.zeros(count, np.int64),
+        key=np.zeros(count, np.uint32),
+        radiance=np.zeros((count, 3), np.float32),
+        depth=depth,
+        number=np.uint32(0),
+        seed=np.uint32(1),
+    )
+
+
 class Tracer:
     """Traces for one thread. `set_event(event)` moves to a new event; `trace(xy)` gives samples under it."""
 
@@ -107,9 +122,10 @@ class Tracer:
             placements=np.zeros((n, PLACEMENT_COLUMNS), np.float32),
             eye_from_object=self._transforms,
         )
-        self._lights = Lights(None, None, tracer_scene.sky, tracer_scene.sky_irradiance)
+        self._lights = Lights(None, None, tracer_scene.emitters, tracer_scene.sky, tracer_scene.sky_irradiance)
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0)
+        self._path_room, self._batches = path_room(0, 0), 0
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def set_event(self, event: Event) -> None:
@@ -145,19 +161,33 @@ class Tracer:
             directional = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
             self._lights = self._lights._replace(directional=directional)
 
-    def trace(self, xy: Float32, footprint: float = 1.0) -> tuple[Samples, Traced]:
+    def trace(self, xy: Float32, footprint: float = 1.0, number: int | None = None) -> tuple[Samples, Traced]:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
 
         footprint : pixels, edge of the square whose mean of a texture each sample shows; 0: the nearest texels alone
+        number : of the samples among those of their pixels, for the random numbers of paths; None: the next of this
+            tracer's batches
+
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
         """
         self._ray_frame = self._ray_frame._replace(footprint=footprint)
         samples = np.zeros(len(xy), SAMPLE)
         work = self._work
         work.counts[:] = 0
-        kept = kernels.trace(*self.arguments(xy, samples))
+        arguments = self.arguments(xy, samples)
+        if self._tracer_scene.scene.path_depth is None:
+            kept = kernels.trace(*arguments)
+        else:
+            self._batches += 1
+            kept = trace_paths(*arguments, self._paths(len(xy), self._batches if number is None else number))
         primary, shadow, secondary, bad = (int(count) for count in work.counts)
         return samples[:kept], Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
+
+    def _paths(self, count: int, number: int) -> Paths:
+        """Room for so many paths, kept from batch to batch."""
+        if len(self._path_room.sample) < count:
+            self._path_room = path_room(count, self._tracer_scene.scene.path_depth or 0)
+        return self._path_room._replace(number=np.uint32(number & 0xFFFFFFFF))
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""

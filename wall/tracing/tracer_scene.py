@@ -17,15 +17,20 @@ from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle
+from wall.tracing.interface import interface_table
 from wall.tracing.kernels.values import (
     HAS_COLORS,
     HAS_NORMALS,
     HAS_UVS,
     MATERIAL,
     PLACEMENT_COLUMNS,
+    Emitters,
     Materials,
     Surfaces,
 )
+
+TEXTURE_FIELDS = {"first_texel", "texture_width", "texture_height"}
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # shares of red, green and blue (Rec. 709)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +44,7 @@ class TracerScene:
     extents: Float64  # (n,) radius of each instance's mesh about its origin
     surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
     materials: Materials
+    emitters: Emitters | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
 
@@ -79,11 +85,12 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
             normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
             colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
             uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
-            vertices=vertices if wanted.textures else None,
+            vertices=vertices if wanted.textures or wanted.emitters else None,
             eye_from_object=np.zeros((0, 12), np.float32),
             relit=True if wanted.relighting else None,
         ),
         materials=_materials(scene, wanted),
+        emitters=_emitters(scene) if wanted.emitters else None,
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
         sky_irradiance=sky_irradiance(scene.sky),
     )
@@ -115,7 +122,8 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
     firsts = np.cumsum([0, *map(len, texels)])
     rows = np.zeros(len(scene.materials), MATERIAL)
     for row, material in zip(rows, scene.materials, strict=True):
-        row["base_color"], row["mirror"], row["emission"] = material.base_color, material.mirror, material.emission
+        for name in set(MATERIAL.fields or ()) - TEXTURE_FIELDS:
+            row[name] = getattr(material, name)
         if wanted.textures and (texture := material.texture) is not None:
             row["first_texel"] = firsts[texture]
             row["texture_height"], row["texture_width"] = scene.textures[texture].texels.shape[:2]
@@ -125,7 +133,26 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
         linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
         emits=True if wanted.emission else None,
         mirrors=True if wanted.mirrors else None,
+        interface=interface_table() if wanted.interfaces else None,
     )
+
+
+def _emitters(scene: Scene) -> Emitters:
+    """Every triangle that emits, by its power at rest."""
+    first, instances, powers, count = np.full(len(scene.instances), -1, np.int64), [], [], 0
+    for k, instance in enumerate(scene.instances):
+        mesh = scene.meshes[instance.mesh]
+        emission = np.array(scene.materials[mesh.material].emission)
+        if emission.max() <= 0.0:
+            continue
+        corners = (mesh.vertices.astype(np.float64) @ instance.world_from_object[:3, :3].T)[mesh.triangles]
+        areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+        first[k], count = count, count + len(areas)
+        instances.append(np.full(len(areas), k, np.uint32))
+        powers.append(areas * (emission @ LUMINANCE))
+    power = np.concatenate(powers)
+    chance = (power / power.sum()).astype(np.float32)
+    return Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64))
 
 
 def mip_levels(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:

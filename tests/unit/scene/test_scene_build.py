@@ -166,12 +166,15 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         animation=True,
         emission=True,
         change_detection=True,
+        paths=False,
+        interfaces=False,
+        emitters=False,
         relighting=True,
     )
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, vertex colors, smooth normals, mirrors, point lights, "
-        "instancing, animation, emission, change detection, relighting"
+        "instancing, animation, emission, change detection, paths, interfaces, emitters, relighting"
     )
 
 

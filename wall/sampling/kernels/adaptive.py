@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.core.kernels.hashing import hash_uint32
 from wall.deepbuffer.kernels.columns import BRIGHTNESS_DEVIATIONS, COUNT
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y, hash_uint32
+from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y
 
 PACKET = 16  # rays
 BLOCK = 4  # pixels, edge of the blocks that a tile is walked in

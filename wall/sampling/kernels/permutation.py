@@ -6,24 +6,12 @@ import math
 
 import numpy as np
 
-from wall.core.jit import inline_kernel, kernel
+from wall.core.jit import kernel
+from wall.core.kernels.hashing import hash_uint32
 
 R2_X, R2_Y = 0.7548776662466927, 0.5698402909980532  # steps of the R2 sequence (Roberts 2018)
 INSIDE = 1.0 - 2.0**-10  # of a pixel: positions never reach its far edge, however float32 rounds them
 RED, GREEN, BLUE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # shares in luminance (Rec. 709)
-
-
-@inline_kernel
-def hash_uint32(a, b):
-    """A well-mixed 32-bit hash of two 32-bit numbers (xxHash32's constants and avalanche; Y. Collet)."""
-    h = np.uint32(np.uint32(a) * np.uint32(2654435761) + np.uint32(374761393))
-    h = np.uint32(h ^ np.uint32(b))
-    h = np.uint32(h * np.uint32(2246822519))
-    h = np.uint32(h ^ (h >> np.uint32(15)))
-    h = np.uint32(h * np.uint32(3266489917))
-    h = np.uint32(h ^ (h >> np.uint32(13)))
-    h = np.uint32(h * np.uint32(668265263))
-    return np.uint32(h ^ (h >> np.uint32(16)))
 
 
 @kernel

@@ -24,6 +24,9 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     THROUGHPUT,  # share of the newest ray's radiance that reaches the eye through the mirrors before it
     LIGHT_WEIGHT,  # factor of a light's irradiance or intensity, besides the albedo; 0: the surface is turned away
     IRRADIANCE,  # radiance over albedo of the first surface: irradiance over pi
+    THROUGHPUT_R, THROUGHPUT_G, THROUGHPUT_B,  # of a path, up to its newest ray
+    LIGHT_R, LIGHT_G, LIGHT_B,  # what the light at the end of the shadow ray adds to a path
+    DENSITY,  # with which a path's newest ray was chosen, 1/sr; -1 where it was mirrored
     CONE_WIDTH,  # of the footprint where the newest ray starts; written only where there are textures
     CONE_SPREAD,  # what it grows by in each unit of the way
     TEXTURED,  # 1 where the newest ray hit a texture; the rows behind it are only written there
@@ -40,7 +43,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 53 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 60 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = PRIMARY_MASK + PACKET
 
 

@@ -45,6 +45,12 @@ MATERIAL = np.dtype(
         ("base_color", np.float32, (3,)),  # linear RGB reflectance
         ("mirror", np.float32),  # share of the ray that is mirrored, 0..1
         ("emission", np.float32, (3,)),  # W sr^-1 m^-2
+        ("emits_behind", np.float32),  # 1: both sides emit; 0: the front alone, whose corners go counterclockwise
+        ("metallic", np.float32),  # 0..1, this and the following for paths alone; see scene.model.Material
+        ("roughness", np.float32),
+        ("specular", np.float32),
+        ("ior", np.float32),
+        ("transmission", np.float32),
         ("first_texel", np.int32),  # row of Materials.texels, of the finest level; coarser ones follow it
         ("texture_width", np.int32),  # texels, of the finest level; 0 = no texture
         ("texture_height", np.int32),
@@ -82,6 +88,28 @@ class Materials(NamedTuple):
     linear_of_srgb: Float32  # (256,) linear light of an sRGB byte
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
+    interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
+
+
+class Emitters(NamedTuple):
+    """Triangles that emit, instance by instance in the order of their meshes' triangles; m in all."""
+
+    first: NDArray[np.int64]  # (n,) of each instance: the row of its triangle 0; -1: it emits nothing
+    instance: NDArray[np.uint32]  # (m,)
+    chance: Float32  # (m,) probability of being chosen, sums to 1
+    cumulated: Float64  # (m,) sums of chance up to and with this row
+
+
+class Paths(NamedTuple):
+    """A batch of paths, with room for n."""
+
+    rays: Float32  # (n, 12) origin, direction, throughput, density, cone width, cone spread; those that go on first
+    sample: NDArray[np.int64]  # (n,) which of the batch's samples a ray belongs to
+    key: NDArray[np.uint32]  # (n,) of its pixel, for random numbers
+    radiance: Float32  # (n, 3) of each sample
+    depth: int  # most surfaces that scatter one path
+    number: np.uint32  # of the samples among those of their pixels
+    seed: np.uint32
 
 
 class Lights(NamedTuple):
@@ -89,6 +117,7 @@ class Lights(NamedTuple):
 
     directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
     points: Float32 | None  # (p, 6) position relative to the eye, intensity
+    emitters: Emitters | None  # None: light sources are not aimed at
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
     sky_irradiance: Float32  # (SKY_STEPS + 1, 3) over pi, by the normal's height
 

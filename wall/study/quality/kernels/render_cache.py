@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.core.kernels.hashing import hash_uint32
 from wall.deepbuffer.kernels.reproject import pixel_of, position_of
-from wall.sampling.kernels.permutation import hash_uint32
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 OLDEST = np.float32(255.0)

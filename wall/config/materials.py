@@ -1,0 +1,97 @@
+"""Models of `scene.materials:` and `scene.integrator:`: what surfaces look like, and how light is followed."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from annotated_types import Ge, Le
+from pydantic import Field, model_validator
+
+from wall.core.fields import Color, Model, Number, Text, Whole, refusal
+
+Share = Annotated[Number, Ge(0.0), Le(1.0)]
+Ior = Annotated[Number, Ge(1.01), Le(4.0)]
+
+
+class _OfSurfaces(Model):
+    object: Text | None = Field(default=None, description="name of the object, or a pattern with * and ?")
+    material: Text | None = Field(default=None, description="name of the source's material, or a pattern with * and ?")
+
+    @model_validator(mode="after")
+    def _one_target(self) -> _OfSurfaces:
+        if (self.object is None) == (self.material is None):
+            came = "names no surface" if self.object is None else "names both objects and a material"
+            raise refusal(came, accepted="exactly one of object, material")
+        return self
+
+
+class _Coloured(_OfSurfaces):
+    color: Color | None = Field(default=None, description="linear RGB reflectance, 0..1; absent = the source's own")
+
+
+class DiffuseConfig(_Coloured):
+    """A matt surface."""
+
+    type: Literal["diffuse"] = Field(description="light goes equally in all directions")
+
+
+class PlasticConfig(_Coloured):
+    """A coat over a matt surface."""
+
+    type: Literal["plastic"] = Field(description="a clear coat over a diffuse surface")
+    roughness: Share = Field(default=0.3, description="of the coat; 0 = smooth")
+    ior: Ior = Field(default=1.5, description="index of refraction of the coat")
+
+
+class MetalConfig(_Coloured):
+    """Metal, smooth or rough."""
+
+    type: Literal["metal"] = Field(description="reflects in its colour")
+    roughness: Share = Field(default=0.3, description="0 = polished")
+
+
+class GlassConfig(_Coloured):
+    """Glass, smooth or frosted; its normals say where the outside is."""
+
+    type: Literal["glass"] = Field(description="reflects and refracts; the mesh should be closed")
+    roughness: Share = Field(default=0.0, description="0 = clear")
+    ior: Ior = Field(default=1.5, description="index of refraction")
+
+
+class MirrorConfig(_OfSurfaces):
+    """A perfect mirror."""
+
+    type: Literal["mirror"] = Field(description="mirrors without colour or loss")
+    share: Share = Field(default=1.0, description="of the light; the rest is as in the source")
+
+
+class EmissionConfig(_OfSurfaces):
+    """A surface that shines."""
+
+    type: Literal["emission"] = Field(description="a light source with an area")
+    radiance: Color = Field(description="linear RGB, W sr^-1 m^-2")
+    sides: Literal["both", "front"] = Field(
+        default="both", description="front: only where a triangle's corners go counterclockwise"
+    )
+
+
+MaterialConfig = Annotated[
+    DiffuseConfig | PlasticConfig | MetalConfig | GlassConfig | MirrorConfig | EmissionConfig,
+    Field(discriminator="type"),
+]
+
+
+class DirectConfig(Model):
+    """Light straight from lights and sky, and in mirrors."""
+
+    method: Literal["direct"] = Field(default="direct", description="direct light, shadows, mirrors; no noise")
+
+
+class PathConfig(Model):
+    """Light over several surfaces."""
+
+    method: Literal["path"] = Field(description="path tracing: indirect light, metal, glass, lights with an area")
+    depth: Annotated[Whole, Ge(1), Le(64)] = Field(default=6, description="most surfaces that scatter a path")
+
+
+IntegratorConfig = Annotated[DirectConfig | PathConfig, Field(discriminator="method")]

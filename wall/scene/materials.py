@@ -1,0 +1,103 @@
+"""Gives surfaces the materials that a configuration names them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+
+from wall.config.materials import (
+    DiffuseConfig,
+    EmissionConfig,
+    GlassConfig,
+    MaterialConfig,
+    MetalConfig,
+    MirrorConfig,
+    PlasticConfig,
+)
+from wall.core.errors import SceneError
+from wall.scene.model import Material, Source
+
+NAMES_SHOWN = 20
+BLACK = (0.0, 0.0, 0.0)
+
+
+def with_materials(source: Source, configs: Sequence[MaterialConfig]) -> Source:
+    """The source with every material that `configs` names, in order. Raises SceneError where a name fits nothing."""
+    for number, config in enumerate(configs):
+        where = f"scene.materials[{number}]"
+        if config.material is not None:
+            source = _of_material(source, config, config.material, where)
+        else:
+            source = _of_objects(source, config, config.object or "", where)
+    return source
+
+
+def _of_material(source: Source, config: MaterialConfig, wanted: str, where: str) -> Source:
+    """Replaces materials by name."""
+    fits = [fnmatchcase(material.name, wanted) for material in source.materials]
+    if not any(fits):
+        names = described(wanted, [material.name for material in source.materials])
+        raise SceneError(f"{where}.material = {wanted!r}: no such material; {names}")
+    materials = (changed(m, config) if fit else m for m, fit in zip(source.materials, fits, strict=True))
+    return replace(source, materials=tuple(materials))
+
+
+def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str) -> Source:
+    """Gives matched objects meshes of their own material; a mesh that others show too is kept beside it."""
+    fits = [fnmatchcase(instance.name, wanted) for instance in source.instances]
+    if not any(fits):
+        names = described(wanted, [instance.name for instance in source.instances])
+        raise SceneError(f"{where}.object = {wanted!r}: no such object; {names}")
+    materials, meshes, instances = list(source.materials), list(source.meshes), list(source.instances)
+    new_material: dict[int, int] = {}
+    new_mesh: dict[int, int] = {}
+    for row, (instance, fit) in enumerate(zip(source.instances, fits, strict=True)):
+        if not fit:
+            continue
+        if instance.mesh not in new_mesh:
+            mesh = meshes[instance.mesh]
+            if mesh.material not in new_material:
+                materials.append(changed(materials[mesh.material], config))
+                new_material[mesh.material] = len(materials) - 1
+            meshes.append(replace(mesh, material=new_material[mesh.material]))
+            new_mesh[instance.mesh] = len(meshes) - 1
+        instances[row] = replace(instance, mesh=new_mesh[instance.mesh])
+    used = sorted({instance.mesh for instance in instances})
+    return replace(
+        source,
+        materials=tuple(materials),
+        meshes=tuple(meshes[k] for k in used),
+        instances=tuple(replace(instance, mesh=used.index(instance.mesh)) for instance in instances),
+    )
+
+
+def changed(material: Material, config: MaterialConfig) -> Material:
+    """A material as `config` has it; what it does not say stays."""
+    if isinstance(config, EmissionConfig):
+        return replace(material, emission=config.radiance, emits_behind=config.sides == "both")
+    if isinstance(config, MirrorConfig):
+        return replace(material, mirror=config.share)
+    plain = replace(material, mirror=0.0, metallic=0.0, specular=0.0, transmission=0.0, emission=BLACK)
+    if config.color is not None:
+        plain = replace(plain, base_color=config.color, texture=None)
+    match config:
+        case DiffuseConfig():
+            return plain
+        case PlasticConfig():
+            return replace(plain, specular=1.0, roughness=config.roughness, ior=config.ior)
+        case MetalConfig():
+            return replace(plain, metallic=1.0, roughness=config.roughness)
+        case GlassConfig():
+            color = plain.base_color if config.color is not None else (1.0, 1.0, 1.0)
+            return replace(plain, base_color=color, transmission=1.0, roughness=config.roughness, ior=config.ior)
+
+
+def described(wanted: str, known: Sequence[str]) -> str:
+    """The names there are, the likeliest first, as the end of an error."""
+    known = sorted(set(known))
+    near = get_close_matches(wanted, known, n=1)
+    meant = f"did you mean {near[0]!r}? " if near else ""
+    more = f" and {len(known) - NAMES_SHOWN} more" if len(known) > NAMES_SHOWN else ""
+    return f"{meant}there are {', '.join(known[:NAMES_SHOWN])}{more}"

@@ -1,0 +1,78 @@
+"""Surfaces that emit, as light sources: triangles chosen in proportion to their power, points spread evenly on them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.core.jit import inline_kernel
+from wall.tracing import embree
+from wall.tracing.kernels import rows
+from wall.tracing.kernels.rows import xyz
+from wall.tracing.kernels.values import FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, ONE, ZERO
+
+HALF = np.float32(0.5)
+
+
+@inline_kernel
+def corner_of(surfaces, instance, vertex):
+    """A vertex of an instance relative to the eye."""
+    x, y, z = surfaces.vertices[vertex, 0], surfaces.vertices[vertex, 1], surfaces.vertices[vertex, 2]
+    m = surfaces.eye_from_object[instance]
+    return (
+        m[0] * x + m[1] * y + m[2] * z + m[3],
+        m[4] * x + m[5] * y + m[6] * z + m[7],
+        m[8] * x + m[9] * y + m[10] * z + m[11],
+    )
+
+
+@inline_kernel
+def triangle_of(surfaces, instance, primitive):
+    """Corner 0 of a triangle, its edges to corners 1 and 2, and its normal, as long as twice its area."""
+    mesh = surfaces.mesh_table[instance]
+    corners, first = surfaces.triangles[mesh[FIRST_TRIANGLE] + primitive], mesh[FIRST_VERTEX]
+    a = corner_of(surfaces, instance, first + corners[0])
+    b = corner_of(surfaces, instance, first + corners[1])
+    c = corner_of(surfaces, instance, first + corners[2])
+    e, f = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
+    normal = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
+    return a, e, f, normal
+
+
+@inline_kernel
+def aim_at_emitter(emitters, surfaces, materials, numbers, lane, work):
+    """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, and the density of the
+    direction; 0 where the point is seen from its edge.
+
+    numbers : three in [0, 1), which triangle and where on it
+    """
+    pick, u, v = numbers
+    row = min(np.searchsorted(emitters.cumulated, pick, side="right"), len(emitters.chance) - 1)
+    instance = emitters.instance[row]
+    a, e, f, normal = triangle_of(surfaces, instance, np.uint32(row - emitters.first[instance]))
+    root = math.sqrt(u)
+    s, t = root * (ONE - v), root * v
+    px, py, pz = xyz(work.packet, rows.POSITION_X, lane)
+    dx, dy, dz = a[0] + s * e[0] + t * f[0] - px, a[1] + s * e[1] + t * f[1] - py, a[2] + s * e[2] + t * f[2] - pz
+    square = dx * dx + dy * dy + dz * dz
+    material = materials.rows[surfaces.mesh_table[instance, MATERIAL_ROW]]
+    facing = -HALF * (normal[0] * dx + normal[1] * dy + normal[2] * dz)  # area times cosine times distance
+    facing = abs(facing) if material["emits_behind"] > ZERO else facing
+    density = emitters.chance[row] * square * math.sqrt(square) / facing if facing > ZERO else ZERO
+    return (dx, dy, dz), material["emission"], density
+
+
+@inline_kernel
+def density_of_emitter(emitters, surfaces, lane, work):
+    """Density with which aim_at_emitter, from the ray's start, finds the direction of a ray that hit an emitter."""
+    p, bits = work.packet, work.bits
+    instance, primitive = bits[embree.INSTANCE + lane], bits[embree.PRIMITIVE + lane]
+    first = emitters.first[instance]
+    if first < 0:
+        return ZERO
+    _, _, _, normal = triangle_of(surfaces, instance, primitive)
+    dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
+    facing = HALF * abs(normal[0] * dx + normal[1] * dy + normal[2] * dz)
+    way = p[embree.T_FAR + lane]
+    return emitters.chance[first + np.int64(primitive)] * way * way / facing if facing > ZERO else ZERO

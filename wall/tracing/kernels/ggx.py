@@ -1,0 +1,64 @@
+"""The GGX distribution of microfacets: density, shadowing, and sampling of the visible normals.
+
+B. Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007; E. Heitz, "Understanding the
+Masking-Shadowing Function", JCGT 2014; J. Dupuy and A. Benyoub, "Sampling Visible GGX Normals with Spherical Caps",
+2023.
+Cosines are to the shading normal, directions in its frame are (x, y, z) with z along it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.core.jit import inline_kernel
+from wall.tracing.kernels.values import INV_PI, ONE, ZERO
+
+FLATTEST_ROUGHNESS = np.float32(0.02)  # a smoother surface counts as perfectly smooth
+TWO_PI = np.float32(2.0 * math.pi)
+HALF = np.float32(0.5)
+
+
+@inline_kernel
+def facet_density(cosine, sine_square, alpha):
+    """D of a facet whose normal has this cosine (> 0) and square of the sine; alpha is the roughness squared."""
+    x = sine_square / (alpha * alpha) + cosine * cosine
+    return INV_PI / (alpha * alpha * x * x)
+
+
+@inline_kernel
+def slope_loss(cosine, alpha):
+    """Smith's Lambda of a direction: what its facets hide of each other."""
+    square = cosine * cosine
+    return HALF * (math.sqrt(ONE + alpha * alpha * max(ONE - square, ZERO) / square) - ONE)
+
+
+@inline_kernel
+def sample_facet(x, y, z, alpha, u, v):
+    """Unit normal (x, y, z) of a facet that direction (x, y, z), z > 0, sees; u, v in [0, 1)."""
+    sx, sy, sz = alpha * x, alpha * y, z
+    size = ONE / math.sqrt(sx * sx + sy * sy + sz * sz)
+    sx, sy, sz = sx * size, sy * size, sz * size
+    cz = (ONE - v) * (ONE + sz) - sz
+    sine = math.sqrt(max(ONE - cz * cz, ZERO))
+    hx, hy, hz = alpha * (sine * math.cos(TWO_PI * u) + sx), alpha * (sine * math.sin(TWO_PI * u) + sy), cz + sz
+    size = ONE / math.sqrt(max(hx * hx + hy * hy + hz * hz, np.float32(1e-30)))
+    return hx * size, hy * size, max(hz * size, ZERO)
+
+
+@inline_kernel
+def schlick(cosine):
+    """(1 - cosine)^5: how far reflectance has gone from that seen from above to 1."""
+    x = max(ONE - cosine, ZERO)
+    square = x * x
+    return square * square * x
+
+
+@inline_kernel
+def frame_of(x, y, z):
+    """Two unit vectors that make a right-handed frame with unit (x, y, z) (Duff et al., JCGT 2017)."""
+    sign = ONE if z >= ZERO else -ONE
+    a = -ONE / (sign + z)
+    b = x * y * a
+    return (ONE + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)

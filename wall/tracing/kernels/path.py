@@ -1,0 +1,329 @@
+"""Path tracing: light that comes over several surfaces, a batch of paths one bounce at a time.
+
+The rays of a batch lie in flat arrays. Each bounce reads them in full packets of 16, finds what they hit, adds the
+light that is seen and that of a light source chosen at random, and writes the rays that go on, close together, for the
+next bounce. Light that a ray finds by itself and light that it is aimed at are weighed by how likely each finds the
+other (multiple importance sampling; E. Veach, thesis, 1997). From ROULETTE_FROM on dark paths end by chance, without
+bias.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wall.core.jit import inline_kernel, kernel
+from wall.core.kernels.hashing import hash_uint32
+from wall.tracing import embree
+from wall.tracing.embree import occluded16
+from wall.tracing.kernels import rows
+from wall.tracing.kernels.camera import make_rays
+from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
+from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
+from wall.tracing.kernels.random_numbers import random_pair
+from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
+from wall.tracing.kernels.scatter import EVERY_OBJECT_MASK, lit_by, scatter, seen_from_inside
+from wall.tracing.kernels.surface import colour_by_vertices, finish_surfaces, gather_surfaces, material_of
+from wall.tracing.kernels.textures import colour_by_textures, start_footprints, widen_footprints
+from wall.tracing.kernels.trace import intersect
+from wall.tracing.kernels.values import (
+    BAD_SAMPLES,
+    INF,
+    MISS,
+    ONE,
+    PRIMARY_RAYS,
+    SECONDARY_RAYS,
+    SHADOW_RAYS,
+    ZERO,
+)
+
+ROULETTE_FROM = 3  # bounces
+LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
+DIMENSIONS = 4  # pairs of random numbers a bounce: choice and roulette, direction, point of a light, which light
+CHOICE, DIRECTION, POINT, LIGHT = range(DIMENSIONS)
+NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
+DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
+THIRD = np.float32(1.0 / 3.0)
+
+
+@kernel
+def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, paths):
+    """Traces one path for each position and writes its record; parameters and result as those of trace.trace.
+
+    paths : Paths, with room for n; its rays and radiance are written
+    """
+    alive = start_paths(camera, xy, materials, work, paths)
+    work.counts[PRIMARY_RAYS] += alive
+    for bounce in range(paths.depth + 1):
+        going = 0
+        for first in range(0, alive, 16):
+            count = min(16, alive - first)
+            load_rays(first, count, bounce, work, paths)
+            intersect(scene, work)
+            see_sky(lights, work)
+            if gather_surfaces(surfaces, materials, surfaces.normals, work) != 0:
+                finish_surfaces(work)
+                colour_by_vertices(surfaces, surfaces.colors, work)
+                colour_by_textures(surfaces, materials, surfaces.uvs, work)
+            if bounce == 0:
+                record_first(xy, first, count, samples, work)
+            add_seen(first, count, materials.emits, lights.emitters, surfaces, materials, work, paths)
+            if bounce < paths.depth:
+                add_deltas(
+                    lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths
+                )
+                add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+                add_emitters(first, count, bounce, lights.emitters, scene, surfaces, materials, work, paths)
+                widen_footprints(materials.texels, work)
+                going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
+        alive = going
+        work.counts[SECONDARY_RAYS] += going
+        if alive == 0:
+            break
+    return finish_samples(xy.shape[0], samples, work, paths)
+
+
+@inline_kernel
+def start_paths(camera, xy, materials, work, paths):
+    """Writes the primary rays of all positions; returns their number."""
+    p, rays = work.packet, paths.rays
+    for first in range(0, xy.shape[0], 16):
+        count = min(16, xy.shape[0] - first)
+        make_rays(camera, xy, first, count, work)
+        start_footprints(camera, materials.texels, work)
+        for lane in range(count):
+            k = first + lane
+            x, y = np.uint32(np.int64(camera.corner[0] + xy[k, 0])), np.uint32(np.int64(camera.corner[1] + xy[k, 1]))
+            paths.sample[k] = k
+            paths.key[k] = hash_uint32(hash_uint32(paths.seed, x), y)
+            for column in range(3):
+                rays[k, column] = ZERO
+                rays[k, 3 + column] = p[embree.DIRECTION_X + 16 * column + lane]
+                rays[k, 6 + column] = ONE
+                paths.radiance[k, column] = ZERO
+            rays[k, 9] = -ONE
+            rays[k, 10] = ZERO
+            rays[k, 11] = p[rows.CONE_SPREAD + lane] if materials.texels is not None else ZERO
+    return xy.shape[0]
+
+
+@inline_kernel
+def load_rays(first, count, bounce, work, paths):
+    """Fills the packet with `count` rays from `first` on."""
+    p, bits, rays = work.packet, work.bits, paths.rays
+    for lane in range(16):
+        k = first + min(lane, count - 1)
+        set_xyz(p, embree.ORIGIN_X, lane, rays[k, 0], rays[k, 1], rays[k, 2])
+        set_xyz(p, embree.DIRECTION_X, lane, rays[k, 3], rays[k, 4], rays[k, 5])
+        set_xyz(p, rows.THROUGHPUT_R, lane, rays[k, 6], rays[k, 7], rays[k, 8])
+        p[rows.DENSITY + lane] = rays[k, 9]
+        p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane] = rays[k, 10], rays[k, 11]
+        p[embree.T_FAR + lane] = INF
+        bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane] if bounce == 0 else EVERY_OBJECT_MASK
+        bits[embree.GEOMETRY + lane] = MISS
+        bits[embree.INSTANCE + lane] = MISS
+        work.valid[lane] = -1 if lane < count else 0
+
+
+@inline_kernel
+def record_first(xy, first, count, samples, work):
+    """Writes what samples keep of the first surface; the albedo's sum goes where the irradiance will be."""
+    p, bits = work.packet, work.bits
+    for lane in range(count):
+        sample, missed = samples[first + lane], p[rows.HIT + lane] == ZERO
+        sample["xy"][0], sample["xy"][1] = xy[first + lane, 0], xy[first + lane, 1]
+        sample["depth"] = p[embree.T_FAR + lane]
+        sample["object_id"] = np.uint32(0) if missed else bits[embree.INSTANCE + lane] + np.uint32(1)
+        r, g, b = xyz(p, rows.ALBEDO_R, lane)
+        sample["sqrt_irradiance"] = ZERO if missed else r + g + b
+        sample["change"] = ZERO
+
+
+@inline_kernel
+def add_light(k, r, g, b, paths):
+    """Adds radiance to path k's sample."""
+    radiance, sample = paths.radiance, paths.sample[k]
+    radiance[sample, 0] += r
+    radiance[sample, 1] += g
+    radiance[sample, 2] += b
+
+
+@inline_kernel
+def add_seen(first, count, emits, emitters, surfaces, materials, work, paths):
+    """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
+    p = work.packet
+    for lane in range(count):
+        r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
+        if p[rows.HIT + lane] == ZERO:
+            x, y, z = xyz(p, rows.RADIANCE_R, lane)
+            add_light(first + lane, r * x, g * y, b * z, paths)
+            continue
+        if emits is not None:
+            material = material_of(surfaces, materials, lane, work)
+            emission = material["emission"]
+            shows = material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)
+            if shows and max(emission[0], emission[1], emission[2]) > ZERO:
+                weight = weight_of_seen(emitters, surfaces, lane, work)
+                r, g, b = weight * r, weight * g, weight * b
+                add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
+
+
+@inline_kernel
+def weight_of_seen(emitters, surfaces, lane, work):
+    """The share of an emitter's light that counts where a ray found it; the rest counts where it is aimed at."""
+    if emitters is None:
+        return ONE
+    density = work.packet[rows.DENSITY + lane]
+    return density / (density + density_of_emitter(emitters, surfaces, lane, work)) if density > ZERO else ONE
+
+
+@inline_kernel
+def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, paths):
+    """Adds the light of every one of `lights` (n, 6), shadow rays only for lanes that face it; None does nothing.
+
+    way_to : way_to_directional or way_to_point
+    """
+    if lights is not None:
+        for k in range(lights.shape[0]):
+            light, aimed = lights[k], 0
+            for lane in range(16):
+                work.shadow_valid[lane] = 0
+                if lane < count and work.packet[rows.HIT + lane] != ZERO:
+                    dx, dy, dz, scale, far = way_to(light, lane, work)
+                    r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+                    share = scale * scale
+                    light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
+                    aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
+            add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def way_to_directional(light, lane, work):
+    """The way to a light infinitely far away, one over its length, and where shadow rays end."""
+    return light[0], light[1], light[2], ONE, INF
+
+
+@inline_kernel
+def way_to_point(light, lane, work):
+    """The way to a point light, one over its length, and where shadow rays end: an offset before the light."""
+    p = work.packet
+    px, py, pz = xyz(p, rows.POSITION_X, lane)
+    dx, dy, dz = light[0] - px, light[1] - py, light[2] - pz
+    scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
+    reach = abs(light[0]) + abs(light[1]) + abs(light[2])
+    gap = p[rows.RAY_OFFSET + lane] + p[rows.OFFSET_SLOPE + lane] * reach
+    return dx, dy, dz, scale, max(ONE - gap * scale, ZERO)
+
+
+@inline_kernel
+def aim(dx, dy, dz, far, light, lane, work):
+    """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add."""
+    p = work.packet
+    if not light[0] + light[1] + light[2] > ZERO:
+        return 0
+    px, py, pz = xyz(p, rows.POSITION_X, lane)
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    offset = p[rows.RAY_OFFSET + lane]
+    sx, sy, sz = offset * gx, offset * gy, offset * gz
+    set_xyz(p, SHADOW_ORIGIN, lane, px + sx, py + sy, pz + sz)
+    if far < INF:  # towards a point: the way is from the hit, the ray starts off the surface
+        dx, dy, dz = dx - sx, dy - sy, dz - sz
+    set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
+    p[SHADOW_T_FAR + lane] = far
+    r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
+    set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
+    work.shadow_valid[lane] = -1
+    return 1
+
+
+@inline_kernel
+def add_emitters(first, count, bounce, emitters, scene, surfaces, materials, work, paths):
+    """Adds the light of one point on an emitting surface, chosen at random; None does nothing."""
+    if emitters is not None:
+        p, aimed = work.packet, 0
+        for lane in range(16):
+            work.shadow_valid[lane] = 0
+            if lane >= count or p[rows.HIT + lane] == ZERO:
+                continue
+            key, pair = paths.key[first + lane], DIMENSIONS * bounce
+            pick, _ = random_pair(key, paths.number, pair + LIGHT)
+            u, v = random_pair(key, paths.number, pair + POINT)
+            (dx, dy, dz), emission, density = aim_at_emitter(emitters, surfaces, materials, (pick, u, v), lane, work)
+            if not density > ZERO:
+                continue
+            scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
+            r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+            weight = ONE / (density + own)  # of aiming, over its density
+            light = weight * r * emission[0], weight * g * emission[1], weight * b * emission[2]
+            aimed += aim(dx, dy, dz, NEARLY, light, lane, work)
+        add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def add_unshadowed(first, aimed, scene, work, paths):
+    """Traces the shadow rays that were aimed, and adds the light of those that nothing stops."""
+    p = work.packet
+    if aimed == 0:
+        return
+    work.counts[SHADOW_RAYS] += aimed
+    valid = work.shadow_valid
+    occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
+    for lane in range(16):
+        if valid[lane] != 0 and p[SHADOW_T_FAR + lane] >= ZERO:
+            r, g, b = xyz(p, rows.LIGHT_R, lane)
+            add_light(first + lane, r, g, b, paths)
+
+
+@inline_kernel
+def send_on(first, count, bounce, going, surfaces, materials, work, paths):
+    """Scatters each lane's path and writes the ray that goes on at `going`, which it counts up and returns."""
+    p, rays = work.packet, paths.rays
+    for lane in range(count):
+        if p[rows.HIT + lane] == ZERO:
+            continue
+        sample, key, pair = paths.sample[first + lane], paths.key[first + lane], DIMENSIONS * bounce
+        choice, roulette = random_pair(key, paths.number, pair + CHOICE)
+        u, v = random_pair(key, paths.number, pair + DIRECTION)
+        (x, y, z), (r, g, b), density = scatter((choice, u, v), lane, surfaces, materials, work)
+        tr, tg, tb = xyz(p, rows.THROUGHPUT_R, lane)
+        r, g, b = r * tr, g * tg, b * tb
+        chance = ONE if bounce < ROULETTE_FROM else min(max(r, g, b), LONGEST_ROULETTE)
+        if not chance > ZERO or not roulette < chance:
+            continue
+        share = ONE / chance
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        px, py, pz = xyz(p, rows.POSITION_X, lane)
+        offset = p[rows.RAY_OFFSET + lane]
+        offset = offset if x * gx + y * gy + z * gz > ZERO else -offset
+        ray = rays[going]
+        ray[0], ray[1], ray[2] = px + offset * gx, py + offset * gy, pz + offset * gz
+        ray[3], ray[4], ray[5] = x, y, z
+        ray[6], ray[7], ray[8] = share * r, share * g, share * b
+        ray[9], ray[10], ray[11] = density, p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane]
+        paths.sample[going], paths.key[going] = sample, key
+        going += 1
+    return going
+
+
+@inline_kernel
+def finish_samples(count, samples, work, paths):
+    """Writes radiance into the records and closes up those whose radiance is finite. Returns their number."""
+    kept = 0
+    for k in range(count):
+        r, g, b = paths.radiance[k, 0], paths.radiance[k, 1], paths.radiance[k, 2]
+        if not abs(r) + abs(g) + abs(b) < INF:
+            work.counts[BAD_SAMPLES] += 1
+            continue
+        sample = samples[kept]
+        if kept != k:
+            other = samples[k]
+            sample["xy"][0], sample["xy"][1] = other["xy"][0], other["xy"][1]
+            sample["depth"], sample["object_id"], sample["change"] = other["depth"], other["object_id"], ZERO
+            sample["sqrt_irradiance"] = other["sqrt_irradiance"]
+        albedo = sample["sqrt_irradiance"]
+        light = (r + g + b) / albedo if albedo > DARKEST else (r + g + b) * THIRD
+        sample["radiance"][0], sample["radiance"][1], sample["radiance"][2] = r, g, b
+        sample["sqrt_irradiance"] = math.sqrt(max(light, ZERO))
+        kept += 1
+    return kept

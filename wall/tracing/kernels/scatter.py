@@ -1,0 +1,93 @@
+"""How a path goes on from what it hit: which material model holds, in the frame of the shading normal.
+
+A material is glass by the share `transmission`, a perfect mirror by the share `mirror`, and opaque for the rest; a path
+takes one of the three. Glass and mirrors are only found by rays that scatter there: nothing is aimed at through them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.core.jit import inline_kernel
+from wall.tracing import embree
+from wall.tracing.kernels import glass, opaque, rows
+from wall.tracing.kernels.ggx import frame_of
+from wall.tracing.kernels.rows import xyz
+from wall.tracing.kernels.surface import material_of
+from wall.tracing.kernels.values import EVERY_OBJECT, ONE, ZERO
+
+EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
+FLATTEST = np.float32(1e-3)  # smallest cosine of a ray to a shading normal; below, the geometric normal is taken
+
+
+@inline_kernel
+def look_at(lane, work):
+    """Tangents and normal of a lane's hit, and the direction back along its ray in their frame, z > 0."""
+    p = work.packet
+    dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
+    nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
+    cosine = -(dx * nx + dy * ny + dz * nz)
+    if cosine < FLATTEST:
+        nx, ny, nz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        cosine = max(-(dx * nx + dy * ny + dz * nz), FLATTEST)
+    s, t = frame_of(nx, ny, nz)
+    out = -(dx * s[0] + dy * s[1] + dz * s[2]), -(dx * t[0] + dy * t[1] + dz * t[2]), cosine
+    return s, t, (nx, ny, nz), out
+
+
+@inline_kernel
+def seen_from_inside(surfaces, lane, work):
+    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise."""
+    p, m = work.packet, surfaces.placements[work.bits[embree.INSTANCE + lane]]
+    x, y, z = xyz(p, embree.NORMAL_X, lane)
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    turned = (m[0] * x + m[1] * y + m[2] * z) * gx + (m[3] * x + m[4] * y + m[5] * z) * gy
+    return turned + (m[6] * x + m[7] * y + m[8] * z) * gz < ZERO
+
+
+@inline_kernel
+def lit_by(x, y, z, lane, surfaces, materials, work):
+    """BSDF times cosine at a lane's hit for light from unit direction (x, y, z), RGB, and its density in scatter."""
+    p = work.packet
+    material = material_of(surfaces, materials, lane, work)
+    share = (ONE - material["transmission"]) * (ONE - material["mirror"])
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    s, t, n, out = look_at(lane, work)
+    to = x * s[0] + y * s[1] + z * s[2], x * t[0] + y * t[1] + z * t[2], x * n[0] + y * n[1] + z * n[2]
+    if share <= ZERO or min(to[2], gx * x + gy * y + gz * z) <= ZERO:
+        return ZERO, ZERO, ZERO, ZERO
+    look = opaque.look_of(material, xyz(p, rows.ALBEDO_R, lane), out[2], materials.interface)
+    r, g, b, density = opaque.evaluate(look, out, to)
+    return share * r, share * g, share * b, share * density
+
+
+@inline_kernel
+def scatter(numbers, lane, surfaces, materials, work):
+    """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored.
+
+    numbers : three in [0, 1)
+    """
+    choice, u, v = numbers
+    p = work.packet
+    material = material_of(surfaces, materials, lane, work)
+    albedo = xyz(p, rows.ALBEDO_R, lane)
+    s, t, n, out = look_at(lane, work)
+    through, mirrored = material["transmission"], (ONE - material["transmission"]) * material["mirror"]
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    if choice < through:
+        eta = ONE / material["ior"] if seen_from_inside(surfaces, lane, work) else material["ior"]
+        to, weight = glass.sample(albedo, eta, material["roughness"], out, choice / through, u, v)
+        density = -ONE
+    elif choice < through + mirrored:
+        to, weight, density = (-out[0], -out[1], out[2]), (ONE, ONE, ONE), -ONE
+    else:
+        rest = ONE - through - mirrored
+        look = opaque.look_of(material, albedo, out[2], materials.interface)
+        to, weight, density = opaque.sample(look, out, (choice - through - mirrored) / rest, u, v)
+        density = density * rest if density > ZERO else density
+    x = to[0] * s[0] + to[1] * t[0] + to[2] * n[0]
+    y = to[0] * s[1] + to[1] * t[1] + to[2] * n[1]
+    z = to[0] * s[2] + to[1] * t[2] + to[2] * n[2]
+    if (x * gx + y * gy + z * gz > ZERO) != (to[2] > ZERO):  # the shading normal sends it to the wrong side
+        weight = (ZERO, ZERO, ZERO)
+    return (x, y, z), weight, density
