@@ -34,8 +34,8 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     if table := _displays(wall):
         yield table
     yield (
-        f"scene: {', '.join(sources_of(loaded.config.scene))}, {scene.triangles:,} triangles in {len(scene.instances):,} objects of "
-        f"{len(scene.meshes):,} meshes, "
+        f"scene: {', '.join(sources_of(loaded.config.scene))}, {scene.triangles:,} triangles in "
+        f"{len(scene.instances):,} objects of {len(scene.meshes):,} meshes, "
         f"{len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
     )
     yield f"tracer: {describe(needs(scene))}"

@@ -36,6 +36,7 @@ from wall.tracing.kernels.values import (
 )
 from wall.tracing.tracer_scene import TracerScene
 
+NUMBERS = 0xFFFFFFFF  # of samples, where they begin again
 OFFSET_ULPS = 16.0  # float32 roundings from a hit to its secondary ray; eight times the need, docs/guide/accuracy.md
 
 
@@ -92,6 +93,7 @@ def path_room(count: int, depth: int) -> Paths:
         radiance=np.zeros((count, 3), np.float32),
         depth=depth,
         number=np.uint32(0),
+        step=np.uint32(0),
         seed=np.uint32(1),
     )
 
@@ -125,7 +127,7 @@ class Tracer:
         self._lights = Lights(None, None, tracer_scene.emitters, tracer_scene.sky, tracer_scene.sky_irradiance)
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0)
-        self._path_room, self._batches = path_room(0, 0), 0
+        self._path_room, self._traced = path_room(0, 0), 0
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def set_event(self, event: Event) -> None:
@@ -165,8 +167,8 @@ class Tracer:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
 
         footprint : pixels, edge of the square whose mean of a texture each sample shows; 0: the nearest texels alone
-        number : of the samples among those of their pixels, for the random numbers of paths; None: the next of this
-            tracer's batches
+        number : of the samples among those of their pixels, for the random numbers of paths; None: one that no other
+            sample of this tracer has
 
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
         """
@@ -178,16 +180,18 @@ class Tracer:
         if self._tracer_scene.scene.path_depth is None:
             kept = kernels.trace(*arguments)
         else:
-            self._batches += 1
-            kept = trace_paths(*arguments, self._paths(len(xy), self._batches if number is None else number))
+            kept = trace_paths(*arguments, self._paths(len(xy), number))
         primary, shadow, secondary, bad = (int(count) for count in work.counts)
         return samples[:kept], Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
 
-    def _paths(self, count: int, number: int) -> Paths:
+    def _paths(self, count: int, number: int | None) -> Paths:
         """Room for so many paths, kept from batch to batch."""
         if len(self._path_room.sample) < count:
             self._path_room = path_room(count, self._tracer_scene.scene.path_depth or 0)
-        return self._path_room._replace(number=np.uint32(number & 0xFFFFFFFF))
+        if number is not None:
+            return self._path_room._replace(number=np.uint32(number & NUMBERS), step=np.uint32(0))
+        self._traced += count
+        return self._path_room._replace(number=np.uint32((self._traced - count) & NUMBERS), step=np.uint32(1))
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""

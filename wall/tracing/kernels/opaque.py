@@ -24,6 +24,7 @@ from wall.tracing.kernels.ggx import (
 from wall.tracing.kernels.values import INV_PI, ONE, ZERO
 
 TWO, FOUR = np.float32(2.0), np.float32(4.0)
+TINY = np.float32(1e-20)
 LEAST_CHANCE = np.float32(1.0 / 16.0)  # of the interface: highlights of lights are bright, however little it reflects
 
 
@@ -62,16 +63,22 @@ def look_of(material, albedo, cosine, table):
         return albedo, f0, f90, white, rough, ZERO
     first, rest = interface_albedo(table, cosine, max(rough, FLATTEST_ROUGHNESS))
     lost = ONE / (first + rest) - ONE
-    back = (ONE + f0[0] * lost, ONE + f0[1] * lost, ONE + f0[2] * lost)
-    left = (ONE - metal) * (ONE - (plain * first + specular * rest) * (ONE + plain * lost))
+    coat = (plain * first + specular * rest) * (ONE + plain * lost)
+    left = (ONE - metal) * (ONE - coat)
     diffuse = (left * r, left * g, left * b)
+    coat, rest = (ONE - metal) * coat, max(rest, TINY)
+    back = (
+        (coat + metal * (r * first + rest) * (ONE + r * lost)) / (f0[0] * first + f90 * rest),
+        (coat + metal * (g * first + rest) * (ONE + g * lost)) / (f0[1] * first + f90 * rest),
+        (coat + metal * (b * first + rest) * (ONE + b * lost)) / (f0[2] * first + f90 * rest),
+    )
     shown = (
         (f0[0] * first + f90 * rest) * back[0]
         + (f0[1] * first + f90 * rest) * back[1]
         + (f0[2] * first + f90 * rest) * back[2]
     )
     below = diffuse[0] + diffuse[1] + diffuse[2]
-    chance = max(shown / max(shown + below, np.float32(1e-20)), LEAST_CHANCE)
+    chance = max(shown / max(shown + below, TINY), LEAST_CHANCE)
     return diffuse, f0, f90, back, rough, chance if below > ZERO else ONE
 
 

@@ -150,6 +150,12 @@ def add_light(k, r, g, b, paths):
 
 
 @inline_kernel
+def number_of(k, paths):
+    """The number of path k's sample among those of its pixel."""
+    return np.uint32(paths.number + paths.step * np.uint32(paths.sample[k]))
+
+
+@inline_kernel
 def add_seen(first, count, emits, emitters, surfaces, materials, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
     p = work.packet
@@ -246,9 +252,9 @@ def add_emitters(first, count, bounce, emitters, scene, surfaces, materials, wor
             work.shadow_valid[lane] = 0
             if lane >= count or p[rows.HIT + lane] == ZERO:
                 continue
-            key, pair = paths.key[first + lane], DIMENSIONS * bounce
-            pick, _ = random_pair(key, paths.number, pair + LIGHT)
-            u, v = random_pair(key, paths.number, pair + POINT)
+            key, number, pair = paths.key[first + lane], number_of(first + lane, paths), DIMENSIONS * bounce
+            pick, _ = random_pair(key, number, pair + LIGHT)
+            u, v = random_pair(key, number, pair + POINT)
             (dx, dy, dz), emission, density = aim_at_emitter(emitters, surfaces, materials, (pick, u, v), lane, work)
             if not density > ZERO:
                 continue
@@ -283,8 +289,9 @@ def send_on(first, count, bounce, going, surfaces, materials, work, paths):
         if p[rows.HIT + lane] == ZERO:
             continue
         sample, key, pair = paths.sample[first + lane], paths.key[first + lane], DIMENSIONS * bounce
-        choice, roulette = random_pair(key, paths.number, pair + CHOICE)
-        u, v = random_pair(key, paths.number, pair + DIRECTION)
+        number = number_of(first + lane, paths)
+        choice, roulette = random_pair(key, number, pair + CHOICE)
+        u, v = random_pair(key, number, pair + DIRECTION)
         (x, y, z), (r, g, b), density = scatter((choice, u, v), lane, surfaces, materials, work)
         tr, tg, tb = xyz(p, rows.THROUGHPUT_R, lane)
         r, g, b = r * tr, g * tg, b * tb
