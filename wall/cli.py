@@ -373,6 +373,32 @@ def live(
         fail("\n".join(["could not be measured:", *outcome.failures]))
 
 
+@measure.command()
+def reference(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Walls of one panel, paths traced", show_default=False)
+    ],
+    spp: Annotated[int, typer.Option(min=16, max=1 << 20, help="Samples a pixel")] = 256,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/reference"),
+) -> None:
+    """Compare path-traced images with Mitsuba 3's of the same scenes: means, and each pixel against its noise.
+
+    [bold]wall measure reference configs/cornell.yaml --spp 1024[/]
+    """
+    from wall.study import options
+    from wall.study.mitsuba.compare import compare
+    from wall.study.mitsuba.report import report
+
+    options.check_installed("wall measure reference", {"mitsuba": "mitsuba", "scipy": "scipy"})
+    options.check_files(configs)
+    out.mkdir(parents=True, exist_ok=True)
+    with errors.status("comparing") as status:
+        rows = [compare(config, spp=spp, out=out, say=lambda what: status.update(what)) for config in configs]
+    console.print(report(rows, out))
+    if not all(row.ok for row in rows):
+        fail(f"not the same: {', '.join(row.config for row in rows if not row.ok)}")
+
+
 @app.command()
 def schema(
     output: Annotated[Path | None, typer.Option("-o", help="File to write; the terminal if left out")] = None,

@@ -164,5 +164,5 @@ class OfflineRenderer:
         if not hasattr(local, "tracer"):
             local.tracer = Tracer(self._tracer_scene, tile.panel, panel_view.eye, coherent=True)
         local.tracer.look_through(tile.panel, panel_view.eye, panel_view(self.event))
-        local.tile, local.event = tile, self.event
+        local.tile, local.event, local.tracer.seed = tile, self.event, tile.seed
         return local.tracer  # type: ignore[no-any-return]

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.config.materials import DirectConfig, IntegratorConfig, MaterialConfig
+from wall.config.materials import IntegratorConfig, MaterialConfig
 from wall.core.fields import (
     Color,
     Direction,
@@ -131,8 +131,8 @@ class SceneConfig(Model):
     """What is rendered."""
 
     source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] = Field(
-        description="a built-in scene (arcade, courtyard, forest, gallery, gallery_mirrors), a .glb, .gltf, .obj, "
-        ".ply or .stl file relative to this one, or a list of them, in one world"
+        description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors), a .glb, .gltf, "
+        ".obj, .ply or .stl file relative to this one, or a list of them, in one world"
     )
     materials: Annotated[tuple[MaterialConfig, ...], Field(max_length=10000)] = Field(
         default=(), description="materials by name of object or material; later ones win"
@@ -144,7 +144,9 @@ class SceneConfig(Model):
     animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
         default=None, description="rigid motion; absent = the source's own, [] = nothing moves"
     )
-    integrator: IntegratorConfig = Field(default=DirectConfig(), description="how light is followed")
+    integrator: IntegratorConfig | None = Field(
+        default=None, description="how light is followed; absent = the source's own, or direct"
+    )
 
     @model_validator(mode="after")
     def _lights_exist(self) -> SceneConfig:

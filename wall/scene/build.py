@@ -17,6 +17,7 @@ from wall.core.errors import SceneError
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.arcade import arcade
+from wall.scene.builtin.cornell import cornell
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
@@ -37,6 +38,7 @@ from wall.scene.model import (
 
 BUILT_IN = {
     "arcade": arcade,
+    "cornell": cornell,
     "courtyard": courtyard,
     "forest": forest,
     "gallery": gallery,
@@ -156,6 +158,7 @@ def joined(sources: Sequence[Source]) -> Source:
         lights=next((source.lights for source in sources if source.lights is not None), None),
         sky=next((source.sky for source in sources if source.sky is not None), None),
         animation=tuple(track for source in sources for track in source.animation),
+        path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
         notes=tuple(note for source in sources for note in source.notes),
     )
 
@@ -163,8 +166,9 @@ def joined(sources: Sequence[Source]) -> Source:
 def _configured(source: Source, config: SceneConfig) -> Source:
     """The source with everything that the configuration says; what it leaves out stays the source's."""
     source = with_materials(source, config.materials)
-    if isinstance(config.integrator, PathConfig):
-        source = replace(source, path_depth=config.integrator.depth)
+    if config.integrator is not None:
+        depth = config.integrator.depth if isinstance(config.integrator, PathConfig) else None
+        source = replace(source, path_depth=depth)
     if config.lights is not None:
         source = replace(source, lights=tuple(_light(light) for light in config.lights))
     if config.sky is not None:

@@ -94,7 +94,7 @@ def path_room(count: int, depth: int) -> Paths:
         depth=depth,
         number=np.uint32(0),
         step=np.uint32(0),
-        seed=np.uint32(1),
+        seed=np.uint32(0),
     )
 
 
@@ -128,6 +128,7 @@ class Tracer:
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0)
         self._path_room, self._traced = path_room(0, 0), 0
+        self.seed = 1  # of paths
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def set_event(self, event: Event) -> None:
@@ -188,10 +189,11 @@ class Tracer:
         """Room for so many paths, kept from batch to batch."""
         if len(self._path_room.sample) < count:
             self._path_room = path_room(count, self._tracer_scene.scene.path_depth or 0)
-        if number is not None:
-            return self._path_room._replace(number=np.uint32(number & NUMBERS), step=np.uint32(0))
-        self._traced += count
-        return self._path_room._replace(number=np.uint32((self._traced - count) & NUMBERS), step=np.uint32(1))
+        step, number = (0, number) if number is not None else (1, self._traced)
+        self._traced += step * count
+        return self._path_room._replace(
+            number=np.uint32(number & NUMBERS), step=np.uint32(step), seed=np.uint32(self.seed & NUMBERS)
+        )
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""

@@ -141,7 +141,9 @@ def test_aiming_at_lamps_and_finding_them_agree() -> None:
 
 def test_every_sample_can_be_traced_again_alone() -> None:
     """Random numbers are those of the pixel and the sample's number, whatever else is in the batch."""
-    scene = paths_of([sphere_mesh(segments=16)], [Material(name="m", base_color=WHITE, specular=1.0)], depth=6, sky=Sky())
+    scene = paths_of(
+        [sphere_mesh(segments=16)], [Material(name="m", base_color=WHITE, specular=1.0)], depth=6, sky=Sky()
+    )
     tracer = Tracer(make_tracer_scene(scene), AHEAD.panel, AHEAD.eye, coherent=False)
     tracer.set_event(AHEAD.event)
     xy = np.random.default_rng(1).uniform(0.0, 64.0, (300, 2)).astype(np.float32)

@@ -56,7 +56,7 @@ class Assembly:
         axis = (0.0, math.copysign(1.0, period_s), 0.0)
         self.tracks.append(SpinConfig(type="spin", object=objects, axis=axis, period_s=abs(period_s), center=center))
 
-    def source(self, lights: tuple[Light, ...], sky: Sky) -> Source:
+    def source(self, lights: tuple[Light, ...], sky: Sky, *, path_depth: int | None = None) -> Source:
         """All that was added, with these lights and this sky."""
         return Source(
             meshes=tuple(self.meshes),
@@ -65,5 +65,6 @@ class Assembly:
             instances=tuple(self.instances),
             lights=lights,
             sky=sky,
+            path_depth=path_depth,
             animation=tuple(self.tracks),
         )

@@ -26,14 +26,13 @@ from wall.roles.plan import Plan, first_event
 from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Source
+from wall.study.mitsuba.library import OLDEST_LLVM, libllvm
 from wall.study.speed.record import Row, compared, skipped
 from wall.study.speed.tracing import plan_of
 from wall.tracing.kernels import trace as kernels
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import make_tracer_scene
 
-LLVM_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/llvm-19/lib", "/usr/lib64", "/usr/local/lib")
-OLDEST_LLVM, NEWEST_LLVM = 16, 30
 PEER_LIMIT_S = 240.0
 COMPARE_SPP = 64
 BLACK = (0.0, 0.0, 0.0)
@@ -63,18 +62,6 @@ def measure(rounds: int) -> list[Row]:
             rmse=found["rmse"], mean_radiance=found["mean"], mitsuba=found["version"],
         )
     ]  # fmt: skip
-
-
-def libllvm() -> str | None:
-    """The LLVM library that Mitsuba is told to use."""
-    if "DRJIT_LIBLLVM_PATH" in os.environ:
-        return os.environ["DRJIT_LIBLLVM_PATH"]
-    for folder in LLVM_FOLDERS:
-        for number in range(NEWEST_LLVM, OLDEST_LLVM - 1, -1):
-            for name in (f"libLLVM.so.{number}.1", f"libLLVM-{number}.so", f"libLLVM-{number}.so.1"):
-                if (Path(folder) / name).exists():
-                    return str(Path(folder) / name)
-    return None
 
 
 def _main(folder: str, rounds: int) -> None:

@@ -1,0 +1,1 @@
+"""Images held against Mitsuba 3's of the same scene."""

@@ -1,0 +1,27 @@
+"""Rows of `wall measure reference`: a file, and a table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.table import Table
+
+from wall.study.mitsuba.compare import Row
+
+
+def report(rows: Sequence[Row], out: Path) -> Table:
+    """Writes reference.jsonl into `out` and returns the table."""
+    text = "".join(json.dumps(asdict(row)) + "\n" for row in rows)
+    (out / "reference.jsonl").write_text(text, encoding="utf-8")
+    table = Table(title=f"against Mitsuba {rows[0].mitsuba}, pictures in {out}")
+    for name in ("config", "samples a pixel", "mean, ours over theirs", "pixels that agree", "RMSE", "CPU s", "same"):
+        table.add_column(name)
+    for row in rows:
+        table.add_row(
+            row.config, str(row.spp), ", ".join(f"{value:.4f}" for value in row.ratio), f"{100 * row.passed:.2f} %",
+            f"{row.rmse:.4f}", f"{row.cpu_s:.1f}, {row.mitsuba_cpu_s:.1f}", "yes" if row.ok else "no",
+        )  # fmt: skip
+    return table
