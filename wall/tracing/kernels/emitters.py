@@ -41,19 +41,18 @@ def triangle_of(surfaces, instance, primitive):
 
 
 @inline_kernel
-def aim_at_emitter(emitters, surfaces, materials, numbers, lane, work):
+def aim_at_emitter(emitters, surfaces, materials, lane, work):
     """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, and the density of the
     direction; 0 where the point is seen from its edge.
-
-    numbers : three in [0, 1), which triangle and where on it
     """
-    pick, u, v = numbers
+    p = work.packet
+    pick, u, v = p[rows.LIGHT_NUMBER + lane], p[rows.POINT_U + lane], p[rows.POINT_V + lane]
     row = min(np.searchsorted(emitters.cumulated, pick, side="right"), len(emitters.chance) - 1)
     instance = emitters.instance[row]
     a, e, f, normal = triangle_of(surfaces, instance, np.uint32(row - emitters.first[instance]))
     root = math.sqrt(u)
     s, t = root * (ONE - v), root * v
-    px, py, pz = xyz(work.packet, rows.POSITION_X, lane)
+    px, py, pz = xyz(p, rows.POSITION_X, lane)
     dx, dy, dz = a[0] + s * e[0] + t * f[0] - px, a[1] + s * e[1] + t * f[1] - py, a[2] + s * e[2] + t * f[2] - pz
     square = dx * dx + dy * dy + dz * dz
     material = materials.rows[surfaces.mesh_table[instance, MATERIAL_ROW]]

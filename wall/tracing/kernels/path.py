@@ -40,8 +40,7 @@ from wall.tracing.kernels.values import (
 
 ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
-DIMENSIONS = 4  # pairs of random numbers a bounce: choice and roulette, direction, point of a light, which light
-CHOICE, DIRECTION, POINT, LIGHT = range(DIMENSIONS)
+PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
 THIRD = np.float32(1.0 / 3.0)
@@ -70,11 +69,12 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 record_first(xy, first, count, samples, work)
             add_seen(first, count, materials.emits, lights.emitters, surfaces, materials, work, paths)
             if bounce < paths.depth:
+                draw_numbers(bounce, work)
                 add_deltas(
                     lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths
                 )
                 add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
-                add_emitters(first, count, bounce, lights.emitters, scene, surfaces, materials, work, paths)
+                add_emitters(first, count, lights.emitters, scene, surfaces, materials, work, paths)
                 widen_footprints(materials.texels, work)
                 going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
         alive = going
@@ -118,12 +118,26 @@ def load_rays(first, count, bounce, work, paths):
         set_xyz(p, embree.DIRECTION_X, lane, rays[k, 3], rays[k, 4], rays[k, 5])
         set_xyz(p, rows.THROUGHPUT_R, lane, rays[k, 6], rays[k, 7], rays[k, 8])
         p[rows.DENSITY + lane] = rays[k, 9]
+        bits[rows.KEY + lane] = paths.key[k]
+        bits[rows.NUMBER + lane] = paths.number + paths.step * np.uint32(paths.sample[k])
         p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane] = rays[k, 10], rays[k, 11]
         p[embree.T_FAR + lane] = INF
         bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane] if bounce == 0 else EVERY_OBJECT_MASK
         bits[embree.GEOMETRY + lane] = MISS
         bits[embree.INSTANCE + lane] = MISS
         work.valid[lane] = -1 if lane < count else 0
+
+
+@inline_kernel
+def draw_numbers(bounce, work):
+    """Draws the random numbers of a bounce for all lanes at once."""
+    p, bits = work.packet, work.bits
+    for pair in range(PAIRS):
+        row = rows.CHOICE_NUMBER + 32 * pair
+        for lane in range(16):
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], PAIRS * bounce + pair)
+            p[row + lane] = u
+            p[row + 16 + lane] = v
 
 
 @inline_kernel
@@ -147,12 +161,6 @@ def add_light(k, r, g, b, paths):
     radiance[sample, 0] += r
     radiance[sample, 1] += g
     radiance[sample, 2] += b
-
-
-@inline_kernel
-def number_of(k, paths):
-    """The number of path k's sample among those of its pixel."""
-    return np.uint32(paths.number + paths.step * np.uint32(paths.sample[k]))
 
 
 @inline_kernel
@@ -244,7 +252,7 @@ def aim(dx, dy, dz, far, light, lane, work):
 
 
 @inline_kernel
-def add_emitters(first, count, bounce, emitters, scene, surfaces, materials, work, paths):
+def add_emitters(first, count, emitters, scene, surfaces, materials, work, paths):
     """Adds the light of one point on an emitting surface, chosen at random; None does nothing."""
     if emitters is not None:
         p, aimed = work.packet, 0
@@ -252,10 +260,7 @@ def add_emitters(first, count, bounce, emitters, scene, surfaces, materials, wor
             work.shadow_valid[lane] = 0
             if lane >= count or p[rows.HIT + lane] == ZERO:
                 continue
-            key, number, pair = paths.key[first + lane], number_of(first + lane, paths), DIMENSIONS * bounce
-            pick, _ = random_pair(key, number, pair + LIGHT)
-            u, v = random_pair(key, number, pair + POINT)
-            (dx, dy, dz), emission, density = aim_at_emitter(emitters, surfaces, materials, (pick, u, v), lane, work)
+            (dx, dy, dz), emission, density = aim_at_emitter(emitters, surfaces, materials, lane, work)
             if not density > ZERO:
                 continue
             scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -288,15 +293,12 @@ def send_on(first, count, bounce, going, surfaces, materials, work, paths):
     for lane in range(count):
         if p[rows.HIT + lane] == ZERO:
             continue
-        sample, key, pair = paths.sample[first + lane], paths.key[first + lane], DIMENSIONS * bounce
-        number = number_of(first + lane, paths)
-        choice, roulette = random_pair(key, number, pair + CHOICE)
-        u, v = random_pair(key, number, pair + DIRECTION)
-        (x, y, z), (r, g, b), density = scatter((choice, u, v), lane, surfaces, materials, work)
+        sample, key = paths.sample[first + lane], paths.key[first + lane]
+        (x, y, z), (r, g, b), density = scatter(lane, surfaces, materials, work)
         tr, tg, tb = xyz(p, rows.THROUGHPUT_R, lane)
         r, g, b = r * tr, g * tg, b * tb
         chance = ONE if bounce < ROULETTE_FROM else min(max(r, g, b), LONGEST_ROULETTE)
-        if not chance > ZERO or not roulette < chance:
+        if not p[rows.ROULETTE_NUMBER + lane] < chance:
             continue
         share = ONE / chance
         gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)

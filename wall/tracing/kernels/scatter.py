@@ -62,13 +62,10 @@ def lit_by(x, y, z, lane, surfaces, materials, work):
 
 
 @inline_kernel
-def scatter(numbers, lane, surfaces, materials, work):
-    """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored.
-
-    numbers : three in [0, 1)
-    """
-    choice, u, v = numbers
+def scatter(lane, surfaces, materials, work):
+    """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored."""
     p = work.packet
+    choice, u, v = p[rows.CHOICE_NUMBER + lane], p[rows.DIRECTION_U + lane], p[rows.DIRECTION_V + lane]
     material = material_of(surfaces, materials, lane, work)
     albedo = xyz(p, rows.ALBEDO_R, lane)
     s, t, n, out = look_at(lane, work)
