@@ -17,6 +17,9 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = sorted(CONFIGS.rglob("*.yaml"))
 # what launching each under mpirun takes: one head, remote compositors, renderers
 RANKS = {
+    "paths/cornell": 2,
+    "paths/cornell_glass": 2,
+    "paths/cornell_metal": 2,
     "cave_corner": 4,
     "demo": 5,
     "forest": 3,

@@ -1,0 +1,115 @@
+"""Materials by name: who gets them, what stays, and what is said about names that fit nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wall.config.loading import loads
+from wall.core.errors import ConfigError, SceneError
+from wall.scene.build import Scene, build
+
+HERE = Path(__file__).parent
+QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
+
+
+def scene_with(*materials: str, source: str = "cornell", more: str = "") -> Scene:
+    text = f"""\
+version: 1
+scene: {{source: {source}, materials: [{", ".join(materials)}]{more}}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [8, 8], size: [0.1, 0.1]}}}}
+views: [{{}}]
+"""
+    return build(loads(text, path=HERE / "wall.yaml").config.scene, HERE)
+
+
+def look(scene: Scene, name: str) -> Any:
+    instance = next(i for i in scene.instances if i.name == name)
+    return scene.materials[scene.meshes[instance.mesh].material]
+
+
+def test_objects_get_materials_and_the_last_one_wins() -> None:
+    scene = scene_with(
+        "{object: '* box', type: metal, color: [0.9, 0.8, 0.1], roughness: 0.2}", "{object: large box, type: glass}"
+    )
+    small, large = look(scene, "small box"), look(scene, "large box")
+    assert (small.metallic, small.roughness, small.base_color) == (1.0, 0.2, (0.9, 0.8, 0.1))
+    assert (large.transmission, large.metallic, large.ior, large.base_color) == (1.0, 0.0, 1.5, (1.0, 1.0, 1.0))
+    assert look(scene, "floor").metallic == 0.0
+    assert look(scene, "lamp").emission[0] > 10.0
+
+
+def test_a_material_is_changed_wherever_it_is_worn() -> None:
+    scene = scene_with("{material: white, type: plastic, roughness: 0.1}")
+    assert {look(scene, name).specular for name in ("floor", "back wall", "small box")} == {1.0}
+    assert look(scene, "red wall").specular == 0.0
+    assert look(scene, "floor").base_color == (0.886, 0.699, 0.666)
+
+
+def test_one_of_several_instances_of_a_mesh_can_be_changed_alone() -> None:
+    scene = scene_with("{object: column 0, type: mirror, share: 0.5}", source="courtyard")
+    assert look(scene, "column 0").mirror == 0.5
+    assert look(scene, "column 1").mirror == 0.0
+    assert look(scene, "column 0").base_color == look(scene, "column 1").base_color
+    assert len({instance.mesh for instance in scene.instances}) == len(scene.meshes), (
+        "no mesh is left that nothing shows"
+    )
+
+
+@pytest.mark.parametrize(
+    ("entry", "said"),
+    [
+        (
+            "{object: smal box, type: glass}",
+            r"materials\[0\].object = 'smal box': no such object; did you mean 'small box'",
+        ),
+        ("{material: whit, type: glass}", r"materials\[0\].material = 'whit': no such material; did you mean 'white'"),
+    ],
+)
+def test_names_that_fit_nothing_are_refused_with_the_nearest(entry: str, said: str) -> None:
+    with pytest.raises(SceneError, match=r"scene.materials\[0\]\." + said):
+        scene_with(entry)
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        "{type: glass}",
+        "{object: a, material: b, type: glass}",
+        "{object: a, type: glas}",
+        "{object: a, type: glass, ior: 0.5}",
+        "{object: a, type: metal, roughness: 2}",
+        "{object: a, type: emission}",
+    ],
+)
+def test_wrong_entries_are_refused(entry: str) -> None:
+    with pytest.raises(ConfigError, match=r"scene.materials"):
+        scene_with(entry)
+
+
+def test_several_sources_share_a_world(tmp_path: Path) -> None:
+    for name in ("left", "right"):
+        (tmp_path / f"{name}.obj").write_text(QUAD, encoding="utf-8")
+    text = """\
+version: 1
+scene: {source: [left.obj, right.obj, cornell], materials: [{object: "left*", type: diffuse, color: [1, 0, 0]}]}
+wall: {grid: {columns: 1, rows: 1, pixels: [8, 8], size: [0.1, 0.1]}}
+views: [{}]
+"""
+    scene = build(loads(text, path=tmp_path / "wall.yaml").config.scene, tmp_path)
+    red = [
+        i.name for i in scene.instances if scene.materials[scene.meshes[i.mesh].material].base_color == (1.0, 0.0, 0.0)
+    ]
+    assert len(scene.instances) == 10
+    assert len(red) == 1
+    assert red[0].startswith("left")
+    assert scene.path_depth == 6, "the Cornell box's own"
+
+
+def test_paths_are_followed_where_the_source_or_the_configuration_says_so() -> None:
+    assert scene_with().path_depth == 6
+    assert scene_with(more=", integrator: {method: direct}").path_depth is None
+    assert scene_with(more=", integrator: {method: path, depth: 3}").path_depth == 3
+    assert scene_with(source="courtyard").path_depth is None

@@ -1,0 +1,46 @@
+"""`wall measure reference`: what counts as noise, and, where Mitsuba is installed, that a difference is found."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wall.core.errors import RunError
+from wall.study.mitsuba.compare import BATCHES, FEWEST_PASSES, compare, passing
+
+ROOM = """\
+version: 1
+scene: {{source: cornell, integrator: {integrator}, materials: [{materials}]}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [24, 24], size: [0.24, 0.24]}}}}
+views: [{{camera: {{position: [2.78, 2.73, -8], target: [2.78, 2.73, 0], fov: 39.3}}}}]
+"""
+
+
+def test_noise_passes_and_five_percent_do_not() -> None:
+    chance = np.random.default_rng(1)
+    a, b, c = chance.gamma(4.0, 0.25, (3, BATCHES, 64, 64, 3)) / 40 + 1.0
+    assert passing(a, b) == 1.0
+    c[:, :4] *= 1.05
+    assert passing(a, c) < FEWEST_PASSES
+    assert passing(a, a[:, ::-1, ::-1]) > FEWEST_PASSES
+
+
+@pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
+def test_the_same_room_agrees_and_what_mitsuba_lacks_is_refused(tmp_path: Path) -> None:
+    room = tmp_path / "room.yaml"
+    glass = "{object: small box, type: glass}, {object: large box, type: mirror}"
+    room.write_text(ROOM.format(integrator="{method: path, depth: 4}", materials=glass), encoding="utf-8")
+    row = compare(room, spp=4096, out=tmp_path, say=lambda _: None)
+    assert row.ok, row
+    assert (tmp_path / "room.png").stat().st_size > 1000
+    for integrator, materials, said in (
+        ("{method: direct}", "", "no equal in Mitsuba"),
+        ("{method: path}", "{object: small box, type: plastic}", "'small box': has no equal"),
+        ("{method: path}", "{object: lamp, type: emission, radiance: [1, 1, 1]}", "'lamp': emits on both sides"),
+    ):
+        room.write_text(ROOM.format(integrator=integrator, materials=materials), encoding="utf-8")
+        with pytest.raises(RunError, match=said):
+            compare(room, spp=16, out=tmp_path, say=lambda _: None)

@@ -1,0 +1,158 @@
+"""The `wall measure` commands: as in cli.py, each reads its options, calls one function and prints the result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from wall.commands.terminal import console, errors, fail, parse_size
+
+measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.")
+
+
+@measure.command()
+def speed(
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the rows, JSON lines")] = None,
+    only: Annotated[list[str] | None, typer.Option(help="Measure just this metric; may be given again")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer rounds, shorter runs")] = False,
+) -> None:
+    """Measure speed, latency, bytes and memory, each against its limit in the same run. Takes about two minutes.
+
+    [bold]wall measure speed -o speed.jsonl[/]
+    """
+    from wall.study.speed import speed as measured
+
+    rows = []
+    with errors.status("measuring") as status:
+        for row in measured.measure(only or [], quick=quick, say=lambda names: status.update(f"measuring {names}")):
+            rows.append(row)
+            if output is not None:
+                measured.write(output, rows)
+    console.print(measured.table(rows))
+    for note in measured.notes(rows):
+        console.print(note)
+    broken = [row.metric for row in rows if row.failed]
+    if broken:
+        fail(f"could not be measured: {', '.join(broken)}")
+
+
+@measure.command()
+def quality(
+    configs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[CONFIG]...", help="Scenes to measure on; the project's four if left out"),
+    ] = None,
+    scenes: Annotated[str, typer.Option(help="Of them only these, such as orbit,light")] = "",
+    methods: Annotated[
+        str, typer.Option("--methods", "--arms", help="Only these, such as framed,adaptive or 'taa_*'; all if left out")
+    ] = "",
+    rates: Annotated[str, typer.Option(help="Rays a second")] = "100k,400k,800k",
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the image, pixels")] = "256x256",
+    seeds: Annotated[int, typer.Option(min=1, max=1000, help="Seeds 1 to N")] = 5,
+    out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
+        "OUT/quality"
+    ),
+    clock: Annotated[
+        str, typer.Option(help="virtual: the same rays for every method; cpu: the same CPU time")
+    ] = "virtual",
+    cores: Annotated[str, typer.Option(help="With --clock cpu, instead of rates: CPU seconds a second")] = "1,2",
+    refresh_hz: Annotated[float, typer.Option(min=1.0, max=1000.0, help="Images shown a second")] = 60.0,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.2, max=600.0, help="Of a run; 4, or the camera's path, if left out")
+    ] = None,
+) -> None:
+    """Measure speed against error: every way to spend rays, held against the reference image of each refresh.
+
+    [bold]wall measure quality --rates 400k --seeds 1[/]
+    """
+    from wall.commands.progress import progress_bar
+    from wall.study.quality import command
+    from wall.study.quality.report import write_report
+    from wall.study.quality.sweep import Wanted, sweep
+    from wall.study.quality.tables import tables, write_summary
+
+    command.check_installed()
+    wanted = Wanted(
+        configs=command.configs_of(configs or [], scenes),
+        methods=command.methods_of(methods, clock=clock),
+        rates=command.rates_of(rates),
+        size=parse_size(size) or (256, 256),
+        seeds=tuple(range(1, seeds + 1)),
+        out=out,
+        clock=clock,
+        cores=command.cores_of(cores),
+        refresh_hz=refresh_hz,
+        seconds=seconds,
+    )
+    with progress_bar("{task.description:<24}", show=errors.is_terminal) as update:
+        rows = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
+    for table in tables(rows):
+        console.print(table.rich())
+    write_summary(out / "summary.json", rows)
+    console.print(f"{len(rows)} rows in {out / 'quality.jsonl'}, report in {write_report(out, rows)}")
+
+
+@measure.command()
+def live(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Configurations of walls to run here", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive,framed,frameless,hilbert",
+    cores: Annotated[str, typer.Option(help="For all processes of a wall, such as 0.5,1,2; all if left out")] = "",
+    seconds: Annotated[float, typer.Option(min=0.5, max=600.0, help="Measured, after the warm-up")] = 6.0,
+    warm_up: Annotated[float, typer.Option(min=0.0, max=600.0, help="Seconds that a wall runs before")] = 2.0,
+    moments: Annotated[int, typer.Option(min=1, max=10000, help="Images compared with the reference")] = 24,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the reference images")] = 64,
+    display_delay: Annotated[float | None, typer.Option(min=0.0, help="Seconds from a refresh to its light")] = None,
+    out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
+        "OUT/live"
+    ),
+    keep: Annotated[bool, typer.Option("--keep", help="Keep every recorded image too: large")] = False,
+) -> None:
+    """Measure what is seen: run walls, and compare the image of each moment with the reference image of that moment.
+
+    [bold]wall measure live configs/demo.yaml --cores 2[/]
+    """
+    from wall.commands.progress import progress_bar
+    from wall.study.live import command
+    from wall.study.live.sweep import Wanted, sweep
+
+    command.check_installed()
+    wanted = Wanted(
+        configs=command.configs_of(configs), methods=command.methods_of(methods), cores=command.cores_of(cores),
+        seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, display_delay_s=display_delay, out=out, keep=keep,
+    )  # fmt: skip
+    with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
+        outcome = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
+    for item in command.report(outcome, out):
+        console.print(item)
+    if outcome.failures:
+        fail("\n".join(["could not be measured:", *outcome.failures]))
+
+
+@measure.command()
+def reference(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Walls of one panel, paths traced", show_default=False)
+    ],
+    spp: Annotated[int, typer.Option(min=16, max=1 << 20, help="Samples a pixel")] = 256,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/reference"),
+) -> None:
+    """Compare path-traced images with Mitsuba 3's of the same scenes: means, and each pixel against its noise.
+
+    [bold]wall measure reference configs/cornell.yaml --spp 1024[/]
+    """
+    from wall.study import options
+    from wall.study.mitsuba.compare import compare
+    from wall.study.mitsuba.report import report
+
+    options.check_installed("wall measure reference", {"mitsuba": "mitsuba"})
+    options.check_files(configs)
+    out.mkdir(parents=True, exist_ok=True)
+    with errors.status("comparing") as status:
+        rows = [compare(config, spp=spp, out=out, say=lambda what: status.update(what)) for config in configs]
+    console.print(report(rows, out))
+    if not all(row.ok for row in rows):
+        fail(f"not the same: {', '.join(row.config for row in rows if not row.ok)}")
