@@ -16,6 +16,7 @@ from wall.tracing.kernels import glass, opaque
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.values import MATERIAL
 
+pytestmark = pytest.mark.usefixtures("compiled_only")  # hundreds of thousands of directions and points
 TABLE = interface_table()
 COUNT = 400_000
 RINGS, SECTORS = 12, 16  # of the hemisphere, equal in solid angle

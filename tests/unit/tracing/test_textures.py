@@ -63,6 +63,7 @@ AT_60_DEGREES = ((0.0, 0.0, 9.0), -60.0, 30.0)
 GRAZING = ((0.0, 0.0, 8.0), -80.0, 8.0)
 
 
+@pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize(
     ("place", "repeats", "stretch", "best"),
     [
@@ -98,6 +99,7 @@ def test_a_texture_far_finer_than_a_pixel_is_its_mean(turn: float) -> None:
     np.testing.assert_allclose(got, np.broadcast_to(mean, got.shape), rtol=0.02)
 
 
+@pytest.mark.usefixtures("compiled_only")
 def test_a_mirror_carries_footprints_on() -> None:
     """A mirror in z = 0 shows the plane behind the eye as it would be seen from the mirrored eye."""
     sky = Sky(zenith=WHITE, horizon=WHITE, ground=WHITE)

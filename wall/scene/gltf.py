@@ -1,0 +1,147 @@
+"""What trimesh leaves out of a glTF file: scalars of materials with their extensions, and lights.
+
+trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
+unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions KHR_lights_punctual,
+KHR_materials_emissive_strength, _ior, _specular, _transmission.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wall.core.data import Float64
+from wall.scene.animation import Vector
+from wall.scene.lights import directional_light
+from wall.scene.model import Light, Material, PointLight
+
+MAGIC, JSON_CHUNK = b"glTF", 0x4E4F534A
+HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
+KNOWN = {
+    *("KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular"),
+    *("KHR_materials_transmission", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu"),
+}
+
+
+def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
+    """A .glb or .gltf file whose materials are named by their numbers, and its JSON as it was.
+
+    Raises ValueError, or what a parser raises, for what is no such file.
+    """
+    data = path.read_bytes()
+    if path.suffix.lower() == ".gltf":
+        header = json.loads(data.decode("utf-8-sig"))
+        return json.dumps(_numbered(header)).encode(), header
+    magic, version, _ = HEADER.unpack_from(data)
+    length, kind = CHUNK.unpack_from(data, HEADER.size)
+    start = HEADER.size + CHUNK.size
+    if magic != MAGIC or kind != JSON_CHUNK:
+        raise ValueError("it is no binary glTF: it does not begin with a chunk of JSON")
+    header = json.loads(data[start : start + length].decode("utf-8"))
+    text = json.dumps(_numbered(header)).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[start + length :]
+    size = HEADER.size + CHUNK.size + len(text) + len(rest)
+    return HEADER.pack(MAGIC, version, size) + CHUNK.pack(len(text), JSON_CHUNK) + text + rest, header
+
+
+def _numbered(header: dict[str, Any]) -> dict[str, Any]:
+    materials = [{**material, "name": str(k)} for k, material in enumerate(header.get("materials", []))]
+    return {**header, "materials": materials} if materials else header
+
+
+def completed(material: Material, header: dict[str, Any], number: int) -> Material:
+    """A material with the scalars that the file gives it."""
+    found = header["materials"][number]
+    surface, extensions = found.get("pbrMetallicRoughness", {}), found.get("extensions", {})
+
+    def of(extension: str, name: str, default: float) -> float:
+        return float(extensions.get(f"KHR_materials_{extension}", {}).get(name, default))
+
+    strength = of("emissive_strength", "emissiveStrength", 1.0)
+    r, g, b = material.emission
+    return replace(
+        material,
+        name=str(found.get("name", "unnamed")),
+        metallic=_share(surface.get("metallicFactor", 1.0)),
+        roughness=_share(surface.get("roughnessFactor", 1.0)),
+        specular=_share(of("specular", "specularFactor", 1.0)),
+        ior=max(1.0, of("ior", "ior", 1.5)),
+        transmission=_share(of("transmission", "transmissionFactor", 0.0)),
+        emission=(r * strength, g * strength, b * strength),
+        emits_behind=bool(found.get("doubleSided", False)),
+    )
+
+
+def _share(value: Any) -> float:
+    return min(max(float(value), 0.0), 1.0)
+
+
+def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
+    """The file's point and directional lights, candela and lux taken as W/sr and W/m^2, and what is drawn otherwise."""
+    known = header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
+    lights: list[Light] = []
+    notes: list[str] = []
+    for node, pose in _placed(header):
+        number = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
+        if number is None:
+            continue
+        light = known[number]
+        r, g, b = (float(c) * float(light.get("intensity", 1.0)) for c in light.get("color", (1.0, 1.0, 1.0)))
+        x, y, z = pose[:3, 3].tolist()
+        if light["type"] == "directional":
+            away: Vector = tuple(pose[:3, 2].tolist())  # it shines along the node's -z
+            lights.append(directional_light(away, (r, g, b)))
+            continue
+        lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
+        if light["type"] == "spot":
+            notes.append(
+                f"light {light.get('name', number)!r} is a spot; it is drawn as a point that shines everywhere"
+            )
+    return tuple(lights), notes
+
+
+def unread(header: dict[str, Any]) -> list[str]:
+    """What the file has and nothing here reads, as notes."""
+    notes = [f"its {what} are not read" for what in ("skins", "animations", "cameras") if header.get(what)]
+    if any(primitive.get("targets") for mesh in header.get("meshes", []) for primitive in mesh.get("primitives", [])):
+        notes.append("its morph targets are not read")
+    unknown = sorted(set(header.get("extensionsUsed", [])) - KNOWN)
+    return notes + ([f"extensions that are not read: {', '.join(unknown)}"] if unknown else [])
+
+
+def _placed(header: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Float64]]:
+    """Every node of the file's scene with its pose (4, 4) in the world; a node that holds itself is met once a way."""
+    nodes, scenes = header.get("nodes", []), header.get("scenes", [])
+    roots = scenes[header.get("scene", 0)].get("nodes", []) if scenes else range(len(nodes))
+    waiting = [(number, np.eye(4), frozenset[int]()) for number in roots]
+    while waiting:
+        number, above, passed = waiting.pop()
+        if number in passed:
+            continue
+        node = nodes[number]
+        pose = above @ _pose(node)
+        yield node, pose
+        waiting += [(child, pose, passed | {number}) for child in node.get("children", [])]
+
+
+def _pose(node: dict[str, Any]) -> Float64:
+    """A node's matrix, or that of its translation, rotation (a quaternion x, y, z, w) and scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    pose = np.eye(4)
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    pose[:3, :3] *= np.array(node.get("scale", (1.0, 1.0, 1.0)))
+    pose[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return pose
