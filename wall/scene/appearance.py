@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.colour import srgb_decoded
-from wall.core.data import Float32
+from wall.core.data import Float32, Float64
 from wall.scene.animation import Vector
+from wall.scene.gltf import MALFORMED, completed
 from wall.scene.model import Material, Texture
 
 NAMES_SHOWN = 8  # in a note
@@ -29,12 +30,14 @@ class Palette:
     """Materials and textures met so far; equal objects in the file become one entry."""
 
     linear_vertex_colors: bool
+    header: dict[str, Any] = field(default_factory=dict)  # a glTF file's JSON; its materials are named by their numbers
     beside: Path | None = None  # an image for surfaces with texture coordinates and no material
     materials: list[Material] = field(default_factory=list)
     textures: list[Texture] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     metals: list[str] = field(default_factory=list)  # names of materials that are drawn diffuse
     transparent: list[str] = field(default_factory=list)  # names of materials that are drawn opaque
+    averaged: list[str] = field(default_factory=list)  # names of materials of which a texture counts as its mean
     _materials: dict[int, int] = field(default_factory=dict)
     _textures: dict[int, int | None] = field(default_factory=dict)
     _kept: list[Any] = field(default_factory=list)  # what the ids above stand for, so that none is given twice
@@ -59,7 +62,8 @@ class Palette:
     def simplified(self) -> list[str]:
         """A note that counts and names the materials which are drawn simpler than the file says; none if all are."""
         parts = (
-            (self.metals, "is metal and is drawn diffuse", "are metal and are drawn diffuse"),
+            (self.metals, "is metal, diffuse under direct light", "are metal, diffuse under direct light"),
+            (self.averaged, "shows a texture's mean (metal, emission)", "show a texture's mean (metal, emission)"),
             (self.transparent, "has alpha and is drawn opaque", "have alpha and are drawn opaque"),
         )
         said = [
@@ -72,7 +76,10 @@ class Palette:
     def _converted(self, found: Any) -> Material:
         if found is None:
             return Material(name="default")
-        name = str(getattr(found, "name", None) or "unnamed")
+        name, number = str(getattr(found, "name", None) or "unnamed"), -1
+        if name.isdigit() and int(name) < len(self.header.get("materials", ())):
+            number = int(name)
+            name = str(self.header["materials"][number].get("name", "unnamed"))
         base = Material(name=name)
         if isinstance(found, trimesh.visual.material.PBRMaterial):
             base = replace(
@@ -85,9 +92,8 @@ class Palette:
             image = found.baseColorTexture
             if found.baseColorFactor is None:
                 base = replace(base, base_color=(1.0, 1.0, 1.0))  # glTF's default
-            if found.emissiveTexture is not None and max(base.emission) > 0.0:
-                self.notes.append(f"material {name!r}: its emissive texture is not used, so it does not glow")
-                base = replace(base, emission=(0.0, 0.0, 0.0))
+            if number >= 0:
+                base = self._completed(base, number, found)
         else:
             image = getattr(found, "image", None)
             if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
@@ -95,6 +101,24 @@ class Palette:
             written = getattr(found, "kwargs", {}).get("kd")
             base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
         return replace(base, texture=self._texture(image, name))
+
+    def _completed(self, material: Material, number: int, found: Any) -> Material:
+        """A glTF material with all its numbers; textures of roughness, metalness and emission count as their means."""
+        try:
+            material = completed(material, self.header, number)
+        except MALFORMED as error:
+            self.notes.append(
+                f"material {material.name!r}: its numbers cannot be read ({type(error).__name__}: {error})"
+            )
+        if found.metallicRoughnessTexture is not None:
+            _, rough, metal = _mean(found.metallicRoughnessTexture) / 255.0
+            self.averaged.append(material.name)
+            material = replace(material, roughness=material.roughness * rough, metallic=material.metallic * metal)
+        if found.emissiveTexture is not None and max(material.emission) > 0.0:
+            r, g, b = np.array(material.emission) * _mean_light(found.emissiveTexture)
+            self.averaged.append(material.name)
+            material = replace(material, emission=(float(r), float(g), float(b)))
+        return material
 
     def _image_beside(self) -> Image.Image | None:
         if self.beside is None:
@@ -159,6 +183,24 @@ def _is_metal(found: Any) -> bool:
         return bool(image.convert("RGB").getextrema()[2][1] > 0)
     except Exception:  # Pillow's decoders raise anything on broken data; the factor says metal
         return True
+
+
+def _mean(image: Any) -> Float64:
+    """(3,) mean RGB of an image, bytes; white where it cannot be decoded."""
+    try:
+        mean: Float64 = np.asarray(image.convert("RGB"), np.float64).mean(axis=(0, 1))
+        return mean
+    except Exception:  # Pillow's decoders raise anything on broken data
+        return np.full(3, 255.0)
+
+
+def _mean_light(image: Any) -> Float64:
+    """(3,) mean linear RGB of an sRGB image; white where it cannot be decoded."""
+    try:
+        mean: Float64 = srgb_decoded(np.asarray(image.convert("RGB")) / 255.0).mean(axis=(0, 1))
+        return mean
+    except Exception:  # as above
+        return np.ones(3)
 
 
 def _listed(names: list[str]) -> str:

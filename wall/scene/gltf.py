@@ -1,8 +1,8 @@
 """What trimesh leaves out of a glTF file: scalars of materials with their extensions, and lights.
 
 trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
-unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions KHR_lights_punctual,
-KHR_materials_emissive_strength, _ior, _specular, _transmission.
+unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions
+KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ import numpy as np
 
 from wall.core.data import Float64
 from wall.scene.animation import Vector
-from wall.scene.lights import directional_light
-from wall.scene.model import Light, Material, PointLight
+from wall.scene.lights import unit
+from wall.scene.model import DirectionalLight, Light, Material, PointLight
 
 MAGIC, JSON_CHUNK = b"glTF", 0x4E4F534A
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
+MALFORMED = (AttributeError, IndexError, KeyError, TypeError, ValueError)  # what wrong JSON of a file raises
 KNOWN = {
     *("KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular"),
     *("KHR_materials_transmission", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu"),
@@ -96,8 +97,8 @@ def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
         r, g, b = (float(c) * float(light.get("intensity", 1.0)) for c in light.get("color", (1.0, 1.0, 1.0)))
         x, y, z = pose[:3, 3].tolist()
         if light["type"] == "directional":
-            away: Vector = tuple(pose[:3, 2].tolist())  # it shines along the node's -z
-            lights.append(directional_light(away, (r, g, b)))
+            away: Vector = (float(pose[0, 2]), float(pose[1, 2]), float(pose[2, 2]))  # it shines along the node's -z
+            lights.append(DirectionalLight(direction=unit(away), irradiance=(r, g, b)))
             continue
         lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
         if light["type"] == "spot":

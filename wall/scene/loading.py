@@ -26,6 +26,7 @@ from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere
+from wall.scene.gltf import MALFORMED, lights_of, renamed, unread
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
 
@@ -38,10 +39,10 @@ NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't
 
 def load(path: Path) -> Source:
     """Read a model file. Raises SceneError: missing, unknown format, unreadable, or nothing left to draw."""
-    loaded, notes = _read(path)
+    loaded, notes, header = _read(path)
     gltf = path.suffix.lower() in (".glb", ".gltf")
     notes += [] if gltf else [f"{path.name}: the format does not say which way is up; y is taken to be"]
-    palette = Palette(linear_vertex_colors=gltf, beside=_image_beside(path))
+    palette = Palette(linear_vertex_colors=gltf, beside=_image_beside(path), header=header)
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -57,17 +58,23 @@ def load(path: Path) -> Source:
             f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
             + "".join(f"\n  {note}" for note in notes)
         )
+    try:
+        lights, said = lights_of(header)
+        notes += [f"{path.name}: {what}" for what in (*said, *unread(header))]
+    except MALFORMED as error:
+        raise SceneError(f"{path}: cannot be read as glTF, {type(error).__name__}: {error}") from error
     source = Source(
         meshes=tuple(meshes),
         materials=tuple(palette.materials),
         textures=tuple(palette.textures),
         instances=tuple(instances),
+        lights=lights or None,
     )
     return _comfortable(source, notes)
 
 
-def _read(path: Path) -> tuple[Any, list[str]]:
-    """trimesh's scene of a file, and what trimesh only whispers to its log: textures and materials it gave up."""
+def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
+    """trimesh's scene of a file, what trimesh only whispers to its log, and a glTF's JSON, {} for other formats."""
     known = ", ".join(FORMATS)
     if path.suffix.lower() not in FORMATS:
         raise SceneError(f"{path}: no built-in scene and no known kind of model, known are {known}")
@@ -77,19 +84,24 @@ def _read(path: Path) -> tuple[Any, list[str]]:
         try:
             with np.errstate(all="ignore"), warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # numpy's, about numbers that trimesh's parsers stumble on
-                return _parsed(path), notes
+                loaded, header = _parsed(path)
+                return loaded, notes, header
         except Exception as error:  # parsers of broken files raise anything
             reason = f"{type(error).__name__}: {error}"
             raise SceneError(f"{path}: cannot be read as {path.suffix.lower()[1:]}, {reason}") from error
 
 
-def _parsed(path: Path) -> Any:
-    """trimesh's scene. An OBJ keeps its objects apart, and may have any bytes in its comments and names."""
-    if path.suffix.lower() != ".obj":
-        return trimesh.load_scene(path, process=False)
-    text = io.StringIO(path.read_bytes().decode("utf-8", "replace"))
+def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
+    """trimesh's scene, and a glTF's JSON. An OBJ keeps its objects apart, and may have any bytes in its comments."""
+    kind = path.suffix.lower()[1:]
     beside = trimesh.resolvers.FilePathResolver(str(path))
-    return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True)
+    if kind in ("glb", "gltf"):
+        data, header = renamed(path)
+        return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside, process=False), header
+    if kind != "obj":
+        return trimesh.load_scene(path, process=False), {}
+    text = io.StringIO(path.read_bytes().decode("utf-8", "replace"))
+    return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
 
 
 def _image_beside(path: Path) -> Path | None:

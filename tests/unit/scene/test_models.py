@@ -108,7 +108,8 @@ def test_glb_metal_and_alpha_are_noted_once_a_file(tmp_path: Path) -> None:
         )
     )
     assert [note for note in source.notes if "metal" in note or "alpha" in note] == [
-        "3 materials are metal and are drawn diffuse (chrome, rim, door); "
+        "3 materials are metal, diffuse under direct light (chrome, rim, door); "
+        "2 materials show a texture's mean (metal, emission) (door, hood); "
         "2 materials have alpha and are drawn opaque (leaf, glass)"
     ]
 
