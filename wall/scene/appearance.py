@@ -1,4 +1,4 @@
-"""What surfaces look like, from trimesh's materials to ours: base colour, texture, vertex colours, emission.
+"""What surfaces look like, from trimesh's materials to ours: colour, texture, vertex colours, gloss, emission.
 
 Colour spaces: glTF factors and vertex colours are linear, as its specification says; so is an OBJ's Kd. PLY and OBJ
 vertex colours are sRGB by custom, and are made linear. Textures stay sRGB bytes; the tracer decodes them.
@@ -22,6 +22,8 @@ from wall.scene.gltf import MALFORMED, completed
 from wall.scene.model import Material, Texture
 
 NAMES_SHOWN = 8  # in a note
+SHARPEST_NS = 1000.0  # Blender writes (1 - roughness)^2 times this
+LARGEST_IOR = 4.0
 LARGEST_TEXTURE_PX = 4096  # 48 MiB of texels; larger images are halved until they fit
 
 
@@ -100,6 +102,7 @@ class Palette:
                 image = self._image_beside()
             written = getattr(found, "kwargs", {}).get("kd")
             base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
+            base = of_mtl(base, getattr(found, "kwargs", {}))
         return replace(base, texture=self._texture(image, name))
 
     def _completed(self, material: Material, number: int, found: Any) -> Material:
@@ -183,6 +186,37 @@ def _is_metal(found: Any) -> bool:
         return bool(image.convert("RGB").getextrema()[2][1] > 0)
     except Exception:  # Pillow's decoders raise anything on broken data; the factor says metal
         return True
+
+
+def of_mtl(material: Material, written: dict[str, Any]) -> Material:
+    """A material with what an MTL file says besides Kd: Ke, Ni, Pm and Pr; else Ks and Ns as Blender writes them.
+
+    written : keys in lower case; numbers, lists of them, or of their words. What cannot be read counts as absent
+    """
+    pm, pr, ni, ns = (_numbers(written.get(key), 1) for key in ("pm", "pr", "ni", "ns"))
+    ke, ks = _numbers(written.get("ke"), 3), _numbers(written.get("ks"), 3)
+    if ke is not None:
+        r, g, b = np.maximum(ke, 0.0).tolist()
+        material = replace(material, emission=(r, g, b))
+    if ni is not None and 1.0 < ni[0] <= LARGEST_IOR:
+        material = replace(material, ior=float(ni[0]))
+    if pm is not None:
+        material = replace(material, metallic=float(np.clip(pm[0], 0.0, 1.0)))
+    if pr is not None:
+        material = replace(material, roughness=float(np.clip(pr[0], 0.0, 1.0)), specular=1.0)
+    elif ks is not None and ns is not None and ks.max() > 0.0:
+        shine = 1.0 - np.sqrt(np.clip(ns[0] / SHARPEST_NS, 0.0, 1.0))
+        material = replace(material, roughness=float(shine), specular=float(np.clip(2.0 * ks.mean(), 0.0, 1.0)))
+    return material
+
+
+def _numbers(value: Any, count: int) -> Float64 | None:
+    """The first `count` numbers of an MTL value; None where there are not so many, or they are not finite."""
+    try:
+        found = np.atleast_1d(np.asarray(value, np.float64))[:count]
+    except (TypeError, ValueError):
+        return None
+    return found if len(found) == count and np.isfinite(found).all() else None
 
 
 def _mean(image: Any) -> Float64:
