@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -55,7 +56,10 @@ def wall(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Compl
 
 
 def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-    """Start `wall` in a session of its own, so that all its processes can be found and ended."""
+    """Start `wall` in a session of its own, so that all its processes can be found and ended.
+
+    Ctrl-C reaches it as in a terminal, also where the tests themselves run in the background, which ignores SIGINT.
+    """
     return subprocess.Popen(
         [*launcher, *WALL, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -63,6 +67,7 @@ def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Pope
         text=True,
         env=environment(),
         start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
