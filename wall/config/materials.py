@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from wall.core.fields import Color, Model, Number, Text, Whole, refusal
 
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
+Reflectance = tuple[Share, Share, Share]
 Ior = Annotated[Number, Ge(1.01), Le(4.0)]
 
 
@@ -26,7 +27,9 @@ class _OfSurfaces(Model):
 
 
 class _Coloured(_OfSurfaces):
-    color: Color | None = Field(default=None, description="linear RGB reflectance, 0..1; absent = the source's own")
+    color: Reflectance | None = Field(
+        default=None, description="linear RGB reflectance, 0..1; absent = the source's own"
+    )
 
 
 class DiffuseConfig(_Coloured):
@@ -51,9 +54,11 @@ class MetalConfig(_Coloured):
 
 
 class GlassConfig(_Coloured):
-    """Glass, smooth or frosted; its normals say where the outside is."""
+    """Glass, smooth or frosted; the order of its triangles' corners says where the outside is."""
 
-    type: Literal["glass"] = Field(description="reflects and refracts; the mesh should be closed")
+    type: Literal["glass"] = Field(
+        description="reflects and refracts; the mesh should be closed, its corners counterclockwise from outside"
+    )
     roughness: Share = Field(default=0.0, description="0 = clear")
     ior: Ior = Field(default=1.5, description="index of refraction")
 

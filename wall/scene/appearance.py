@@ -79,7 +79,7 @@ class Palette:
         if found is None:
             return Material(name="default")
         name, number = str(getattr(found, "name", None) or "unnamed"), -1
-        if name.isdigit() and int(name) < len(self.header.get("materials", ())):
+        if self.header and name.isdecimal() and int(name) < len(self.header.get("materials", ())):
             number = int(name)
             name = str(self.header["materials"][number].get("name", "unnamed"))
         base = Material(name=name)

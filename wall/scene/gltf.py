@@ -8,6 +8,7 @@ KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmis
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import replace
@@ -21,12 +22,26 @@ from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import DirectionalLight, Light, Material, PointLight
 
+LARGEST_IOR = 4.0
 MAGIC, JSON_CHUNK = b"glTF", 0x4E4F534A
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
-MALFORMED = (AttributeError, IndexError, KeyError, TypeError, ValueError)  # what wrong JSON of a file raises
+MALFORMED = (
+    ArithmeticError,
+    AttributeError,
+    IndexError,
+    KeyError,
+    TypeError,
+    ValueError,
+)  # what wrong JSON of a file raises
 KNOWN = {
     *("KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular"),
-    *("KHR_materials_transmission", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu"),
+    *(
+        "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_transmission",
+        "KHR_draco_mesh_compression",
+        "EXT_texture_webp",
+        "KHR_texture_basisu",
+    ),
 }
 
 
@@ -63,25 +78,36 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
     surface, extensions = found.get("pbrMetallicRoughness", {}), found.get("extensions", {})
 
     def of(extension: str, name: str, default: float) -> float:
-        return float(extensions.get(f"KHR_materials_{extension}", {}).get(name, default))
+        return _finite(extensions.get(f"KHR_materials_{extension}", {}).get(name, default))
 
     strength = of("emissive_strength", "emissiveStrength", 1.0)
     r, g, b = material.emission
+    old = extensions.get("KHR_materials_pbrSpecularGlossiness")
+    if old is not None:  # trimesh has turned its colours into base colour
+        surface = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - _share(old.get("glossinessFactor", 1.0))}
+    metallic = _share(surface.get("metallicFactor", 1.0))
     return replace(
         material,
         name=str(found.get("name", "unnamed")),
-        metallic=_share(surface.get("metallicFactor", 1.0)),
+        metallic=metallic,
         roughness=_share(surface.get("roughnessFactor", 1.0)),
         specular=_share(of("specular", "specularFactor", 1.0)),
-        ior=max(1.0, of("ior", "ior", 1.5)),
-        transmission=_share(of("transmission", "transmissionFactor", 0.0)),
+        ior=min(max(1.0, of("ior", "ior", 1.5)), LARGEST_IOR),
+        transmission=(1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0)),
         emission=(r * strength, g * strength, b * strength),
         emits_behind=bool(found.get("doubleSided", False)),
     )
 
 
+def _finite(value: Any) -> float:
+    """A number of the file; raises ValueError for NaN and infinity, which Python's JSON lets pass."""
+    if not math.isfinite(found := float(value)):
+        raise ValueError(f"{found} where a finite number is wanted")
+    return found
+
+
 def _share(value: Any) -> float:
-    return min(max(float(value), 0.0), 1.0)
+    return min(max(_finite(value), 0.0), 1.0)
 
 
 def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
@@ -94,11 +120,16 @@ def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
         if number is None:
             continue
         light = known[number]
-        r, g, b = (float(c) * float(light.get("intensity", 1.0)) for c in light.get("color", (1.0, 1.0, 1.0)))
+        r, g, b = (_finite(c) * _finite(light.get("intensity", 1.0)) for c in light.get("color", (1.0, 1.0, 1.0)))
         x, y, z = pose[:3, 3].tolist()
         if light["type"] == "directional":
             away: Vector = (float(pose[0, 2]), float(pose[1, 2]), float(pose[2, 2]))  # it shines along the node's -z
-            lights.append(DirectionalLight(direction=unit(away), irradiance=(r, g, b)))
+            if any(away):
+                lights.append(DirectionalLight(direction=unit(away), irradiance=(r, g, b)))
+            else:
+                notes.append(
+                    f"light {light.get('name', number)!r} has no direction, since its node is scaled to nothing"
+                )
             continue
         lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
         if light["type"] == "spot":

@@ -74,11 +74,12 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
 
 
 def changed(material: Material, config: MaterialConfig) -> Material:
-    """A material as `config` has it; what it does not say stays."""
+    """A material as `config` has it. emission and mirror add to what there is; others replace all but its colour."""
     if isinstance(config, EmissionConfig):
         return replace(material, emission=config.radiance, emits_behind=config.sides == "both")
     if isinstance(config, MirrorConfig):
-        return replace(material, mirror=config.share)
+        left = 1.0 - config.share
+        return replace(material, mirror=config.share, transmission=left * material.transmission)
     plain = replace(material, mirror=0.0, metallic=0.0, specular=0.0, transmission=0.0, emission=BLACK)
     if config.color is not None:
         plain = replace(plain, base_color=config.color, texture=None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import struct
 from pathlib import Path
 from typing import Any
@@ -72,7 +73,7 @@ def test_scalars_of_materials_and_their_extensions_are_read(tmp_path: Path, bina
                     "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8.0}},
                 },
                 {
-                    "name": "window",
+                    "name": "window", "pbrMetallicRoughness": {"metallicFactor": 0.0},
                     "extensions": {
                         "KHR_materials_transmission": {"transmissionFactor": 0.9},
                         "KHR_materials_ior": {"ior": 1.33},
@@ -168,7 +169,15 @@ def test_what_is_not_read_is_noted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "surface", [{"metallicFactor": "much"}, {"roughnessFactor": None}, {"roughnessFactor": [1.0]}, [], "shiny"]
+    "surface",
+    [
+        {"metallicFactor": "much"},
+        {"roughnessFactor": None},
+        {"roughnessFactor": [1.0]},
+        {"roughnessFactor": math.nan},
+        [],
+        "shiny",
+    ],
 )
 def test_a_material_of_wrong_numbers_is_refused_or_noted(tmp_path: Path, surface: Any) -> None:
     refused, notes = "", tuple[str, ...]()
@@ -180,7 +189,16 @@ def test_a_material_of_wrong_numbers_is_refused_or_noted(tmp_path: Path, surface
 
 
 @pytest.mark.parametrize(
-    "lights", [[], [{}], [{"type": "point", "color": "red"}], [{"type": "point", "intensity": [2]}], 7, ["sun"]]
+    "lights",
+    [
+        [],
+        [{}],
+        [{"type": "point", "color": "red"}],
+        [{"type": "point", "intensity": [2]}],
+        [{"type": "point", "intensity": math.inf}],
+        7,
+        ["sun"],
+    ],
 )
 def test_wrong_lights_are_refused(tmp_path: Path, lights: Any) -> None:
     found = document([{"name": "plain"}])
@@ -188,3 +206,28 @@ def test_wrong_lights_are_refused(tmp_path: Path, lights: Any) -> None:
     found["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
     with pytest.raises(SceneError, match=r"model.gltf: cannot be read as glTF"):
         loaded(tmp_path, found)
+
+
+def test_old_glossy_materials_are_no_metal(tmp_path: Path) -> None:
+    gloss = {"KHR_materials_pbrSpecularGlossiness": {"glossinessFactor": 0.75, "diffuseFactor": [0.5, 0.5, 0.5, 1.0]}}
+    found = document([{"name": "paint", "extensions": gloss}])
+    paint = material(loaded(tmp_path, found), "paint")
+    assert (paint.metallic, paint.roughness) == (0.0, 0.25)
+
+
+def test_a_sun_whose_node_is_scaled_to_nothing_is_noted(tmp_path: Path) -> None:
+    found = document([{"name": "plain"}])
+    found["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "directional", "name": "off"}]}}
+    found["nodes"].append({"scale": [0, 0, 0], "extensions": {"KHR_lights_punctual": {"light": 0}}})
+    found["scenes"][0]["nodes"].append(1)
+    source = loaded(tmp_path, found)
+    assert source.lights is None
+    assert any("'off' has no direction" in note for note in source.notes)
+
+
+def test_a_material_called_by_an_odd_digit_is_a_name(tmp_path: Path) -> None:
+    (tmp_path / "m.mtl").write_text("newmtl \u00b2\nKd 1 0 0\n", encoding="utf-8")
+    (tmp_path / "m.obj").write_text(
+        "mtllib m.mtl\nusemtl \u00b2\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8"
+    )
+    assert [m.name for m in load(tmp_path / "m.obj").materials] == ["\u00b2"]

@@ -82,6 +82,7 @@ def test_names_that_fit_nothing_are_refused_with_the_nearest(entry: str, said: s
         "{object: a, type: glass, ior: 0.5}",
         "{object: a, type: metal, roughness: 2}",
         "{object: a, type: emission}",
+        "{object: a, type: diffuse, color: [255, 128, 0]}",
     ],
 )
 def test_wrong_entries_are_refused(entry: str) -> None:

@@ -112,6 +112,22 @@ def test_lamps_shine_to_the_side_that_they_say() -> None:
 
 
 @pytest.mark.usefixtures("compiled_only")
+def test_a_mirrored_lamp_shines_to_the_mirrored_side() -> None:
+    """A lamp flipped in y lights the floor as much as one that was made facing down; not where it faced before."""
+    floor = Material(name="floor", base_color=WHITE)
+    lamp = Material(name="lamp", base_color=(0.0, 0.0, 0.0), emission=WHITE, emits_behind=False)
+    got = []
+    for turn, scale in ((90.0, (1.0, 1.0, 1.0)), (-90.0, (1.0, 1.0, -1.0)), (90.0, (1.0, 1.0, -1.0))):
+        placed = [instance(0, turn=("x", -90.0)), instance(1, at=(0.0, 1.0, 0.0), turn=("x", turn), scale=scale)]
+        scene = paths_of([quad(100.0, 100.0), quad(1.0, 1.0, material=1)], [floor, lamp], depth=1, placed=placed)
+        seen = view((0.0, 0.3, 0.9), (0.0, 0.0, 0.0), pixels=(EDGE, EDGE), fov=1.0)
+        got.append(float(mean(scene, seen, 4)[0]))
+    assert got[1] == pytest.approx(got[0], rel=0.01)
+    assert got[0] > 0.1
+    assert got[2] == 0.0
+
+
+@pytest.mark.usefixtures("compiled_only")
 def test_paths_of_one_surface_see_what_direct_light_sees() -> None:
     """Diffuse surfaces in the light of a sun and a lamp, with shadows: no random number decides anything."""
     lights = [

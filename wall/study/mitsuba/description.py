@@ -1,7 +1,8 @@
 """A scene and its view as Mitsuba 3 takes them: one shape an object, materials in Mitsuba's models, the same lights.
 
 What has no equal there is refused: a coat over diffuse light, metal whose reflectance grows at grazing angles and is
-not white, surfaces that emit on both sides, textures.
+not white, coloured glass, surfaces that emit on both sides, textures. Rough white metal differs by the light that goes
+from facet to facet, which Mitsuba's loses.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ def _sensor(mi: Any, plan: Plan, spp: int) -> dict[str, Any]:
     if len(panels) != 1:
         raise RunError(f"wall: has {len(panels)} panels, wanted one: Mitsuba has one image")
     panel, eye = panels[0], plan.view.eye
+    if max(abs(float(eye[0])), abs(float(eye[1]))) > 1e-9:
+        raise RunError(f"views[0].eye: {eye.tolist()} is not before the middle of the panel, as Mitsuba's camera is")
     height = panel.pixels[1] * float(np.linalg.norm(panel.plane.per_y))
     origin, rotation = camera.origin(), camera.rotation()
     view = mi.ScalarTransform4f().look_at(
@@ -110,13 +113,13 @@ def _shape(mi: Any, name: str, mesh: Mesh, pose: Any, material: Material, called
 def _bsdf(material: Material, called: str) -> dict[str, Any]:
     """Mitsuba's material; alpha of GGX is the roughness squared."""
     smooth, alpha = material.roughness < float(FLATTEST_ROUGHNESS), material.roughness**2
-    if material.transmission == 1.0:
+    if material.transmission == 1.0 and min(material.base_color) == 1.0:
         index = {"int_ior": material.ior, "ext_ior": 1.0}
         if smooth:
             return {"type": "dielectric", **index}
         return {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, **index}
     if material.mirror == 1.0:
-        return {"type": "conductor", "material": "none"}
+        return {"type": "twosided", "bsdf": {"type": "conductor", "material": "none"}}
     if material.metallic == 1.0 and min(material.base_color) == 1.0:
         kind = {"type": "conductor"} if smooth else {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
         return {"type": "twosided", "bsdf": {**kind, "material": "none"}}

@@ -1,10 +1,7 @@
 """How surfaces scatter light: a diffuse share, and a mirror share that is followed by one more ray.
 
-A material with another lobe (rough metal, glass) is added here: its fields in values.MATERIAL, its value towards a
-light beside `diffuse` (called by lights.py), and how its rays go on beside `reflect` (called by trace.py). A lobe that
-is not diffuse also needs: directions and an RGB result, where `diffuse` takes a cosine and gives one number; random
-numbers hashed from (seed, pixel, visit); and a place outside `Diffuse.of` (deepbuffer/lights.py), or it is relit as
-if it were diffuse.
+For direct light alone; paths scatter by scatter.py, opaque.py and glass.py. A lobe that is not diffuse needs a place
+outside `Diffuse.of` (deepbuffer/lights.py), or it is relit as if it were diffuse.
 """
 
 from __future__ import annotations

@@ -41,6 +41,13 @@ def triangle_of(surfaces, instance, primitive):
 
 
 @inline_kernel
+def determinant_of(m):
+    """Determinant of the linear part of a row major 3x4 matrix (12,): negative for mirrored instances."""
+    a = m[0] * (m[5] * m[10] - m[6] * m[9])
+    return a - m[1] * (m[4] * m[10] - m[6] * m[8]) + m[2] * (m[4] * m[9] - m[5] * m[8])
+
+
+@inline_kernel
 def aim_at_emitter(emitters, surfaces, materials, lane, work):
     """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, and the density of the
     direction; 0 where the point is seen from its edge.
@@ -57,6 +64,7 @@ def aim_at_emitter(emitters, surfaces, materials, lane, work):
     square = dx * dx + dy * dy + dz * dz
     material = materials.rows[surfaces.mesh_table[instance, MATERIAL_ROW]]
     facing = -HALF * (normal[0] * dx + normal[1] * dy + normal[2] * dz)  # area times cosine times distance
+    facing = facing if determinant_of(surfaces.eye_from_object[instance]) > ZERO else -facing  # mirrored: corners turn
     facing = abs(facing) if material["emits_behind"] > ZERO else facing
     density = emitters.chance[row] * square * math.sqrt(square) / facing if facing > ZERO else ZERO
     return (dx, dy, dz), material["emission"], density

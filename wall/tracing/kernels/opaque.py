@@ -33,7 +33,7 @@ def interface_albedo(table, cosine, roughness):
     """A, B of A F0 + B F90, what a rough interface reflects in all: bilinear in a table (r, c, 2) over roughness and
     cosine, both 0..1."""
     x, y = min(cosine, ONE) * (table.shape[1] - 1), min(roughness, ONE) * (table.shape[0] - 1)
-    i, j = min(int(x), table.shape[1] - 2), min(int(y), table.shape[0] - 2)
+    i, j = max(min(int(x), table.shape[1] - 2), 0), max(min(int(y), table.shape[0] - 2), 0)
     fx, fy = np.float32(x - i), np.float32(y - j)
     a0 = table[j, i, 0] + fx * (table[j, i + 1, 0] - table[j, i, 0])
     a1 = table[j + 1, i, 0] + fx * (table[j + 1, i + 1, 0] - table[j + 1, i, 0])

@@ -297,6 +297,8 @@ def send_on(first, count, bounce, going, surfaces, materials, work, paths):
         (x, y, z), (r, g, b), density = scatter(lane, surfaces, materials, work)
         tr, tg, tb = xyz(p, rows.THROUGHPUT_R, lane)
         r, g, b = r * tr, g * tg, b * tb
+        if not max(r, g, b) > ZERO:
+            continue
         chance = ONE if bounce < ROULETTE_FROM else min(max(r, g, b), LONGEST_ROULETTE)
         if not p[rows.ROULETTE_NUMBER + lane] < chance:
             continue

@@ -36,6 +36,14 @@ def look_at(lane, work):
 
 
 @inline_kernel
+def mirrored_about(s, t, n, lane, work):
+    """A lane's ray mirrored about n, in the frame of unit s, t, n."""
+    dx, dy, dz = xyz(work.packet, embree.DIRECTION_X, lane)
+    x, y = dx * s[0] + dy * s[1] + dz * s[2], dx * t[0] + dy * t[1] + dz * t[2]
+    return x, y, -(dx * n[0] + dy * n[1] + dz * n[2])
+
+
+@inline_kernel
 def seen_from_inside(surfaces, lane, work):
     """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise."""
     p, m = work.packet, surfaces.placements[work.bits[embree.INSTANCE + lane]]
@@ -77,6 +85,11 @@ def scatter(lane, surfaces, materials, work):
         density = -ONE
     elif choice < through + mirrored:
         to, weight, density = (-out[0], -out[1], out[2]), (ONE, ONE, ONE), -ONE
+        x, y, z = to[0] * s[0] + to[1] * t[0], to[0] * s[1] + to[1] * t[1], to[0] * s[2] + to[1] * t[2]
+        if (x + to[2] * n[0]) * gx + (y + to[2] * n[1]) * gy + (z + to[2] * n[2]) * gz <= ZERO:
+            n = gx, gy, gz  # the shading normal would send it inside
+            s, t = frame_of(gx, gy, gz)
+            to = mirrored_about(s, t, n, lane, work)
     else:
         rest = ONE - through - mirrored
         look = opaque.look_of(material, albedo, out[2], materials.interface)

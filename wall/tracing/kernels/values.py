@@ -39,7 +39,7 @@ PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH = 9, 10, 11
 PLACEMENT_COLUMNS = 12
 
 # One material. To add a property of surfaces (roughness, metalness, ...): a field here, filled by tracer_scene.py from
-# scene.model.Material; bsdf.py reads it.
+# scene.model.Material; scatter.py and what it calls read it.
 MATERIAL = np.dtype(
     [
         ("base_color", np.float32, (3,)),  # linear RGB reflectance
@@ -75,7 +75,7 @@ class Surfaces(NamedTuple):
     normals: Float32 | None  # (v, 3) shading normals
     colors: Float32 | None  # (v, 3) linear RGB
     uvs: Float32 | None  # (v, 2)
-    vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures
+    vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures and emitters
     eye_from_object: Float32  # (n, 12) row major 3x4
     relit: bool | None  # None leaves normals and visible lights out of samples
 
