@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.core.fields import Color, Model, Number, Text, Whole, refusal
+from wall.core.fields import Color, Model, Number, Text, Whole, check_one_named
 
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
 Reflectance = tuple[Share, Share, Share]
@@ -20,9 +20,7 @@ class _OfSurfaces(Model):
 
     @model_validator(mode="after")
     def _one_target(self) -> _OfSurfaces:
-        if (self.object is None) == (self.material is None):
-            came = "names no surface" if self.object is None else "names both objects and a material"
-            raise refusal(came, accepted="exactly one of object, material")
+        check_one_named("object", self.object, "material", self.material)
         return self
 
 

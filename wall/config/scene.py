@@ -19,6 +19,7 @@ from wall.core.fields import (
     Seconds,
     Text,
     Whole,
+    check_one_named,
     check_times,
     refusal,
 )
@@ -90,9 +91,7 @@ class _MovesObjectOrLight(Model):
 
     @model_validator(mode="after")
     def _one_target(self) -> _MovesObjectOrLight:
-        if (self.object is None) == (self.light is None):
-            came = "names neither an object nor a light" if self.object is None else "names both an object and a light"
-            raise refusal(came, accepted="exactly one of object, light")
+        check_one_named("object", self.object, "light", self.light)
         return self
 
 

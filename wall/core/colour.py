@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Real = TypeVar("Real", np.float32, np.float64)
 
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # shares of linear red, green and blue (Rec. 709)
 CURVE_STEPS = 4096  # of a table of codes by the square root of light: looking up by it keeps dark steps fine
 
 

@@ -55,6 +55,13 @@ def _with_length(vector: tuple[float, float, float]) -> tuple[float, float, floa
 Direction = Annotated[tuple[Coordinate, Coordinate, Coordinate], AfterValidator(_with_length)]
 
 
+def check_one_named(first: str, one: object, second: str, other: object) -> None:
+    """Refuse a model that names neither or both of two things; `first`, `second`: its fields of them."""
+    if (one is None) == (other is None):
+        came = f"names neither an {first} nor a {second}" if one is None else f"names both an {first} and a {second}"
+        raise refusal(came, accepted=f"exactly one of {first}, {second}")
+
+
 def check_times(times: list[float], *, loop: bool) -> None:
     """Refuse keyframe times that do not grow, and a loop that takes no time."""
     for i in range(1, len(times)):

@@ -9,11 +9,9 @@ import numpy as np
 import OpenEXR
 from PIL import Image
 
-from wall.core.colour import srgb_decoded
+from wall.core.colour import LUMINANCE, srgb_decoded
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of linear Rec. 709 and sRGB
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +29,7 @@ class ImageFile:
 
     def luminance(self) -> Float32:
         """(h, w) float32 linear, of the colour times alpha."""
-        light: Float32 = self.colour @ LUMINANCE
+        light: Float32 = self.colour @ np.array(LUMINANCE, np.float32)
         return light
 
 

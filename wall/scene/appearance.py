@@ -19,11 +19,10 @@ from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
 from wall.scene.animation import Vector
 from wall.scene.gltf import MALFORMED, completed
-from wall.scene.model import Material, Texture
+from wall.scene.model import LARGEST_IOR, Material, Texture
 
 NAMES_SHOWN = 8  # in a note
 SHARPEST_NS = 1000.0  # Blender writes (1 - roughness)^2 times this
-LARGEST_IOR = 4.0
 LARGEST_TEXTURE_PX = 4096  # 48 MiB of texels; larger images are halved until they fit
 
 
@@ -89,13 +88,13 @@ class Palette:
                 base_color=_factor(found.baseColorFactor, base.base_color),
                 emission=_factor(found.emissiveFactor, (0.0, 0.0, 0.0)),
             )
-            self.metals += [name] if _is_metal(found) else []
             self.transparent += [name] if found.alphaMode in ("MASK", "BLEND") else []
             image = found.baseColorTexture
             if found.baseColorFactor is None:
                 base = replace(base, base_color=(1.0, 1.0, 1.0))  # glTF's default
             if number >= 0:
                 base = self._completed(base, number, found)
+            self.metals += [name] if base.metallic > 0.0 else []
         else:
             image = getattr(found, "image", None)
             if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
@@ -114,11 +113,11 @@ class Palette:
                 f"material {material.name!r}: its numbers cannot be read ({type(error).__name__}: {error})"
             )
         if found.metallicRoughnessTexture is not None:
-            _, rough, metal = _mean(found.metallicRoughnessTexture) / 255.0
+            _, rough, metal = _mean(found.metallicRoughnessTexture, srgb=False)
             self.averaged.append(material.name)
             material = replace(material, roughness=material.roughness * rough, metallic=material.metallic * metal)
         if found.emissiveTexture is not None and max(material.emission) > 0.0:
-            r, g, b = np.array(material.emission) * _mean_light(found.emissiveTexture)
+            r, g, b = np.array(material.emission) * _mean(found.emissiveTexture, srgb=True)
             self.averaged.append(material.name)
             material = replace(material, emission=(float(r), float(g), float(b)))
         return material
@@ -176,18 +175,6 @@ class Palette:
         return (values if self.linear_vertex_colors else srgb_decoded(values)).astype(np.float32)
 
 
-def _is_metal(found: Any) -> bool:
-    """Whether a glTF material is metal anywhere: its factor, 1 if left out, times its texture's blue channel."""
-    factor = 1.0 if found.metallicFactor is None else float(found.metallicFactor)
-    image = found.metallicRoughnessTexture
-    if image is None or factor <= 0.0:
-        return factor > 0.0
-    try:
-        return bool(image.convert("RGB").getextrema()[2][1] > 0)
-    except Exception:  # Pillow's decoders raise anything on broken data; the factor says metal
-        return True
-
-
 def of_mtl(material: Material, written: dict[str, Any]) -> Material:
     """A material with what an MTL file says besides Kd: Ke, Ni, Pm and Pr; else Ks and Ns as Blender writes them.
 
@@ -219,22 +206,14 @@ def _numbers(value: Any, count: int) -> Float64 | None:
     return found if len(found) == count and np.isfinite(found).all() else None
 
 
-def _mean(image: Any) -> Float64:
-    """(3,) mean RGB of an image, bytes; white where it cannot be decoded."""
+def _mean(image: Any, *, srgb: bool) -> Float64:
+    """(3,) mean RGB of an image, 0..1, of `srgb` values in linear light; white where it cannot be decoded."""
     try:
-        mean: Float64 = np.asarray(image.convert("RGB"), np.float64).mean(axis=(0, 1))
-        return mean
+        values: Float64 = np.asarray(image.convert("RGB")) / 255.0
     except Exception:  # Pillow's decoders raise anything on broken data
-        return np.full(3, 255.0)
-
-
-def _mean_light(image: Any) -> Float64:
-    """(3,) mean linear RGB of an sRGB image; white where it cannot be decoded."""
-    try:
-        mean: Float64 = srgb_decoded(np.asarray(image.convert("RGB")) / 255.0).mean(axis=(0, 1))
-        return mean
-    except Exception:  # as above
         return np.ones(3)
+    mean: Float64 = (srgb_decoded(values) if srgb else values).mean(axis=(0, 1))
+    return mean
 
 
 def _listed(names: list[str]) -> str:

@@ -20,9 +20,8 @@ import numpy as np
 from wall.core.data import Float64
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
-from wall.scene.model import DirectionalLight, Light, Material, PointLight
+from wall.scene.model import LARGEST_IOR, DirectionalLight, Light, Material, PointLight
 
-LARGEST_IOR = 4.0
 MAGIC, JSON_CHUNK = b"glTF", 0x4E4F534A
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 MALFORMED = (

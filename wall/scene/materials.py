@@ -65,11 +65,12 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
             new_mesh[instance.mesh] = len(meshes) - 1
         instances[row] = replace(instance, mesh=new_mesh[instance.mesh])
     used = sorted({instance.mesh for instance in instances})
+    place = {mesh: k for k, mesh in enumerate(used)}
     return replace(
         source,
         materials=tuple(materials),
         meshes=tuple(meshes[k] for k in used),
-        instances=tuple(replace(instance, mesh=used.index(instance.mesh)) for instance in instances),
+        instances=tuple(replace(instance, mesh=place[instance.mesh]) for instance in instances),
     )
 
 

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
 
+LARGEST_IOR = 4.0  # index of refraction that files may give
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Texture:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.colour import srgb_decoded, srgb_encoded
+from wall.core.colour import LUMINANCE, srgb_decoded, srgb_encoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import Mesh
@@ -30,7 +30,6 @@ from wall.tracing.kernels.values import (
 )
 
 TEXTURE_FIELDS = {"first_texel", "texture_width", "texture_height"}
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # shares of red, green and blue (Rec. 709)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +50,9 @@ class TracerScene:
     @property
     def bytes(self) -> int:
         """Memory of the arrays kept here (Embree's own trees come on top)."""
-        arrays = (self.extents, *self.surfaces, *self.materials, self.sky, self.sky_irradiance)
+        arrays = (
+            self.extents, *self.surfaces, *self.materials, *(self.emitters or ()), self.sky, self.sky_irradiance
+        )  # fmt: skip
         return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 

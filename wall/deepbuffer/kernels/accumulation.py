@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from wall.core.colour import LUMINANCE
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import (
     AMOUNT,
@@ -29,7 +30,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MEAN_ALONE = np.float32(4.0)  # samples of a pixel whose mean is shown alone; with fewer it is mixed with the splats
-LUMINANCE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # Rec. 709
+SHARES = tuple(np.float32(share) for share in LUMINANCE)
 
 
 @inline_kernel
@@ -43,7 +44,7 @@ def accumulate(history, i, j, sample):
     pixel[RED] += share * (red - pixel[RED])
     pixel[GREEN] += share * (green - pixel[GREEN])
     pixel[BLUE] += share * (blue - pixel[BLUE])
-    brightness = np.sqrt(max(LUMINANCE[0] * red + LUMINANCE[1] * green + LUMINANCE[2] * blue, ZERO))
+    brightness = np.sqrt(max(SHARES[0] * red + SHARES[1] * green + SHARES[2] * blue, ZERO))
     delta = brightness - pixel[BRIGHTNESS_MEAN]
     pixel[BRIGHTNESS_MEAN] += delta / pixel[COUNT]
     pixel[BRIGHTNESS_DEVIATIONS] += delta * (brightness - pixel[BRIGHTNESS_MEAN])

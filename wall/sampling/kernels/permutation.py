@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from wall.core.colour import LUMINANCE
 from wall.core.jit import kernel
 from wall.core.kernels.hashing import hash_uint32
 
 R2_X, R2_Y = 0.7548776662466927, 0.5698402909980532  # steps of the R2 sequence (Roberts 2018)
 INSIDE = 1.0 - 2.0**-10  # of a pixel: positions never reach its far edge, however float32 rounds them
-RED, GREEN, BLUE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)  # shares in luminance (Rec. 709)
+RED, GREEN, BLUE = (np.float32(share) for share in LUMINANCE)
 
 
 @kernel

@@ -20,7 +20,7 @@ from PIL import Image
 
 from wall.commands.render import render
 from wall.config.loading import load
-from wall.core.colour import srgb_encoded
+from wall.core.colour import LUMINANCE, srgb_encoded
 from wall.core.data import Float64
 from wall.core.errors import RunError
 from wall.roles.plan import Plan, make_layout, make_plan
@@ -84,8 +84,7 @@ def passing(a: Float64, b: Float64) -> float:
     """Share of pixels whose luminances in two sets of images (n, h, w, 3) differ by no more than noise does."""
     from scipy.stats import t as student
 
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    a, b = a @ weights, b @ weights
+    a, b = a @ LUMINANCE, b @ LUMINANCE
     spread_a, spread_b = a.var(axis=0, ddof=1) / len(a), b.var(axis=0, ddof=1) / len(b)
     spread = spread_a + spread_b
     apart = np.abs(a.mean(axis=0) - b.mean(axis=0))

@@ -31,7 +31,7 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
     found: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": depth + 1, "rr_depth": 1000},
-        "sensor": _sensor(mi, plan, spp),
+        "sensor": sensor(mi, plan, spp=spp),
         "sky": _sky(mi, plan),
     }
     for k, (light, position) in enumerate(zip(scene.point_lights, moment.point_positions, strict=True)):
@@ -51,7 +51,8 @@ def _rgb(values: tuple[float, ...]) -> dict[str, Any]:
     return {"type": "rgb", "value": [float(v) for v in values]}
 
 
-def _sensor(mi: Any, plan: Plan, spp: int) -> dict[str, Any]:
+def sensor(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
+    """Mitsuba's camera of a one-panel wall at time 0. Raises RunError for what its camera cannot do."""
     panels, camera = plan.layout.wall.panels, plan.view.camera_at(0.0)
     if len(panels) != 1:
         raise RunError(f"wall: has {len(panels)} panels, wanted one: Mitsuba has one image")

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 
 from rich.table import Table
 
+from wall.study import json_lines
 from wall.study.mitsuba.compare import Row
 
 
 def report(rows: Sequence[Row], out: Path) -> Table:
     """Writes reference.jsonl into `out` and returns the table."""
-    text = "".join(json.dumps(asdict(row)) + "\n" for row in rows)
+    text = "".join(json_lines.line_of(row) + "\n" for row in rows)
     (out / "reference.jsonl").write_text(text, encoding="utf-8")
     table = Table(title=f"against Mitsuba {rows[0].mitsuba}, pictures in {out}")
     for name in ("config", "samples a pixel", "mean, ours over theirs", "pixels that agree", "RMSE", "CPU s", "same"):

@@ -26,6 +26,7 @@ from wall.roles.plan import Plan, first_event
 from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Source
+from wall.study.mitsuba.description import sensor
 from wall.study.mitsuba.library import OLDEST_LLVM, libllvm
 from wall.study.speed.record import Row, compared, skipped
 from wall.study.speed.tracing import plan_of
@@ -148,7 +149,7 @@ class Theirs:
         self._scene = mitsuba.load_dict(self._description(plan, folder / "all.ply"))
 
     def _description(self, plan: Plan, file: Path) -> dict[str, Any]:
-        mi, camera, mesh = self._mi, plan.view.camera_at(0.0), plan.scene.meshes[0]
+        mi, mesh = self._mi, plan.scene.meshes[0]
         shape = mi.Mesh("all", len(mesh.vertices), len(mesh.triangles))
         parameters = mi.traverse(shape)
         pose = plan.scene.instances[0].world_from_object
@@ -157,21 +158,10 @@ class Theirs:
         parameters["faces"] = mesh.triangles.astype(np.uint32).ravel()
         parameters.update()
         shape.write_ply(str(file))
-        origin, forward = camera.origin(), -camera.rotation()[:, 2]
-        target = (origin + forward).tolist()
-        view = mi.ScalarTransform4f().look_at(origin.tolist(), target, camera.rotation()[:, 1].tolist())
-        height = plan.layout.wall.panels[0].pixels[1] * float(np.linalg.norm(plan.layout.wall.panels[0].plane.per_y))
-        fov = 2 * np.degrees(np.arctan2(height / 2, abs(float(plan.view.eye[2]))))
-        width, rows = self._size
         return {
             "type": "scene",
             "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0},
-            "sensor": {
-                "type": "perspective", "fov": fov, "fov_axis": "y", "to_world": view,
-                "near_clip": 0.01, "far_clip": 1e4,
-                "film": {"type": "hdrfilm", "width": width, "height": rows, "rfilter": {"type": "box"}},
-                "sampler": {"type": "independent"},
-            },
+            "sensor": sensor(mi, plan, spp=1),
             "sun": {
                 "type": "directional", "direction": [-c for c in TOWARDS_LIGHT],
                 "irradiance": {"type": "rgb", "value": [IRRADIANCE] * 3},

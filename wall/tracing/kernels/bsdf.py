@@ -46,20 +46,27 @@ def reflect(surfaces, materials, work):
             valid[lane] = 0
             continue
         going += 1
-        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-        nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
-        dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
-        turn = TWO * (nx * dx + ny * dy + nz * dz)
-        if (dx - turn * nx) * gx + (dy - turn * ny) * gy + (dz - turn * nz) * gz <= ZERO:
-            nx, ny, nz = gx, gy, gz  # the shading normal would send it inside
-            turn = TWO * (nx * dx + ny * dy + nz * dz)
-        set_xyz(p, embree.DIRECTION_X, lane, dx - turn * nx, dy - turn * ny, dz - turn * nz)
+        dx, dy, dz = mirrored(p, lane)
+        set_xyz(p, embree.DIRECTION_X, lane, dx, dy, dz)
         start_off_surface(p, embree.ORIGIN_X, lane)
         p[embree.T_FAR + lane] = INF
         bits[embree.MASK + lane] = EVERY_OBJECT_MASK
         bits[embree.GEOMETRY + lane] = MISS
         bits[embree.INSTANCE + lane] = MISS
     return going
+
+
+@inline_kernel
+def mirrored(p, lane):
+    """A lane's direction mirrored at its hit: by the geometric normal where the shading normal would send it inside."""
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
+    dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
+    turn = TWO * (nx * dx + ny * dy + nz * dz)
+    if (dx - turn * nx) * gx + (dy - turn * ny) * gy + (dz - turn * nz) * gz <= ZERO:
+        nx, ny, nz = gx, gy, gz
+        turn = TWO * (nx * dx + ny * dy + nz * dz)
+    return dx - turn * nx, dy - turn * ny, dz - turn * nz
 
 
 @inline_kernel

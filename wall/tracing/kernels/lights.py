@@ -125,8 +125,17 @@ def aim_point(light, work):
         p[rows.LIGHT_WEIGHT + lane] = diffuse(cosine * scale) / square if min(cosine, side) > ZERO else ZERO
         sx, sy, sz = xyz(p, SHADOW_ORIGIN, lane)
         set_xyz(p, SHADOW_DIRECTION, lane, x - sx, y - sy, z - sz)
-        gap = p[rows.RAY_OFFSET + lane] + p[rows.OFFSET_SLOPE + lane] * reach
-        p[SHADOW_T_FAR + lane] = max(ONE - gap * scale, ZERO)
+        p[SHADOW_T_FAR + lane] = end_before(p, reach, scale, lane)
+
+
+@inline_kernel
+def end_before(p, reach, scale, lane):
+    """Where a shadow ray ends, of its way: an offset before a point light.
+
+    reach : |x| + |y| + |z| of the light relative to the eye; scale : one over its distance from the hit
+    """
+    gap = p[rows.RAY_OFFSET + lane] + p[rows.OFFSET_SLOPE + lane] * reach
+    return max(ONE - gap * scale, ZERO)
 
 
 @inline_kernel

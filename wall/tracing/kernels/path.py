@@ -18,15 +18,16 @@ from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
+from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
-from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
+from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, end_before, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
-from wall.tracing.kernels.scatter import EVERY_OBJECT_MASK, lit_by, scatter, seen_from_inside
+from wall.tracing.kernels.scatter import lit_by, scatter, seen_from_inside
 from wall.tracing.kernels.surface import colour_by_vertices, finish_surfaces, gather_surfaces, material_of
-from wall.tracing.kernels.textures import colour_by_textures, start_footprints, widen_footprints
-from wall.tracing.kernels.trace import intersect
+from wall.tracing.kernels.textures import colour_by_textures, pixel_cone, start_footprints, widen_footprints
+from wall.tracing.kernels.trace import DARKEST, THIRD, intersect
 from wall.tracing.kernels.values import (
     BAD_SAMPLES,
     INF,
@@ -42,8 +43,6 @@ ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
 PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
-DARKEST = np.float32(1e-3)  # of three channels' reflectance: below it a colour cannot be divided out
-THIRD = np.float32(1.0 / 3.0)
 
 
 @kernel
@@ -87,11 +86,11 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
 @inline_kernel
 def start_paths(camera, xy, materials, work, paths):
     """Writes the primary rays of all positions; returns their number."""
-    p, rays = work.packet, paths.rays
+    p, rays, cone = work.packet, paths.rays, pixel_cone(camera, materials.texels)
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
-        start_footprints(camera, materials.texels, work)
+        start_footprints(cone, materials.texels, work)
         for lane in range(count):
             k = first + lane
             x, y = np.uint32(np.int64(camera.corner[0] + xy[k, 0])), np.uint32(np.int64(camera.corner[1] + xy[k, 1]))
@@ -176,8 +175,8 @@ def add_seen(first, count, emits, emitters, surfaces, materials, work, paths):
         if emits is not None:
             material = material_of(surfaces, materials, lane, work)
             emission = material["emission"]
-            shows = material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)
-            if shows and max(emission[0], emission[1], emission[2]) > ZERO:
+            shines = max(emission[0], emission[1], emission[2]) > ZERO
+            if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
                 weight = weight_of_seen(emitters, surfaces, lane, work)
                 r, g, b = weight * r, weight * g, weight * b
                 add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
@@ -226,8 +225,7 @@ def way_to_point(light, lane, work):
     dx, dy, dz = light[0] - px, light[1] - py, light[2] - pz
     scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
     reach = abs(light[0]) + abs(light[1]) + abs(light[2])
-    gap = p[rows.RAY_OFFSET + lane] + p[rows.OFFSET_SLOPE + lane] * reach
-    return dx, dy, dz, scale, max(ONE - gap * scale, ZERO)
+    return dx, dy, dz, scale, end_before(p, reach, scale, lane)
 
 
 @inline_kernel
@@ -236,13 +234,11 @@ def aim(dx, dy, dz, far, light, lane, work):
     p = work.packet
     if not light[0] + light[1] + light[2] > ZERO:
         return 0
-    px, py, pz = xyz(p, rows.POSITION_X, lane)
-    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-    offset = p[rows.RAY_OFFSET + lane]
-    sx, sy, sz = offset * gx, offset * gy, offset * gz
-    set_xyz(p, SHADOW_ORIGIN, lane, px + sx, py + sy, pz + sz)
+    start_off_surface(p, SHADOW_ORIGIN, lane)
     if far < INF:  # towards a point: the way is from the hit, the ray starts off the surface
-        dx, dy, dz = dx - sx, dy - sy, dz - sz
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        offset = p[rows.RAY_OFFSET + lane]
+        dx, dy, dz = dx - offset * gx, dy - offset * gy, dz - offset * gz
     set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
     p[SHADOW_T_FAR + lane] = far
     r, g, b = xyz(p, rows.THROUGHPUT_R, lane)

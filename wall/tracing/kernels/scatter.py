@@ -11,12 +11,12 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import glass, opaque, rows
+from wall.tracing.kernels.bsdf import mirrored
 from wall.tracing.kernels.ggx import frame_of
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.surface import material_of
-from wall.tracing.kernels.values import EVERY_OBJECT, ONE, ZERO
+from wall.tracing.kernels.values import ONE, ZERO
 
-EVERY_OBJECT_MASK = np.uint32(EVERY_OBJECT)
 FLATTEST = np.float32(1e-3)  # smallest cosine of a ray to a shading normal; below, the geometric normal is taken
 
 
@@ -33,14 +33,6 @@ def look_at(lane, work):
     s, t = frame_of(nx, ny, nz)
     out = -(dx * s[0] + dy * s[1] + dz * s[2]), -(dx * t[0] + dy * t[1] + dz * t[2]), cosine
     return s, t, (nx, ny, nz), out
-
-
-@inline_kernel
-def mirrored_about(s, t, n, lane, work):
-    """A lane's ray mirrored about n, in the frame of unit s, t, n."""
-    dx, dy, dz = xyz(work.packet, embree.DIRECTION_X, lane)
-    x, y = dx * s[0] + dy * s[1] + dz * s[2], dx * t[0] + dy * t[1] + dz * t[2]
-    return x, y, -(dx * n[0] + dy * n[1] + dz * n[2])
 
 
 @inline_kernel
@@ -77,24 +69,19 @@ def scatter(lane, surfaces, materials, work):
     material = material_of(surfaces, materials, lane, work)
     albedo = xyz(p, rows.ALBEDO_R, lane)
     s, t, n, out = look_at(lane, work)
-    through, mirrored = material["transmission"], (ONE - material["transmission"]) * material["mirror"]
-    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    through, mirror = material["transmission"], (ONE - material["transmission"]) * material["mirror"]
+    if through <= choice < through + mirror:
+        return mirrored(p, lane), (ONE, ONE, ONE), -ONE
     if choice < through:
         eta = ONE / material["ior"] if seen_from_inside(surfaces, lane, work) else material["ior"]
         to, weight = glass.sample(albedo, eta, material["roughness"], out, choice / through, u, v)
         density = -ONE
-    elif choice < through + mirrored:
-        to, weight, density = (-out[0], -out[1], out[2]), (ONE, ONE, ONE), -ONE
-        x, y, z = to[0] * s[0] + to[1] * t[0], to[0] * s[1] + to[1] * t[1], to[0] * s[2] + to[1] * t[2]
-        if (x + to[2] * n[0]) * gx + (y + to[2] * n[1]) * gy + (z + to[2] * n[2]) * gz <= ZERO:
-            n = gx, gy, gz  # the shading normal would send it inside
-            s, t = frame_of(gx, gy, gz)
-            to = mirrored_about(s, t, n, lane, work)
     else:
-        rest = ONE - through - mirrored
+        rest = ONE - through - mirror
         look = opaque.look_of(material, albedo, out[2], materials.interface)
-        to, weight, density = opaque.sample(look, out, (choice - through - mirrored) / rest, u, v)
+        to, weight, density = opaque.sample(look, out, (choice - through - mirror) / rest, u, v)
         density = density * rest if density > ZERO else density
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     x = to[0] * s[0] + to[1] * t[0] + to[2] * n[0]
     y = to[0] * s[1] + to[1] * t[1] + to[2] * n[1]
     z = to[0] * s[2] + to[1] * t[2] + to[2] * n[2]

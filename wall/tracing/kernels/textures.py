@@ -30,27 +30,36 @@ STRAIGHT = np.float32(1e-6)  # square of the sine below which a ray comes from s
 
 
 @inline_kernel
-def start_footprints(camera, texels, work):
-    """Sets the cones of primary rays: the square root of the solid angle of a pixel, times the footprint's edge.
+def pixel_cone(camera, texels):
+    """What start_footprints needs of a camera: B x C as a unit vector, and the spread of a ray along it; None: nothing.
 
-    A pixel's solid angle is det(A, B, C) / |A + X B + Y C|^3. texels = None does nothing.
+    Spread is the square root of a pixel's solid angle, det(A, B, C) / |A + X B + Y C|^3, times the footprint's edge.
     """
+    if texels is None:
+        return ZERO, ZERO, ZERO, ZERO
+    f = camera.frame
+    normal = (
+        f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1],
+        f[1, 2] * f[2, 0] - f[1, 0] * f[2, 2],
+        f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0],
+    )
+    determinant = abs(f[0, 0] * normal[0] + f[0, 1] * normal[1] + f[0, 2] * normal[2])
+    size = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
+    # |A + X B + Y C| = det / (d . B x C), with d its unit direction
+    spread = np.float32(camera.footprint * size**1.5 / determinant if determinant > 0.0 else 0.0)
+    return np.float32(normal[0] / size), np.float32(normal[1] / size), np.float32(normal[2] / size), spread
+
+
+@inline_kernel
+def start_footprints(cone, texels, work):
+    """Sets the cones of primary rays; texels = None does nothing. cone : see pixel_cone"""
     if texels is not None:
-        p, f = work.packet, camera.frame
-        normal = (
-            f[1, 1] * f[2, 2] - f[1, 2] * f[2, 1],
-            f[1, 2] * f[2, 0] - f[1, 0] * f[2, 2],
-            f[1, 0] * f[2, 1] - f[1, 1] * f[2, 0],
-        )
-        determinant = abs(f[0, 0] * normal[0] + f[0, 1] * normal[1] + f[0, 2] * normal[2])
-        size = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
-        # |A + X B + Y C| = det / (d . B x C), with d its unit direction
-        scale = np.float32(camera.footprint * size**1.5 / determinant if determinant > 0.0 else 0.0)
-        nx, ny, nz = np.float32(normal[0] / size), np.float32(normal[1] / size), np.float32(normal[2] / size)
+        p = work.packet
+        nx, ny, nz, spread = cone
         for lane in range(16):
             dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
             cosine = abs(dx * nx + dy * ny + dz * nz)
-            p[rows.CONE_SPREAD + lane] = scale * cosine * math.sqrt(cosine)
+            p[rows.CONE_SPREAD + lane] = spread * cosine * math.sqrt(cosine)
             p[rows.CONE_WIDTH + lane] = ZERO
 
 
@@ -82,8 +91,7 @@ def colour_by_textures(surfaces, materials, uvs, work):
 
 @inline_kernel
 def gather_mappings(surfaces, materials, uvs, work):
-    """Looks up how textured lanes' triangles are mapped: TEXEL_U and _V of the hit, in texels; edges 1 and 2 from
-    corner 0, relative to the eye, and what they are in texels. Returns the number of textured lanes."""
+    """Looks up how textured lanes' triangles are mapped: rows TEXTURED to TEXELS_V. Returns how many are textured."""
     p, bits, vertices = work.packet, work.bits, surfaces.vertices
     textured = 0
     for lane in range(16):

@@ -32,7 +32,7 @@ from wall.tracing.kernels.surface import (
     gather_surfaces,
     material_of,
 )
-from wall.tracing.kernels.textures import colour_by_textures, start_footprints, widen_footprints
+from wall.tracing.kernels.textures import colour_by_textures, pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.values import (
     ALL_LIGHTS,
     BAD_SAMPLES,
@@ -71,11 +71,11 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
     -------
     kept : int, samples written; records 0..kept-1 are filled, those with NaN or infinite radiance are left out
     """
-    kept = 0
+    kept, cone = 0, pixel_cone(camera, materials.texels)
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
-        start_footprints(camera, materials.texels, work)
+        start_footprints(cone, materials.texels, work)
         trace_packet(scene, count, surfaces, materials, lights, work)
         kept = write_samples(xy, first, count, samples, kept, surfaces.relit, work)
     return kept
