@@ -19,7 +19,7 @@ from wall.geometry.panels import Panel, Wall
 from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.builtin.shapes import sphere
-from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture
+from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, TextureSet
 from wall.tracing.tracer import Traced, Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -46,8 +46,8 @@ def sphere_mesh(material: int = 0, *, segments: int = 24, smooth: bool = True) -
     return mesh if smooth else replace(mesh, normals=None)
 
 
-def material(r: float, g: float, b: float, *, mirror: float = 0.0, texture: int | None = None) -> Material:
-    return Material(name="material", base_color=(r, g, b), mirror=mirror, texture=texture)
+def material(r: float, g: float, b: float, *, mirror: float = 0.0, base_color_texture: int | None = None) -> Material:
+    return Material(name="material", base_color=(r, g, b), mirror=mirror, textures=TextureSet(base_color_texture))
 
 
 def turned(axis: str, degrees: float) -> Float64:

@@ -72,6 +72,14 @@ def inline_kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True, _nrt=False)
 
 
+def callback_options(function: Callable[..., Any]) -> dict[str, Any]:
+    """What numba compiles a callback of C with: as kernels, cached in its file's own folder."""
+    folder = cache_root() / source_hash(Path(function.__code__.co_filename))
+    _used.add(folder)
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
+    return {"cache": True, "error_model": "numpy"}
+
+
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     folder = cache_root() / source_hash(Path(function.__code__.co_filename))
     _used.add(folder)

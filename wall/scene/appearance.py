@@ -18,12 +18,12 @@ from PIL import Image
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
 from wall.scene.animation import Vector
-from wall.scene.gltf import MALFORMED, completed
-from wall.scene.model import LARGEST_IOR, Material, Texture
+from wall.scene.gltf import MALFORMED, TextureUses, completed, lit_evenly, texture_uses
+from wall.scene.images import Textures
+from wall.scene.model import LARGEST_IOR, Material, TextureSet
 
 NAMES_SHOWN = 8  # in a note
 SHARPEST_NS = 1000.0  # Blender writes (1 - roughness)^2 times this
-LARGEST_TEXTURE_PX = 4096  # 48 MiB of texels; larger images are halved until they fit
 
 
 @dataclass(slots=True)
@@ -34,13 +34,11 @@ class Palette:
     header: dict[str, Any] = field(default_factory=dict)  # a glTF file's JSON; its materials are named by their numbers
     beside: Path | None = None  # an image for surfaces with texture coordinates and no material
     materials: list[Material] = field(default_factory=list)
-    textures: list[Texture] = field(default_factory=list)
+    images: Textures = field(default_factory=Textures)
     notes: list[str] = field(default_factory=list)
     metals: list[str] = field(default_factory=list)  # names of materials that are drawn diffuse
-    transparent: list[str] = field(default_factory=list)  # names of materials that are drawn opaque
-    averaged: list[str] = field(default_factory=list)  # names of materials of which a texture counts as its mean
+    transforms: dict[int, Float64] = field(default_factory=dict)  # (3, 3) of a material's texture coordinates
     _materials: dict[int, int] = field(default_factory=dict)
-    _textures: dict[int, int | None] = field(default_factory=dict)
     _kept: list[Any] = field(default_factory=list)  # what the ids above stand for, so that none is given twice
 
     def material(self, visual: Any) -> int:
@@ -62,17 +60,9 @@ class Palette:
 
     def simplified(self) -> list[str]:
         """A note that counts and names the materials which are drawn simpler than the file says; none if all are."""
-        parts = (
-            (self.metals, "is metal, diffuse under direct light", "are metal, diffuse under direct light"),
-            (self.averaged, "shows a texture's mean (metal, emission)", "show a texture's mean (metal, emission)"),
-            (self.transparent, "has alpha and is drawn opaque", "have alpha and are drawn opaque"),
-        )
-        said = [
-            f"{len(names)} material{'s' * (len(names) > 1)} {many if len(names) > 1 else one} ({_listed(names)})"
-            for names, one, many in parts
-            if names
-        ]
-        return ["; ".join(said)] if said else []
+        names = self.metals
+        many = "materials are" if len(names) > 1 else "material is"
+        return [f"{len(names)} {many} metal, diffuse under direct light ({_listed(names)})"] if names else []
 
     def _converted(self, found: Any) -> Material:
         if found is None:
@@ -88,39 +78,49 @@ class Palette:
                 base_color=_factor(found.baseColorFactor, base.base_color),
                 emission=_factor(found.emissiveFactor, (0.0, 0.0, 0.0)),
             )
-            self.transparent += [name] if found.alphaMode in ("MASK", "BLEND") else []
-            image = found.baseColorTexture
             if found.baseColorFactor is None:
                 base = replace(base, base_color=(1.0, 1.0, 1.0))  # glTF's default
             if number >= 0:
                 base = self._completed(base, number, found)
-            self.metals += [name] if base.metallic > 0.0 else []
-        else:
-            image = getattr(found, "image", None)
-            if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
-                image = self._image_beside()
-            written = getattr(found, "kwargs", {}).get("kd")
-            base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
-            base = of_mtl(base, getattr(found, "kwargs", {}))
-        return replace(base, texture=self._texture(image, name))
+            self.metals += [name] if self._is_metal(base) else []
+            return base
+        image = getattr(found, "image", None)
+        if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
+            image = self._image_beside()
+        written = getattr(found, "kwargs", {}).get("kd")
+        base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
+        base = of_mtl(base, getattr(found, "kwargs", {}))
+        if image is not None and ("A" in image.getbands() or "transparency" in image.info):
+            self.notes.append(f"material {name!r}: the alpha of its texture is not used; it is opaque")
+        return replace(base, textures=TextureSet(self.images.number(image, name)))
+
+    def _is_metal(self, material: Material) -> bool:
+        """Whether a material is metal anywhere: its factor times the blue of its texture."""
+        number = material.textures.metallic_roughness
+        return material.metallic > 0.0 and (number is None or bool(self.images.textures[number].texels[..., 2].any()))
 
     def _completed(self, material: Material, number: int, found: Any) -> Material:
-        """A glTF material with all its numbers; textures of roughness, metalness and emission count as their means."""
+        """A glTF material with all that its file says."""
         try:
             material = completed(material, self.header, number)
+            uses = texture_uses(self.header, number)
         except MALFORMED as error:
             self.notes.append(
                 f"material {material.name!r}: its numbers cannot be read ({type(error).__name__}: {error})"
             )
-        if found.metallicRoughnessTexture is not None:
-            _, rough, metal = _mean(found.metallicRoughnessTexture, srgb=False)
-            self.averaged.append(material.name)
-            material = replace(material, roughness=material.roughness * rough, metallic=material.metallic * metal)
-        if found.emissiveTexture is not None and max(material.emission) > 0.0:
-            r, g, b = np.array(material.emission) * _mean(found.emissiveTexture, srgb=True)
-            self.averaged.append(material.name)
-            material = replace(material, emission=(float(r), float(g), float(b)))
-        return material
+            uses = TextureUses()
+        images = (
+            found.baseColorTexture, found.metallicRoughnessTexture, found.emissiveTexture, found.normalTexture
+        )  # fmt: skip
+        linear, alpha = (False, True, False, True), (material.alpha_mode != "opaque", False, False, False)
+        numbers = [
+            self.images.number(image, material.name, linear=linear[k], alpha=alpha[k], wrap=uses.wraps[k])
+            for k, image in enumerate(images)
+        ]
+        self.notes += [f"material {material.name!r}: {what}" for what in uses.notes]
+        if uses.transform is not None:
+            self.transforms[len(self.materials)] = uses.transform
+        return lit_evenly(replace(material, textures=TextureSet(*numbers)), self.header["materials"][number])
 
     def _image_beside(self) -> Image.Image | None:
         if self.beside is None:
@@ -132,30 +132,6 @@ class Palette:
             return None
         self.notes.append(f"no material is named; {self.beside.name}, the image beside the model, is its texture")
         return image
-
-    def _texture(self, image: Any, name: str) -> int | None:
-        if image is None:
-            return None
-        if id(image) not in self._textures:
-            self._textures[id(image)] = self._decoded(image, name)
-            self._kept.append(image)
-        return self._textures[id(image)]
-
-    def _decoded(self, image: Image.Image, name: str) -> int | None:
-        try:
-            shrink = max(1, -(-max(image.size) // LARGEST_TEXTURE_PX))
-            if shrink > 1:
-                size = f"{image.width}x{image.height}"
-                self.notes.append(f"material {name!r}: its {size} texture is reduced {shrink} times")
-                image = image.reduce(shrink)
-            if "A" in image.getbands() or "transparency" in image.info:
-                self.notes.append(f"material {name!r}: the alpha of its texture is not used; it is opaque")
-            texels = np.ascontiguousarray(image.convert("RGBA").convert("RGB"), np.uint8)
-        except Exception as error:  # Pillow's decoders raise anything on broken data
-            self.notes.append(f"material {name!r}: its texture cannot be decoded ({error}); its plain colour is used")
-            return None
-        self.textures.append(Texture(name=name, texels=texels))
-        return len(self.textures) - 1
 
     def vertex_colors(self, visual: Any, count: int) -> Float32 | None:
         """(count, 3) linear RGB of a mesh that brings colours for its vertices."""
@@ -176,17 +152,21 @@ class Palette:
 
 
 def of_mtl(material: Material, written: dict[str, Any]) -> Material:
-    """A material with what an MTL file says besides Kd: Ke, Ni, Pm and Pr; else Ks and Ns as Blender writes them.
+    """A material with what an MTL file says besides Kd: Ke, Ni, d or Tr, Pm and Pr; else Ks and Ns as Blender has them.
 
     written : keys in lower case; numbers, lists of them, or of their words. What cannot be read counts as absent
     """
-    pm, pr, ni, ns = (_numbers(written.get(key), 1) for key in ("pm", "pr", "ni", "ns"))
+    pm, pr, ni, ns, d, tr = (_numbers(written.get(key), 1) for key in ("pm", "pr", "ni", "ns", "d", "tr"))
     ke, ks = _numbers(written.get("ke"), 3), _numbers(written.get("ks"), 3)
     if ke is not None:
         r, g, b = np.maximum(ke, 0.0).tolist()
         material = replace(material, emission=(r, g, b))
     if ni is not None and 1.0 < ni[0] <= LARGEST_IOR:
         material = replace(material, ior=float(ni[0]))
+    left = d if d is not None else 1.0 - tr if tr is not None else None
+    if left is not None:
+        alpha = float(np.clip(left[0], 0.0, 1.0))
+        material = replace(material, alpha=alpha, alpha_mode="blend" if alpha < 1.0 else "opaque")
     if pm is not None:
         material = replace(material, metallic=float(np.clip(pm[0], 0.0, 1.0)))
     if pr is not None:
@@ -204,16 +184,6 @@ def _numbers(value: Any, count: int) -> Float64 | None:
     except (TypeError, ValueError):
         return None
     return found if len(found) == count and np.isfinite(found).all() else None
-
-
-def _mean(image: Any, *, srgb: bool) -> Float64:
-    """(3,) mean RGB of an image, 0..1, of `srgb` values in linear light; white where it cannot be decoded."""
-    try:
-        values: Float64 = np.asarray(image.convert("RGB")) / 255.0
-    except Exception:  # Pillow's decoders raise anything on broken data
-        return np.ones(3)
-    mean: Float64 = (srgb_decoded(values) if srgb else values).mean(axis=(0, 1))
-    return mean
 
 
 def _listed(names: list[str]) -> str:

@@ -34,6 +34,7 @@ from wall.scene.model import (
     Sky,
     Source,
     Texture,
+    TextureSet,
 )
 
 BUILT_IN = {
@@ -146,9 +147,7 @@ def joined(sources: Sequence[Source]) -> Source:
     for source in sources:
         instances += [replace(i, mesh=i.mesh + len(meshes)) for i in source.instances]
         meshes += [replace(m, material=m.material + len(materials)) for m in source.meshes]
-        materials += [
-            m if m.texture is None else replace(m, texture=m.texture + len(textures)) for m in source.materials
-        ]
+        materials += [_with_textures_from(len(textures), material) for material in source.materials]
         textures += source.textures
     return Source(
         meshes=tuple(meshes),
@@ -161,6 +160,11 @@ def joined(sources: Sequence[Source]) -> Source:
         path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
         notes=tuple(note for source in sources for note in source.notes),
     )
+
+
+def _with_textures_from(first: int, material: Material) -> Material:
+    """A material whose textures stand `first` rows further on."""
+    return replace(material, textures=TextureSet(*(k if k is None else k + first for k in material.textures)))
 
 
 def _configured(source: Source, config: SceneConfig) -> Source:

@@ -2,7 +2,7 @@
 
 trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
 unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions
-KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission.
+KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit; KHR_texture_transform.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wall.core.data import Float64
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
-from wall.scene.model import LARGEST_IOR, DirectionalLight, Light, Material, PointLight
+from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, Wrap
 
 MAGIC, JSON_CHUNK = b"glTF", 0x4E4F534A
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
@@ -37,11 +37,17 @@ KNOWN = {
     *(
         "KHR_materials_pbrSpecularGlossiness",
         "KHR_materials_transmission",
+        "KHR_materials_unlit",
+        "KHR_texture_transform",
         "KHR_draco_mesh_compression",
         "EXT_texture_webp",
         "KHR_texture_basisu",
     ),
 }
+
+
+WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # OpenGL's numbers
+ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
 
 def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
@@ -84,10 +90,13 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
     old = extensions.get("KHR_materials_pbrSpecularGlossiness")
     if old is not None:  # trimesh has turned its colours into base colour
         surface = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - _share(old.get("glossinessFactor", 1.0))}
+        surface["baseColorFactor"] = [*material.base_color, old.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0))[3]]
     metallic = _share(surface.get("metallicFactor", 1.0))
+    red, green, blue, alpha = (_share(c) for c in surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
     return replace(
         material,
         name=str(found.get("name", "unnamed")),
+        base_color=(red, green, blue),  # trimesh rounds it to bytes
         metallic=metallic,
         roughness=_share(surface.get("roughnessFactor", 1.0)),
         specular=_share(of("specular", "specularFactor", 1.0)),
@@ -95,7 +104,74 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         transmission=(1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0)),
         emission=(r * strength, g * strength, b * strength),
         emits_behind=bool(found.get("doubleSided", False)),
+        normal_scale=_finite(found.get("normalTexture", {}).get("scale", 1.0)),
+        alpha_mode=ALPHA_MODES[found.get("alphaMode", "OPAQUE")],
+        alpha=alpha,
+        alpha_cutoff=_finite(found.get("alphaCutoff", 0.5)),
     )
+
+
+class TextureUses(NamedTuple):
+    """How a material's textures are looked up, in the order of model.TextureSet."""
+
+    wraps: tuple[tuple[Wrap, Wrap], ...] = (("repeat", "repeat"),) * 4
+    transform: Float64 | None = None  # (3, 3) of texture coordinates with v down, of all textures
+    notes: tuple[str, ...] = ()  # what is drawn otherwise
+
+
+def texture_uses(header: dict[str, Any], number: int) -> TextureUses:
+    """How the file says that a material's textures are looked up."""
+    found = header["materials"][number]
+    surface = found.get("pbrMetallicRoughness", {})
+    named = {
+        "base colour": surface.get("baseColorTexture"),
+        "metallic-roughness": surface.get("metallicRoughnessTexture"),
+        "emissive": found.get("emissiveTexture"),
+        "normal": found.get("normalTexture"),
+    }
+    transforms, notes = [], []
+    for name, info in named.items():
+        if info is not None:
+            change = info.get("extensions", {}).get("KHR_texture_transform", {})
+            transforms.append((name, _texture_transform(change)))
+            if change.get("texCoord", info.get("texCoord", 0)) != 0:
+                notes.append(f"its {name} texture wants texture coordinates of another set; those of set 0 are used")
+    first = transforms[0][1] if transforms else np.eye(3)
+    other = [name for name, transform in transforms if not np.array_equal(transform, first)]
+    notes += [f"its {name} texture is transformed as the first one is" for name in other]
+    wraps = tuple(_wrap_of(header, info) for info in named.values())
+    return TextureUses(wraps, None if np.array_equal(first, np.eye(3)) else first, tuple(notes))
+
+
+def _texture_transform(change: dict[str, Any]) -> Float64:
+    """(3, 3) of KHR_texture_transform: scale, then rotation counterclockwise as seen with v down, then offset."""
+    (dx, dy), (sx, sy) = change.get("offset", (0.0, 0.0)), change.get("scale", (1.0, 1.0))
+    angle = _finite(change.get("rotation", 0.0))
+    c, s = math.cos(angle), math.sin(angle)
+    sx, sy = _finite(sx), _finite(sy)
+    return np.array([[c * sx, s * sy, _finite(dx)], [-s * sx, c * sy, _finite(dy)], [0.0, 0.0, 1.0]])
+
+
+def _wrap_of(header: dict[str, Any], info: dict[str, Any] | None) -> tuple[Wrap, Wrap]:
+    """What a texture is beyond its edges."""
+    if info is None:
+        return "repeat", "repeat"
+    sampler = header["textures"][info["index"]].get("sampler")
+    found = {} if sampler is None else header["samplers"][sampler]
+    return WRAPS[found.get("wrapS", 10497)], WRAPS[found.get("wrapT", 10497)]
+
+
+def lit_evenly(material: Material, found: dict[str, Any]) -> Material:
+    """A material that shows its colour whatever light falls on it, where the file says KHR_materials_unlit."""
+    if "KHR_materials_unlit" not in found.get("extensions", {}):
+        return material
+    textures = material.textures._replace(metallic_roughness=None, emission=material.textures.base_color, normal=None)
+    black = (0.0, 0.0, 0.0)
+    return replace(
+        material,
+        base_color=black, emission=material.base_color, textures=textures,
+        metallic=0.0, specular=0.0, transmission=0.0,
+    )  # fmt: skip
 
 
 def _finite(value: Any) -> float:

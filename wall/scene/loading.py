@@ -52,7 +52,7 @@ def load(path: Path) -> Source:
             numbers[name] = (len(meshes), repaired.unit)
             meshes.append(repaired.mesh)
     instances = list(_instances(loaded, numbers, notes))
-    notes += palette.notes + palette.simplified()
+    notes += palette.notes + palette.images.notes + palette.simplified()
     if not instances:
         raise SceneError(
             f"{path}: holds nothing that can be drawn, wanted at least one triangle with area"
@@ -66,7 +66,7 @@ def load(path: Path) -> Source:
     source = Source(
         meshes=tuple(meshes),
         materials=tuple(palette.materials),
-        textures=tuple(palette.textures),
+        textures=tuple(palette.images.textures),
         instances=tuple(instances),
         lights=lights or None,
     )
@@ -151,17 +151,26 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
         return repair(RawMesh(name=name, vertices=vertices[corners], triangles=own, colors=colors), palette.plain())
     colors_or_none = palette.vertex_colors(visual, len(vertices))
     material = palette.material(visual) if colors_or_none is None or hasattr(visual, "material") else palette.plain()
-    textured = palette.materials[material].texture is not None
+    textured = any(k is not None for k in palette.materials[material].textures)
     uvs = getattr(visual, "uv", None) if textured else None
     raw = RawMesh(
         name=name,
         vertices=vertices,
         triangles=triangles,
         normals=None if normals is None else np.asarray(normals, np.float64),
-        uvs=None if uvs is None else np.asarray(uvs, np.float64)[:, :2],
+        uvs=None if uvs is None else transformed(np.asarray(uvs, np.float64)[:, :2], palette.transforms.get(material)),
         colors=colors_or_none,
     )
     return repair(raw, material)
+
+
+def transformed(uvs: Float64, transform: Float64 | None) -> Float64:
+    """Texture coordinates (v, 2), v up, changed by a (3, 3) transform of those with v down; None: as they are."""
+    if transform is None:
+        return uvs
+    u, v = uvs[:, 0], 1.0 - uvs[:, 1]
+    moved = np.stack([u, v, np.ones_like(u)], 1) @ transform.T
+    return np.stack([moved[:, 0], 1.0 - moved[:, 1]], 1)
 
 
 def _triangles(geometry: Any) -> NDArray[np.int64] | None:

@@ -75,15 +75,22 @@ def _of_objects(source: Source, config: MaterialConfig, wanted: str, where: str)
 
 
 def changed(material: Material, config: MaterialConfig) -> Material:
-    """A material as `config` has it. emission and mirror add to what there is; others replace all but its colour."""
+    """A material as `config` has it. emission and mirror add to what there is; others replace all but
+    its colour, normals and alpha.
+    """
     if isinstance(config, EmissionConfig):
-        return replace(material, emission=config.radiance, emits_behind=config.sides == "both")
+        textures = material.textures._replace(emission=None)
+        return replace(material, emission=config.radiance, textures=textures, emits_behind=config.sides == "both")
     if isinstance(config, MirrorConfig):
         left = 1.0 - config.share
         return replace(material, mirror=config.share, transmission=left * material.transmission)
-    plain = replace(material, mirror=0.0, metallic=0.0, specular=0.0, transmission=0.0, emission=BLACK)
+    plain = replace(
+        material,
+        mirror=0.0, metallic=0.0, specular=0.0, transmission=0.0, emission=BLACK,
+        textures=material.textures._replace(metallic_roughness=None, emission=None),
+    )  # fmt: skip
     if config.color is not None:
-        plain = replace(plain, base_color=config.color, texture=None)
+        plain = replace(plain, base_color=config.color, textures=plain.textures._replace(base_color=None))
     match config:
         case DiffuseConfig():
             return plain

@@ -7,7 +7,7 @@ stands; every placement is a float64 matrix `world_from_object`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +16,31 @@ from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
 
 LARGEST_IOR = 4.0  # index of refraction that files may give
+Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
+AlphaMode: TypeAlias = Literal["opaque", "mask", "blend"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Texture:
-    """An image that a material's base colour is multiplied by.
-
-    Lookups are bilinear and repeat.
-    """
+    """An image of what a material is at each place of a surface. Lookups are filtered."""
 
     name: str
-    texels: NDArray[np.uint8]  # (h, w, 3) sRGB, row 0 at the top (v = 1)
+    texels: NDArray[np.uint8]  # (h, w, 3), row 0 at the top (v = 1); sRGB, or values 0..1 as bytes where `linear`
+    linear: bool = False
+    alpha: NDArray[np.uint8] | None = None  # (h, w) as bytes; None: opaque
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # beyond its edges, along u and v
+
+
+class TextureSet(NamedTuple):
+    """A material's textures, as indices in Scene.textures."""
+
+    base_color: int | None = None  # multiplies base_color
+    metallic_roughness: int | None = None  # linear; green multiplies roughness, blue metallic; on paths alone
+    emission: int | None = None  # multiplies emission
+    normal: int | None = None  # linear; normals along u, along v and off the surface, 0..1 for -1..1
+
+
+NO_TEXTURES = TextureSet()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +52,6 @@ class Material:
 
     name: str
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)  # linear RGB reflectance, 0..1
-    texture: int | None = None  # index in Scene.textures; multiplies base_color
     mirror: float = 0.0  # share of the ray that is mirrored, 0..1
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W sr^-1 m^-2; lights others on paths alone
     emits_behind: bool = (
@@ -49,6 +62,11 @@ class Material:
     specular: float = 0.0  # 0..1, how much of an interface lies over diffuse light; 0: none
     ior: float = 1.5  # index of refraction, of glass and of the interface
     transmission: float = 0.0  # share that is glass, 0..1
+    textures: TextureSet = NO_TEXTURES
+    normal_scale: float = 1.0  # of the parts along u and v of the normals of textures
+    alpha_mode: AlphaMode = "opaque"  # mask: not there where alpha < alpha_cutoff; blend: there with probability alpha
+    alpha: float = 1.0  # 0..1; times the alpha of the texture of base colour
+    alpha_cutoff: float = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,11 @@ class Needs:
     """One bool for each feature that the tracer can leave out."""
 
     textures: bool
+    metallic_roughness_textures: bool  # on paths
+    emission_textures: bool
+    normal_textures: bool
+    texture_edges: bool  # some texture does not repeat
+    alpha: bool  # surfaces that are not there in places
     vertex_colors: bool
     smooth_normals: bool
     mirrors: bool
@@ -33,12 +38,19 @@ def needs(scene: Scene) -> Needs:
     """Look at what the instances really use: a texture that no placed mesh shows is not needed."""
     meshes = [scene.meshes[k] for k in {instance.mesh for instance in scene.instances}]
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
-    textured = any(mesh.uvs is not None and scene.materials[mesh.material].texture is not None for mesh in meshes)
+    mapped = [scene.materials[mesh.material] for mesh in meshes if mesh.uvs is not None]
+    slots = [[m.textures[slot] for m in mapped if m.textures[slot] is not None] for slot in range(4)]
+    edges = any(scene.textures[k].wrap != ("repeat", "repeat") for slot in slots for k in slot if k is not None)
     mirrors = any(material.mirror > 0.0 for material in materials)
     paths, emission = scene.path_depth is not None, any(max(material.emission) > 0.0 for material in materials)
     lights = len(scene.point_lights) + len(scene.directional_lights)
     return Needs(
-        textures=textured,
+        textures=any(slots),
+        metallic_roughness_textures=paths and bool(slots[1]),
+        emission_textures=emission and bool(slots[2]),
+        normal_textures=bool(slots[3]),
+        texture_edges=edges,
+        alpha=any(material.alpha_mode != "opaque" for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         mirrors=mirrors,

@@ -39,7 +39,7 @@ _FORMAT_UINT3, _FORMAT_FLOAT3, FORMAT_FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x913
 _SCENE_DYNAMIC, _SCENE_ROBUST = 1, 4
 _QUALITY_MEDIUM = 1  # low quality takes longer to build over instances, and is no faster to trace
 _QUERY_COHERENT = 1 << 16
-_FEATURES = (1 << 1) | (1 << 23)  # triangles and instances: Embree skips tests for anything else
+_FEATURES = (1 << 1) | (1 << 23) | (1 << 25)  # triangles, instances and filters: Embree skips tests for anything else
 
 _library = ctypes.CDLL(embreex.rtcore_scene.__file__)
 _P, _U, _Z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_size_t
@@ -57,6 +57,9 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rtcAttachGeometryByID": (None, [_P, _P, _U]),
     "rtcSetSharedGeometryBuffer": (None, [_P, ctypes.c_int, _U, ctypes.c_int, _P, _Z, _Z, _Z]),
     "rtcSetGeometryInstancedScene": (None, [_P, _P]),
+    "rtcSetGeometryUserData": (None, [_P, _P]),
+    "rtcSetGeometryIntersectFilterFunction": (None, [_P, _P]),
+    "rtcSetGeometryOccludedFilterFunction": (None, [_P, _P]),
     "rtcSetGeometryMask": (None, [_P, _U]),
     "rtcSetGeometryTransform": (None, [_P, _U, ctypes.c_int, _P]),
     "rtcIntersect16": (None, [_P, _P, _P, _P]),
@@ -84,6 +87,7 @@ commit_geometry = _external("rtcCommitGeometry", types.void(types.intp))
 commit_scene = _external("rtcCommitScene", types.void(types.intp))
 
 Handle: TypeAlias = int
+Passing: TypeAlias = tuple[int, tuple[NDArray[Any], ...]]  # a filter of hits, see Device.mesh
 
 
 def aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
@@ -139,13 +143,15 @@ class Device:
                 f"Embree failed while {doing}: error {error} (2: bad argument, 3: bad operation, 4: out of memory)"
             )
 
-    def mesh(self, vertices: Float32, triangles: NDArray[np.uint32]) -> Handle:
+    def mesh(self, vertices: Float32, triangles: NDArray[np.uint32], passing: Passing | None = None) -> Handle:
         """A committed, robust scene of one triangle mesh.
 
         Parameters
         ----------
         vertices : (v, 3) float32, contiguous, kept alive here; the 16 bytes behind the last one must be readable
         triangles : (t, 3) uint32, contiguous
+        passing : address of a filter of hits (RTCFilterFunctionN), what it gets as user data, and arrays that this
+            points to, kept alive here; None: every hit counts
         """
         geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_TRIANGLE)
         _library.rtcSetSharedGeometryBuffer(
@@ -154,6 +160,11 @@ class Device:
         _library.rtcSetSharedGeometryBuffer(
             geometry, _BUFFER_INDEX, 0, _FORMAT_UINT3, triangles.ctypes.data, 0, 12, len(triangles)
         )
+        if passing is not None:
+            _library.rtcSetGeometryUserData(geometry, passing[1][0].ctypes.data)
+            _library.rtcSetGeometryIntersectFilterFunction(geometry, passing[0])
+            _library.rtcSetGeometryOccludedFilterFunction(geometry, passing[0])
+            self._kept += passing[1]
         _library.rtcCommitGeometry(geometry)
         scene = self._new_scene(_SCENE_ROBUST, _QUALITY_MEDIUM)
         _library.rtcAttachGeometryByID(scene, geometry, 0)

@@ -16,20 +16,24 @@ from wall.scene.build import Scene
 from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
-from wall.tracing.embree import Device, Handle
+from wall.tracing.embree import Device, Handle, Passing
 from wall.tracing.interface import interface_table
 from wall.tracing.kernels.values import (
+    CLAMP,
     HAS_COLORS,
     HAS_NORMALS,
     HAS_UVS,
     MATERIAL,
+    MIRROR,
     PLACEMENT_COLUMNS,
+    REPEAT,
     Emitters,
     Materials,
     Surfaces,
 )
 
-TEXTURE_FIELDS = {"first_texel", "texture_width", "texture_height"}
+OF_TEXTURES = {"first_texel", "texture_width", "texture_height", "wrap_u", "wrap_v"}
+WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,9 +72,8 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
     handles = []
     for mesh, row in zip(scene.meshes, table, strict=True):
         first, start = int(row[1]), int(row[0])
-        handles.append(
-            device.mesh(vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)])
-        )
+        own = vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)]
+        handles.append(device.mesh(*own, _transparency(scene, mesh, own[1])))
     radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in scene.meshes]
     of_instance = np.array([instance.mesh for instance in scene.instances], np.uint32)
     return TracerScene(
@@ -97,6 +100,29 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
     )
 
 
+def _transparency(scene: Scene, mesh: Mesh, triangles: NDArray[np.uint32]) -> Passing | None:
+    """What Device.mesh takes for a mesh that is not there in places; None for all others."""
+    material = scene.materials[mesh.material]
+    number = material.textures.base_color
+    texture = None if number is None or mesh.uvs is None else scene.textures[number]
+    texels = None if texture is None or texture.alpha is None else np.ascontiguousarray(texture.alpha)
+    least = material.alpha if texels is None else 0.0
+    if material.alpha_mode == "opaque" or (texels is None and material.alpha_mode == "blend" and least >= 1.0):
+        return None
+    from wall.tracing.kernels import alpha
+
+    uvs = None if texels is None else np.ascontiguousarray(mesh.uvs, np.float32)
+    numbers = np.zeros(alpha.MESH_NUMBERS, np.int64)
+    numbers[alpha.BLENDS] = material.alpha_mode == "blend"
+    values = numbers.view(np.float32)
+    values[2 * alpha.ALPHA], values[2 * alpha.CUTOFF] = material.alpha, material.alpha_cutoff
+    if texture is not None and texels is not None and uvs is not None:
+        numbers[: alpha.WIDTH] = triangles.ctypes.data, uvs.ctypes.data, texels.ctypes.data
+        numbers[alpha.WIDTH], numbers[alpha.HEIGHT] = texels.shape[1], texels.shape[0]
+        numbers[alpha.WRAP_U], numbers[alpha.WRAP_V] = (WRAPS[way] for way in texture.wrap)
+    return alpha.PASS_TRANSPARENT, tuple(array for array in (numbers, triangles, uvs, texels) if array is not None)
+
+
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
     """(meshes, 4) uint32, a row of Surfaces.mesh_table for each mesh."""
     table = np.zeros((len(meshes), 4), np.uint32)
@@ -119,19 +145,27 @@ def _attribute(meshes: tuple[Mesh, ...], name: str, width: int) -> Float32:
 
 def _materials(scene: Scene, wanted: Needs) -> Materials:
     """One MATERIAL row for each of the scene's materials, and the texels of all textures one after another."""
-    texels = [mip_levels(texture.texels) for texture in scene.textures] if wanted.textures else []
+    texels = [mip_levels(t.texels, linear=t.linear) for t in scene.textures] if wanted.textures else []
     firsts = np.cumsum([0, *map(len, texels)])
     rows = np.zeros(len(scene.materials), MATERIAL)
     for row, material in zip(rows, scene.materials, strict=True):
-        for name in set(MATERIAL.fields or ()) - TEXTURE_FIELDS:
+        for name in set(MATERIAL.fields or ()) - OF_TEXTURES:
             row[name] = getattr(material, name)
-        if wanted.textures and (texture := material.texture) is not None:
-            row["first_texel"] = firsts[texture]
-            row["texture_height"], row["texture_width"] = scene.textures[texture].texels.shape[:2]
+        for slot, number in enumerate(material.textures):
+            if wanted.textures and number is not None:
+                texture = scene.textures[number]
+                row["first_texel"][slot] = firsts[number]
+                row["texture_height"][slot], row["texture_width"][slot] = texture.texels.shape[:2]
+                row["wrap_u"][slot], row["wrap_v"][slot] = (WRAPS[way] for way in texture.wrap)
     return Materials(
         rows=rows,
         texels=np.concatenate(texels) if wanted.textures else None,
         linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
+        value_of_byte=(np.arange(256) / 255.0).astype(np.float32),
+        metallic_roughness_textures=True if wanted.metallic_roughness_textures else None,
+        emission_textures=True if wanted.emission_textures else None,
+        normal_textures=True if wanted.normal_textures else None,
+        texture_edges=True if wanted.texture_edges else None,
         emits=True if wanted.emission else None,
         mirrors=True if wanted.mirrors else None,
         interface=interface_table() if wanted.interfaces else None,
@@ -156,15 +190,16 @@ def _emitters(scene: Scene) -> Emitters:
     return Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64))
 
 
-def mip_levels(texels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(p, 3) sRGB texels of (h, w, 3) and of its mip levels, each half as wide and high, rounded down, to one texel.
+def mip_levels(texels: NDArray[np.uint8], *, linear: bool = False) -> NDArray[np.uint8]:
+    """(p, 3) texels of (h, w, 3) and of its mip levels, each half as wide and high, rounded down, to one texel.
 
-    A level's texel is the mean of what it covers in the level before, in linear light.
+    A level's texel is the mean of what it covers in the level before; of sRGB texels, those not `linear`, in light.
     """
-    levels, linear = [texels.reshape(-1, 3)], srgb_decoded(texels / 255.0)
-    while linear.shape[:2] != (1, 1):
-        linear = _halved(_halved(linear).swapaxes(0, 1)).swapaxes(0, 1)
-        levels.append(np.round(srgb_encoded(linear) * 255.0).astype(np.uint8).reshape(-1, 3))
+    levels, values = [texels.reshape(-1, 3)], texels / 255.0 if linear else srgb_decoded(texels / 255.0)
+    while values.shape[:2] != (1, 1):
+        values = _halved(_halved(values).swapaxes(0, 1)).swapaxes(0, 1)
+        level = values if linear else srgb_encoded(values)
+        levels.append(np.round(level * 255.0).astype(np.uint8).reshape(-1, 3))
     return np.concatenate(levels)
 
 

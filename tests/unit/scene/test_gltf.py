@@ -2,57 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import math
-import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from gltf_documents import document, loaded
 
 from wall.core.errors import SceneError
 from wall.scene.loading import load
 from wall.scene.model import DirectionalLight, Material, PointLight, Source
-
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32).tobytes()
-
-
-def data_uri(data: bytes, kind: str = "application/octet-stream") -> str:
-    return f"data:{kind};base64," + base64.b64encode(data).decode()
-
-
-def document(materials: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
-    """A triangle for each material, side by side."""
-    return {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": len(CORNERS), "uri": data_uri(CORNERS)}],
-        "bufferViews": [{"buffer": 0, "byteLength": len(CORNERS)}],
-        "accessors": [
-            {
-                "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0],
-            }
-        ],
-        "materials": materials,
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": k}]} for k in range(len(materials))],
-        "nodes": [{"mesh": k, "translation": [2.0 * k, 0, 0]} for k in range(len(materials))],
-        "scenes": [{"nodes": list(range(len(materials)))}],
-        "scene": 0,
-        **more,
-    }  # fmt: skip
-
-
-def loaded(folder: Path, found: dict[str, Any], *, binary: bool = False) -> Source:
-    text = json.dumps(found).encode()
-    if not binary:
-        (folder / "model.gltf").write_bytes(text)
-        return load(folder / "model.gltf")
-    text += b" " * (-len(text) % 4)
-    head = struct.pack("<4sII", b"glTF", 2, 20 + len(text)) + struct.pack("<II", len(text), 0x4E4F534A)
-    (folder / "model.glb").write_bytes(head + text)
-    return load(folder / "model.glb")
 
 
 def material(source: Source, name: str) -> Material:
@@ -99,27 +59,6 @@ def test_materials_of_one_name_are_told_apart(tmp_path: Path) -> None:
     by_place = {i.world_from_object[0, 3]: source.materials[source.meshes[i.mesh].material] for i in source.instances}
     assert {place: m.roughness for place, m in by_place.items()} == {0.0: 0.1, 2.0: 0.9}
     assert {m.name for m in by_place.values()} == {"twin"}
-
-
-def test_textures_of_roughness_and_emission_are_taken_as_their_means(tmp_path: Path) -> None:
-    Image.fromarray(np.full((4, 4, 3), [0, 128, 64], np.uint8)).save(tmp_path / "rust.png")
-    source = loaded(
-        tmp_path,
-        document(
-            [
-                {
-                    "name": "door",
-                    "pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}, "roughnessFactor": 0.5},
-                }
-            ],
-            images=[{"uri": "rust.png"}],
-            textures=[{"source": 0}],
-        ),
-    )
-    door = material(source, "door")
-    assert door.roughness == pytest.approx(0.5 * 128 / 255)
-    assert door.metallic == pytest.approx(64 / 255)
-    assert any("1 material shows a texture's mean (metal, emission) (door)" in note for note in source.notes)
 
 
 def test_lights_stand_where_their_nodes_do(tmp_path: Path) -> None:

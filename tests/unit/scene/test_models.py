@@ -74,7 +74,7 @@ def test_glb_base_colour_factor_is_linear_and_texture_is_kept(tmp_path: Path) ->
     source = load(tmp_path / "painted.glb")
     (found,) = source.materials
     np.testing.assert_allclose(found.base_color, np.array([128, 64, 255]) / 255, atol=1 / 510)  # bytes in trimesh
-    assert found.texture == 0
+    assert found.textures.base_color == 0
     np.testing.assert_array_equal(source.textures[0].texels, np.asarray(image))
     np.testing.assert_allclose(source.meshes[0].uvs, uv, atol=1e-6)
 
@@ -90,7 +90,7 @@ def with_materials(path: Path, *materials: trimesh.visual.material.PBRMaterial) 
     return path
 
 
-def test_glb_metal_and_alpha_are_noted_once_a_file(tmp_path: Path) -> None:
+def test_glb_metal_is_noted_once_a_file(tmp_path: Path) -> None:
     """A metallic factor that is left out is 1, says glTF; a texture's blue channel multiplies it."""
     pbr = trimesh.visual.material.PBRMaterial
     rust, paint = (Image.new("RGB", (2, 2), (0, 128, blue)) for blue in (200, 0))
@@ -107,14 +107,14 @@ def test_glb_metal_and_alpha_are_noted_once_a_file(tmp_path: Path) -> None:
             pbr(name="floor", metallicFactor=0.0, alphaMode="OPAQUE"),
         )
     )
-    assert [note for note in source.notes if "metal" in note or "alpha" in note] == [
-        "3 materials are metal, diffuse under direct light (chrome, rim, door); "
-        "2 materials show a texture's mean (metal, emission) (door, hood); "
-        "2 materials have alpha and are drawn opaque (leaf, glass)"
+    assert [note for note in source.notes if "metal" in note] == [
+        "3 materials are metal, diffuse under direct light (chrome, rim, door)"
     ]
+    modes = {material.name: material.alpha_mode for material in source.materials}
+    assert (modes["leaf"], modes["glass"], modes["floor"]) == ("mask", "blend", "opaque")
 
 
-def test_glb_without_metal_and_alpha_has_no_note_of_them(tmp_path: Path) -> None:
+def test_glb_without_metal_has_no_note_of_it(tmp_path: Path) -> None:
     plain = trimesh.visual.material.PBRMaterial(name="plain", metallicFactor=0.0)
     assert load(with_materials(tmp_path / "plain.glb", plain)).notes == ()
 
@@ -127,7 +127,7 @@ def test_obj_with_mtl_and_texture(tmp_path: Path) -> None:
     assert source.materials[0].base_color == (0.25, 0.5, 1.0)
     assert source.textures[0].texels.shape == (2, 4, 3)
     np.testing.assert_allclose(source.meshes[0].uvs, [[0, 0], [1, 0], [0, 1]])
-    assert source.materials[0].texture == 0
+    assert source.materials[0].textures.base_color == 0
 
 
 def test_obj_in_another_encoding_is_read(tmp_path: Path) -> None:
@@ -142,7 +142,7 @@ def test_bad_texture_file_is_noted_and_the_plain_colour_used(tmp_path: Path, pre
     written(tmp_path / "m.mtl", "newmtl oak\nKd 0.25 0.5 1.0\nmap_Kd wood.png\n")
     text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl oak\nf 1/1 2/2 3/3\n"
     source = load(written(tmp_path / "table.obj", text))
-    assert source.materials[0].texture is None
+    assert source.materials[0].textures.base_color is None
     assert source.materials[0].base_color == (0.25, 0.5, 1.0)
     assert any("image" in note for note in source.notes)
 

@@ -157,6 +157,11 @@ def test_forest_has_more_than_two_million_triangles_from_few_stored_ones() -> No
 def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     assert needs(configured(HERE, source="courtyard")) == Needs(
         textures=True,
+        metallic_roughness_textures=False,
+        emission_textures=False,
+        normal_textures=False,
+        texture_edges=False,
+        alpha=False,
         vertex_colors=True,
         smooth_normals=True,
         mirrors=True,
@@ -173,8 +178,9 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     )
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
-        "compiled in: directional lights; left out: textures, vertex colors, smooth normals, mirrors, point lights, "
-        "instancing, animation, emission, change detection, paths, interfaces, emitters, relighting"
+        "compiled in: directional lights; left out: textures, metallic roughness textures, emission textures, normal "
+        "textures, texture edges, alpha, vertex colors, smooth normals, mirrors, point lights, instancing, "
+        "animation, emission, change detection, paths, interfaces, emitters, relighting"
     )
 
 

@@ -23,7 +23,7 @@ from small_scenes import (
 
 from wall.core.data import Float64
 from wall.scene.build import Scene
-from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Texture
+from wall.scene.model import DirectionalLight, Instance, Material, Mesh, Sky, Texture, TextureSet
 
 LIGHT = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(math.pi, math.pi, math.pi))
 WHITE = (1.0, 1.0, 1.0)
@@ -55,7 +55,7 @@ def textured(texels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], *, scale: 
     mesh = replace(mesh, uvs=(mesh.uvs * scale + np.float32(shift[:2])).astype(np.float32))
     scene = scene_of(
         [mesh],
-        materials=[material(*WHITE, texture=0)],
+        materials=[material(*WHITE, base_color_texture=0)],
         textures=[Texture(name="t", texels=texels)],
         lights=[LIGHT],
     )
@@ -207,7 +207,7 @@ def unused_features(scene: Scene, seen: View) -> tuple[TracedImage, TracedImage]
         [*scene.instances, placed],
         materials=[
             *scene.materials,
-            Material(name="rich", base_color=WHITE, texture=0, mirror=0.5, emission=(2.0, 0.0, 0.0)),
+            Material(name="rich", base_color=WHITE, textures=TextureSet(0), mirror=0.5, emission=(2.0, 0.0, 0.0)),
         ],
         textures=[Texture(name="t", texels=TEXELS)],
         lights=[*scene.point_lights, *scene.directional_lights],

@@ -24,7 +24,9 @@ RINGS, SECTORS = 12, 16  # of the hemisphere, equal in solid angle
 
 @numba.njit
 def drawn(rows: Any, table: Any, out: Any, numbers: Any, to: Any) -> None:
-    look = opaque.look_of(rows[0], (rows[0]["base_color"][0], np.float32(0.5), np.float32(0.3)), out[2], table)
+    row = rows[0]
+    albedo = row["base_color"][0], np.float32(0.5), np.float32(0.3)
+    look = opaque.look_of(row, row["metallic"], row["roughness"], albedo, out[2], table)
     for k in range(len(numbers)):
         way, _, density = opaque.sample(look, (out[0], out[1], out[2]), numbers[k, 0], numbers[k, 1], numbers[k, 2])
         to[k, 0], to[k, 1], to[k, 2], to[k, 3] = way[0], way[1], way[2], density
@@ -32,7 +34,9 @@ def drawn(rows: Any, table: Any, out: Any, numbers: Any, to: Any) -> None:
 
 @numba.njit
 def valued(rows: Any, table: Any, out: Any, to: Any, values: Any) -> None:
-    look = opaque.look_of(rows[0], (rows[0]["base_color"][0], np.float32(0.5), np.float32(0.3)), out[2], table)
+    row = rows[0]
+    albedo = row["base_color"][0], np.float32(0.5), np.float32(0.3)
+    look = opaque.look_of(row, row["metallic"], row["roughness"], albedo, out[2], table)
     for k in range(len(to)):
         r, g, b, density = opaque.evaluate(look, (out[0], out[1], out[2]), (to[k, 0], to[k, 1], to[k, 2]))
         values[k, 0], values[k, 1], values[k, 2], values[k, 3] = r, g, b, density
@@ -117,7 +121,7 @@ def back_of(rows: NDArray[Any], cosine: float) -> float:
 @numba.njit
 def compensation(rows: Any, table: Any, cosine: Any) -> Any:
     albedo = (rows[0]["base_color"][0], np.float32(0.5), np.float32(0.3))
-    return opaque.look_of(rows[0], albedo, cosine, table)[3][0]
+    return opaque.look_of(rows[0], rows[0]["metallic"], rows[0]["roughness"], albedo, cosine, table)[3][0]
 
 
 @numba.njit

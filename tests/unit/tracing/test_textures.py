@@ -30,7 +30,7 @@ def plane(*, repeats: float, turn: float = 0.0, stretch: float = 1.0) -> Scene:
     sky = Sky(zenith=WHITE, horizon=WHITE, ground=WHITE)
     placed = [instance(0, turn=("x", turn))]
     textures = [Texture(name="noise", texels=NOISE)]
-    return scene_of([mesh], placed, materials=[material(*WHITE, texture=0)], textures=textures, sky=sky)
+    return scene_of([mesh], placed, materials=[material(*WHITE, base_color_texture=0)], textures=textures, sky=sky)
 
 
 def traced(scene: Scene, seen: View, xy: Float64, footprint: float) -> Float32:
@@ -104,7 +104,7 @@ def test_a_mirror_carries_footprints_on() -> None:
     """A mirror in z = 0 shows the plane behind the eye as it would be seen from the mirrored eye."""
     sky = Sky(zenith=WHITE, horizon=WHITE, ground=WHITE)
     noise = [Texture(name="noise", texels=NOISE)]
-    looks = [material(*WHITE, texture=0), material(0.0, 0.0, 0.0, mirror=1.0)]
+    looks = [material(*WHITE, base_color_texture=0), material(0.0, 0.0, 0.0, mirror=1.0)]
     mesh = quad(20.0, 20.0, uvs=True)
     assert mesh.uvs is not None
     mesh.uvs[:] *= np.float32(8.0)

@@ -13,7 +13,7 @@ from wall.config.scene import AnimationConfig, SpinConfig
 from wall.core.data import Float64
 from wall.scene.animation import Vector
 from wall.scene.builtin.shapes import placed
-from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture
+from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, TextureSet
 from wall.scene.repair import RawMesh
 
 
@@ -35,11 +35,11 @@ class Assembly:
     def textured(self, name: str, texels: NDArray[np.uint8]) -> int:
         """Adds a material that shows a texture, (h, w, 3) sRGB."""
         self.textures.append(Texture(name=name, texels=texels))
-        return self.material(name, (1.0, 1.0, 1.0), texture=len(self.textures) - 1)
+        return self.material(name, (1.0, 1.0, 1.0), textures=TextureSet(len(self.textures) - 1))
 
     def mesh(self, name: str, shape: RawMesh, material: int) -> int:
         """Adds a shape as a mesh of a material, with texture coordinates where the material has a texture."""
-        uvs = None if self.materials[material].texture is None else shape.uvs
+        uvs = None if self.materials[material].textures.base_color is None else shape.uvs
         self.meshes.append(replace(shape, name=name, uvs=uvs).shaded(material))
         return len(self.meshes) - 1
 

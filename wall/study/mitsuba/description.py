@@ -1,8 +1,6 @@
 """A scene and its view as Mitsuba 3 takes them: one shape an object, materials in Mitsuba's models, the same lights.
 
-What has no equal there is refused: a coat over diffuse light, metal whose reflectance grows at grazing angles and is
-not white, coloured glass, surfaces that emit on both sides, textures. Rough white metal differs by the light that goes
-from facet to facet, which Mitsuba's loses.
+What has no equal there is refused with RunError.
 """
 
 from __future__ import annotations
@@ -13,8 +11,7 @@ import numpy as np
 
 from wall.core.errors import RunError
 from wall.roles.plan import Plan
-from wall.scene.model import Material, Mesh
-from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS
+from wall.study.mitsuba.surfaces import rgb, shape_of
 
 SKY_ROWS = 512  # of the picture of the sky
 
@@ -28,27 +25,22 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
     if depth is None:
         raise RunError("scene.integrator: direct light has no equal in Mitsuba; wanted {method: path}")
     moment = scene.at(0.0)
+    blends = any(material.alpha_mode == "blend" for material in scene.materials)  # light for `path` stops there
     found: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth + 1, "rr_depth": 1000},
+        "integrator": {"type": "volpath" if blends else "path", "max_depth": depth + 1, "rr_depth": 1000},
         "sensor": sensor(mi, plan, spp=spp),
         "sky": _sky(mi, plan),
     }
     for k, (light, position) in enumerate(zip(scene.point_lights, moment.point_positions, strict=True)):
-        found[f"point{k}"] = {"type": "point", "position": position.tolist(), "intensity": _rgb(light.intensity)}
+        found[f"point{k}"] = {"type": "point", "position": position.tolist(), "intensity": rgb(light.intensity)}
     for k, (sun, direction) in enumerate(zip(scene.directional_lights, moment.directions, strict=True)):
         found[f"sun{k}"] = {
-            "type": "directional", "direction": (-direction).tolist(), "irradiance": _rgb(sun.irradiance)
+            "type": "directional", "direction": (-direction).tolist(), "irradiance": rgb(sun.irradiance)
         }  # fmt: skip
-    for k, instance in enumerate(scene.instances):
-        mesh = scene.meshes[instance.mesh]
-        material = scene.materials[mesh.material]
-        found[f"object{k}"] = _shape(mi, f"object{k}", mesh, moment.world_from_object[k], material, instance.name)
+    for k in range(len(scene.instances)):
+        found[f"object{k}"] = shape_of(mi, scene, k, moment.world_from_object[k])
     return found
-
-
-def _rgb(values: tuple[float, ...]) -> dict[str, Any]:
-    return {"type": "rgb", "value": [float(v) for v in values]}
 
 
 def sensor(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
@@ -79,51 +71,9 @@ def sensor(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
 def _sky(mi: Any, plan: Plan) -> dict[str, Any]:
     """The gradient as a picture of all directions."""
     sky = plan.scene.sky
-    y = np.cos((np.arange(SKY_ROWS) + 0.5) / SKY_ROWS * np.pi)[:, None]
+    y = np.cos(np.linspace(0.0, np.pi, SKY_ROWS))[:, None]  # its first and last rows are the poles
     horizon = np.array(sky.horizon)
     up, down = np.maximum(y, 0.0), np.maximum(-y, 0.0)
     rows = horizon + up * (np.array(sky.zenith) - horizon) + down * (np.array(sky.ground) - horizon)
     picture = np.repeat(rows[:, None], 8, axis=1).astype(np.float32)
     return {"type": "envmap", "bitmap": mi.Bitmap(picture)}
-
-
-def _shape(mi: Any, name: str, mesh: Mesh, pose: Any, material: Material, called: str) -> Any:
-    if material.texture is not None or mesh.colors is not None:
-        raise RunError(f"object {called!r}: textures and vertex colours are not handed to Mitsuba")
-    properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(_bsdf(material, called))
-    if max(material.emission) > 0.0:
-        if material.emits_behind:
-            raise RunError(f"object {called!r}: emits on both sides; wanted sides: front, as Mitsuba's surfaces do")
-        properties["emitter"] = mi.load_dict({"type": "area", "radiance": _rgb(material.emission)})
-    shape = mi.Mesh(
-        name, len(mesh.vertices), len(mesh.triangles), has_vertex_normals=mesh.normals is not None, props=properties
-    )
-    parameters = mi.traverse(shape)
-    world = mesh.vertices.astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
-    parameters["vertex_positions"] = np.ascontiguousarray(world, np.float32).ravel()
-    parameters["faces"] = mesh.triangles.astype(np.uint32).ravel()
-    if mesh.normals is not None:
-        normals = mesh.normals @ np.linalg.inv(pose[:3, :3])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        parameters["vertex_normals"] = np.ascontiguousarray(normals, np.float32).ravel()
-    parameters.update()
-    return shape
-
-
-def _bsdf(material: Material, called: str) -> dict[str, Any]:
-    """Mitsuba's material; alpha of GGX is the roughness squared."""
-    smooth, alpha = material.roughness < float(FLATTEST_ROUGHNESS), material.roughness**2
-    if material.transmission == 1.0 and min(material.base_color) == 1.0:
-        index = {"int_ior": material.ior, "ext_ior": 1.0}
-        if smooth:
-            return {"type": "dielectric", **index}
-        return {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, **index}
-    if material.mirror == 1.0:
-        return {"type": "twosided", "bsdf": {"type": "conductor", "material": "none"}}
-    if material.metallic == 1.0 and min(material.base_color) == 1.0:
-        kind = {"type": "conductor"} if smooth else {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
-        return {"type": "twosided", "bsdf": {**kind, "material": "none"}}
-    if max(material.metallic, material.specular, material.mirror, material.transmission) > 0.0:
-        raise RunError(f"object {called!r}: has no equal in Mitsuba; wanted diffuse, white metal, glass, or a mirror")
-    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(material.base_color)}}

@@ -10,7 +10,8 @@ from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import xyz
-from wall.tracing.kernels.values import FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, ONE, ZERO
+from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at
+from wall.tracing.kernels.values import EMISSION, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
 
 HALF = np.float32(0.5)
 
@@ -28,13 +29,19 @@ def corner_of(surfaces, instance, vertex):
 
 
 @inline_kernel
-def triangle_of(surfaces, instance, primitive):
-    """Corner 0 of a triangle, its edges to corners 1 and 2, and its normal, as long as twice its area."""
+def corners_of_triangle(surfaces, instance, primitive):
+    """The three vertex numbers of a triangle of an instance."""
     mesh = surfaces.mesh_table[instance]
     corners, first = surfaces.triangles[mesh[FIRST_TRIANGLE] + primitive], mesh[FIRST_VERTEX]
-    a = corner_of(surfaces, instance, first + corners[0])
-    b = corner_of(surfaces, instance, first + corners[1])
-    c = corner_of(surfaces, instance, first + corners[2])
+    return first + corners[0], first + corners[1], first + corners[2]
+
+
+@inline_kernel
+def spanned(surfaces, instance, corners):
+    """Corner 0 of a triangle, its edges to corners 1 and 2, and its normal, as long as twice its area."""
+    a = corner_of(surfaces, instance, corners[0])
+    b = corner_of(surfaces, instance, corners[1])
+    c = corner_of(surfaces, instance, corners[2])
     e, f = (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])
     normal = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
     return a, e, f, normal
@@ -56,7 +63,8 @@ def aim_at_emitter(emitters, surfaces, materials, lane, work):
     pick, u, v = p[rows.LIGHT_NUMBER + lane], p[rows.POINT_U + lane], p[rows.POINT_V + lane]
     row = min(np.searchsorted(emitters.cumulated, pick, side="right"), len(emitters.chance) - 1)
     instance = emitters.instance[row]
-    a, e, f, normal = triangle_of(surfaces, instance, np.uint32(row - emitters.first[instance]))
+    corners = corners_of_triangle(surfaces, instance, np.uint32(row - emitters.first[instance]))
+    a, e, f, normal = spanned(surfaces, instance, corners)
     root = math.sqrt(u)
     s, t = root * (ONE - v), root * v
     px, py, pz = xyz(p, rows.POSITION_X, lane)
@@ -67,7 +75,31 @@ def aim_at_emitter(emitters, surfaces, materials, lane, work):
     facing = facing if determinant_of(surfaces.eye_from_object[instance]) > ZERO else -facing  # mirrored: corners turn
     facing = abs(facing) if material["emits_behind"] > ZERO else facing
     density = emitters.chance[row] * square * math.sqrt(square) / facing if facing > ZERO else ZERO
-    return (dx, dy, dz), material["emission"], density
+    emission = emission_at(materials.emission_textures, surfaces, materials, instance, corners, s, t)
+    return (dx, dy, dz), emission, density
+
+
+@inline_kernel
+def emission_at(used, surfaces, materials, instance, corners, s, t):
+    """What an instance emits at the weights s, t of a triangle's corners 1 and 2, RGB.
+
+    used : Materials.emission_textures
+    """
+    mesh = surfaces.mesh_table[instance]
+    material = materials.rows[mesh[MATERIAL_ROW]]
+    emission = material["emission"]
+    r, g, b = emission[0], emission[1], emission[2]
+    if used is None:
+        return r, g, b
+    if material["texture_width"][EMISSION] == 0 or mesh[MESH_FLAGS] & UVS_FLAG == np.uint32(0):
+        return r, g, b
+    uvs, rest = surfaces.uvs, ONE - s - t
+    u = rest * uvs[corners[0], 0] + s * uvs[corners[1], 0] + t * uvs[corners[2], 0]
+    v = rest * uvs[corners[0], 1] + s * uvs[corners[1], 1] + t * uvs[corners[2], 1]
+    wrap = material["wrap_u"][EMISSION], material["wrap_v"][EMISSION]
+    level = finest_level(material, EMISSION)
+    tr, tg, tb = texel_at(materials.texels, level, materials.linear_of_srgb, materials.texture_edges, wrap, u, v)
+    return r * tr, g * tg, b * tb
 
 
 @inline_kernel
@@ -78,7 +110,7 @@ def density_of_emitter(emitters, surfaces, lane, work):
     first = emitters.first[instance]
     if first < 0:
         return ZERO
-    _, _, _, normal = triangle_of(surfaces, instance, primitive)
+    _, _, _, normal = spanned(surfaces, instance, corners_of_triangle(surfaces, instance, primitive))
     dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
     facing = HALF * abs(normal[0] * dx + normal[1] * dy + normal[2] * dz)
     way = p[embree.T_FAR + lane]

@@ -13,7 +13,7 @@ from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import diffuse, start_off_surface
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
-from wall.tracing.kernels.surface import material_of
+from wall.tracing.kernels.textures import emission_of
 from wall.tracing.kernels.values import INF, ONE, ZERO
 
 SHADOW_ORIGIN, SHADOW_DIRECTION = SHADOW_PACKET + embree.ORIGIN_X, SHADOW_PACKET + embree.DIRECTION_X
@@ -57,7 +57,7 @@ def add_emission(emits, surfaces, materials, work):
         p = work.packet
         for lane in range(16):
             if p[rows.HIT + lane] != ZERO:
-                emission = material_of(surfaces, materials, lane, work)["emission"]
+                emission = emission_of(materials.emission_textures, surfaces, materials, lane, work)
                 p[rows.RADIANCE_R + lane] += emission[0]
                 p[rows.RADIANCE_G + lane] += emission[1]
                 p[rows.RADIANCE_B + lane] += emission[2]

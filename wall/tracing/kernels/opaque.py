@@ -43,15 +43,15 @@ def interface_albedo(table, cosine, roughness):
 
 
 @inline_kernel
-def look_of(material, albedo, cosine, table):
+def look_of(material, metal, rough, albedo, cosine, table):
     """How an opaque surface shares light out, seen at a cosine: (diffuse RGB, F0 RGB, F90, compensation RGB, roughness,
     probability of the interface when sampling).
 
-    albedo : base colour, RGB tuple, textures and vertex colours included; table : see interface_albedo, None where no
-        surface has an interface
+    metal, rough : metalness and roughness; albedo : base colour, RGB tuple; all with their textures
+    table : see interface_albedo; None where no surface has an interface
     """
     r, g, b = albedo
-    metal, rough, specular = material["metallic"], material["roughness"], material["specular"]
+    specular = material["specular"]
     white = ONE, ONE, ONE
     if table is None:
         return albedo, white, ZERO, white, rough, ZERO

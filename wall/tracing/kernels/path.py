@@ -24,9 +24,16 @@ from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, end_before, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
-from wall.tracing.kernels.scatter import lit_by, scatter, seen_from_inside
-from wall.tracing.kernels.surface import colour_by_vertices, finish_surfaces, gather_surfaces, material_of
-from wall.tracing.kernels.textures import colour_by_textures, pixel_cone, start_footprints, widen_footprints
+from wall.tracing.kernels.scatter import lit_by, scatter
+from wall.tracing.kernels.surface import (
+    colour_by_vertices,
+    finish_surfaces,
+    gather_surfaces,
+    material_of,
+    seen_from_inside,
+)
+from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
+from wall.tracing.kernels.textures import apply_textures, emission_of
 from wall.tracing.kernels.trace import DARKEST, THIRD, intersect
 from wall.tracing.kernels.values import (
     BAD_SAMPLES,
@@ -63,7 +70,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             if gather_surfaces(surfaces, materials, surfaces.normals, work) != 0:
                 finish_surfaces(work)
                 colour_by_vertices(surfaces, surfaces.colors, work)
-                colour_by_textures(surfaces, materials, surfaces.uvs, work)
+                apply_textures(surfaces, materials, surfaces.uvs, work)
             if bounce == 0:
                 record_first(xy, first, count, samples, work)
             add_seen(first, count, materials.emits, lights.emitters, surfaces, materials, work, paths)
@@ -118,7 +125,8 @@ def load_rays(first, count, bounce, work, paths):
         set_xyz(p, rows.THROUGHPUT_R, lane, rays[k, 6], rays[k, 7], rays[k, 8])
         p[rows.DENSITY + lane] = rays[k, 9]
         bits[rows.KEY + lane] = paths.key[k]
-        bits[rows.NUMBER + lane] = paths.number + paths.step * np.uint32(paths.sample[k])
+        number = paths.number + paths.step * np.uint32(paths.sample[k])
+        bits[rows.NUMBER + lane], bits[embree.RAY_ID + lane] = number, number
         p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane] = rays[k, 10], rays[k, 11]
         p[embree.T_FAR + lane] = INF
         bits[embree.MASK + lane] = bits[rows.PRIMARY_MASK + lane] if bounce == 0 else EVERY_OBJECT_MASK
@@ -174,7 +182,7 @@ def add_seen(first, count, emits, emitters, surfaces, materials, work, paths):
             continue
         if emits is not None:
             material = material_of(surfaces, materials, lane, work)
-            emission = material["emission"]
+            emission = emission_of(materials.emission_textures, surfaces, materials, lane, work)
             shines = max(emission[0], emission[1], emission[2]) > ZERO
             if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
                 weight = weight_of_seen(emitters, surfaces, lane, work)

@@ -35,7 +35,10 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     EDGE_1_X, EDGE_1_Y, EDGE_1_Z, EDGE_2_X, EDGE_2_Y, EDGE_2_Z,  # of the triangle, from corner 0, relative to the eye
     MAPPING_U0, MAPPING_U1, MAPPING_U2,  # texture coordinate u at the hit, and by how much it grows along both edges
     MAPPING_V0, MAPPING_V1, MAPPING_V2,
-    TEXELS_U, TEXELS_V,  # of the texture
+    ALONG_U, ALONG_V, ACROSS_U, ACROSS_V,  # axes of the footprint, texture coordinates
+    TEXELS_U, TEXELS_V,  # of the texture that is looked up; 0 where there is none
+    METALLIC, ROUGHNESS,  # of the hit; written only where textures say them
+    EMISSION_R, EMISSION_G, EMISSION_B,  # likewise
     LONG_U, LONG_V,  # longer axis of the footprint, texture coordinates
     LONG_SQUARE, SHORT_SQUARE,  # squares of the footprint's axes in texels
     DEPTH,  # of the first surface, from the eye; inf = background
@@ -45,7 +48,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 70 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 79 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = PRIMARY_MASK + PACKET
 
 

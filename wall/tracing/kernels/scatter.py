@@ -14,7 +14,8 @@ from wall.tracing.kernels import glass, opaque, rows
 from wall.tracing.kernels.bsdf import mirrored
 from wall.tracing.kernels.ggx import frame_of
 from wall.tracing.kernels.rows import xyz
-from wall.tracing.kernels.surface import material_of
+from wall.tracing.kernels.surface import material_of, seen_from_inside
+from wall.tracing.kernels.textures import roughness_of
 from wall.tracing.kernels.values import ONE, ZERO
 
 FLATTEST = np.float32(1e-3)  # smallest cosine of a ray to a shading normal; below, the geometric normal is taken
@@ -36,16 +37,6 @@ def look_at(lane, work):
 
 
 @inline_kernel
-def seen_from_inside(surfaces, lane, work):
-    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise."""
-    p, m = work.packet, surfaces.placements[work.bits[embree.INSTANCE + lane]]
-    x, y, z = xyz(p, embree.NORMAL_X, lane)
-    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-    turned = (m[0] * x + m[1] * y + m[2] * z) * gx + (m[3] * x + m[4] * y + m[5] * z) * gy
-    return turned + (m[6] * x + m[7] * y + m[8] * z) * gz < ZERO
-
-
-@inline_kernel
 def lit_by(x, y, z, lane, surfaces, materials, work):
     """BSDF times cosine at a lane's hit for light from unit direction (x, y, z), RGB, and its density in scatter."""
     p = work.packet
@@ -56,7 +47,8 @@ def lit_by(x, y, z, lane, surfaces, materials, work):
     to = x * s[0] + y * s[1] + z * s[2], x * t[0] + y * t[1] + z * t[2], x * n[0] + y * n[1] + z * n[2]
     if share <= ZERO or min(to[2], gx * x + gy * y + gz * z) <= ZERO:
         return ZERO, ZERO, ZERO, ZERO
-    look = opaque.look_of(material, xyz(p, rows.ALBEDO_R, lane), out[2], materials.interface)
+    metal, rough = roughness_of(materials.metallic_roughness_textures, material, lane, work)
+    look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], materials.interface)
     r, g, b, density = opaque.evaluate(look, out, to)
     return share * r, share * g, share * b, share * density
 
@@ -68,17 +60,18 @@ def scatter(lane, surfaces, materials, work):
     choice, u, v = p[rows.CHOICE_NUMBER + lane], p[rows.DIRECTION_U + lane], p[rows.DIRECTION_V + lane]
     material = material_of(surfaces, materials, lane, work)
     albedo = xyz(p, rows.ALBEDO_R, lane)
+    metal, rough = roughness_of(materials.metallic_roughness_textures, material, lane, work)
     s, t, n, out = look_at(lane, work)
     through, mirror = material["transmission"], (ONE - material["transmission"]) * material["mirror"]
     if through <= choice < through + mirror:
         return mirrored(p, lane), (ONE, ONE, ONE), -ONE
     if choice < through:
         eta = ONE / material["ior"] if seen_from_inside(surfaces, lane, work) else material["ior"]
-        to, weight = glass.sample(albedo, eta, material["roughness"], out, choice / through, u, v)
+        to, weight = glass.sample(albedo, eta, rough, out, choice / through, u, v)
         density = -ONE
     else:
         rest = ONE - through - mirror
-        look = opaque.look_of(material, albedo, out[2], materials.interface)
+        look = opaque.look_of(material, metal, rough, albedo, out[2], materials.interface)
         to, weight, density = opaque.sample(look, out, (choice - through - mirror) / rest, u, v)
         density = density * rest if density > ZERO else density
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)

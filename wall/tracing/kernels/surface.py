@@ -138,3 +138,13 @@ def colour_by_vertices(surfaces, colors, work):
                 p[rows.ALBEDO_R + lane] *= w * colors[i0, 0] + u * colors[i1, 0] + v * colors[i2, 0]
                 p[rows.ALBEDO_G + lane] *= w * colors[i0, 1] + u * colors[i1, 1] + v * colors[i2, 1]
                 p[rows.ALBEDO_B + lane] *= w * colors[i0, 2] + u * colors[i1, 2] + v * colors[i2, 2]
+
+
+@inline_kernel
+def seen_from_inside(surfaces, lane, work):
+    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise."""
+    p, m = work.packet, surfaces.placements[work.bits[embree.INSTANCE + lane]]
+    x, y, z = xyz(p, embree.NORMAL_X, lane)
+    gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+    turned = (m[0] * x + m[1] * y + m[2] * z) * gx + (m[3] * x + m[4] * y + m[5] * z) * gy
+    return turned + (m[6] * x + m[7] * y + m[8] * z) * gz < ZERO

@@ -32,7 +32,8 @@ from wall.tracing.kernels.surface import (
     gather_surfaces,
     material_of,
 )
-from wall.tracing.kernels.textures import colour_by_textures, pixel_cone, start_footprints, widen_footprints
+from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
+from wall.tracing.kernels.textures import apply_textures
 from wall.tracing.kernels.values import (
     ALL_LIGHTS,
     BAD_SAMPLES,
@@ -112,7 +113,7 @@ def light_packet(scene, surfaces, materials, lights, work):
         return
     finish_surfaces(work)
     colour_by_vertices(surfaces, surfaces.colors, work)
-    colour_by_textures(surfaces, materials, surfaces.uvs, work)
+    apply_textures(surfaces, materials, surfaces.uvs, work)
     add_ambient(lights, work)
     for lane in range(16):
         bits[rows.LIGHT_VISIBILITY + lane] = ALL_LIGHTS

@@ -38,6 +38,10 @@ HAS_NORMALS, HAS_COLORS, HAS_UVS = 1, 2, 4
 PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH = 9, 10, 11
 PLACEMENT_COLUMNS = 12
 
+# a material's textures, in the order of scene.model.TEXTURE_FIELDS, and what is beyond their edges
+BASE_COLOR, METALLIC_ROUGHNESS, EMISSION, NORMAL = range(4)
+REPEAT, CLAMP, MIRROR = range(3)
+
 # One material. To add a property of surfaces (roughness, metalness, ...): a field here, filled by tracer_scene.py from
 # scene.model.Material; scatter.py and what it calls read it.
 MATERIAL = np.dtype(
@@ -51,9 +55,13 @@ MATERIAL = np.dtype(
         ("specular", np.float32),
         ("ior", np.float32),
         ("transmission", np.float32),
-        ("first_texel", np.int32),  # row of Materials.texels, of the finest level; coarser ones follow it
-        ("texture_width", np.int32),  # texels, of the finest level; 0 = no texture
-        ("texture_height", np.int32),
+        ("normal_scale", np.float32),
+        # textures, by the numbers BASE_COLOR ... NORMAL
+        ("first_texel", np.int32, (4,)),  # row of Materials.texels, of the finest level; coarser ones follow it
+        ("texture_width", np.int32, (4,)),  # texels, of the finest level; 0 = no texture
+        ("texture_height", np.int32, (4,)),
+        ("wrap_u", np.int32, (4,)),  # REPEAT, CLAMP or MIRROR
+        ("wrap_v", np.int32, (4,)),
     ]
 )
 
@@ -84,8 +92,13 @@ class Materials(NamedTuple):
     """What surfaces look like."""
 
     rows: Samples  # (k,) MATERIAL
-    texels: NDArray[np.uint8] | None  # (p, 3) sRGB, of all textures and their mip levels
+    texels: NDArray[np.uint8] | None  # (p, 3) of all textures and their mip levels, as scene.model.Texture has them
     linear_of_srgb: Float32  # (256,) linear light of an sRGB byte
+    value_of_byte: Float32  # (256,) 0..1
+    metallic_roughness_textures: bool | None  # None: there are none, or no path needs them
+    emission_textures: bool | None
+    normal_textures: bool | None
+    texture_edges: bool | None  # None: all textures repeat
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface

@@ -1,0 +1,134 @@
+"""glTF's textures, how they are looked up, alpha, and unlit materials."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gltf_documents import document, loaded
+from PIL import Image
+
+from wall.scene.model import NO_TEXTURES, Source, TextureSet
+
+
+def with_images(folder: Path, materials: list[dict[str, Any]], **more: Any) -> Source:
+    """Texture 0 is red with a half-transparent right side and looked up by the sampler; texture 1 is 0, 128, 64."""
+    red = np.zeros((4, 4, 4), np.uint8)
+    red[..., 0], red[..., 3] = 200, (255, 255, 128, 128)
+    Image.fromarray(red).save(folder / "red.png")
+    Image.fromarray(np.full((2, 2, 3), [0, 128, 64], np.uint8)).save(folder / "rust.png")
+    return loaded(
+        folder,
+        document(
+            materials,
+            images=[{"uri": "red.png"}, {"uri": "rust.png"}],
+            samplers=[{"wrapS": 33071, "wrapT": 33648}],
+            textures=[{"source": 0, "sampler": 0}, {"source": 1}],
+            **more,
+        ),
+    )
+
+
+def test_a_material_has_all_its_textures(tmp_path: Path) -> None:
+    source = with_images(
+        tmp_path,
+        [
+            {
+                "name": "door",
+                "pbrMetallicRoughness": {
+                    "baseColorTexture": {"index": 0},
+                    "metallicRoughnessTexture": {"index": 1},
+                    "metallicFactor": 0.5,
+                },
+                "normalTexture": {"index": 1, "scale": 0.25},
+                "emissiveTexture": {"index": 0},
+                "emissiveFactor": [1, 1, 1],
+            }
+        ],
+    )
+    door = source.materials[0]
+    base, rough, emission, normal = (source.textures[k] for k in door.textures if k is not None)
+    assert (base.wrap, rough.wrap) == (("clamp", "mirror"), ("repeat", "repeat"))
+    assert base is emission
+    assert rough is normal
+    assert (base.linear, rough.linear) == (False, True)
+    assert base.alpha is None  # the material is opaque
+    np.testing.assert_array_equal(base.texels[0, 0], [200, 0, 0])
+    np.testing.assert_array_equal(rough.texels[0, 0], [0, 128, 64])
+    assert (door.metallic, door.normal_scale) == (0.5, 0.25)
+    assert source.notes == ("1 material is metal, diffuse under direct light (door)",)
+
+
+@pytest.mark.parametrize(("mode", "cutoff"), [("MASK", 0.25), ("BLEND", 0.5)])
+def test_alpha_is_kept_where_the_material_uses_it(tmp_path: Path, mode: str, cutoff: float) -> None:
+    leaf = {
+        "alphaMode": mode, "alphaCutoff": cutoff,
+        "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 1, 1, 0.75]},
+    }  # fmt: skip
+    source = with_images(tmp_path, [leaf])
+    found = source.materials[0]
+    assert (found.alpha_mode, found.alpha, found.alpha_cutoff) == (mode.lower(), 0.75, cutoff)
+    alpha = source.textures[0].alpha
+    assert alpha is not None
+    np.testing.assert_array_equal(alpha[0], [255, 255, 128, 128])
+
+
+def test_texture_transforms_change_texture_coordinates(tmp_path: Path) -> None:
+    """A quarter turn counterclockwise as one sees the image: (1, 0) goes to (0, -1), and (0, 1) to (1, 0), v down."""
+    turned = {
+        "index": 0,
+        "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.25], "rotation": math.pi / 2, "scale": [2, 3]}},
+    }
+    source = with_images(tmp_path, [{"pbrMetallicRoughness": {"baseColorTexture": turned}}])
+    uvs = source.meshes[0].uvs
+    assert uvs is not None
+    down = np.array([[0.5, 0.25], [0.5, 0.25 - 2.0], [0.5 + 3.0, 0.25]])
+    np.testing.assert_allclose(uvs, np.stack([down[:, 0], 1.0 - down[:, 1]], 1), atol=1e-6)
+
+
+def test_what_textures_want_otherwise_is_noted(tmp_path: Path) -> None:
+    moved = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.0]}}}
+    source = with_images(
+        tmp_path,
+        [
+            {
+                "name": "sign",
+                "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}, "metallicFactor": 0},
+                "emissiveTexture": moved,
+            }
+        ],
+    )
+    assert source.notes == (
+        "material 'sign': its base colour texture wants texture coordinates of another set; those of set 0 are used",
+        "material 'sign': its emissive texture is transformed as the first one is",
+    )
+
+
+def test_an_unlit_material_shows_its_colour_and_reflects_nothing(tmp_path: Path) -> None:
+    surface = {"baseColorTexture": {"index": 0}, "baseColorFactor": [0.5, 0.25, 1.0, 1.0]}
+    source = with_images(
+        tmp_path,
+        [{"pbrMetallicRoughness": surface, "extensions": {"KHR_materials_unlit": {}}}],
+        extensionsUsed=["KHR_materials_unlit"],
+    )
+    found = source.materials[0]
+    assert found.emission == (0.5, 0.25, 1.0)
+    assert (found.base_color, found.metallic, found.specular) == ((0.0, 0.0, 0.0), 0.0, 0.0)
+    assert found.textures == TextureSet(0, None, 0, None)
+    assert source.notes == ()
+
+
+@pytest.mark.parametrize("sampler", [{"wrapS": 7}, {"wrapT": "clamp"}, []])
+def test_a_sampler_that_cannot_be_read_is_noted(tmp_path: Path, sampler: Any) -> None:
+    Image.new("RGB", (2, 2), (9, 9, 9)).save(tmp_path / "grey.png")
+    materials = [{"name": "grey", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}}]
+    found = document(
+        materials, images=[{"uri": "grey.png"}], samplers=[sampler], textures=[{"source": 0, "sampler": 0}]
+    )
+    source = loaded(tmp_path, found)
+    assert len(source.notes) == 1
+    assert "material 'grey': its numbers cannot be read" in source.notes[0]
+    assert source.materials[0].textures == NO_TEXTURES._replace(base_color=0)
