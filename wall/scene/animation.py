@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -33,6 +33,19 @@ class Moving:
     body: int  # row of the poses
     motion: AnimationConfig
     center: Vector  # the body's own centre at rest, world
+
+    def scaled(self, factor: float) -> Moving:
+        """A keyframed motion in a world scaled about its origin."""
+        assert isinstance(self.motion, KeyframesConfig)
+        keys = tuple(key.model_copy(update={"position": _times(factor, key.position)}) for key in self.motion.keyframes)
+        return replace(
+            self, motion=self.motion.model_copy(update={"keyframes": keys}), center=_times(factor, self.center)
+        )
+
+
+def _times(factor: float, point: Vector) -> Vector:
+    x, y, z = point
+    return (factor * x, factor * y, factor * z)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

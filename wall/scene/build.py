@@ -144,7 +144,9 @@ def joined(sources: Sequence[Source]) -> Source:
     materials: list[Material] = []
     textures: list[Texture] = []
     instances: list[Instance] = []
+    motions: list[Moving] = []
     for source in sources:
+        motions += [replace(moving, body=moving.body + len(instances)) for moving in source.motions]
         instances += [replace(i, mesh=i.mesh + len(meshes)) for i in source.instances]
         meshes += [replace(m, material=m.material + len(materials)) for m in source.meshes]
         materials += [_with_textures_from(len(textures), material) for material in source.materials]
@@ -157,6 +159,7 @@ def joined(sources: Sequence[Source]) -> Source:
         lights=next((source.lights for source in sources if source.lights is not None), None),
         sky=next((source.sky for source in sources if source.sky is not None), None),
         animation=tuple(track for source in sources for track in source.animation),
+        motions=tuple(motions),
         path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
         notes=tuple(note for source in sources for note in source.notes),
     )
@@ -179,7 +182,7 @@ def _configured(source: Source, config: SceneConfig) -> Source:
         sky = config.sky
         source = replace(source, sky=Sky(zenith=sky.zenith, horizon=sky.horizon, ground=sky.ground))
     if config.animation is not None:
-        source = replace(source, animation=config.animation)
+        source = replace(source, animation=config.animation, motions=())
     return source
 
 
@@ -237,7 +240,7 @@ def _position(light: Light) -> Vector:
 
 def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -> list[Moving]:
     """Every motion of every body; `bodies` are the lights in row order, `lights` in the order they are named by."""
-    movings: list[Moving] = []
+    movings = list(source.motions)
     boxes = world_boxes(source.meshes, source.instances) if source.animation else np.empty((0, 2, 3))
     for number, track in enumerate(source.animation):
         where = f"scene.animation[{number}]"

@@ -22,7 +22,7 @@ from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, Wrap
 
-MAGIC, JSON_CHUNK = b"glTF", 0x4E4F534A
+MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 MALFORMED = (
     ArithmeticError,
@@ -70,6 +70,16 @@ def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
     rest = data[start + length :]
     size = HEADER.size + CHUNK.size + len(text) + len(rest)
     return HEADER.pack(MAGIC, version, size) + CHUNK.pack(len(text), JSON_CHUNK) + text + rest, header
+
+
+def binary_chunk(path: Path) -> bytes:
+    """The binary data of a .glb file."""
+    data = path.read_bytes()
+    start = HEADER.size + CHUNK.size + CHUNK.unpack_from(data, HEADER.size)[0]
+    length, kind = CHUNK.unpack_from(data, start)
+    if kind != BINARY_CHUNK:
+        raise ValueError("it has no chunk of binary data")
+    return data[start + CHUNK.size : start + CHUNK.size + length]
 
 
 def _numbered(header: dict[str, Any]) -> dict[str, Any]:
@@ -216,7 +226,7 @@ def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
 
 def unread(header: dict[str, Any]) -> list[str]:
     """What the file has and nothing here reads, as notes."""
-    notes = [f"its {what} are not read" for what in ("skins", "animations", "cameras") if header.get(what)]
+    notes = [f"its {what} are not read" for what in ("skins", "cameras") if header.get(what)]
     if any(primitive.get("targets") for mesh in header.get("meshes", []) for primitive in mesh.get("primitives", [])):
         notes.append("its morph targets are not read")
     unknown = sorted(set(header.get("extensionsUsed", [])) - KNOWN)
@@ -233,12 +243,12 @@ def _placed(header: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Float64]]:
         if number in passed:
             continue
         node = nodes[number]
-        pose = above @ _pose(node)
+        pose = above @ pose_of(node)
         yield node, pose
         waiting += [(child, pose, passed | {number}) for child in node.get("children", [])]
 
 
-def _pose(node: dict[str, Any]) -> Float64:
+def pose_of(node: dict[str, Any]) -> Float64:
     """A node's matrix, or that of its translation, rotation (a quaternion x, y, z, w) and scale."""
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T

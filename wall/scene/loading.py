@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import logging
 import re
+import struct
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,9 +25,11 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.core.errors import SceneError
+from wall.scene.animation import Moving
 from wall.scene.appearance import Palette
-from wall.scene.bounds import framing_sphere
+from wall.scene.bounds import framing_sphere, world_boxes
 from wall.scene.gltf import MALFORMED, lights_of, renamed, unread
+from wall.scene.gltf_animation import motions_of
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
 
@@ -51,7 +54,8 @@ def load(path: Path) -> Source:
         if isinstance(repaired, Repaired):
             numbers[name] = (len(meshes), repaired.unit)
             meshes.append(repaired.mesh)
-    instances = list(_instances(loaded, numbers, notes))
+    placed = list(_instances(loaded, numbers, notes))
+    instances = [instance for _, instance in placed]
     notes += palette.notes + palette.images.notes + palette.simplified()
     if not instances:
         raise SceneError(
@@ -70,7 +74,22 @@ def load(path: Path) -> Source:
         instances=tuple(instances),
         lights=lights or None,
     )
+    source = replace(source, motions=_motions(path, header, source, [frame for frame, _ in placed], notes))
     return _comfortable(source, notes)
+
+
+def _motions(
+    path: Path, header: dict[str, Any], source: Source, frames: list[str], notes: list[str]
+) -> tuple[Moving, ...]:
+    """How a glTF file moves its objects; what cannot be read is noted, and nothing moves then."""
+    boxes = world_boxes(source.meshes, source.instances)
+    try:
+        motions, said = motions_of(path, header, frames, source.instances, boxes.mean(axis=1))
+    except (*MALFORMED, OSError, struct.error) as error:
+        notes.append(f"{path.name}: its animation cannot be read ({type(error).__name__}: {error})")
+        return ()
+    notes += [f"{path.name}: {what}" for what in said]
+    return motions
 
 
 def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
@@ -197,22 +216,24 @@ def strip_triangles(strip: NDArray[np.int64]) -> NDArray[np.int64]:
     return windows[(windows >= 0).all(axis=1)]
 
 
-def _instances(loaded: Any, numbers: dict[str, tuple[int, float]], notes: list[str]) -> Iterator[Instance]:
-    """Every placement in the file's graph of a mesh that is left."""
+def _instances(loaded: Any, numbers: dict[str, tuple[int, float]], notes: list[str]) -> Iterator[tuple[str, Instance]]:
+    """Every placement in the file's graph of a mesh that is left, and the frame of the file's node that makes it."""
     for node in loaded.graph.nodes_geometry:
         matrix, geometry = loaded.graph[node]
         if geometry not in numbers:
             continue
         number, unit = numbers[geometry]
         placement = np.array(matrix, np.float64)
-        unnamed = str(node).isdigit() or loaded.geometry[geometry].metadata.get("from_gltf_primitive")
+        part = loaded.geometry[geometry].metadata.get("from_gltf_primitive")  # one of a node's several meshes
+        unnamed = str(node).isdigit() or part
         name = str(geometry if unnamed else node)
         if not np.isfinite(placement).all() or _flat(placement[:3, :3]):
             notes.append(f"object {name!r}: its placement squashes it flat or is not finite; left out")
             continue
         placement[:3, :3] *= unit
         placement[3] = 0.0, 0.0, 0.0, 1.0
-        yield Instance(name=name, mesh=number, world_from_object=placement)
+        frame = loaded.graph.transforms.parents[node] if part else node
+        yield str(frame), Instance(name=name, mesh=number, world_from_object=placement)
 
 
 def _flat(matrix: Float64) -> bool:
@@ -226,6 +247,7 @@ def _comfortable(source: Source, notes: list[str]) -> Source:
     if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
         placed = (replace(i, world_from_object=scale @ i.world_from_object) for i in source.instances)
-        source = replace(source, instances=tuple(placed))
+        motions = tuple(moving.scaled(1.0 / radius) for moving in source.motions)
+        source = replace(source, instances=tuple(placed), motions=motions)
         notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
     return replace(source, notes=tuple(notes))
