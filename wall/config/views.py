@@ -19,6 +19,7 @@ from wall.core.fields import (
     Point,
     Positive,
     Seconds,
+    Text,
     check_times,
     refusal,
 )
@@ -27,8 +28,12 @@ DEFAULT_FOV_DEGREES = 45.0
 
 
 class CameraConfig(Model):
-    """Where the viewer stands in the world. Without position and target, the whole scene is framed."""
+    """Where the viewer stands in the world. Without name, position and target, the whole scene is framed."""
 
+    name: Text | None = Field(
+        default=None,
+        description="a camera of the scene's source (glTF); in place of position and target",
+    )
     position: Point | None = Field(
         default=None, description="where the eye is, world units; absent = framed automatically"
     )
@@ -38,18 +43,21 @@ class CameraConfig(Model):
     up: Direction = Field(default=(0.0, 1.0, 0.0), description="the direction that is up in the image, world frame")
     fov: Annotated[Number, Ge(1.0), Le(170.0)] | None = Field(
         default=None,
-        description="vertical field of view over the whole wall, degrees; absent = 45, or what `eye` gives",
+        description="vertical field of view over the whole wall, degrees; absent = 45, or what `eye` or the named "
+        "camera gives",
     )
 
     @property
     def auto(self) -> bool:
         """Whether the camera is placed so that the whole scene is seen."""
-        return self.position is None
+        return self.position is None and self.name is None
 
     @model_validator(mode="after")
     def _looks_somewhere(self) -> CameraConfig:
         if (self.position is None) != (self.target is None):
             raise refusal("has only one of position and target", accepted="both, or neither (framed automatically)")
+        if self.name is not None and self.position is not None:
+            raise refusal("has a name and a position", accepted="one of name, position")
         if self.position is not None and self.target is not None and _same(self.position, self.target):
             raise refusal("is where the eye is", accepted="a point away from position", at=("target",))
         return self

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wall.config.loading import Loaded
+from wall.config.loading import Loaded, nearest
 from wall.config.views import KeyframesPathConfig, OrbitPathConfig, PathConfig
 from wall.core.data import Camera, Event, Float64
 from wall.geometry.curves import catmull_rom
@@ -20,7 +21,17 @@ from wall.geometry.twist import rotation_by
 
 AUTO_AZIMUTH = math.radians(30.0)  # a scene seen from its front right and a little above shows three sides
 AUTO_ELEVATION = math.radians(20.0)
+NEAREST_TARGET = 0.1  # radii of the scene, where a named camera has nothing ahead
 WIDEST_CONE = math.radians(80.0)  # beyond it the eye would stand inside the scene
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NamedCamera:
+    """A camera that a scene's source brings."""
+
+    name: str
+    world_from_camera: Float64  # (4, 4) rigid; it looks along its -z, its y is up
+    fov: float  # vertical, degrees
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,7 +128,15 @@ def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike) -> Camera:
     return Camera.of(eye, rotation)
 
 
-def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *, view: int = 0) -> View:
+def resolve_view(
+    loaded: Loaded,
+    wall: Wall,
+    center: ArrayLike,
+    radius: float,
+    *,
+    view: int = 0,
+    cameras: Sequence[NamedCamera] = (),
+) -> View:
     """Decide everything a view leaves open.
 
     Parameters
@@ -125,17 +144,24 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
     loaded : the configuration; view : which of its views; wall : its panels
     center, radius : (3,) float64 and float, world: a sphere around the whole scene, for a camera placed
     automatically
+    cameras : those of the scene's source, for views that name one
 
     Raises
     ------
-    ConfigError : a wall that is not flat has no eye, or an eye is behind a panel
+    ConfigError : a wall that is not flat has no eye, an eye is behind a panel, or a camera of that name is not there
     """
     config = loaded.config.views[view]
-    eye = standing_eye(loaded, wall, view)
+    named = None if config.camera.name is None else _named(loaded, view, config.camera.name, cameras)
+    eye = standing_eye(loaded, wall, view, *(() if named is None else (named.fov,)))
     up = _unit(np.array(config.camera.up, dtype=np.float64), otherwise=(0.0, 1.0, 0.0))
     if config.camera.position is not None and config.camera.target is not None:
         target = np.array(config.camera.target, dtype=np.float64)
         still = look_at(config.camera.position, target, up)
+    elif named is not None:
+        pose = named.world_from_camera
+        still = Camera.of(pose[:3, 3], pose[:3, :3])
+        away = float((np.asarray(center) - pose[:3, 3]) @ -pose[:3, 2])  # of the scene's middle, ahead
+        target = pose[:3, 3] - max(away, NEAREST_TARGET * radius) * pose[:3, 2]
     else:
         target = np.array(center, dtype=np.float64)
         still = framed(wall, eye, target, radius=radius, up=up)
@@ -159,6 +185,16 @@ def resolve_view(loaded: Loaded, wall: Wall, center: ArrayLike, radius: float, *
     if config.scale is None:
         return replace(made, scale=_scale(window, eye, made.camera_at(0.0), made.target_at(0.0)))
     return made
+
+
+def _named(loaded: Loaded, view: int, name: str, cameras: Sequence[NamedCamera]) -> NamedCamera:
+    """The source's camera of a name."""
+    found = next((camera for camera in cameras if camera.name == name), None)
+    if found is None:
+        known = ", ".join(sorted({camera.name for camera in cameras}))
+        said = f"{known}{nearest(name, known.split(', '))}" if known else "no name: the scene's source has no cameras"
+        raise loaded.error(("views", view, "camera", "name"), "there is no such camera", said)
+    return found
 
 
 def framed(wall: Wall, eye: Float64, center: Float64, *, radius: float, up: Float64) -> Camera:

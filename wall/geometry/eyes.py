@@ -17,8 +17,8 @@ from wall.geometry.panels import Panel, Wall
 NEAREST_EYE_M = 1e-6  # nearer to a panel's plane, its pixels have no directions
 
 
-def standing_eye(loaded: Loaded, wall: Wall, view: int) -> Float64:
-    """(3,) metres, wall frame: the view's eye, or the default one.
+def standing_eye(loaded: Loaded, wall: Wall, view: int, fov: float = DEFAULT_FOV_DEGREES) -> Float64:
+    """(3,) metres, wall frame: the view's eye, or the default one; fov : degrees, where the configuration has none.
 
     Raises ConfigError: a wall that is not flat has no default, or an eye is behind the panel that it looks at.
     """
@@ -26,10 +26,7 @@ def standing_eye(loaded: Loaded, wall: Wall, view: int) -> Float64:
     if config.eye is None and not wall.flat:
         message = "the wall is not flat, so the eye's place is needed"
         raise loaded.error(("views", view), message, "eye: [x, y, z] in metres")
-    if config.eye is None:
-        eye = default_eye(wall, config.camera.fov or DEFAULT_FOV_DEGREES)
-    else:
-        eye = np.array(config.eye, dtype=np.float64)
+    eye = default_eye(wall, config.camera.fov or fov) if config.eye is None else np.array(config.eye, dtype=np.float64)
     problems = [_refusal(loaded, panel, view, eye) for panel in wall.panels]
     if said := dict.fromkeys(str(problem) for problem in problems if problem):
         raise ConfigError("\n".join(said))

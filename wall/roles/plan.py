@@ -167,7 +167,10 @@ def make_plan(layout: Layout) -> Plan:
 def aimed(layout: Layout, scene: Scene) -> Plan:
     """Aim a layout's views at a scene."""
     count = range(len(layout.config.views))
-    views = (resolve_view(layout.loaded, layout.wall, scene.center, scene.radius, view=k) for k in count)
+    views = (
+        resolve_view(layout.loaded, layout.wall, scene.center, scene.radius, view=k, cameras=scene.cameras)
+        for k in count
+    )
     return Plan(layout=layout, scene=scene, views=tuple(views))
 
 

@@ -14,6 +14,7 @@ from wall.config.materials import PathConfig
 from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig
 from wall.core.data import Float64
 from wall.core.errors import SceneError
+from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.arcade import arcade
@@ -61,6 +62,7 @@ class Scene:
     sky: Sky
     tracks: Tracks
     notes: tuple[str, ...]  # each repair or assumption, for a reader
+    cameras: tuple[NamedCamera, ...]  # that the source brings
     center: Float64  # (3,) world, middle of the bounding box at rest
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     radius: float  # world units, of the smallest sphere about `center`
@@ -161,6 +163,7 @@ def joined(sources: Sequence[Source]) -> Source:
         animation=tuple(track for source in sources for track in source.animation),
         motions=tuple(motions),
         path_depth=max((source.path_depth for source in sources if source.path_depth is not None), default=None),
+        cameras=tuple(camera for source in sources for camera in source.cameras),
         notes=tuple(note for source in sources for note in source.notes),
     )
 
@@ -209,6 +212,7 @@ def assemble(source: Source) -> Scene:
         sky=source.sky or STUDIO_SKY,
         tracks=compile_tracks(_movings(source, (*points, *directional), lights)),
         notes=source.notes,
+        cameras=source.cameras,
         center=center,
         path_depth=source.path_depth,
         radius=radius,

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wall.core.data import Float64
+from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, Wrap
@@ -224,9 +225,30 @@ def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
     return tuple(lights), notes
 
 
+def cameras_of(header: dict[str, Any]) -> tuple[tuple[NamedCamera, ...], list[str]]:
+    """The file's perspective cameras, named by their nodes, else by themselves or by number; and notes."""
+    cameras: list[NamedCamera] = []
+    notes: list[str] = []
+    for node, pose in _placed(header):
+        number = node.get("camera")
+        if number is None:
+            continue
+        found = header["cameras"][number]
+        name = str(node.get("name") or found.get("name") or number)
+        size = np.linalg.norm(pose[:3, :3], axis=0)
+        if found["type"] != "perspective" or size.min() <= 0.0:
+            notes.append(f"camera {name!r} is not read: it is {found['type']}, or scaled to nothing")
+            continue
+        rigid = np.eye(4)
+        rigid[:3, :3], rigid[:3, 3] = pose[:3, :3] / size, pose[:3, 3]
+        fov = min(max(math.degrees(_finite(found["perspective"]["yfov"])), 1.0), 170.0)
+        cameras.append(NamedCamera(name=name, world_from_camera=rigid, fov=fov))
+    return tuple(cameras), notes
+
+
 def unread(header: dict[str, Any]) -> list[str]:
     """What the file has and nothing here reads, as notes."""
-    notes = [f"its {what} are not read" for what in ("skins", "cameras") if header.get(what)]
+    notes = [f"its {what} are not read" for what in ("skins",) if header.get(what)]
     if any(primitive.get("targets") for mesh in header.get("meshes", []) for primitive in mesh.get("primitives", [])):
         notes.append("its morph targets are not read")
     unknown = sorted(set(header.get("extensionsUsed", [])) - KNOWN)

@@ -28,7 +28,7 @@ from wall.core.errors import SceneError
 from wall.scene.animation import Moving
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere, world_boxes
-from wall.scene.gltf import MALFORMED, lights_of, renamed, unread
+from wall.scene.gltf import MALFORMED, cameras_of, lights_of, renamed, unread
 from wall.scene.gltf_animation import motions_of
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
@@ -64,7 +64,8 @@ def load(path: Path) -> Source:
         )
     try:
         lights, said = lights_of(header)
-        notes += [f"{path.name}: {what}" for what in (*said, *unread(header))]
+        cameras, more = cameras_of(header)
+        notes += [f"{path.name}: {what}" for what in (*said, *more, *unread(header))]
     except MALFORMED as error:
         raise SceneError(f"{path}: cannot be read as glTF, {type(error).__name__}: {error}") from error
     source = Source(
@@ -73,6 +74,7 @@ def load(path: Path) -> Source:
         textures=tuple(palette.images.textures),
         instances=tuple(instances),
         lights=lights or None,
+        cameras=cameras,
     )
     source = replace(source, motions=_motions(path, header, source, [frame for frame, _ in placed], notes))
     return _comfortable(source, notes)
@@ -247,7 +249,15 @@ def _comfortable(source: Source, notes: list[str]) -> Source:
     if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
         placed = (replace(i, world_from_object=scale @ i.world_from_object) for i in source.instances)
+        cameras = tuple(replace(c, world_from_camera=_moved(c.world_from_camera, 1.0 / radius)) for c in source.cameras)
         motions = tuple(moving.scaled(1.0 / radius) for moving in source.motions)
-        source = replace(source, instances=tuple(placed), motions=motions)
+        source = replace(source, instances=tuple(placed), motions=motions, cameras=cameras)
         notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
     return replace(source, notes=tuple(notes))
+
+
+def _moved(pose: Float64, scale: float) -> Float64:
+    """A pose (4, 4) in a world scaled about its origin: as it was, elsewhere."""
+    moved = pose.copy()
+    moved[:3, 3] *= scale
+    return moved

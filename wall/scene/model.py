@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
+from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving
 
 LARGEST_IOR = 4.0  # index of refraction that files may give
@@ -133,6 +134,7 @@ class Source:
     sky: Sky | None = None
     animation: tuple[AnimationConfig, ...] = ()
     motions: tuple[Moving, ...] = ()  # of instances by their numbers, beside `animation`
+    cameras: tuple[NamedCamera, ...] = ()
     path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from gltf_documents import document, loaded
 
-from wall.core.errors import SceneError
+from wall.config.loading import load as load_configuration
+from wall.core.errors import ConfigError, SceneError
+from wall.roles.plan import Plan, make_layout, make_plan
 from wall.scene.loading import load
 from wall.scene.model import DirectionalLight, Material, PointLight, Source
 
@@ -100,10 +102,10 @@ def test_without_lights_the_file_does_not_say(tmp_path: Path) -> None:
 
 
 def test_what_is_not_read_is_noted(tmp_path: Path) -> None:
-    found = document([{"name": "plain"}], cameras=[{"type": "perspective"}], skins=[{}])
+    found = document([{"name": "plain"}], skins=[{}])
     found["extensionsUsed"] = ["KHR_materials_ior", "EXT_unheard_of"]
     notes = " ".join(loaded(tmp_path, found).notes)
-    for said in ("skins are not read", "cameras are not read", "not read: EXT_unheard_of"):
+    for said in ("skins are not read", "not read: EXT_unheard_of"):
         assert said in notes
 
 
@@ -170,3 +172,58 @@ def test_a_material_called_by_an_odd_digit_is_a_name(tmp_path: Path) -> None:
         "mtllib m.mtl\nusemtl \u00b2\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8"
     )
     assert [m.name for m in load(tmp_path / "m.obj").materials] == ["\u00b2"]
+
+
+def with_cameras(folder: Path) -> Path:
+    """A camera at (0, 0, 4) that looks along -x, on a scaled node, and one that cannot be read."""
+    half = 0.5**0.5
+    found = document([{"name": "plain"}])
+    found["cameras"] = [
+        {"type": "perspective", "perspective": {"yfov": math.radians(40), "znear": 0.1}},
+        {"type": "orthographic", "name": "plan", "orthographic": {"xmag": 1, "ymag": 1, "zfar": 9, "znear": 0.1}},
+    ]
+    found["nodes"] += [
+        {"name": "side", "camera": 0, "translation": [0, 0, 4], "rotation": [0, half, 0, half], "scale": [2, 3, 4]},
+        {"camera": 1},
+    ]
+    found["scenes"][0]["nodes"] = [0, 1, 2]
+    loaded(folder, found)
+    return folder / "model.gltf"
+
+
+def test_cameras_are_named_by_their_nodes(tmp_path: Path) -> None:
+    source = load(with_cameras(tmp_path))
+    (side,) = source.cameras
+    assert (side.name, side.fov) == ("side", pytest.approx(40.0))
+    np.testing.assert_allclose(side.world_from_camera[:3, 3], [0, 0, 4])
+    np.testing.assert_allclose(-side.world_from_camera[:3, 2], [-1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(side.world_from_camera[:3, :3] @ side.world_from_camera[:3, :3].T, np.eye(3), atol=1e-12)
+    assert any("camera 'plan' is not read: it is orthographic" in note for note in source.notes)
+
+
+def viewed(folder: Path, camera: str) -> Plan:
+    with_cameras(folder)
+    text = f"""\
+version: 1
+scene: {{source: model.gltf}}
+wall: {{grid: {{columns: 1, rows: 1, pixels: [40, 30], size: [0.4, 0.3]}}}}
+views: [{{camera: {camera}}}]
+"""
+    (folder / "view.yaml").write_text(text, encoding="utf-8")
+    return make_plan(make_layout(load_configuration(folder / "view.yaml")))
+
+
+@pytest.mark.parametrize(("camera", "fov"), [("{name: side}", 40.0), ("{name: side, fov: 25}", 25.0)])
+def test_a_view_through_a_camera_of_the_file(tmp_path: Path, camera: str, fov: float) -> None:
+    plan = viewed(tmp_path, camera)
+    seen = plan.view.camera_at(0.0)
+    np.testing.assert_allclose(seen.origin(), [0, 0, 4])
+    np.testing.assert_allclose(seen.rotation() @ [0, 0, -1], [-1, 0, 0], atol=1e-12)
+    assert math.degrees(2 * math.atan(0.15 / plan.view.eye[2])) == pytest.approx(fov)
+
+
+def test_a_camera_that_the_file_does_not_have_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"views\[0\].camera.name = 'sied': there is no such camera; accepted: side"):
+        viewed(tmp_path, "{name: sied}")
+    with pytest.raises(ConfigError, match="one of name, position"):
+        viewed(tmp_path, "{name: side, position: [0, 0, 1], target: [0, 0, 0]}")
