@@ -114,6 +114,13 @@ CameraOrAuto = Annotated[
 ]
 
 
+class LensConfig(Model):
+    """A thin lens: what is not in focus is blurred. On paths alone."""
+
+    aperture: Positive = Field(description="diameter of the lens, world units")
+    focus: Positive = Field(description="distance from the eye to the plane in focus, world units")
+
+
 class ViewConfig(Model):
     """One viewer's image."""
 
@@ -134,6 +141,7 @@ class ViewConfig(Model):
         description="world units a metre of the wall, for panels with stereo or an eye of their own; absent = such "
         "that the camera's target stands in the wall's plane",
     )
+    lens: LensConfig | None = Field(default=None, description="depth of field, on paths; absent = all is in focus")
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
     refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="images shown a second")
     prediction: Literal["velocity", "none"] = Field(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wall.config.loading import Loaded, nearest
 from wall.config.views import KeyframesPathConfig, OrbitPathConfig, PathConfig
-from wall.core.data import Camera, Event, Float64
+from wall.core.data import Camera, Event, Float32, Float64
 from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
 from wall.geometry.eyes import eye_of, standing_eye
@@ -34,6 +34,19 @@ class NamedCamera:
     fov: float  # vertical, degrees
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lens:
+    """A thin lens before the eye, parallel to the wall's x and y."""
+
+    radius: float  # world units
+    focus: float  # world units from the eye to the plane in focus
+
+    def rows(self, rotation: Float64) -> Float32:
+        """(3, 3) float32, what tracing.kernels.lens wants, for a camera's rotation (3, 3)."""
+        right, up, back = rotation.T
+        return np.array([self.radius * right, self.radius * up, -back / self.focus], np.float32)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class View:
     """A view with everything decided: where the eye is before the wall, and its camera at any time."""
@@ -50,6 +63,7 @@ class View:
     display_delay_s: float  # from a refresh to its light
     eye_separation: float  # metres from the left eye to the right one
     scale: float  # world units a metre of the wall
+    lens: Lens | None  # None: a pinhole
 
     def camera_at(self, time: float) -> Camera:
         """The camera at a scene time (seconds). Pure: the same time gives the same camera.
@@ -181,6 +195,7 @@ def resolve_view(
         display_delay_s=1.0 / config.refresh_hz if config.display_delay_s is None else config.display_delay_s,
         eye_separation=config.eye_separation,
         scale=1.0 if config.scale is None else config.scale,
+        lens=None if config.lens is None else Lens(radius=config.lens.aperture / 2, focus=config.lens.focus),
     )
     if config.scale is None:
         return replace(made, scale=_scale(window, eye, made.camera_at(0.0), made.target_at(0.0)))

@@ -165,8 +165,12 @@ def make_plan(layout: Layout) -> Plan:
 
 
 def aimed(layout: Layout, scene: Scene) -> Plan:
-    """Aim a layout's views at a scene."""
+    """Aim a layout's views at a scene. Raises ConfigError."""
     count = range(len(layout.config.views))
+    for k in count:
+        if layout.config.views[k].lens is not None and scene.path_depth is None:
+            wanted = "scene.integrator: {method: path}, or no lens"
+            raise layout.loaded.error(("views", k, "lens"), "direct light has no lens", wanted)
     views = (
         resolve_view(layout.loaded, layout.wall, scene.center, scene.radius, view=k, cameras=scene.cameras)
         for k in count

@@ -39,9 +39,10 @@ class Worker:
         self._codec = Codec[layout.config.transport.codec.upper()]
         share = layout.layer(rank).range
         seen = plan.scene.objects_in(share) if share is not None else None
-        self._panel_view = PanelView(plan.view_of(layout.panel(rank)), layout.panel(rank))
+        panel, view = layout.panel(rank), plan.view_of(layout.panel(rank))
+        self._panel_view = PanelView(view, panel)
         self._tracers = {
-            coherent: Tracer(tracer_scene, layout.panel(rank), self._panel_view.eye, coherent=coherent, seen=seen)
+            coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen, lens=view.lens)
             for coherent in (False, True)
         }
         self._relightable = tracer_scene.needs.relighting

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
+from wall.geometry.cameras import Lens
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.model import Moment
@@ -109,15 +110,17 @@ class Tracer:
         *,
         coherent: bool,
         seen: NDArray[np.bool_] | None = None,
+        lens: Lens | None = None,
     ) -> None:
         """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles.
 
         seen : (n,) bool, instances that primary rays may hit; the others only cast shadows and show in mirrors. None:
             all
+        lens : of the view, for paths; None: a pinhole
         """
         n = len(tracer_scene.meshes)
         masks = np.full(n, SEEN, np.uint32) if seen is None else np.where(seen, SEEN, UNSEEN).astype(np.uint32)
-        self._tracer_scene, self._panel, self._eye = tracer_scene, panel, eye
+        self._tracer_scene, self._panel, self._eye, self._lens = tracer_scene, panel, eye, lens
         self._scene, self._geometries = tracer_scene.device.instances(list(tracer_scene.meshes), masks)
         self._transforms = embree.aligned((n, 12), np.float32)
         self._surfaces = tracer_scene.surfaces._replace(
@@ -126,7 +129,7 @@ class Tracer:
         )
         self._lights = Lights(None, None, tracer_scene.emitters, tracer_scene.sky, tracer_scene.sky_irradiance)
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
-        self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0)
+        self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._path_room, self._traced = path_room(0, 0), 0
         self.seed = 1  # of paths
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
@@ -134,7 +137,9 @@ class Tracer:
     def set_event(self, event: Event) -> None:
         """Places everything for `event`: its camera, and its scene time."""
         self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time))
-        self._ray_frame = self._ray_frame._replace(frame=ray_frame(self._panel, self._eye, event.camera))
+        frame = ray_frame(self._panel, self._eye, event.camera)
+        lens = None if self._lens is None else self._lens.rows(event.camera.rotation())
+        self._ray_frame = self._ray_frame._replace(frame=frame, lens=lens)
 
     def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:
         """Trace for another panel from now on, under `event`: as a new Tracer would, without new trees."""

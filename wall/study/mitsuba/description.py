@@ -57,8 +57,12 @@ def sensor(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
         origin.tolist(), (origin - rotation[:, 2]).tolist(), rotation[:, 1].tolist()
     )  # fmt: skip
     fov = float(2 * np.degrees(np.arctan2(height / 2, abs(float(eye[2])))))
+    lens = plan.view.lens
+    kind = {"type": "perspective"} if lens is None else {
+        "type": "thinlens", "aperture_radius": lens.radius, "focus_distance": lens.focus
+    }  # fmt: skip
     return {
-        "type": "perspective", "fov": fov, "fov_axis": "y",
+        **kind, "fov": fov, "fov_axis": "y",
         "to_world": view, "near_clip": 1e-3 * plan.scene.radius, "far_clip": 1e4 * plan.scene.radius,
         "film": {
             "type": "hdrfilm", "width": panel.pixels[0], "height": panel.pixels[1], "rfilter": {"type": "box"},

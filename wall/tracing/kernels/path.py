@@ -21,6 +21,7 @@ from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
+from wall.tracing.kernels.lens import keep_distances, open_lens
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, end_before, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
@@ -73,6 +74,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 apply_textures(surfaces, materials, surfaces.uvs, work)
             if bounce == 0:
                 record_first(xy, first, count, samples, work)
+                keep_distances(camera.lens, samples, first, count, work)
             add_seen(first, count, materials.emits, lights.emitters, surfaces, materials, work, paths)
             if bounce < paths.depth:
                 draw_numbers(bounce, work)
@@ -97,14 +99,16 @@ def start_paths(camera, xy, materials, work, paths):
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
-        start_footprints(cone, materials.texels, work)
-        for lane in range(count):
-            k = first + lane
+        for k in range(first, first + count):
             x, y = np.uint32(np.int64(camera.corner[0] + xy[k, 0])), np.uint32(np.int64(camera.corner[1] + xy[k, 1]))
             paths.sample[k] = k
             paths.key[k] = hash_uint32(hash_uint32(paths.seed, x), y)
+        start_footprints(cone, materials.texels, work)
+        open_lens(camera.lens, first, count, paths, work)
+        for lane in range(count):
+            k = first + lane
             for column in range(3):
-                rays[k, column] = ZERO
+                rays[k, column] = p[embree.ORIGIN_X + 16 * column + lane]
                 rays[k, 3 + column] = p[embree.DIRECTION_X + 16 * column + lane]
                 rays[k, 6 + column] = ONE
                 paths.radiance[k, column] = ZERO

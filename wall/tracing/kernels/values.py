@@ -72,6 +72,7 @@ class RayFrame(NamedTuple):
     frame: Float64  # (3, 3) rows A, B, C
     corner: Float64  # (2,) the panel's top left corner on the virtual screen, pixels
     footprint: float  # pixels, edge of the square whose mean of a texture a sample shows
+    lens: Float32 | None  # (3, 3) right and up times its radius, ahead over the distance in focus; None: a pinhole
 
 
 class Surfaces(NamedTuple):
