@@ -52,6 +52,19 @@ class SkyConfig(Model):
     ground: Color = Field(default=(0.25, 0.23, 0.2), description="radiance straight down, linear RGB")
 
 
+class EnvironmentConfig(Model):
+    """What rays see that leave the scene: an image of all directions."""
+
+    file: Text = Field(
+        description="a lat-long image, twice as wide as high: .hdr, .exr, .png, .jpg, relative to this file; "
+        "its middle is seen along -z"
+    )
+    rotation: Annotated[Number, Ge(-36000.0), Le(36000.0)] = Field(
+        default=0.0, description="degrees about +y, counterclockwise seen from above"
+    )
+    strength: Annotated[Number, Ge(0.0), Le(1e6)] = Field(default=1.0, description="factor of its radiance")
+
+
 class RotationConfig(Model):
     """A turn about an axis through the object's own centre."""
 
@@ -140,12 +153,19 @@ class SceneConfig(Model):
         default=None, description="lights; absent = the source's own, or sensible ones"
     )
     sky: SkyConfig | None = Field(default=None, description="sky; absent = the source's own, or a blue one")
+    environment: EnvironmentConfig | None = Field(default=None, description="an image in place of the sky")
     animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
         default=None, description="rigid motion; absent = the source's own, [] = nothing moves"
     )
     integrator: IntegratorConfig | None = Field(
         default=None, description="how light is followed; absent = the source's own, or direct"
     )
+
+    @model_validator(mode="after")
+    def _one_surrounding(self) -> SceneConfig:
+        if self.sky is not None and self.environment is not None:
+            raise refusal("names both a sky and an environment", accepted="one of sky, environment")
+        return self
 
     @model_validator(mode="after")
     def _lights_exist(self) -> SceneConfig:

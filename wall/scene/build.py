@@ -21,10 +21,12 @@ from wall.scene.builtin.cornell import cornell
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
+from wall.scene.environment import read_environment
 from wall.scene.lights import STUDIO_SKY, default_lights, unit
 from wall.scene.materials import described, with_materials
 from wall.scene.model import (
     DirectionalLight,
+    Environment,
     Instance,
     Light,
     Material,
@@ -58,6 +60,7 @@ class Scene:
     point_lights: tuple[PointLight, ...]
     directional_lights: tuple[DirectionalLight, ...]
     sky: Sky
+    environment: Environment | None  # in place of the sky
     tracks: Tracks
     notes: tuple[str, ...]  # each repair or assumption, for a reader
     center: Float64  # (3,) world, middle of the bounding box at rest
@@ -115,10 +118,10 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     """The scene that a configuration asks for.
 
     Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
-    Raises SceneError where a model cannot be used, or where the animation names what does not exist.
+    Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
     sources = [make_source(name, base_folder) for name in sources_of(scene_config)]
-    return assemble(_configured(joined(sources), scene_config))
+    return assemble(_configured(joined(sources), scene_config, base_folder))
 
 
 def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
@@ -163,7 +166,7 @@ def joined(sources: Sequence[Source]) -> Source:
     )
 
 
-def _configured(source: Source, config: SceneConfig) -> Source:
+def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Source:
     """The source with everything that the configuration says; what it leaves out stays the source's."""
     source = with_materials(source, config.materials)
     if config.integrator is not None:
@@ -174,6 +177,12 @@ def _configured(source: Source, config: SceneConfig) -> Source:
     if config.sky is not None:
         sky = config.sky
         source = replace(source, sky=Sky(zenith=sky.zenith, horizon=sky.horizon, ground=sky.ground))
+    if config.environment is not None:
+        wanted = config.environment
+        environment, notes = read_environment(
+            base_folder / wanted.file, rotation=wanted.rotation, strength=wanted.strength
+        )
+        source = replace(source, environment=environment, notes=(*source.notes, *notes))
     if config.animation is not None:
         source = replace(source, animation=config.animation)
     return source
@@ -200,6 +209,7 @@ def assemble(source: Source) -> Scene:
         point_lights=points,
         directional_lights=directional,
         sky=source.sky or STUDIO_SKY,
+        environment=source.environment,
         tracks=compile_tracks(_movings(source, (*points, *directional), lights)),
         notes=source.notes,
         center=center,

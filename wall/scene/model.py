@@ -103,6 +103,23 @@ class Sky:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """A lat-long image of the radiance from all directions, in place of the sky.
+
+    Its middle is seen along -z, its right half towards +x, its top row straight up, before it is turned.
+    """
+
+    name: str
+    texels: Float32  # (h, 2 h, 3) linear RGB, W sr^-1 m^-2; bilinear between texel centres
+    rotation: float = 0.0  # degrees about +y, counterclockwise seen from above
+
+    @property
+    def middle(self) -> np.float32:
+        """Where the direction -z lies in the image, 0..1 from the left: what kernels know of the rotation."""
+        return np.float32((0.5 + self.rotation / 360.0) % 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """What a file or a scene function gives, before the configuration adds to it; None = does not say."""
 
@@ -112,6 +129,7 @@ class Source:
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] | None = None
     sky: Sky | None = None
+    environment: Environment | None = None  # in place of the sky
     animation: tuple[AnimationConfig, ...] = ()
     path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader

@@ -19,6 +19,7 @@ class Needs:
     mirrors: bool
     point_lights: bool
     directional_lights: bool
+    environment: bool  # an image in place of the sky
     instancing: bool  # a mesh is placed more than once
     animation: bool
     emission: bool
@@ -26,7 +27,7 @@ class Needs:
     paths: bool  # light comes over several surfaces
     interfaces: bool  # metal or a coat over diffuse light, on paths
     emitters: bool  # surfaces that light others, on paths
-    relighting: bool  # something moves under lights, and a light visibility mask has a bit for each
+    relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
 
 
 def needs(scene: Scene) -> Needs:
@@ -44,6 +45,7 @@ def needs(scene: Scene) -> Needs:
         mirrors=mirrors,
         point_lights=bool(scene.point_lights),
         directional_lights=bool(scene.directional_lights),
+        environment=scene.environment is not None,
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
         emission=emission,
@@ -51,7 +53,10 @@ def needs(scene: Scene) -> Needs:
         paths=paths,
         interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
         emitters=paths and emission,
-        relighting=scene.animated and 0 < lights <= MOST_RELIT_LIGHTS and not paths,
+        relighting=scene.animated
+        and 0 < lights <= MOST_RELIT_LIGHTS
+        and not paths
+        and scene.environment is None,  # objects know which way is up, not how they are turned about it
     )
 
 

@@ -124,7 +124,14 @@ class Tracer:
             placements=np.zeros((n, PLACEMENT_COLUMNS), np.float32),
             eye_from_object=self._transforms,
         )
-        self._lights = Lights(None, None, tracer_scene.emitters, tracer_scene.sky, tracer_scene.sky_irradiance)
+        self._lights = Lights(
+            directional=None,
+            points=None,
+            emitters=tracer_scene.emitters,
+            environment=tracer_scene.environment,
+            sky=tracer_scene.sky,
+            sky_irradiance=tracer_scene.sky_irradiance,
+        )
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0)
         self._path_room, self._traced = path_room(0, 0), 0

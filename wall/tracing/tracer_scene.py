@@ -17,6 +17,7 @@ from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle
+from wall.tracing.environment import environment_tables
 from wall.tracing.interface import interface_table
 from wall.tracing.kernels.values import (
     HAS_COLORS,
@@ -25,6 +26,7 @@ from wall.tracing.kernels.values import (
     MATERIAL,
     PLACEMENT_COLUMNS,
     Emitters,
+    Environment,
     Materials,
     Surfaces,
 )
@@ -44,15 +46,15 @@ class TracerScene:
     surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
     materials: Materials
     emitters: Emitters | None
+    environment: Environment | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
 
     @property
     def bytes(self) -> int:
         """Memory of the arrays kept here (Embree's own trees come on top)."""
-        arrays = (
-            self.extents, *self.surfaces, *self.materials, *(self.emitters or ()), self.sky, self.sky_irradiance
-        )  # fmt: skip
+        lights = *(self.emitters or ()), *(self.environment or ()), self.sky, self.sky_irradiance
+        arrays = self.extents, *self.surfaces, *self.materials, *lights
         return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 
@@ -92,6 +94,9 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
         ),
         materials=_materials(scene, wanted),
         emitters=_emitters(scene) if wanted.emitters else None,
+        environment=None
+        if scene.environment is None
+        else environment_tables(scene.environment, paths=scene.path_depth is not None),
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
         sky_irradiance=sky_irradiance(scene.sky),
     )

@@ -162,6 +162,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         mirrors=True,
         point_lights=True,
         directional_lights=True,
+        environment=False,
         instancing=True,
         animation=True,
         emission=True,
@@ -174,7 +175,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, vertex colors, smooth normals, mirrors, point lights, "
-        "instancing, animation, emission, change detection, paths, interfaces, emitters, relighting"
+        "environment, instancing, animation, emission, change detection, paths, interfaces, emitters, relighting"
     )
 
 

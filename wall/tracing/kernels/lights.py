@@ -12,6 +12,7 @@ from wall.tracing import embree
 from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import diffuse, start_off_surface
+from wall.tracing.kernels.environment import add_environment_light, see_environment
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.surface import material_of
 from wall.tracing.kernels.values import INF, ONE, ZERO
@@ -22,9 +23,19 @@ MASK_BITS = 32  # of a light visibility mask
 
 
 @inline_kernel
-def see_sky(lights, work):
-    """Sets radiance to the sky's: ground to horizon to zenith, linear in the direction's height."""
-    p, sky = work.packet, lights.sky
+def see_sky(environment, lights, work):
+    """Sets radiance to the environment's where rays leave the scene; without one, to the sky's: ground to horizon to
+    zenith, linear in the direction's height."""
+    if environment is not None:
+        see_environment(environment, work)
+    else:
+        see_gradient(lights.sky, work)
+
+
+@inline_kernel
+def see_gradient(sky, work):
+    """Sets all radiance to that of a sky (3, 3): zenith, horizon, ground."""
+    p = work.packet
     zr, zg, zb = sky[0, 0] - sky[1, 0], sky[0, 1] - sky[1, 1], sky[0, 2] - sky[1, 2]
     gr, gg, gb = sky[2, 0] - sky[1, 0], sky[2, 1] - sky[1, 1], sky[2, 2] - sky[1, 2]
     hr, hg, hb = sky[1, 0], sky[1, 1], sky[1, 2]
@@ -35,9 +46,18 @@ def see_sky(lights, work):
 
 
 @inline_kernel
-def add_ambient(lights, work):
-    """Sets hits' radiance to light from the whole sky, unoccluded: albedo * E(normal) / pi, by the normal's height."""
-    p, table = work.packet, lights.sky_irradiance
+def add_ambient(environment, lights, work):
+    """Sets hits' radiance to light from the whole sky, or environment, unoccluded: albedo * E(normal) / pi."""
+    if environment is not None:
+        add_environment_light(environment.irradiance, work)
+    else:
+        add_gradient_light(lights.sky_irradiance, work)
+
+
+@inline_kernel
+def add_gradient_light(table, work):
+    """Sets hits' radiance to a gradient sky's light from `table` (SKY_STEPS + 1, 3), by the normal's height."""
+    p = work.packet
     for lane in range(16):
         if p[rows.HIT + lane] != ZERO:
             x = (p[rows.SHADING_NORMAL_Y + lane] + ONE) * np.float32(SKY_STEPS / 2)

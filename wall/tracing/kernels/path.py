@@ -21,6 +21,7 @@ from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
+from wall.tracing.kernels.environment import aim_at_environment, density_of_environment
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, end_before, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
@@ -42,6 +43,7 @@ from wall.tracing.kernels.values import (
 ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
 PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
+ENVIRONMENT_PAIR = 1 << 16  # pair of bounce 0, beyond those of all bounces
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 
 
@@ -59,20 +61,22 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             count = min(16, alive - first)
             load_rays(first, count, bounce, work, paths)
             intersect(scene, work)
-            see_sky(lights, work)
+            see_sky(lights.environment, lights, work)
             if gather_surfaces(surfaces, materials, surfaces.normals, work) != 0:
                 finish_surfaces(work)
                 colour_by_vertices(surfaces, surfaces.colors, work)
                 colour_by_textures(surfaces, materials, surfaces.uvs, work)
             if bounce == 0:
                 record_first(xy, first, count, samples, work)
-            add_seen(first, count, materials.emits, lights.emitters, surfaces, materials, work, paths)
+            add_seen(first, count, materials.emits, lights, surfaces, materials, work, paths)
             if bounce < paths.depth:
                 draw_numbers(bounce, work)
                 add_deltas(
                     lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths
                 )
                 add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+                draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
+                add_environment(first, count, lights.environment, scene, surfaces, materials, work, paths)
                 add_emitters(first, count, lights.emitters, scene, surfaces, materials, work, paths)
                 widen_footprints(materials.texels, work)
                 going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
@@ -140,6 +144,20 @@ def draw_numbers(bounce, work):
 
 
 @inline_kernel
+def draw_light_numbers(light, pair, bounce, work):
+    """Draws the random numbers of a light that not every scene has, for all lanes; None does nothing.
+
+    pair : int, the light's pair of numbers at bounce 0; those of the next bounces follow
+    """
+    if light is not None:
+        p, bits = work.packet, work.bits
+        for lane in range(16):
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], pair + bounce)
+            p[rows.LIGHT_U + lane] = u
+            p[rows.LIGHT_V + lane] = v
+
+
+@inline_kernel
 def record_first(xy, first, count, samples, work):
     """Writes what samples keep of the first surface; the albedo's sum goes where the irradiance will be."""
     p, bits = work.packet, work.bits
@@ -163,23 +181,34 @@ def add_light(k, r, g, b, paths):
 
 
 @inline_kernel
-def add_seen(first, count, emits, emitters, surfaces, materials, work, paths):
+def add_seen(first, count, emits, lights, surfaces, materials, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
     p = work.packet
     for lane in range(count):
         r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
         if p[rows.HIT + lane] == ZERO:
             x, y, z = xyz(p, rows.RADIANCE_R, lane)
-            add_light(first + lane, r * x, g * y, b * z, paths)
+            weight = weight_of_sky(lights.environment, lane, work)
+            add_light(first + lane, weight * r * x, weight * g * y, weight * b * z, paths)
             continue
         if emits is not None:
             material = material_of(surfaces, materials, lane, work)
             emission = material["emission"]
             shines = max(emission[0], emission[1], emission[2]) > ZERO
             if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
-                weight = weight_of_seen(emitters, surfaces, lane, work)
+                weight = weight_of_seen(lights.emitters, surfaces, lane, work)
                 r, g, b = weight * r, weight * g, weight * b
                 add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
+
+
+@inline_kernel
+def weight_of_sky(environment, lane, work):
+    """The share of the sky's light that counts where a ray found it; the rest counts where it is aimed at."""
+    if environment is None:
+        return ONE
+    density = work.packet[rows.DENSITY + lane]
+    x, y, z = xyz(work.packet, embree.DIRECTION_X, lane)
+    return density / (density + density_of_environment(environment, x, y, z)) if density > ZERO else ONE
 
 
 @inline_kernel
@@ -245,6 +274,26 @@ def aim(dx, dy, dz, far, light, lane, work):
     set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
     work.shadow_valid[lane] = -1
     return 1
+
+
+@inline_kernel
+def add_environment(first, count, environment, scene, surfaces, materials, work, paths):
+    """Adds the light of one direction of the environment, chosen at random; None does nothing."""
+    if environment is not None:
+        p, aimed = work.packet, 0
+        for lane in range(16):
+            work.shadow_valid[lane] = 0
+            if lane >= count or p[rows.HIT + lane] == ZERO:
+                continue
+            pick, share = p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane]
+            (x, y, z), radiance, density = aim_at_environment(environment, pick, share)
+            if not density > ZERO:
+                continue
+            r, g, b, own = lit_by(x, y, z, lane, surfaces, materials, work)
+            weight = ONE / (density + own)  # of aiming, over its density
+            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
+            aimed += aim(x, y, z, INF, light, lane, work)
+        add_unshadowed(first, aimed, scene, work, paths)
 
 
 @inline_kernel

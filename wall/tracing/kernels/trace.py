@@ -107,13 +107,13 @@ def intersect(scene, work):
 def light_packet(scene, surfaces, materials, lights, work):
     """Radiance along each ray of an intersected packet, without mirrors, into rows RADIANCE_R, _G, _B."""
     bits = work.bits
-    see_sky(lights, work)
+    see_sky(lights.environment, lights, work)
     if gather_surfaces(surfaces, materials, surfaces.normals, work) == 0:
         return
     finish_surfaces(work)
     colour_by_vertices(surfaces, surfaces.colors, work)
     colour_by_textures(surfaces, materials, surfaces.uvs, work)
-    add_ambient(lights, work)
+    add_ambient(lights.environment, lights, work)
     for lane in range(16):
         bits[rows.LIGHT_VISIBILITY + lane] = ALL_LIGHTS
     work.counts[SHADOW_RAYS] += add_lights(lights.directional, aim_directional, 0, scene, work)

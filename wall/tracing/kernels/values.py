@@ -113,12 +113,23 @@ class Paths(NamedTuple):
     seed: np.uint32
 
 
+class Environment(NamedTuple):
+    """A lat-long image (h, 2 h) in place of the sky; what the integrator does not read has no entries."""
+
+    texels: Float32  # (h, w, 3) radiance
+    middle: np.float32  # u of the direction -z
+    row_sums: Float32  # (h + 1,) chance of all rows before each: 0 to 1
+    column_sums: Float32  # (h, w + 1) of each row: chance of all its texels before each
+    irradiance: Float32  # (n, n, 3) over pi, by the normal on an unfolded octahedron
+
+
 class Lights(NamedTuple):
     """What shines: lights by number, directional ones first, and the sky."""
 
     directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
     points: Float32 | None  # (p, 6) position relative to the eye, intensity
     emitters: Emitters | None  # None: light sources are not aimed at
+    environment: Environment | None  # in place of the sky
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
     sky_irradiance: Float32  # (SKY_STEPS + 1, 3) over pi, by the normal's height
 
