@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
 
 from wall.config.materials import IntegratorConfig, MaterialConfig
@@ -33,6 +33,31 @@ class PointLightConfig(Model):
     intensity: Color = Field(description="linear RGB, W/sr")
 
 
+class SpotLightConfig(Model):
+    """A light that shines from a point into a cone."""
+
+    type: Literal["spot"] = Field(description="a light at a point that shines into a cone")
+    position: Point = Field(description="where it stands, world units")
+    direction: Direction = Field(description="in which it shines, away from it, world frame, any length")
+    intensity: Color = Field(description="linear RGB along its direction, W/sr")
+    inner_angle: Annotated[Number, Ge(0.0), Lt(90.0)] = Field(
+        default=0.0, description="degrees from the direction up to which it shines with all its intensity"
+    )
+    outer_angle: Annotated[Number, Gt(0.0), Le(90.0)] = Field(
+        default=45.0, description="degrees from the direction where its light ends, fading smoothly"
+    )
+
+    @model_validator(mode="after")
+    def _fades(self) -> SpotLightConfig:
+        if self.inner_angle >= self.outer_angle:
+            raise refusal(
+                f"is not below outer_angle, {self.outer_angle:g}",
+                accepted=f"0 to less than {self.outer_angle:g}",
+                at=("inner_angle",),
+            )
+        return self
+
+
 class DirectionalLightConfig(Model):
     """A light so far away that its rays are parallel: the sun."""
 
@@ -41,7 +66,7 @@ class DirectionalLightConfig(Model):
     irradiance: Color = Field(description="linear RGB on a surface that faces the light, W/m^2")
 
 
-LightConfig = Annotated[PointLightConfig | DirectionalLightConfig, Field(discriminator="type")]
+LightConfig = Annotated[PointLightConfig | SpotLightConfig | DirectionalLightConfig, Field(discriminator="type")]
 
 
 class SkyConfig(Model):

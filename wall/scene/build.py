@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.materials import PathConfig
-from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig
+from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig, SpotLightConfig
 from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
@@ -35,6 +35,7 @@ from wall.scene.model import (
     PointLight,
     Sky,
     Source,
+    SpotLight,
     Texture,
 )
 
@@ -58,6 +59,7 @@ class Scene:
     textures: tuple[Texture, ...]
     instances: tuple[Instance, ...]
     point_lights: tuple[PointLight, ...]
+    spot_lights: tuple[SpotLight, ...]
     directional_lights: tuple[DirectionalLight, ...]
     sky: Sky
     environment: Environment | None  # in place of the sky
@@ -66,7 +68,7 @@ class Scene:
     center: Float64  # (3,) world, middle of the bounding box at rest
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     radius: float  # world units, of the smallest sphere about `center`
-    rest: Float64  # (bodies, 4, 4): instances, point lights, directional lights
+    rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
     _moments: dict[float, Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
@@ -105,11 +107,14 @@ class Scene:
             poses = self.rest.copy()
             self.tracks.apply(poses, time)
             poses.setflags(write=False)
-        objects, lights = len(self.instances), len(self.instances) + len(self.point_lights)
+        objects = len(self.instances)
+        spots = objects + len(self.point_lights)
+        lights = spots + len(self.spot_lights)
         directions = poses[lights:, :3, 3]
         return Moment(
             world_from_object=poses[:objects],
-            point_positions=poses[objects:lights, :3, 3],
+            point_positions=poses[objects:spots, :3, 3],
+            spot_positions=poses[spots:lights, :3, 3],
             directions=directions / np.sqrt((directions**2).sum(axis=1, keepdims=True)),
         )
 
@@ -191,6 +196,14 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
 def _light(config: LightConfig) -> Light:
     if isinstance(config, PointLightConfig):
         return PointLight(position=config.position, intensity=config.intensity)
+    if isinstance(config, SpotLightConfig):
+        return SpotLight(
+            position=config.position,
+            direction=unit(config.direction),
+            intensity=config.intensity,
+            inner_angle=config.inner_angle,
+            outer_angle=config.outer_angle,
+        )
     return DirectionalLight(direction=unit(config.direction), irradiance=config.irradiance)
 
 
@@ -198,7 +211,9 @@ def assemble(source: Source) -> Scene:
     """Resolve names and defaults, and lay out what moves."""
     lights: tuple[Light, ...] = default_lights() if source.lights is None else source.lights
     points = tuple(light for light in lights if isinstance(light, PointLight))
+    spots = tuple(light for light in lights if isinstance(light, SpotLight))
     directional = tuple(light for light in lights if isinstance(light, DirectionalLight))
+    bodies: tuple[Light, ...] = (*points, *spots, *directional)
     center, radius = framing_sphere(source.meshes, source.instances)
     instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances)
     return Scene(
@@ -207,15 +222,16 @@ def assemble(source: Source) -> Scene:
         textures=source.textures,
         instances=instances,
         point_lights=points,
+        spot_lights=spots,
         directional_lights=directional,
         sky=source.sky or STUDIO_SKY,
         environment=source.environment,
-        tracks=compile_tracks(_movings(source, (*points, *directional), lights)),
+        tracks=compile_tracks(_movings(source, bodies, lights)),
         notes=source.notes,
         center=center,
         path_depth=source.path_depth,
         radius=radius,
-        rest=_rest(instances, (*points, *directional)),
+        rest=_rest(instances, bodies),
     )
 
 
@@ -238,7 +254,7 @@ def _rest(instances: Sequence[Instance], lights: Sequence[Light]) -> Float64:
 
 
 def _position(light: Light) -> Vector:
-    return light.position if isinstance(light, PointLight) else light.direction
+    return light.direction if isinstance(light, DirectionalLight) else light.position
 
 
 def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -> list[Moving]:

@@ -6,6 +6,7 @@ stands; every placement is a float64 matrix `world_from_object`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
 
+SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
 LARGEST_IOR = 4.0  # index of refraction that files may give
 
 
@@ -83,6 +85,24 @@ class PointLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SpotLight:
+    """A light that shines from one point into a cone, fading from an inner angle to an outer one."""
+
+    position: tuple[float, float, float]  # world
+    direction: tuple[float, float, float]  # world, unit, in which it shines
+    intensity: tuple[float, float, float]  # linear RGB, W sr^-1, along its direction
+    inner_angle: float  # degrees from the direction: full intensity up to here
+    outer_angle: float  # degrees, above the inner one, at most 90: no light from here on
+
+    @property
+    def falloff(self) -> tuple[float, float]:
+        """a, b of the share of intensity at an angle, clamp(a cos(angle) + b, 0, 1)^2 (KHR_lights_punctual)."""
+        inner, outer = math.cos(math.radians(self.inner_angle)), math.cos(math.radians(self.outer_angle))
+        scale = 1.0 / max(SHARPEST_SPOT, inner - outer)
+        return scale, -outer * scale
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionalLight:
     """A light infinitely far away, as the sun."""
 
@@ -90,7 +110,7 @@ class DirectionalLight:
     irradiance: tuple[float, float, float]  # linear RGB, W m^-2 on a facing surface
 
 
-Light: TypeAlias = PointLight | DirectionalLight
+Light: TypeAlias = PointLight | SpotLight | DirectionalLight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,4 +161,5 @@ class Moment:
 
     world_from_object: Float64  # (instances, 4, 4)
     point_positions: Float64  # (point lights, 3)
+    spot_positions: Float64  # (spot lights, 3)
     directions: Float64  # (directional lights, 3) unit

@@ -18,6 +18,7 @@ class Needs:
     smooth_normals: bool
     mirrors: bool
     point_lights: bool
+    spot_lights: bool
     directional_lights: bool
     environment: bool  # an image in place of the sky
     instancing: bool  # a mesh is placed more than once
@@ -44,6 +45,7 @@ def needs(scene: Scene) -> Needs:
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         mirrors=mirrors,
         point_lights=bool(scene.point_lights),
+        spot_lights=bool(scene.spot_lights),
         directional_lights=bool(scene.directional_lights),
         environment=scene.environment is not None,
         instancing=len(meshes) < len(scene.instances),
@@ -56,7 +58,8 @@ def needs(scene: Scene) -> Needs:
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS
         and not paths
-        and scene.environment is None,  # objects know which way is up, not how they are turned about it
+        and not scene.spot_lights  # objects know where lights are and which way is up, not how they are turned
+        and scene.environment is None,
     )
 
 

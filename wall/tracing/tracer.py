@@ -127,6 +127,7 @@ class Tracer:
         self._lights = Lights(
             directional=None,
             points=None,
+            spots=None,
             emitters=tracer_scene.emitters,
             environment=tracer_scene.environment,
             sky=tracer_scene.sky,
@@ -167,6 +168,10 @@ class Tracer:
             relative = moment.point_positions - origin
             points = _light_rows(relative, [light.intensity for light in scene.point_lights])
             self._lights = self._lights._replace(points=points)
+        if scene.spot_lights:
+            spots = _light_rows(moment.spot_positions - origin, [light.intensity for light in scene.spot_lights])
+            cones = np.array([(*light.direction, *light.falloff) for light in scene.spot_lights], np.float32)
+            self._lights = self._lights._replace(spots=np.hstack([spots, cones]))
         if scene.directional_lights:
             directional = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
             self._lights = self._lights._replace(directional=directional)

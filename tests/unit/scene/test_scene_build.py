@@ -161,6 +161,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         smooth_normals=True,
         mirrors=True,
         point_lights=True,
+        spot_lights=False,
         directional_lights=True,
         environment=False,
         instancing=True,
@@ -175,7 +176,8 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, vertex colors, smooth normals, mirrors, point lights, "
-        "environment, instancing, animation, emission, change detection, paths, interfaces, emitters, relighting"
+        "spot lights, environment, instancing, animation, emission, change detection, paths, interfaces, emitters, "
+        "relighting"
     )
 
 

@@ -27,6 +27,8 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
     scene, depth = plan.scene, plan.scene.path_depth
     if depth is None:
         raise RunError("scene.integrator: direct light has no equal in Mitsuba; wanted {method: path}")
+    if scene.spot_lights:
+        raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
     moment = scene.at(0.0)
     found: dict[str, Any] = {
         "type": "scene",

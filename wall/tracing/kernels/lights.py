@@ -1,4 +1,4 @@
-"""Light on a packet's hits: sky, directional and point lights with shadow rays, emission."""
+"""Light on a packet's hits: sky, directional, point and spot lights with shadow rays, emission."""
 
 from __future__ import annotations
 
@@ -85,9 +85,9 @@ def add_emission(emits, surfaces, materials, work):
 
 @inline_kernel
 def add_lights(lights, aim, first, scene, work):
-    """Adds `lights` (n, 6), numbered from `first`; None does nothing. Returns shadow rays.
+    """Adds `lights` (n, 6 or more), numbered from `first`; None does nothing. Returns shadow rays.
 
-    aim : aim_directional or aim_point
+    aim : aim_directional, aim_point or aim_spot
     """
     rays = 0
     if lights is not None:
@@ -100,11 +100,11 @@ def add_lights(lights, aim, first, scene, work):
 
 
 @inline_kernel
-def light_count(directional):
-    """The number of directional lights (s, 6), 0 for None."""
-    if directional is None:
+def light_count(lights):
+    """The number of lights of a kind (n, 6), 0 for None."""
+    if lights is None:
         return 0
-    return directional.shape[0]
+    return lights.shape[0]
 
 
 @inline_kernel
@@ -146,6 +146,26 @@ def aim_point(light, work):
         sx, sy, sz = xyz(p, SHADOW_ORIGIN, lane)
         set_xyz(p, SHADOW_DIRECTION, lane, x - sx, y - sy, z - sz)
         p[SHADOW_T_FAR + lane] = end_before(p, reach, scale, lane)
+
+
+@inline_kernel
+def aim_spot(light, work):
+    """Aims shadow rays at a spot light; writes LIGHT_WEIGHT, as aim_point does, 0 outside its cone."""
+    aim_point(light, work)
+    p = work.packet
+    for lane in range(16):
+        px, py, pz = xyz(p, rows.POSITION_X, lane)
+        lx, ly, lz = light[0] - px, light[1] - py, light[2] - pz
+        scale = ONE / math.sqrt(lx * lx + ly * ly + lz * lz)
+        p[rows.LIGHT_WEIGHT + lane] *= spot_share(light, lx * scale, ly * scale, lz * scale)
+
+
+@inline_kernel
+def spot_share(light, x, y, z):
+    """The share of a spot's intensity that goes to a place from which it lies in the unit direction (x, y, z)."""
+    cosine = -(x * light[6] + y * light[7] + z * light[8])
+    share = min(max(light[9] * cosine + light[10], ZERO), ONE)
+    return share * share
 
 
 @inline_kernel

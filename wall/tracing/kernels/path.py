@@ -22,7 +22,7 @@ from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
 from wall.tracing.kernels.environment import aim_at_environment, density_of_environment
-from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, end_before, see_sky
+from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.scatter import lit_by, scatter, seen_from_inside
@@ -39,6 +39,7 @@ from wall.tracing.kernels.values import (
     SHADOW_RAYS,
     ZERO,
 )
+from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot
 
 ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
@@ -75,6 +76,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                     lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths
                 )
                 add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+                add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
                 draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
                 add_environment(first, count, lights.environment, scene, surfaces, materials, work, paths)
                 add_emitters(first, count, lights.emitters, scene, surfaces, materials, work, paths)
@@ -222,9 +224,9 @@ def weight_of_seen(emitters, surfaces, lane, work):
 
 @inline_kernel
 def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, paths):
-    """Adds the light of every one of `lights` (n, 6), shadow rays only for lanes that face it; None does nothing.
+    """Adds the light of each of `lights` (n, 6 or more), shadow rays only for lanes that face it; None does nothing.
 
-    way_to : way_to_directional or way_to_point
+    way_to : a function of ways.py
     """
     if lights is not None:
         for k in range(lights.shape[0]):
@@ -232,29 +234,13 @@ def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, p
             for lane in range(16):
                 work.shadow_valid[lane] = 0
                 if lane < count and work.packet[rows.HIT + lane] != ZERO:
-                    dx, dy, dz, scale, far = way_to(light, lane, work)
+                    dx, dy, dz, scale, share, far = way_to(light, lane, work)
+                    if not share > ZERO:
+                        continue
                     r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
-                    share = scale * scale
                     light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
                     aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
             add_unshadowed(first, aimed, scene, work, paths)
-
-
-@inline_kernel
-def way_to_directional(light, lane, work):
-    """The way to a light infinitely far away, one over its length, and where shadow rays end."""
-    return light[0], light[1], light[2], ONE, INF
-
-
-@inline_kernel
-def way_to_point(light, lane, work):
-    """The way to a point light, one over its length, and where shadow rays end: an offset before the light."""
-    p = work.packet
-    px, py, pz = xyz(p, rows.POSITION_X, lane)
-    dx, dy, dz = light[0] - px, light[1] - py, light[2] - pz
-    scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
-    reach = abs(light[0]) + abs(light[1]) + abs(light[2])
-    return dx, dy, dz, scale, end_before(p, reach, scale, lane)
 
 
 @inline_kernel

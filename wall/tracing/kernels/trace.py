@@ -22,6 +22,7 @@ from wall.tracing.kernels.lights import (
     add_lights,
     aim_directional,
     aim_point,
+    aim_spot,
     light_count,
     see_sky,
 )
@@ -119,6 +120,8 @@ def light_packet(scene, surfaces, materials, lights, work):
     work.counts[SHADOW_RAYS] += add_lights(lights.directional, aim_directional, 0, scene, work)
     first_point = light_count(lights.directional)
     work.counts[SHADOW_RAYS] += add_lights(lights.points, aim_point, first_point, scene, work)
+    first_spot = first_point + light_count(lights.points)
+    work.counts[SHADOW_RAYS] += add_lights(lights.spots, aim_spot, first_spot, scene, work)
     add_emission(materials.emits, surfaces, materials, work)
 
 

@@ -124,10 +124,11 @@ class Environment(NamedTuple):
 
 
 class Lights(NamedTuple):
-    """What shines: lights by number, directional ones first, and the sky."""
+    """What shines: lights by number, directional ones, then points, then spots; surfaces; and the sky."""
 
     directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
     points: Float32 | None  # (p, 6) position relative to the eye, intensity
+    spots: Float32 | None  # (q, 11) as points, then unit direction of its light, and a, b of SpotLight.falloff
     emitters: Emitters | None  # None: light sources are not aimed at
     environment: Environment | None  # in place of the sky
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
