@@ -64,6 +64,9 @@ class DirectionalLightConfig(Model):
     type: Literal["directional"] = Field(description="parallel light, like the sun's")
     direction: Direction = Field(description="from the surface towards the light, world frame, any length")
     irradiance: Color = Field(description="linear RGB on a surface that faces the light, W/m^2")
+    angular_diameter: Annotated[Number, Ge(0.0), Le(180.0)] = Field(
+        default=0.0, description="degrees of its disc, for soft shadows on paths; the sun's is 0.53"
+    )
 
 
 LightConfig = Annotated[PointLightConfig | SpotLightConfig | DirectionalLightConfig, Field(discriminator="type")]

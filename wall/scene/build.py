@@ -204,7 +204,9 @@ def _light(config: LightConfig) -> Light:
             inner_angle=config.inner_angle,
             outer_angle=config.outer_angle,
         )
-    return DirectionalLight(direction=unit(config.direction), irradiance=config.irradiance)
+    return DirectionalLight(
+        direction=unit(config.direction), irradiance=config.irradiance, angular_diameter=config.angular_diameter
+    )
 
 
 def assemble(source: Source) -> Scene:

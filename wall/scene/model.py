@@ -108,6 +108,7 @@ class DirectionalLight:
 
     direction: tuple[float, float, float]  # world, unit, from the surface towards the light
     irradiance: tuple[float, float, float]  # linear RGB, W m^-2 on a facing surface
+    angular_diameter: float = 0.0  # degrees, on paths: shadows have penumbrae; direct light takes it as 0
 
 
 Light: TypeAlias = PointLight | SpotLight | DirectionalLight

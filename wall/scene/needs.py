@@ -20,6 +20,7 @@ class Needs:
     point_lights: bool
     spot_lights: bool
     directional_lights: bool
+    suns: bool  # directional lights with an angular diameter, on paths
     environment: bool  # an image in place of the sky
     instancing: bool  # a mesh is placed more than once
     animation: bool
@@ -47,6 +48,7 @@ def needs(scene: Scene) -> Needs:
         point_lights=bool(scene.point_lights),
         spot_lights=bool(scene.spot_lights),
         directional_lights=bool(scene.directional_lights),
+        suns=paths and any(light.angular_diameter > 0.0 for light in scene.directional_lights),
         environment=scene.environment is not None,
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,

@@ -128,6 +128,7 @@ class Tracer:
             directional=None,
             points=None,
             spots=None,
+            suns=None,
             emitters=tracer_scene.emitters,
             environment=tracer_scene.environment,
             sky=tracer_scene.sky,
@@ -175,6 +176,17 @@ class Tracer:
         if scene.directional_lights:
             directional = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
             self._lights = self._lights._replace(directional=directional)
+            if tracer_scene.needs.suns:
+                self._part_suns(directional)
+
+    def _part_suns(self, directional: Float32) -> None:
+        """Gives directional lights (n, 6) that are discs to Lights.suns, the others to Lights.directional."""
+        diameters = [light.angular_diameter for light in self._tracer_scene.scene.directional_lights]
+        caps = 2.0 * np.sin(np.radians(diameters) / 4.0) ** 2  # 1 - cosine of the radius
+        discs = caps > 0.0
+        suns = np.hstack([directional, caps.astype(np.float32)[:, None]])[discs]
+        rest = None if discs.all() else np.ascontiguousarray(directional[~discs])
+        self._lights = self._lights._replace(directional=rest, suns=np.ascontiguousarray(suns))
 
     def trace(self, xy: Float32, footprint: float = 1.0, number: int | None = None) -> tuple[Samples, Traced]:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.

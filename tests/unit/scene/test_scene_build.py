@@ -163,6 +163,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         point_lights=True,
         spot_lights=False,
         directional_lights=True,
+        suns=False,
         environment=False,
         instancing=True,
         animation=True,
@@ -176,8 +177,8 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, vertex colors, smooth normals, mirrors, point lights, "
-        "spot lights, environment, instancing, animation, emission, change detection, paths, interfaces, emitters, "
-        "relighting"
+        "spot lights, suns, environment, instancing, animation, emission, change detection, paths, interfaces, "
+        "emitters, relighting"
     )
 
 

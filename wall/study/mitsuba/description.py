@@ -29,6 +29,8 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
         raise RunError("scene.integrator: direct light has no equal in Mitsuba; wanted {method: path}")
     if scene.spot_lights:
         raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
+    if any(light.angular_diameter > 0.0 for light in scene.directional_lights):
+        raise RunError("scene.lights: Mitsuba's directions have no angular diameter; wanted 0")
     moment = scene.at(0.0)
     found: dict[str, Any] = {
         "type": "scene",

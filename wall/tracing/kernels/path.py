@@ -39,12 +39,13 @@ from wall.tracing.kernels.values import (
     SHADOW_RAYS,
     ZERO,
 )
-from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot
+from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot, way_to_sun
 
 ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
 PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
-ENVIRONMENT_PAIR = 1 << 16  # pair of bounce 0, beyond those of all bounces
+ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16  # pairs of bounce 0, beyond those of all bounces
+PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 
 
@@ -77,6 +78,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 )
                 add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
                 add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
+                add_suns(first, count, bounce, lights.suns, scene, surfaces, materials, work, paths)
                 draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
                 add_environment(first, count, lights.environment, scene, surfaces, materials, work, paths)
                 add_emitters(first, count, lights.emitters, scene, surfaces, materials, work, paths)
@@ -241,6 +243,15 @@ def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, p
                     light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
                     aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
             add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def add_suns(first, count, bounce, suns, scene, surfaces, materials, work, paths):
+    """Adds the light of one direction of each of `suns` (n, 7), chosen at random; None does nothing."""
+    if suns is not None:
+        for k in range(suns.shape[0]):
+            draw_light_numbers(suns, SUN_PAIR + PAIRS_APART * k, bounce, work)
+            add_deltas(suns[k : k + 1], way_to_sun, first, count, scene, surfaces, materials, work, paths)
 
 
 @inline_kernel

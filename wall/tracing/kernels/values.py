@@ -129,6 +129,7 @@ class Lights(NamedTuple):
     directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
     points: Float32 | None  # (p, 6) position relative to the eye, intensity
     spots: Float32 | None  # (q, 11) as points, then unit direction of its light, and a, b of SpotLight.falloff
+    suns: Float32 | None  # (r, 7) directional lights that are discs: direction, irradiance, 1 - cosine of the radius
     emitters: Emitters | None  # None: light sources are not aimed at
     environment: Environment | None  # in place of the sky
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
