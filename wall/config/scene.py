@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, Lt
@@ -16,6 +17,7 @@ from wall.core.fields import (
     Number,
     Period,
     Point,
+    Positive,
     Seconds,
     Text,
     Whole,
@@ -23,6 +25,8 @@ from wall.core.fields import (
     check_times,
     refusal,
 )
+
+FLATTEST_RECTANGLE = 1e-6  # sine of the angle between a rectangle's edges
 
 
 class PointLightConfig(Model):
@@ -69,7 +73,41 @@ class DirectionalLightConfig(Model):
     )
 
 
-LightConfig = Annotated[PointLightConfig | SpotLightConfig | DirectionalLightConfig, Field(discriminator="type")]
+class _AreaLightConfig(Model):
+    center: Point = Field(description="its middle, world units")
+    radiance: Color = Field(description="linear RGB, W sr^-1 m^-2")
+    sides: Literal["front", "both"] = Field(default="front", description="from which it shines")
+
+
+class RectangleLightConfig(_AreaLightConfig):
+    """A rectangle that shines."""
+
+    type: Literal["rectangle"] = Field(description="a rectangle that shines, and that rays see")
+    edges: tuple[Point, Point] = Field(
+        description="two edges as vectors, world units; from its front the first turns counterclockwise to the second"
+    )
+
+    @model_validator(mode="after")
+    def _has_area(self) -> RectangleLightConfig:
+        (a, b, c), (d, e, f) = self.edges
+        area = math.hypot(b * f - c * e, c * d - a * f, a * e - b * d)
+        if area <= FLATTEST_RECTANGLE * math.hypot(a, b, c) * math.hypot(d, e, f):
+            raise refusal("the edges span no area", accepted="two edges that are not parallel", at=("edges",))
+        return self
+
+
+class DiscLightConfig(_AreaLightConfig):
+    """A disc that shines."""
+
+    type: Literal["disc"] = Field(description="a disc that shines, and that rays see")
+    normal: Direction = Field(description="towards its front, world frame, any length")
+    radius: Positive = Field(description="world units")
+
+
+LightConfig = Annotated[
+    PointLightConfig | SpotLightConfig | DirectionalLightConfig | RectangleLightConfig | DiscLightConfig,
+    Field(discriminator="type"),
+]
 
 
 class SkyConfig(Model):

@@ -11,10 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.materials import PathConfig
-from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig, SpotLightConfig
+from wall.config.scene import (
+    AnimationConfig,
+    DirectionalLightConfig,
+    LightConfig,
+    PointLightConfig,
+    SceneConfig,
+    SpotLightConfig,
+)
 from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
+from wall.scene.area_lights import area_light, emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.arcade import arcade
 from wall.scene.builtin.cornell import cornell
@@ -25,6 +33,7 @@ from wall.scene.environment import read_environment
 from wall.scene.lights import STUDIO_SKY, default_lights, unit
 from wall.scene.materials import described, with_materials
 from wall.scene.model import (
+    AreaLight,
     DirectionalLight,
     Environment,
     Instance,
@@ -204,9 +213,11 @@ def _light(config: LightConfig) -> Light:
             inner_angle=config.inner_angle,
             outer_angle=config.outer_angle,
         )
-    return DirectionalLight(
-        direction=unit(config.direction), irradiance=config.irradiance, angular_diameter=config.angular_diameter
-    )
+    if isinstance(config, DirectionalLightConfig):
+        return DirectionalLight(
+            direction=unit(config.direction), irradiance=config.irradiance, angular_diameter=config.angular_diameter
+        )
+    return area_light(config)
 
 
 def assemble(source: Source) -> Scene:
@@ -216,11 +227,13 @@ def assemble(source: Source) -> Scene:
     spots = tuple(light for light in lights if isinstance(light, SpotLight))
     directional = tuple(light for light in lights if isinstance(light, DirectionalLight))
     bodies: tuple[Light, ...] = (*points, *spots, *directional)
+    areas = tuple(light for light in lights if isinstance(light, AreaLight))
+    meshes, materials, emitters = emitting(lights, len(source.meshes), len(source.materials))
     center, radius = framing_sphere(source.meshes, source.instances)
-    instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances)
+    instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances) + emitters
     return Scene(
-        meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes),
-        materials=source.materials,
+        meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes) + meshes,
+        materials=source.materials + materials,
         textures=source.textures,
         instances=instances,
         point_lights=points,
@@ -228,7 +241,7 @@ def assemble(source: Source) -> Scene:
         directional_lights=directional,
         sky=source.sky or STUDIO_SKY,
         environment=source.environment,
-        tracks=compile_tracks(_movings(source, bodies, lights)),
+        tracks=compile_tracks(_movings(source, (*areas, *bodies), lights)),
         notes=source.notes,
         center=center,
         path_depth=source.path_depth,
@@ -260,7 +273,10 @@ def _position(light: Light) -> Vector:
 
 
 def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -> list[Moving]:
-    """Every motion of every body; `bodies` are the lights in row order, `lights` in the order they are named by."""
+    """Every motion of every body.
+
+    bodies : lights in row order, those with an area first; lights : in the order that they are named by
+    """
     movings: list[Moving] = []
     boxes = world_boxes(source.meshes, source.instances) if source.animation else np.empty((0, 2, 3))
     for number, track in enumerate(source.animation):

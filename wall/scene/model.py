@@ -111,7 +111,17 @@ class DirectionalLight:
     angular_diameter: float = 0.0  # degrees, on paths: shadows have penumbrae; direct light takes it as 0
 
 
-Light: TypeAlias = PointLight | SpotLight | DirectionalLight
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AreaLight:
+    """A convex polygon that shines; a scene has it as an instance of a mesh."""
+
+    position: tuple[float, float, float]  # of its centre, world
+    corners: Float64  # (k, 3) about the centre, counterclockwise seen from its front
+    radiance: tuple[float, float, float]  # linear RGB, W sr^-1 m^-2; lights others on paths alone
+    both_sides: bool = False
+
+
+Light: TypeAlias = PointLight | SpotLight | DirectionalLight | AreaLight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
