@@ -43,6 +43,14 @@ def radiance_at(texels, u, v):
 
 
 @kernel
+def look_up(texels, middle, directions, radiance):
+    """Writes the radiance (n, 3) float32 from directions (n, 3) float32 of any length; texels, middle : as above."""
+    for k in range(directions.shape[0]):
+        u, v = image_position(directions[k, 0], directions[k, 1], directions[k, 2], middle)
+        radiance[k, 0], radiance[k, 1], radiance[k, 2] = radiance_at(texels, u, v)
+
+
+@kernel
 def environment_of_panel(frame, corner, texels, middle, colour):
     """Writes what a panel's pixel centres see of an environment.
 
