@@ -51,7 +51,6 @@ def read_environment(path: Path, *, rotation: float, strength: float) -> tuple[E
         light = _reduced(light, (WIDEST_PX, WIDEST_PX // 2))
         notes.append(f"{path.name}: its {width}x{height} pixels are reduced to {WIDEST_PX}x{WIDEST_PX // 2}")
     texels = np.ascontiguousarray(light * np.float32(strength), np.float32)
-    texels.setflags(write=False)
     return Environment(name=path.name, texels=texels, rotation=rotation), notes
 
 

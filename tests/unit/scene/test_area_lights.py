@@ -82,6 +82,7 @@ def test_a_disc_gives_the_light_of_its_form_factor(radius: float) -> None:
     np.testing.assert_allclose(got, 0.5 * radius**2 / (radius**2 + 1) * np.array([3.0, 2.0, 1.0]), rtol=0.01)
 
 
+@pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("described", [RECTANGLE, DISC])
 def test_front_and_both_sides(described: dict[str, Any]) -> None:
     turned = {"edges": ((0.0, 0.0, 2.0), (2.0, 0.0, 0.0))} if described is RECTANGLE else {"normal": (0.0, 1.0, 0.0)}
