@@ -14,6 +14,7 @@ from wall.tracing.kernels.values import Environment
 STEPS = 128  # of the octahedron that normals are unfolded to: irradiance within 1.5 % of a single distant light's
 COARSE = 64  # rows of cells that light is gathered in for irradiance, each at its own middle
 FINEST = 256  # rows that a smaller image is refined to before that
+EVEN = 1e-4  # of its mean: an image that is nowhere brighter by more has nothing to aim at
 CHUNK = 2048  # normals at once
 
 
@@ -30,15 +31,18 @@ def environment_tables(environment: model.Environment, *, paths: bool) -> Enviro
 def chances(texels: Float32) -> tuple[Float32, Float32]:
     """Sums of the chances of rows (h + 1,) and of the texels of each row (h, w + 1), from 0 to 1.
 
-    texels : (h, w, 3). A texel's chance is its solid angle times the mean luminance of the bilinear image over it,
-    which is 3/4 its own and 1/8 each neighbour's, along both axes. Without any light all texels have the same.
+    texels : (h, w, 3). A texel's chance is its solid angle times what the mean luminance of the bilinear image over it,
+    3/4 its own and 1/8 each neighbour's along both axes, has above that of the whole image: rays that scatter find the
+    rest well enough (O. Karlik et al., "MIS Compensation", 2019). In an even image all directions have the same.
     """
     light = texels.astype(np.float64) @ LUMINANCE
     light = 0.75 * light + 0.125 * (np.roll(light, 1, axis=1) + np.roll(light, -1, axis=1))
     above, below = np.vstack([light[:1], light[:-1]]), np.vstack([light[1:], light[-1:]])
     light = 0.75 * light + 0.125 * (above + below)
-    light *= solid_angles(*light.shape)[:, None]
-    light = light if light.sum() > 0.0 else np.ones_like(light)
+    size = solid_angles(*light.shape)[:, None]
+    mean = (light * size).sum() / (4.0 * math.pi)
+    light = np.maximum(light - mean, 0.0)
+    light = (light if light.max() > EVEN * mean else np.ones_like(light)) * size
     rows = light.sum(axis=1)
     return _sums(rows), _sums(np.where(rows[:, None] > 0.0, light, 1.0))
 

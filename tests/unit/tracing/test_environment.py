@@ -203,10 +203,23 @@ def test_directions_are_drawn_with_their_density(rotation: float) -> None:
     assert square < freedom + 4.9 * math.sqrt(2 * freedom) + 11
 
 
-def test_without_light_every_texel_has_the_same_chance() -> None:
-    rows, columns = tables.chances(np.zeros((4, 8, 3), np.float32))
-    np.testing.assert_allclose(rows, np.arange(5) / 4)
-    np.testing.assert_allclose(columns, np.broadcast_to(np.arange(9) / 8, (4, 9)))
+@pytest.mark.parametrize("light", [0.0, 1.0, 3.7])
+def test_even_images_are_aimed_at_evenly(light: float) -> None:
+    rows, columns = tables.chances(np.full((8, 16, 3), light, np.float32))
+    np.testing.assert_allclose(rows, (1.0 - np.cos(np.arange(9) * np.pi / 8)) / 2, atol=1e-6)
+    np.testing.assert_allclose(columns, np.broadcast_to(np.arange(17) / 16, (8, 17)), atol=1e-6)
+
+
+def test_only_what_is_brighter_than_the_whole_is_aimed_at() -> None:
+    """Two texels of a row, one three times as bright: chances go by what each has above the image's mean."""
+    texels = np.zeros((32, 64, 3), np.float32)
+    texels[10, 20], texels[10, 40] = 30.0, 90.0
+    rows, columns = tables.chances(texels)
+    assert np.diff(rows)[[9, 10, 11]].sum() == pytest.approx(1.0, abs=1e-6)
+    chance = np.diff(columns[10])
+    mean = 120.0 * tables.solid_angles(32, 64)[10] / (4 * np.pi)
+    wanted = (0.75**2 * 90.0 - mean) / (0.75**2 * 30.0 - mean)
+    assert chance[40] / chance[20] == pytest.approx(wanted, rel=0.01)
 
 
 @pytest.mark.usefixtures("compiled_only")

@@ -1,8 +1,8 @@
 """The environment as a light: seen by rays that leave, aimed at by its brightness, and summed up for diffuse surfaces.
 
-A direction is chosen by row and then by texel of the image, each with the chance of its share of the light, and evenly
-in (u, v) within the texel (M. Pharr et al., Physically Based Rendering, 4th ed., 12.5). Radiance is bilinear between
-texels; the chances are those of the bilinear image, so that no light falls where nothing is aimed.
+A direction is chosen by row and then by texel of the image, by the chances of tracing/environment.py, and evenly in
+(u, v) within the texel (M. Pharr et al., Physically Based Rendering, 4th ed., 12.5). Radiance is bilinear between
+texels. Where nothing is aimed, as at the image's darker part, rays that leave by themselves bring all of the light.
 """
 
 from __future__ import annotations
