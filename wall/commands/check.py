@@ -36,7 +36,8 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield (
         f"scene: {', '.join(sources_of(loaded.config.scene))}, {scene.triangles:,} triangles in "
         f"{len(scene.instances):,} objects of {len(scene.meshes):,} meshes, "
-        f"{len(scene.point_lights)} point and {len(scene.directional_lights)} directional lights"
+        f"{len(scene.point_lights)} point, {len(scene.spot_lights)} spot and {len(scene.directional_lights)} "
+        "directional lights"
     )
     yield f"tracer: {describe(needs(scene))}"
     for note in (*layout.notes, *scene.notes):

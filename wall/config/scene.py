@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
 
 from wall.config.materials import IntegratorConfig, MaterialConfig
@@ -16,6 +17,7 @@ from wall.core.fields import (
     Number,
     Period,
     Point,
+    Positive,
     Seconds,
     Text,
     Whole,
@@ -23,6 +25,8 @@ from wall.core.fields import (
     check_times,
     refusal,
 )
+
+FLATTEST_RECTANGLE = 1e-6  # sine of the angle between a rectangle's edges
 
 
 class PointLightConfig(Model):
@@ -33,15 +37,77 @@ class PointLightConfig(Model):
     intensity: Color = Field(description="linear RGB, W/sr")
 
 
+class SpotLightConfig(Model):
+    """A light that shines from a point into a cone."""
+
+    type: Literal["spot"] = Field(description="a light at a point that shines into a cone")
+    position: Point = Field(description="where it stands, world units")
+    direction: Direction = Field(description="in which it shines, away from it, world frame, any length")
+    intensity: Color = Field(description="linear RGB along its direction, W/sr")
+    inner_angle: Annotated[Number, Ge(0.0), Lt(90.0)] = Field(
+        default=0.0, description="degrees from the direction up to which it shines with all its intensity"
+    )
+    outer_angle: Annotated[Number, Gt(0.0), Le(90.0)] = Field(
+        default=45.0, description="degrees from the direction where its light ends, fading smoothly"
+    )
+
+    @model_validator(mode="after")
+    def _fades(self) -> SpotLightConfig:
+        if self.inner_angle >= self.outer_angle:
+            raise refusal(
+                f"is not below outer_angle, {self.outer_angle:g}",
+                accepted=f"0 to less than {self.outer_angle:g}",
+                at=("inner_angle",),
+            )
+        return self
+
+
 class DirectionalLightConfig(Model):
     """A light so far away that its rays are parallel: the sun."""
 
     type: Literal["directional"] = Field(description="parallel light, like the sun's")
     direction: Direction = Field(description="from the surface towards the light, world frame, any length")
     irradiance: Color = Field(description="linear RGB on a surface that faces the light, W/m^2")
+    angular_diameter: Annotated[Number, Ge(0.0), Le(180.0)] = Field(
+        default=0.0, description="degrees of its disc, for soft shadows on paths; the sun's is 0.53"
+    )
 
 
-LightConfig = Annotated[PointLightConfig | DirectionalLightConfig, Field(discriminator="type")]
+class _AreaLightConfig(Model):
+    center: Point = Field(description="its middle, world units")
+    radiance: Color = Field(description="linear RGB, W sr^-1 m^-2")
+    sides: Literal["front", "both"] = Field(default="front", description="from which it shines")
+
+
+class RectangleLightConfig(_AreaLightConfig):
+    """A rectangle that shines."""
+
+    type: Literal["rectangle"] = Field(description="a rectangle that shines, and that rays see")
+    edges: tuple[Point, Point] = Field(
+        description="two edges as vectors, world units; from its front the first turns counterclockwise to the second"
+    )
+
+    @model_validator(mode="after")
+    def _has_area(self) -> RectangleLightConfig:
+        (a, b, c), (d, e, f) = self.edges
+        area = math.hypot(b * f - c * e, c * d - a * f, a * e - b * d)
+        if area <= FLATTEST_RECTANGLE * math.hypot(a, b, c) * math.hypot(d, e, f):
+            raise refusal("the edges span no area", accepted="two edges that are not parallel", at=("edges",))
+        return self
+
+
+class DiscLightConfig(_AreaLightConfig):
+    """A disc that shines."""
+
+    type: Literal["disc"] = Field(description="a disc that shines, and that rays see")
+    normal: Direction = Field(description="towards its front, world frame, any length")
+    radius: Positive = Field(description="world units")
+
+
+LightConfig = Annotated[
+    PointLightConfig | SpotLightConfig | DirectionalLightConfig | RectangleLightConfig | DiscLightConfig,
+    Field(discriminator="type"),
+]
 
 
 class SkyConfig(Model):
@@ -50,6 +116,19 @@ class SkyConfig(Model):
     zenith: Color = Field(default=(0.35, 0.55, 0.95), description="radiance straight up, linear RGB")
     horizon: Color = Field(default=(0.9, 0.95, 1.0), description="radiance at the horizon, linear RGB")
     ground: Color = Field(default=(0.25, 0.23, 0.2), description="radiance straight down, linear RGB")
+
+
+class EnvironmentConfig(Model):
+    """What rays see that leave the scene: an image of all directions."""
+
+    file: Text = Field(
+        description="a lat-long image, twice as wide as high: .hdr, .exr, .png, .jpg, relative to this file; "
+        "its middle is seen along -z"
+    )
+    rotation: Annotated[Number, Ge(-36000.0), Le(36000.0)] = Field(
+        default=0.0, description="degrees about +y, counterclockwise seen from above"
+    )
+    strength: Annotated[Number, Ge(0.0), Le(1e6)] = Field(default=1.0, description="factor of its radiance")
 
 
 class RotationConfig(Model):
@@ -130,8 +209,8 @@ class SceneConfig(Model):
     """What is rendered."""
 
     source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] = Field(
-        description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors), a .glb, .gltf, "
-        ".obj, .ply or .stl file relative to this one, or a list of them, in one world"
+        description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors, spheres), a .glb, "
+        ".gltf, .obj, .ply or .stl file relative to this one, or a list of them, in one world"
     )
     materials: Annotated[tuple[MaterialConfig, ...], Field(max_length=10000)] = Field(
         default=(), description="materials by name of object or material; later ones win"
@@ -140,12 +219,19 @@ class SceneConfig(Model):
         default=None, description="lights; absent = the source's own, or sensible ones"
     )
     sky: SkyConfig | None = Field(default=None, description="sky; absent = the source's own, or a blue one")
+    environment: EnvironmentConfig | None = Field(default=None, description="an image in place of the sky")
     animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
         default=None, description="rigid motion; absent = the source's own, [] = nothing moves"
     )
     integrator: IntegratorConfig | None = Field(
         default=None, description="how light is followed; absent = the source's own, or direct"
     )
+
+    @model_validator(mode="after")
+    def _one_surrounding(self) -> SceneConfig:
+        if self.sky is not None and self.environment is not None:
+            raise refusal("names both a sky and an environment", accepted="one of sky, environment")
+        return self
 
     @model_validator(mode="after")
     def _lights_exist(self) -> SceneConfig:

@@ -14,6 +14,7 @@ from wall.reconstruction.display_values import update_display
 from wall.reconstruction.kernels import channels as kernels
 from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.build import Scene
+from wall.scene.kernels.environment import environment_of_panel
 
 
 def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: int) -> Framelet:
@@ -85,11 +86,14 @@ def show_reprojected(image: Reconstruction, coverage: Coverage | None, dirty: ND
 
 
 def show_sky(scene: Scene, pose_frame: Float64, corner: Float64, out: Framelet) -> None:
-    """Bring a framelet to the sky that its pixels see."""
-    sky = scene.sky
-    colours = [np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
+    """Bring a framelet to the sky, or the environment, that its pixels see."""
+    sky, environment = scene.sky, scene.environment
     linear = out.colour if not out.encoded else np.empty(out.colour.shape, np.float32)
-    kernels.sky_of_panel(pose_frame, corner, *colours, linear)
+    if environment is not None:
+        environment_of_panel(pose_frame, corner, environment.texels, environment.middle, linear)
+    else:
+        colours = [np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
+        kernels.sky_of_panel(pose_frame, corner, *colours, linear)
     if out.encoded:
         rows, columns = -(-linear.shape[0] // TILE), -(-linear.shape[1] // TILE)
         update_display(linear, np.ones((rows, columns), np.bool_), TILE, out.colour)

@@ -11,21 +11,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.materials import PathConfig
-from wall.config.scene import AnimationConfig, LightConfig, PointLightConfig, SceneConfig
+from wall.config.scene import (
+    AnimationConfig,
+    DirectionalLightConfig,
+    LightConfig,
+    PointLightConfig,
+    SceneConfig,
+    SpotLightConfig,
+)
 from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
+from wall.scene.area_lights import area_light, emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.arcade import arcade
 from wall.scene.builtin.cornell import cornell
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
+from wall.scene.builtin.spheres import spheres
+from wall.scene.environment import read_environment
 from wall.scene.lights import STUDIO_SKY, default_lights, unit
 from wall.scene.materials import described, with_materials
 from wall.scene.model import (
+    AreaLight,
     DirectionalLight,
+    Environment,
     Instance,
     Light,
     Material,
@@ -34,6 +46,7 @@ from wall.scene.model import (
     PointLight,
     Sky,
     Source,
+    SpotLight,
     Texture,
     TextureSet,
 )
@@ -45,6 +58,7 @@ BUILT_IN = {
     "forest": forest,
     "gallery": gallery,
     "gallery_mirrors": gallery_mirrors,
+    "spheres": spheres,
 }
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
 
@@ -58,15 +72,17 @@ class Scene:
     textures: tuple[Texture, ...]
     instances: tuple[Instance, ...]
     point_lights: tuple[PointLight, ...]
+    spot_lights: tuple[SpotLight, ...]
     directional_lights: tuple[DirectionalLight, ...]
     sky: Sky
+    environment: Environment | None  # in place of the sky
     tracks: Tracks
     notes: tuple[str, ...]  # each repair or assumption, for a reader
     cameras: tuple[NamedCamera, ...]  # that the source brings
     center: Float64  # (3,) world, middle of the bounding box at rest
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     radius: float  # world units, of the smallest sphere about `center`
-    rest: Float64  # (bodies, 4, 4): instances, point lights, directional lights
+    rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
     _moments: dict[float, Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
@@ -105,11 +121,14 @@ class Scene:
             poses = self.rest.copy()
             self.tracks.apply(poses, time)
             poses.setflags(write=False)
-        objects, lights = len(self.instances), len(self.instances) + len(self.point_lights)
+        objects = len(self.instances)
+        spots = objects + len(self.point_lights)
+        lights = spots + len(self.spot_lights)
         directions = poses[lights:, :3, 3]
         return Moment(
             world_from_object=poses[:objects],
-            point_positions=poses[objects:lights, :3, 3],
+            point_positions=poses[objects:spots, :3, 3],
+            spot_positions=poses[spots:lights, :3, 3],
             directions=directions / np.sqrt((directions**2).sum(axis=1, keepdims=True)),
         )
 
@@ -118,10 +137,10 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     """The scene that a configuration asks for.
 
     Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
-    Raises SceneError where a model cannot be used, or where the animation names what does not exist.
+    Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
     sources = [make_source(name, base_folder) for name in sources_of(scene_config)]
-    return assemble(_configured(joined(sources), scene_config))
+    return assemble(_configured(joined(sources), scene_config, base_folder))
 
 
 def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
@@ -173,7 +192,7 @@ def _with_textures_from(first: int, material: Material) -> Material:
     return replace(material, textures=TextureSet(*(k if k is None else k + first for k in material.textures)))
 
 
-def _configured(source: Source, config: SceneConfig) -> Source:
+def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Source:
     """The source with everything that the configuration says; what it leaves out stays the source's."""
     source = with_materials(source, config.materials)
     if config.integrator is not None:
@@ -184,6 +203,12 @@ def _configured(source: Source, config: SceneConfig) -> Source:
     if config.sky is not None:
         sky = config.sky
         source = replace(source, sky=Sky(zenith=sky.zenith, horizon=sky.horizon, ground=sky.ground))
+    if config.environment is not None:
+        wanted = config.environment
+        environment, notes = read_environment(
+            base_folder / wanted.file, rotation=wanted.rotation, strength=wanted.strength
+        )
+        source = replace(source, environment=environment, notes=(*source.notes, *notes))
     if config.animation is not None:
         source = replace(source, animation=config.animation, motions=())
     return source
@@ -192,31 +217,49 @@ def _configured(source: Source, config: SceneConfig) -> Source:
 def _light(config: LightConfig) -> Light:
     if isinstance(config, PointLightConfig):
         return PointLight(position=config.position, intensity=config.intensity)
-    return DirectionalLight(direction=unit(config.direction), irradiance=config.irradiance)
+    if isinstance(config, SpotLightConfig):
+        return SpotLight(
+            position=config.position,
+            direction=unit(config.direction),
+            intensity=config.intensity,
+            inner_angle=config.inner_angle,
+            outer_angle=config.outer_angle,
+        )
+    if isinstance(config, DirectionalLightConfig):
+        return DirectionalLight(
+            direction=unit(config.direction), irradiance=config.irradiance, angular_diameter=config.angular_diameter
+        )
+    return area_light(config)
 
 
 def assemble(source: Source) -> Scene:
     """Resolve names and defaults, and lay out what moves."""
     lights: tuple[Light, ...] = default_lights() if source.lights is None else source.lights
     points = tuple(light for light in lights if isinstance(light, PointLight))
+    spots = tuple(light for light in lights if isinstance(light, SpotLight))
     directional = tuple(light for light in lights if isinstance(light, DirectionalLight))
+    bodies: tuple[Light, ...] = (*points, *spots, *directional)
+    areas = tuple(light for light in lights if isinstance(light, AreaLight))
+    meshes, materials, emitters = emitting(lights, len(source.meshes), len(source.materials))
     center, radius = framing_sphere(source.meshes, source.instances)
-    instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances)
+    instances = tuple(_about_zero(instance, source.meshes[instance.mesh]) for instance in source.instances) + emitters
     return Scene(
-        meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes),
-        materials=source.materials,
+        meshes=tuple(replace(mesh, origin=(0.0, 0.0, 0.0)) for mesh in source.meshes) + meshes,
+        materials=source.materials + materials,
         textures=source.textures,
         instances=instances,
         point_lights=points,
+        spot_lights=spots,
         directional_lights=directional,
         sky=source.sky or STUDIO_SKY,
-        tracks=compile_tracks(_movings(source, (*points, *directional), lights)),
+        environment=source.environment,
+        tracks=compile_tracks(_movings(source, (*areas, *bodies), lights)),
         notes=source.notes,
         cameras=source.cameras,
         center=center,
         path_depth=source.path_depth,
         radius=radius,
-        rest=_rest(instances, (*points, *directional)),
+        rest=_rest(instances, bodies),
     )
 
 
@@ -239,11 +282,14 @@ def _rest(instances: Sequence[Instance], lights: Sequence[Light]) -> Float64:
 
 
 def _position(light: Light) -> Vector:
-    return light.position if isinstance(light, PointLight) else light.direction
+    return light.direction if isinstance(light, DirectionalLight) else light.position
 
 
 def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -> list[Moving]:
-    """Every motion of every body; `bodies` are the lights in row order, `lights` in the order they are named by."""
+    """Every motion of every body.
+
+    bodies : lights in row order, those with an area first; lights : in the order that they are named by
+    """
     movings = list(source.motions)
     boxes = world_boxes(source.meshes, source.instances) if source.animation else np.empty((0, 2, 3))
     for number, track in enumerate(source.animation):

@@ -21,8 +21,9 @@ from wall.core.data import Float64
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
-from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, Wrap
+from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
+SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 MALFORMED = (
@@ -197,7 +198,7 @@ def _share(value: Any) -> float:
 
 
 def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
-    """The file's point and directional lights, candela and lux taken as W/sr and W/m^2, and what is drawn otherwise."""
+    """The file's lights, candela and lux taken as W/sr and W/m^2, and notes of those that are left out or mended."""
     known = header.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
     lights: list[Light] = []
     notes: list[str] = []
@@ -208,21 +209,40 @@ def lights_of(header: dict[str, Any]) -> tuple[tuple[Light, ...], list[str]]:
         light = known[number]
         r, g, b = (_finite(c) * _finite(light.get("intensity", 1.0)) for c in light.get("color", (1.0, 1.0, 1.0)))
         x, y, z = pose[:3, 3].tolist()
-        if light["type"] == "directional":
-            away: Vector = (float(pose[0, 2]), float(pose[1, 2]), float(pose[2, 2]))  # it shines along the node's -z
-            if any(away):
-                lights.append(DirectionalLight(direction=unit(away), irradiance=(r, g, b)))
-            else:
-                notes.append(
-                    f"light {light.get('name', number)!r} has no direction, since its node is scaled to nothing"
-                )
+        if light["type"] == "point":
+            lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
             continue
-        lights.append(PointLight(position=(x, y, z), intensity=(r, g, b)))
-        if light["type"] == "spot":
-            notes.append(
-                f"light {light.get('name', number)!r} is a spot; it is drawn as a point that shines everywhere"
+        away: Vector = (float(pose[0, 2]), float(pose[1, 2]), float(pose[2, 2]))  # it shines along the node's -z
+        called = f"light {light.get('name', number)!r}"
+        if not any(away):
+            notes.append(f"{called} has no direction, since its node is scaled to nothing")
+        elif light["type"] == "directional":
+            lights.append(DirectionalLight(direction=unit(away), irradiance=(r, g, b)))
+        elif light["type"] == "spot":
+            inner, outer = _cone(light.get("spot", {}))
+            if not 0.0 <= inner < outer <= 90.0:
+                notes.append(f"{called} has a cone from {inner:.4g} to {outer:.4g} degrees; it is made one within 90")
+                outer = min(max(outer, SMALLEST_CONE), 90.0)
+                inner = min(max(inner, 0.0), outer - SMALLEST_CONE / 2)
+            dx, dy, dz = unit(away)
+            lights.append(
+                SpotLight(
+                    position=(x, y, z),
+                    direction=(-dx, -dy, -dz),
+                    intensity=(r, g, b),
+                    inner_angle=inner,
+                    outer_angle=outer,
+                )
             )
+        else:
+            raise ValueError(f"{called} is of type {light['type']!r}, wanted point, spot or directional")
     return tuple(lights), notes
+
+
+def _cone(spot: dict[str, Any]) -> tuple[float, float]:
+    """Inner and outer angle of a spot, degrees."""
+    inner, outer = spot.get("innerConeAngle", 0.0), spot.get("outerConeAngle", math.pi / 4)
+    return math.degrees(_finite(inner)), math.degrees(_finite(outer))
 
 
 def cameras_of(header: dict[str, Any]) -> tuple[tuple[NamedCamera, ...], list[str]]:

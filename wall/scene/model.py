@@ -6,6 +6,7 @@ stands; every placement is a float64 matrix `world_from_object`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -17,6 +18,7 @@ from wall.core.data import Float32, Float64
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving
 
+SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
 LARGEST_IOR = 4.0  # index of refraction that files may give
 Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
 AlphaMode: TypeAlias = Literal["opaque", "mask", "blend"]
@@ -103,14 +105,43 @@ class PointLight:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SpotLight:
+    """A light that shines from one point into a cone, fading from an inner angle to an outer one."""
+
+    position: tuple[float, float, float]  # world
+    direction: tuple[float, float, float]  # world, unit, in which it shines
+    intensity: tuple[float, float, float]  # linear RGB, W sr^-1, along its direction
+    inner_angle: float  # degrees from the direction: full intensity up to here
+    outer_angle: float  # degrees, above the inner one, at most 90: no light from here on
+
+    @property
+    def falloff(self) -> tuple[float, float]:
+        """a, b of the share of intensity at an angle, clamp(a cos(angle) + b, 0, 1)^2 (KHR_lights_punctual)."""
+        inner, outer = math.cos(math.radians(self.inner_angle)), math.cos(math.radians(self.outer_angle))
+        scale = 1.0 / max(SHARPEST_SPOT, inner - outer)
+        return scale, -outer * scale
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DirectionalLight:
     """A light infinitely far away, as the sun."""
 
     direction: tuple[float, float, float]  # world, unit, from the surface towards the light
     irradiance: tuple[float, float, float]  # linear RGB, W m^-2 on a facing surface
+    angular_diameter: float = 0.0  # degrees, on paths: shadows have penumbrae; direct light takes it as 0
 
 
-Light: TypeAlias = PointLight | DirectionalLight
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class AreaLight:
+    """A convex polygon that shines; a scene has it as an instance of a mesh."""
+
+    position: tuple[float, float, float]  # of its centre, world
+    corners: Float64  # (k, 3) about the centre, counterclockwise seen from its front
+    radiance: tuple[float, float, float]  # linear RGB, W sr^-1 m^-2; lights others on paths alone
+    both_sides: bool = False
+
+
+Light: TypeAlias = PointLight | SpotLight | DirectionalLight | AreaLight
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,6 +154,23 @@ class Sky:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Environment:
+    """A lat-long image of the radiance from all directions, in place of the sky.
+
+    Its middle is seen along -z, its right half towards +x, its top row straight up, before it is turned.
+    """
+
+    name: str
+    texels: Float32  # (h, 2 h, 3) linear RGB, W sr^-1 m^-2; bilinear between texel centres
+    rotation: float = 0.0  # degrees about +y, counterclockwise seen from above
+
+    @property
+    def middle(self) -> np.float32:
+        """Where the direction -z lies in the image, 0..1 from the left: what kernels know of the rotation."""
+        return np.float32((0.5 + self.rotation / 360.0) % 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """What a file or a scene function gives, before the configuration adds to it; None = does not say."""
 
@@ -132,6 +180,7 @@ class Source:
     textures: tuple[Texture, ...] = ()
     lights: tuple[Light, ...] | None = None
     sky: Sky | None = None
+    environment: Environment | None = None  # in place of the sky
     animation: tuple[AnimationConfig, ...] = ()
     motions: tuple[Moving, ...] = ()  # of instances by their numbers, beside `animation`
     cameras: tuple[NamedCamera, ...] = ()
@@ -145,4 +194,5 @@ class Moment:
 
     world_from_object: Float64  # (instances, 4, 4)
     point_positions: Float64  # (point lights, 3)
+    spot_positions: Float64  # (spot lights, 3)
     directions: Float64  # (directional lights, 3) unit

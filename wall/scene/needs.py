@@ -23,7 +23,10 @@ class Needs:
     smooth_normals: bool
     mirrors: bool
     point_lights: bool
+    spot_lights: bool
     directional_lights: bool
+    suns: bool  # directional lights with an angular diameter, on paths
+    environment: bool  # an image in place of the sky
     instancing: bool  # a mesh is placed more than once
     animation: bool
     emission: bool
@@ -31,7 +34,7 @@ class Needs:
     paths: bool  # light comes over several surfaces
     interfaces: bool  # metal or a coat over diffuse light, on paths
     emitters: bool  # surfaces that light others, on paths
-    relighting: bool  # something moves under lights, and a light visibility mask has a bit for each
+    relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
 
 
 def needs(scene: Scene) -> Needs:
@@ -55,7 +58,10 @@ def needs(scene: Scene) -> Needs:
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
         mirrors=mirrors,
         point_lights=bool(scene.point_lights),
+        spot_lights=bool(scene.spot_lights),
         directional_lights=bool(scene.directional_lights),
+        suns=paths and any(light.angular_diameter > 0.0 for light in scene.directional_lights),
+        environment=scene.environment is not None,
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
         emission=emission,
@@ -63,7 +69,11 @@ def needs(scene: Scene) -> Needs:
         paths=paths,
         interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
         emitters=paths and emission,
-        relighting=scene.animated and 0 < lights <= MOST_RELIT_LIGHTS and not paths,
+        relighting=scene.animated
+        and 0 < lights <= MOST_RELIT_LIGHTS
+        and not paths
+        and not scene.spot_lights  # objects know where lights are and which way is up, not how they are turned
+        and scene.environment is None,
     )
 
 

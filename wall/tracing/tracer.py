@@ -127,7 +127,16 @@ class Tracer:
             placements=np.zeros((n, PLACEMENT_COLUMNS), np.float32),
             eye_from_object=self._transforms,
         )
-        self._lights = Lights(None, None, tracer_scene.emitters, tracer_scene.sky, tracer_scene.sky_irradiance)
+        self._lights = Lights(
+            directional=None,
+            points=None,
+            spots=None,
+            suns=None,
+            emitters=tracer_scene.emitters,
+            environment=tracer_scene.environment,
+            sky=tracer_scene.sky,
+            sky_irradiance=tracer_scene.sky_irradiance,
+        )
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._path_room, self._traced = path_room(0, 0), 0
@@ -165,9 +174,24 @@ class Tracer:
             relative = moment.point_positions - origin
             points = _light_rows(relative, [light.intensity for light in scene.point_lights])
             self._lights = self._lights._replace(points=points)
+        if scene.spot_lights:
+            spots = _light_rows(moment.spot_positions - origin, [light.intensity for light in scene.spot_lights])
+            cones = np.array([(*light.direction, *light.falloff) for light in scene.spot_lights], np.float32)
+            self._lights = self._lights._replace(spots=np.hstack([spots, cones]))
         if scene.directional_lights:
             directional = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
             self._lights = self._lights._replace(directional=directional)
+            if tracer_scene.needs.suns:
+                self._part_suns(directional)
+
+    def _part_suns(self, directional: Float32) -> None:
+        """Gives directional lights (n, 6) that are discs to Lights.suns, the others to Lights.directional."""
+        diameters = [light.angular_diameter for light in self._tracer_scene.scene.directional_lights]
+        caps = 2.0 * np.sin(np.radians(diameters) / 4.0) ** 2  # 1 - cosine of the radius
+        discs = caps > 0.0
+        suns = np.hstack([directional, caps.astype(np.float32)[:, None]])[discs]
+        rest = None if discs.all() else np.ascontiguousarray(directional[~discs])
+        self._lights = self._lights._replace(directional=rest, suns=np.ascontiguousarray(suns))
 
     def trace(self, xy: Float32, footprint: float = 1.0, number: int | None = None) -> tuple[Samples, Traced]:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.

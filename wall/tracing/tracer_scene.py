@@ -17,6 +17,7 @@ from wall.scene.model import Mesh
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle, Passing
+from wall.tracing.environment import environment_tables
 from wall.tracing.interface import interface_table
 from wall.tracing.kernels.values import (
     CLAMP,
@@ -28,10 +29,12 @@ from wall.tracing.kernels.values import (
     PLACEMENT_COLUMNS,
     REPEAT,
     Emitters,
+    Environment,
     Materials,
     Surfaces,
 )
 
+DARKEST_MEAN = 1e-3  # of a texture: a dark one is still aimed at where it shines
 OF_TEXTURES = {"first_texel", "texture_width", "texture_height", "wrap_u", "wrap_v"}
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 
@@ -48,15 +51,15 @@ class TracerScene:
     surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
     materials: Materials
     emitters: Emitters | None
+    environment: Environment | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
 
     @property
     def bytes(self) -> int:
         """Memory of the arrays kept here (Embree's own trees come on top)."""
-        arrays = (
-            self.extents, *self.surfaces, *self.materials, *(self.emitters or ()), self.sky, self.sky_irradiance
-        )  # fmt: skip
+        lights = *(self.emitters or ()), *(self.environment or ()), self.sky, self.sky_irradiance
+        arrays = self.extents, *self.surfaces, *self.materials, *lights
         return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 
@@ -95,6 +98,9 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
         ),
         materials=_materials(scene, wanted),
         emitters=_emitters(scene) if wanted.emitters else None,
+        environment=None
+        if scene.environment is None
+        else environment_tables(scene.environment, paths=scene.path_depth is not None),
         sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
         sky_irradiance=sky_irradiance(scene.sky),
     )
@@ -184,10 +190,19 @@ def _emitters(scene: Scene) -> Emitters:
         areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
         first[k], count = count, count + len(areas)
         instances.append(np.full(len(areas), k, np.uint32))
-        powers.append(areas * (emission @ LUMINANCE))
+        powers.append(areas * (emission * _mean_light(scene, mesh) @ LUMINANCE))
     power = np.concatenate(powers)
     chance = (power / power.sum()).astype(np.float32)
     return Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64))
+
+
+def _mean_light(scene: Scene, mesh: Mesh) -> Float64:
+    """(3,) mean of the texture that a mesh's emission is multiplied by, never 0; of all of it, used or not."""
+    number = scene.materials[mesh.material].textures.emission
+    if number is None or mesh.uvs is None:
+        return np.ones(3)
+    mean: Float64 = srgb_decoded(scene.textures[number].texels / 255.0).mean(axis=(0, 1))
+    return np.maximum(mean, DARKEST_MEAN)
 
 
 def mip_levels(texels: NDArray[np.uint8], *, linear: bool = False) -> NDArray[np.uint8]:

@@ -75,7 +75,8 @@ def test_good_text_loads() -> None:
         (
             "source: courtyard",
             "sorce: x",
-            "scene.sorce: unknown key; accepted: source, materials, lights, sky, animation, integrator; did you",
+            "scene.sorce: unknown key; accepted: source, materials, lights, sky, environment, animation, integrator; "
+            "did you",
         ),
         ("source: courtyard", "source: a\n  source: b", "a.yaml:4:3: scene.source: this key stands on line 3 already"),
         ("target: [0, 0, 0]", "target: [0, 0, 5]", "views[0].camera.target = [0, 0, 5]: is where the eye is"),

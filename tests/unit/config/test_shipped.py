@@ -20,6 +20,8 @@ RANKS = {
     "paths/cornell": 2,
     "paths/cornell_glass": 2,
     "paths/cornell_metal": 2,
+    "paths/environment": 2,
+    "paths/lamps": 2,
     "cave_corner": 4,
     "demo": 5,
     "forest": 3,

@@ -14,7 +14,7 @@ from wall.config.loading import load as load_configuration
 from wall.core.errors import ConfigError, SceneError
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.scene.loading import load
-from wall.scene.model import DirectionalLight, Material, PointLight, Source
+from wall.scene.model import DirectionalLight, Material, PointLight, Source, SpotLight
 
 
 def material(source: Source, name: str) -> Material:
@@ -90,11 +90,36 @@ def test_lights_stand_where_their_nodes_do(tmp_path: Path) -> None:
     (sun,) = (light for light in source.lights if isinstance(light, DirectionalLight))
     assert {point.position: point.intensity for point in points} == {
         (2.0, 14.0, 6.0): (40.0, 20.0, 10.0),
-        (5.0, 6.0, 7.0): (7.0, 7.0, 7.0),
     }
     np.testing.assert_allclose(sun.direction, (0.0, 1.0, 0.0), atol=1e-12)
     assert sun.irradiance == (3.0, 3.0, 3.0)
-    assert any("'torch' is a spot" in note for note in source.notes)
+    (torch,) = (light for light in source.lights if isinstance(light, SpotLight))
+    assert (torch.position, torch.direction, torch.intensity) == ((5.0, 6.0, 7.0), (0.0, 0.0, -1.0), (7.0, 7.0, 7.0))
+    assert (torch.inner_angle, torch.outer_angle) == (0.0, 45.0)  # glTF's defaults
+    assert not any("'torch'" in note for note in source.notes)
+
+
+@pytest.mark.parametrize(
+    ("written", "angles", "noted"),
+    [
+        ({"innerConeAngle": 0.5, "outerConeAngle": 1.0}, (28.6479, 57.2958), False),
+        ({"innerConeAngle": 0.9, "outerConeAngle": 0.5}, (28.5979, 28.6479), True),
+        ({"innerConeAngle": -1.0, "outerConeAngle": 3.0}, (0.0, 90.0), True),
+        ({"outerConeAngle": 0.0}, (0.0, 0.1), True),
+    ],
+)
+def test_cones_of_spots_are_read_and_wrong_ones_mended(
+    tmp_path: Path, written: dict[str, float], angles: tuple[float, float], noted: bool
+) -> None:
+    found = document([{"name": "plain"}])
+    found["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "spot", "name": "torch", "spot": written}]}}
+    found["nodes"][0]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
+    source = loaded(tmp_path, found)
+    assert source.lights is not None
+    (torch,) = source.lights
+    assert isinstance(torch, SpotLight)
+    np.testing.assert_allclose((torch.inner_angle, torch.outer_angle), angles, atol=1e-4)
+    assert any("'torch' has a cone from" in note for note in source.notes) == noted
 
 
 def test_without_lights_the_file_does_not_say(tmp_path: Path) -> None:

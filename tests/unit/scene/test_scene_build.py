@@ -166,7 +166,10 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         smooth_normals=True,
         mirrors=True,
         point_lights=True,
+        spot_lights=False,
         directional_lights=True,
+        suns=False,
+        environment=False,
         instancing=True,
         animation=True,
         emission=True,
@@ -179,8 +182,8 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, metallic roughness textures, emission textures, normal "
-        "textures, texture edges, alpha, vertex colors, smooth normals, mirrors, point lights, instancing, "
-        "animation, emission, change detection, paths, interfaces, emitters, relighting"
+        "textures, texture edges, alpha, vertex colors, smooth normals, mirrors, point lights, spot lights, suns, "
+        "environment, instancing, animation, emission, change detection, paths, interfaces, emitters, relighting"
     )
 
 

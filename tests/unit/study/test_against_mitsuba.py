@@ -11,6 +11,7 @@ from gltf_documents import SQUARE, document, loaded
 from PIL import Image
 
 from wall.core.errors import RunError
+from wall.scene.radiance_file import write_hdr
 from wall.study.mitsuba.compare import BATCHES, FEWEST_PASSES, compare, passing
 
 ROOM = """\
@@ -105,3 +106,36 @@ def test_a_textured_model_agrees(tmp_path: Path) -> None:
     (tmp_path / "room.yaml").write_text(TEXTURED, encoding="utf-8")
     row = compare(tmp_path / "room.yaml", spp=4096, out=tmp_path, say=lambda _: None)
     assert row.ok, row
+
+
+OPEN = """\
+version: 1
+scene:
+  source: cornell
+  integrator: {{method: path, depth: 2}}
+  materials: [{{object: lamp, type: emission, radiance: [0, 0, 0]}}]
+  environment: {{file: sky.hdr, rotation: 40}}
+  lights: [{lights}]
+wall: {{grid: {{columns: 1, rows: 1, pixels: [24, 24], size: [0.24, 0.24]}}}}
+views: [{{camera: {{position: [2.78, 2.73, -12], target: [2.78, 2.73, 0], fov: 39.3}}}}]
+"""
+
+
+@pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
+def test_environments_and_area_lights_agree_and_lights_that_mitsuba_lacks_are_refused(tmp_path: Path) -> None:
+    """An image without symmetry: turned, mirrored or shifted by a texel it would light the room otherwise."""
+    texels = np.random.default_rng(4).uniform(0.0, 0.5, (16, 32, 3)).astype(np.float32)
+    texels[5, 3], texels[6, 12] = (40.0, 20.0, 5.0), (3.0, 9.0, 30.0)
+    write_hdr(tmp_path / "sky.hdr", texels)
+    room = tmp_path / "open.yaml"
+    disc = "{type: disc, center: [2, 4, 3], normal: [0, -1, -1], radius: 0.4, radiance: [9, 3, 6]}"
+    room.write_text(OPEN.format(lights=disc), encoding="utf-8")
+    row = compare(room, spp=4096, out=tmp_path, say=lambda _: None)
+    assert row.ok, row
+    for light, said in (
+        ("{type: spot, position: [2, 4, 0], direction: [0, -1, 0], intensity: [1, 1, 1]}", "spots fade otherwise"),
+        ("{type: directional, direction: [0, 1, 0], irradiance: [1, 1, 1], angular_diameter: 1}", "angular diameter"),
+    ):
+        room.write_text(OPEN.format(lights=light), encoding="utf-8")
+        with pytest.raises(RunError, match=said):
+            compare(room, spp=16, out=tmp_path, say=lambda _: None)

@@ -1,6 +1,6 @@
 """A scene and its view as Mitsuba 3 takes them: one shape an object, materials in Mitsuba's models, the same lights.
 
-What has no equal there is refused with RunError.
+What has no equal there is refused with RunError: see surfaces.py; spots and suns with an angular diameter too.
 """
 
 from __future__ import annotations
@@ -11,9 +11,12 @@ import numpy as np
 
 from wall.core.errors import RunError
 from wall.roles.plan import Plan
+from wall.scene.kernels.environment import look_up
+from wall.scene.model import Environment
 from wall.study.mitsuba.surfaces import rgb, shape_of
 
 SKY_ROWS = 512  # of the picture of the sky
+ENVIRONMENT_ROWS = 1024  # of the picture of an environment, about; more where it has more
 
 
 def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
@@ -24,13 +27,17 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
     scene, depth = plan.scene, plan.scene.path_depth
     if depth is None:
         raise RunError("scene.integrator: direct light has no equal in Mitsuba; wanted {method: path}")
+    if scene.spot_lights:
+        raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
+    if any(light.angular_diameter > 0.0 for light in scene.directional_lights):
+        raise RunError("scene.lights: Mitsuba's directions have no angular diameter; wanted 0")
     moment = scene.at(0.0)
     blends = any(material.alpha_mode == "blend" for material in scene.materials)  # light for `path` stops there
     found: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "volpath" if blends else "path", "max_depth": depth + 1, "rr_depth": 1000},
         "sensor": sensor(mi, plan, spp=spp),
-        "sky": _sky(mi, plan),
+        "sky": _sky(mi, plan) if scene.environment is None else _environment(mi, scene.environment),
     }
     for k, (light, position) in enumerate(zip(scene.point_lights, moment.point_positions, strict=True)):
         found[f"point{k}"] = {"type": "point", "position": position.tolist(), "intensity": rgb(light.intensity)}
@@ -80,4 +87,16 @@ def _sky(mi: Any, plan: Plan) -> dict[str, Any]:
     up, down = np.maximum(y, 0.0), np.maximum(-y, 0.0)
     rows = horizon + up * (np.array(sky.zenith) - horizon) + down * (np.array(sky.ground) - horizon)
     picture = np.repeat(rows[:, None], 8, axis=1).astype(np.float32)
+    return {"type": "envmap", "bitmap": mi.Bitmap(picture)}
+
+
+def _environment(mi: Any, environment: Environment) -> dict[str, Any]:
+    """The bilinear image as a finer one: Mitsuba's rows reach from pole to pole, its columns start at -z."""
+    times = max(1, ENVIRONMENT_ROWS // len(environment.texels))
+    height, width = (size * times for size in environment.texels.shape[:2])
+    polar, turn = np.linspace(0.0, np.pi, height + 1)[:, None], (np.arange(width) + 0.5) * (2.0 * np.pi / width)
+    sine, up = np.sin(polar), np.broadcast_to(np.cos(polar), (height + 1, width))
+    ways = np.stack([sine * np.sin(turn), up, -sine * np.cos(turn)], axis=-1).astype(np.float32)
+    picture = np.empty_like(ways)
+    look_up(environment.texels, environment.middle, ways.reshape(-1, 3), picture.reshape(-1, 3))
     return {"type": "envmap", "bitmap": mi.Bitmap(picture)}

@@ -36,6 +36,7 @@ TRACER_SOURCES = (
     "sampling/progressive.py",
     "sampling/kernels/permutation.py",
     "geometry/frusta.py",
+    "scene/kernels",
 )
 
 
@@ -122,7 +123,10 @@ def _key(plan: Plan, panel: Panel, events: tuple[Event, ...], spp: int) -> str:
     digest = hashlib.blake2b(repr((panel.pixels, spp, SEED)).encode(), digest_size=12)
     scene = plan.scene
     still = (scene.meshes, scene.materials, scene.textures, scene.instances, scene.point_lights)
-    _feed(digest, (still, scene.directional_lights, scene.sky, plan.view.eye, panel.plane))
+    _feed(
+        digest,
+        (still, scene.spot_lights, scene.directional_lights, scene.sky, scene.environment, plan.view.eye, panel.plane),
+    )
     if panel.index:  # where it lies in the plane, and the eye that sees it
         _feed(digest, (panel.screen, PanelView(plan.view, panel).eye))
     for event in dict.fromkeys(events):

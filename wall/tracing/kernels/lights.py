@@ -1,4 +1,4 @@
-"""Light on a packet's hits: sky, directional and point lights with shadow rays, emission."""
+"""Light on a packet's hits: sky, directional, point and spot lights with shadow rays, emission."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from wall.tracing import embree
 from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import diffuse, start_off_surface
+from wall.tracing.kernels.environment import add_environment_light, see_environment
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.textures import emission_of
 from wall.tracing.kernels.values import INF, ONE, ZERO
@@ -22,9 +23,19 @@ MASK_BITS = 32  # of a light visibility mask
 
 
 @inline_kernel
-def see_sky(lights, work):
-    """Sets radiance to the sky's: ground to horizon to zenith, linear in the direction's height."""
-    p, sky = work.packet, lights.sky
+def see_sky(environment, lights, work):
+    """Sets radiance to the environment's where rays leave the scene; without one, to the sky's: ground to horizon to
+    zenith, linear in the direction's height."""
+    if environment is not None:
+        see_environment(environment, work)
+    else:
+        see_gradient(lights.sky, work)
+
+
+@inline_kernel
+def see_gradient(sky, work):
+    """Sets all radiance to that of a sky (3, 3): zenith, horizon, ground."""
+    p = work.packet
     zr, zg, zb = sky[0, 0] - sky[1, 0], sky[0, 1] - sky[1, 1], sky[0, 2] - sky[1, 2]
     gr, gg, gb = sky[2, 0] - sky[1, 0], sky[2, 1] - sky[1, 1], sky[2, 2] - sky[1, 2]
     hr, hg, hb = sky[1, 0], sky[1, 1], sky[1, 2]
@@ -35,9 +46,18 @@ def see_sky(lights, work):
 
 
 @inline_kernel
-def add_ambient(lights, work):
-    """Sets hits' radiance to light from the whole sky, unoccluded: albedo * E(normal) / pi, by the normal's height."""
-    p, table = work.packet, lights.sky_irradiance
+def add_ambient(environment, lights, work):
+    """Sets hits' radiance to light from the whole sky, or environment, unoccluded: albedo * E(normal) / pi."""
+    if environment is not None:
+        add_environment_light(environment.irradiance, work)
+    else:
+        add_gradient_light(lights.sky_irradiance, work)
+
+
+@inline_kernel
+def add_gradient_light(table, work):
+    """Sets hits' radiance to a gradient sky's light from `table` (SKY_STEPS + 1, 3), by the normal's height."""
+    p = work.packet
     for lane in range(16):
         if p[rows.HIT + lane] != ZERO:
             x = (p[rows.SHADING_NORMAL_Y + lane] + ONE) * np.float32(SKY_STEPS / 2)
@@ -65,9 +85,9 @@ def add_emission(emits, surfaces, materials, work):
 
 @inline_kernel
 def add_lights(lights, aim, first, scene, work):
-    """Adds `lights` (n, 6), numbered from `first`; None does nothing. Returns shadow rays.
+    """Adds `lights` (n, 6 or more), numbered from `first`; None does nothing. Returns shadow rays.
 
-    aim : aim_directional or aim_point
+    aim : aim_directional, aim_point or aim_spot
     """
     rays = 0
     if lights is not None:
@@ -80,11 +100,11 @@ def add_lights(lights, aim, first, scene, work):
 
 
 @inline_kernel
-def light_count(directional):
-    """The number of directional lights (s, 6), 0 for None."""
-    if directional is None:
+def light_count(lights):
+    """The number of lights of a kind (n, 6), 0 for None."""
+    if lights is None:
         return 0
-    return directional.shape[0]
+    return lights.shape[0]
 
 
 @inline_kernel
@@ -126,6 +146,26 @@ def aim_point(light, work):
         sx, sy, sz = xyz(p, SHADOW_ORIGIN, lane)
         set_xyz(p, SHADOW_DIRECTION, lane, x - sx, y - sy, z - sz)
         p[SHADOW_T_FAR + lane] = end_before(p, reach, scale, lane)
+
+
+@inline_kernel
+def aim_spot(light, work):
+    """Aims shadow rays at a spot light; writes LIGHT_WEIGHT, as aim_point does, 0 outside its cone."""
+    aim_point(light, work)
+    p = work.packet
+    for lane in range(16):
+        px, py, pz = xyz(p, rows.POSITION_X, lane)
+        lx, ly, lz = light[0] - px, light[1] - py, light[2] - pz
+        scale = ONE / math.sqrt(lx * lx + ly * ly + lz * lz)
+        p[rows.LIGHT_WEIGHT + lane] *= spot_share(light, lx * scale, ly * scale, lz * scale)
+
+
+@inline_kernel
+def spot_share(light, x, y, z):
+    """The share of a spot's intensity that goes to a place from which it lies in the unit direction (x, y, z)."""
+    cosine = -(x * light[6] + y * light[7] + z * light[8])
+    share = min(max(light[9] * cosine + light[10], ZERO), ONE)
+    return share * share
 
 
 @inline_kernel

@@ -21,8 +21,9 @@ from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
+from wall.tracing.kernels.environment import aim_at_environment, density_of_environment
 from wall.tracing.kernels.lens import keep_distances, open_lens
-from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, end_before, see_sky
+from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.scatter import lit_by, scatter
@@ -46,10 +47,13 @@ from wall.tracing.kernels.values import (
     SHADOW_RAYS,
     ZERO,
 )
+from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot, way_to_sun
 
 ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
 PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
+ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16  # pairs of bounce 0, beyond those of all bounces
+PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
 NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 
 
@@ -67,7 +71,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             count = min(16, alive - first)
             load_rays(first, count, bounce, work, paths)
             intersect(scene, work)
-            see_sky(lights, work)
+            see_sky(lights.environment, lights, work)
             if gather_surfaces(surfaces, materials, surfaces.normals, work) != 0:
                 finish_surfaces(work)
                 colour_by_vertices(surfaces, surfaces.colors, work)
@@ -75,13 +79,17 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             if bounce == 0:
                 record_first(xy, first, count, samples, work)
                 keep_distances(camera.lens, samples, first, count, work)
-            add_seen(first, count, materials.emits, lights.emitters, surfaces, materials, work, paths)
+            add_seen(first, count, materials.emits, lights, surfaces, materials, work, paths)
             if bounce < paths.depth:
                 draw_numbers(bounce, work)
                 add_deltas(
                     lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths
                 )
                 add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+                add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
+                add_suns(first, count, bounce, lights.suns, scene, surfaces, materials, work, paths)
+                draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
+                add_environment(first, count, lights.environment, scene, surfaces, materials, work, paths)
                 add_emitters(first, count, lights.emitters, scene, surfaces, materials, work, paths)
                 widen_footprints(materials.texels, work)
                 going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
@@ -152,6 +160,20 @@ def draw_numbers(bounce, work):
 
 
 @inline_kernel
+def draw_light_numbers(light, pair, bounce, work):
+    """Draws the random numbers of a light that not every scene has, for all lanes; None does nothing.
+
+    pair : int, the light's pair of numbers at bounce 0; those of the next bounces follow
+    """
+    if light is not None:
+        p, bits = work.packet, work.bits
+        for lane in range(16):
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], pair + bounce)
+            p[rows.LIGHT_U + lane] = u
+            p[rows.LIGHT_V + lane] = v
+
+
+@inline_kernel
 def record_first(xy, first, count, samples, work):
     """Writes what samples keep of the first surface; the albedo's sum goes where the irradiance will be."""
     p, bits = work.packet, work.bits
@@ -175,23 +197,34 @@ def add_light(k, r, g, b, paths):
 
 
 @inline_kernel
-def add_seen(first, count, emits, emitters, surfaces, materials, work, paths):
+def add_seen(first, count, emits, lights, surfaces, materials, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
     p = work.packet
     for lane in range(count):
         r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
         if p[rows.HIT + lane] == ZERO:
             x, y, z = xyz(p, rows.RADIANCE_R, lane)
-            add_light(first + lane, r * x, g * y, b * z, paths)
+            weight = weight_of_sky(lights.environment, lane, work)
+            add_light(first + lane, weight * r * x, weight * g * y, weight * b * z, paths)
             continue
         if emits is not None:
             material = material_of(surfaces, materials, lane, work)
             emission = emission_of(materials.emission_textures, surfaces, materials, lane, work)
             shines = max(emission[0], emission[1], emission[2]) > ZERO
             if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
-                weight = weight_of_seen(emitters, surfaces, lane, work)
+                weight = weight_of_seen(lights.emitters, surfaces, lane, work)
                 r, g, b = weight * r, weight * g, weight * b
                 add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
+
+
+@inline_kernel
+def weight_of_sky(environment, lane, work):
+    """The share of the sky's light that counts where a ray found it; the rest counts where it is aimed at."""
+    if environment is None:
+        return ONE
+    density = work.packet[rows.DENSITY + lane]
+    x, y, z = xyz(work.packet, embree.DIRECTION_X, lane)
+    return density / (density + density_of_environment(environment, x, y, z)) if density > ZERO else ONE
 
 
 @inline_kernel
@@ -205,9 +238,9 @@ def weight_of_seen(emitters, surfaces, lane, work):
 
 @inline_kernel
 def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, paths):
-    """Adds the light of every one of `lights` (n, 6), shadow rays only for lanes that face it; None does nothing.
+    """Adds the light of each of `lights` (n, 6 or more), shadow rays only for lanes that face it; None does nothing.
 
-    way_to : way_to_directional or way_to_point
+    way_to : a function of ways.py
     """
     if lights is not None:
         for k in range(lights.shape[0]):
@@ -215,29 +248,22 @@ def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, p
             for lane in range(16):
                 work.shadow_valid[lane] = 0
                 if lane < count and work.packet[rows.HIT + lane] != ZERO:
-                    dx, dy, dz, scale, far = way_to(light, lane, work)
+                    dx, dy, dz, scale, share, far = way_to(light, lane, work)
+                    if not share > ZERO:
+                        continue
                     r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
-                    share = scale * scale
                     light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
                     aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
             add_unshadowed(first, aimed, scene, work, paths)
 
 
 @inline_kernel
-def way_to_directional(light, lane, work):
-    """The way to a light infinitely far away, one over its length, and where shadow rays end."""
-    return light[0], light[1], light[2], ONE, INF
-
-
-@inline_kernel
-def way_to_point(light, lane, work):
-    """The way to a point light, one over its length, and where shadow rays end: an offset before the light."""
-    p = work.packet
-    px, py, pz = xyz(p, rows.POSITION_X, lane)
-    dx, dy, dz = light[0] - px, light[1] - py, light[2] - pz
-    scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
-    reach = abs(light[0]) + abs(light[1]) + abs(light[2])
-    return dx, dy, dz, scale, end_before(p, reach, scale, lane)
+def add_suns(first, count, bounce, suns, scene, surfaces, materials, work, paths):
+    """Adds the light of one direction of each of `suns` (n, 7), chosen at random; None does nothing."""
+    if suns is not None:
+        for k in range(suns.shape[0]):
+            draw_light_numbers(suns, SUN_PAIR + PAIRS_APART * k, bounce, work)
+            add_deltas(suns[k : k + 1], way_to_sun, first, count, scene, surfaces, materials, work, paths)
 
 
 @inline_kernel
@@ -257,6 +283,26 @@ def aim(dx, dy, dz, far, light, lane, work):
     set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
     work.shadow_valid[lane] = -1
     return 1
+
+
+@inline_kernel
+def add_environment(first, count, environment, scene, surfaces, materials, work, paths):
+    """Adds the light of one direction of the environment, chosen at random; None does nothing."""
+    if environment is not None:
+        p, aimed = work.packet, 0
+        for lane in range(16):
+            work.shadow_valid[lane] = 0
+            if lane >= count or p[rows.HIT + lane] == ZERO:
+                continue
+            pick, share = p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane]
+            (x, y, z), radiance, density = aim_at_environment(environment, pick, share)
+            if not density > ZERO:
+                continue
+            r, g, b, own = lit_by(x, y, z, lane, surfaces, materials, work)
+            weight = ONE / (density + own)  # of aiming, over its density
+            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
+            aimed += aim(x, y, z, INF, light, lane, work)
+        add_unshadowed(first, aimed, scene, work, paths)
 
 
 @inline_kernel

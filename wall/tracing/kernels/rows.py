@@ -28,6 +28,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     LIGHT_R, LIGHT_G, LIGHT_B,  # what the light at the end of the shadow ray adds to a path
     KEY, NUMBER,  # uint32, of a path's pixel and of its sample there
     CHOICE_NUMBER, ROULETTE_NUMBER, DIRECTION_U, DIRECTION_V, POINT_U, POINT_V, LIGHT_NUMBER, SPARE_NUMBER,  # random
+    LIGHT_U, LIGHT_V,  # random, of the light that is aimed at next; only where a scene has such lights
     DENSITY,  # with which a path's newest ray was chosen, 1/sr; -1 where it was mirrored
     CONE_WIDTH,  # of the footprint where the newest ray starts; written only where there are textures
     CONE_SPREAD,  # what it grows by in each unit of the way
@@ -48,7 +49,7 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 79 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 81 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = PRIMARY_MASK + PACKET
 
 

@@ -22,6 +22,7 @@ from wall.tracing.kernels.lights import (
     add_lights,
     aim_directional,
     aim_point,
+    aim_spot,
     light_count,
     see_sky,
 )
@@ -108,18 +109,20 @@ def intersect(scene, work):
 def light_packet(scene, surfaces, materials, lights, work):
     """Radiance along each ray of an intersected packet, without mirrors, into rows RADIANCE_R, _G, _B."""
     bits = work.bits
-    see_sky(lights, work)
+    see_sky(lights.environment, lights, work)
     if gather_surfaces(surfaces, materials, surfaces.normals, work) == 0:
         return
     finish_surfaces(work)
     colour_by_vertices(surfaces, surfaces.colors, work)
     apply_textures(surfaces, materials, surfaces.uvs, work)
-    add_ambient(lights, work)
+    add_ambient(lights.environment, lights, work)
     for lane in range(16):
         bits[rows.LIGHT_VISIBILITY + lane] = ALL_LIGHTS
     work.counts[SHADOW_RAYS] += add_lights(lights.directional, aim_directional, 0, scene, work)
     first_point = light_count(lights.directional)
     work.counts[SHADOW_RAYS] += add_lights(lights.points, aim_point, first_point, scene, work)
+    first_spot = first_point + light_count(lights.points)
+    work.counts[SHADOW_RAYS] += add_lights(lights.spots, aim_spot, first_spot, scene, work)
     add_emission(materials.emits, surfaces, materials, work)
 
 

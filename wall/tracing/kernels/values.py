@@ -127,12 +127,25 @@ class Paths(NamedTuple):
     seed: np.uint32
 
 
+class Environment(NamedTuple):
+    """A lat-long image (h, 2 h) in place of the sky; what the integrator does not read has no entries."""
+
+    texels: Float32  # (h, w, 3) radiance
+    middle: np.float32  # u of the direction -z
+    row_sums: Float32  # (h + 1,) chance of all rows before each: 0 to 1
+    column_sums: Float32  # (h, w + 1) of each row: chance of all its texels before each
+    irradiance: Float32  # (n, n, 3) over pi, by the normal on an unfolded octahedron
+
+
 class Lights(NamedTuple):
-    """What shines: lights by number, directional ones first, and the sky."""
+    """What shines: lights by number, directional ones, then points, then spots; surfaces; and the sky."""
 
     directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
     points: Float32 | None  # (p, 6) position relative to the eye, intensity
+    spots: Float32 | None  # (q, 11) as points, then unit direction of its light, and a, b of SpotLight.falloff
+    suns: Float32 | None  # (r, 7) directional lights that are discs: direction, irradiance, 1 - cosine of the radius
     emitters: Emitters | None  # None: light sources are not aimed at
+    environment: Environment | None  # in place of the sky
     sky: Float32  # (3, 3) radiance of zenith, horizon, ground
     sky_irradiance: Float32  # (SKY_STEPS + 1, 3) over pi, by the normal's height
 
