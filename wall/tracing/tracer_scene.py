@@ -6,6 +6,7 @@ One copy serves all threads of a rank. Vertices and triangles are shared with Em
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from wall.core.colour import LUMINANCE, srgb_decoded, srgb_encoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
-from wall.scene.model import Mesh
+from wall.scene.model import Material, Mesh, Shading, Sky
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle
@@ -46,6 +47,16 @@ class TracerScene:
     emitters: Emitters | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
+
+    def materials_of(self, shading: Shading) -> Materials:
+        """What surfaces look like under a shading of the scene: new rows for materials that were edited."""
+        if shading.materials is self.scene.materials:
+            return self.materials
+        rows = self.materials.rows.copy()
+        for row, material, base in zip(rows, shading.materials, self.scene.materials, strict=True):
+            if material is not base:
+                _write(row, material)
+        return self.materials._replace(rows=rows)
 
     @property
     def bytes(self) -> int:
@@ -92,9 +103,14 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
         ),
         materials=_materials(scene, wanted),
         emitters=_emitters(scene) if wanted.emitters else None,
-        sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
+        sky=sky_rows(scene.sky),
         sky_irradiance=sky_irradiance(scene.sky),
     )
+
+
+def sky_rows(sky: Sky) -> Float32:
+    """(3, 3) float32, see Lights.sky."""
+    return np.array([sky.zenith, sky.horizon, sky.ground], np.float32)
 
 
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
@@ -123,8 +139,7 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
     firsts = np.cumsum([0, *map(len, texels)])
     rows = np.zeros(len(scene.materials), MATERIAL)
     for row, material in zip(rows, scene.materials, strict=True):
-        for name in set(MATERIAL.fields or ()) - TEXTURE_FIELDS:
-            row[name] = getattr(material, name)
+        _write(row, material)
         if wanted.textures and (texture := material.texture) is not None:
             row["first_texel"] = firsts[texture]
             row["texture_height"], row["texture_width"] = scene.textures[texture].texels.shape[:2]
@@ -136,6 +151,12 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
         mirrors=True if wanted.mirrors else None,
         interface=interface_table() if wanted.interfaces else None,
     )
+
+
+def _write(row: Any, material: Material) -> None:
+    """Write a material to its MATERIAL row, but for its texture."""
+    for name in set(MATERIAL.fields or ()) - TEXTURE_FIELDS:
+        row[name] = getattr(material, name)
 
 
 def _emitters(scene: Scene) -> Emitters:

@@ -14,16 +14,17 @@ from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
     SORT_EVERY,
-    PoseTracker,
     RestSchedule,
     capacity_for,
     come_to_rest,
     take_dirty,
 )
 from wall.deepbuffer.kernels.columns import COUNT
+from wall.deepbuffer.kernels.doubt import FRESH, doubt
 from wall.deepbuffer.kernels.insert import insert
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Posed
+from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import update_display
@@ -110,6 +111,7 @@ class GpuReconstruction:
         samples = samples if known.all() else samples[known]
         rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
         pose, under = self.poses.inserted(event)
+        diffuse, doubted = self.poses.diffuse_under(pose), self.poses.doubt_of(event)
         if rules.shows_event != self._accumulates:
             self._send(moving=not self.nothing_moves)
             self._accumulates = rules.shows_event
@@ -122,8 +124,12 @@ class GpuReconstruction:
             first = self._staged
             self._staged = insert(
                 part, self._seconds(base_time), pose, under.panel_from_object, self._staged_store, first,
-                self._history, self.poses.diffuse, rules,
+                self._history, diffuse, rules,
             )  # fmt: skip
+            if self.poses.is_ahead(event):
+                self._staged_store.confidence[first : self._staged] = FRESH
+            elif doubted is not None:
+                doubt(self._staged_store, first, self._staged, doubted, self.poses.lit)
             if rules.ignores_change:
                 self._change[first : self._staged] = 0.0
             else:
@@ -192,6 +198,9 @@ class GpuReconstruction:
         relit = self.poses.relit().astype(np.bool_)
         if self.poses.lit:
             self._relighting.run(self._store, pose.lights, relit)
+        if self.poses.doubted is not None:
+            self._store.doubt(self.poses.doubted, unlit=self.poses.lit)
+            relit = relit | (self.poses.doubted != 0)
         if self.poses.camera_moved:
             self._passes.clear_accumulation()
         elif stood and not self.nothing_moves:

@@ -1,0 +1,97 @@
+"""The shading of a scene with some of its parameters replaced. Values were checked by scene.parameters; names of what
+a scene does not have change nothing.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from wall.scene.model import DirectionalLight, Light, Material, PointLight, Shading, Sky
+
+Values: TypeAlias = Mapping[str, tuple[float, ...]]  # by name path
+
+LIGHT_FIELDS = ("position", "intensity", "direction", "irradiance")  # of any kind of light that has them
+SKY_COLOURS = ("zenith", "horizon", "ground")
+MATERIAL_FIELDS = {  # name in a path: field of Material
+    "color": "base_color",
+    "roughness": "roughness",
+    "metallic": "metallic",
+    "ior": "ior",
+    "emission": "emission",
+    "mirror": "mirror",
+}
+
+
+def material_names(materials: Sequence[Material]) -> list[str]:
+    """A name for each material that no other has: its own, numbered from the second that has it."""
+    seen = Counter[str]()
+    names = []
+    for material in materials:
+        name = material.name or "material"
+        seen[name] += 1
+        names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
+    return names
+
+
+def shaded(base: Shading, lights: Sequence[Light], values: Values) -> Shading:
+    """`base` with these values. `lights`: its lights, in the order in which they are named."""
+    if not values:
+        return base
+    changed: list[Light] = [_light(light, k, values) for k, light in enumerate(lights)]
+    new = {id(light): light if light == now else now for light, now in zip(lights, changed, strict=True)}
+    return Shading(
+        point_lights=_same(base.point_lights, tuple(_point(new[id(light)]) for light in base.point_lights)),
+        directional_lights=_same(
+            base.directional_lights, tuple(_directional(new[id(light)]) for light in base.directional_lights)
+        ),
+        sky=_sky(base.sky, values),
+        materials=_materials(base.materials, values),
+        path_depth=_depth(base.path_depth, values),
+    )
+
+
+def _depth(depth: int | None, values: Values) -> int | None:
+    return depth if depth is None else int(values.get("integrator.depth", (depth,))[0])
+
+
+def _same(before: tuple[Any, ...], after: tuple[Any, ...]) -> tuple[Any, ...]:
+    return before if before == after else after
+
+
+def _point(light: Light) -> PointLight:
+    assert isinstance(light, PointLight)
+    return light
+
+
+def _directional(light: Light) -> DirectionalLight:
+    assert isinstance(light, DirectionalLight)
+    return light
+
+
+def _light(light: Light, number: int, values: Values) -> Light:
+    paths = {field: f"lights.{number}.{field}" for field in LIGHT_FIELDS if hasattr(light, field)}
+    wanted: dict[str, Any] = {field: values[path] for field, path in paths.items() if path in values}
+    return replace(light, **wanted)
+
+
+def _sky(sky: Sky, values: Values) -> Sky:
+    colours = {name: values.get(f"sky.{name}", getattr(sky, name)) for name in SKY_COLOURS}
+    (strength,) = values.get("sky.strength", (1.0,))
+    now = Sky(**{name: tuple(strength * part for part in colour) for name, colour in colours.items()})
+    return sky if now == sky else now
+
+
+def _materials(materials: tuple[Material, ...], values: Values) -> tuple[Material, ...]:
+    wanted: dict[str, dict[str, Any]] = {}
+    for path, value in values.items():
+        head, _, rest = path.partition(".")
+        name, _, field = rest.rpartition(".")
+        if head == "materials" and field in MATERIAL_FIELDS:
+            wanted.setdefault(name, {})[MATERIAL_FIELDS[field]] = value if len(value) > 1 else value[0]
+    if not wanted:
+        return materials
+    names = material_names(materials)
+    return tuple(replace(m, **wanted[n]) if n in wanted else m for n, m in zip(names, materials, strict=True))
