@@ -123,13 +123,14 @@ def render(
     from wall.commands.progress import progress_bar
     from wall.commands.render import render as render_image
     from wall.display.image_file import check_suffix, write_image
-    from wall.roles.plan import make_layout, make_plan
+    from wall.roles.plan import exposure_at, make_layout, make_plan
 
     check_suffix(output)
     loaded = load_config(what)
     with progress_bar("rendering") as update:
+        plan = make_plan(make_layout(loaded))
         image = render_image(
-            make_plan(make_layout(loaded)),
+            plan,
             spp=spp,
             seed=seed,
             size=parse_size(size),
@@ -137,7 +138,7 @@ def render(
             progress=lambda done, total: update(completed=done, total=total),
         )
     if image is not None:
-        write_image(output, image)
+        write_image(output, image, stops=exposure_at(plan, at))
         console.print(f"wrote {output}: {image.shape[1]}x{image.shape[0]}, {spp} samples a pixel, seed {seed}")
 
 

@@ -89,10 +89,10 @@ class PoseTracker:
 
     def rules(self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool) -> InsertRules:
         """How samples of `event` are inserted into the image shown."""
+        same_edits = self._shown is None or event.edits.number == self._shown.edits.number
         return InsertRules(
-            shows_event=(is_shown if self.nothing_moves else same_camera)(event, self._shown)
-            and (self._shown is None or event.edits.number == self._shown.edits.number),
-            ignores_change=self.nothing_moves or not change_test,
+            shows_event=same_edits and (is_shown if self.nothing_moves else same_camera)(event, self._shown),
+            ignores_change=self.nothing_moves or not change_test or not same_edits,  # edits are known without rays
             most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
             detects_change=detects_change,
         )

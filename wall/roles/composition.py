@@ -169,7 +169,9 @@ class Composition:
         fresh = self._regions_of(zip(layers, refreshed, strict=True))
         fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items()}
         if self._compared is not None:
-            seconds = [(layer, layer.compared.refresh(now)) for layer in layers if layer.compared is not None]
+            seconds = [
+                (layer, layer.compared.refresh(now, event.exposure)) for layer in layers if layer.compared is not None
+            ]
             self._compared.step(self._regions_of(seconds), event)
         return self._nodes.step(fresh, event)
 

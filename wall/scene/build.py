@@ -98,7 +98,7 @@ class Scene:
     def lights(self) -> tuple[Light, ...]:
         """The lights in the order in which they are named."""
         rows: tuple[Light, ...] = (*self.point_lights, *self.directional_lights)
-        return tuple(rows[row] for row in self.light_order)
+        return tuple(rows[row] for row in self.light_order) if len(self.light_order) == len(rows) else rows
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:
         """Everything that moves or was edited, at a scene time in seconds.

@@ -7,8 +7,8 @@ import numpy as np
 from wall.core.jit import kernel
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
-KEPT = np.float32(0.25)  # share of confidence that a doubtful sample keeps at each edit
-LEAST = np.float32(0.1)  # confidence that doubt leaves: edit after edit, a picture stays
+KEPT = np.float32(0.5)  # share of confidence that a doubtful sample keeps at each edit
+LEAST = np.float32(0.25)  # confidence that doubt leaves: edit after edit a picture stays, without holes (TRUSTED)
 FRESH = np.float32(2.0)  # confidence of a sample that saw edits which the image does not show yet
 
 

@@ -27,7 +27,7 @@ from wall.deepbuffer.pose import Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
-from wall.reconstruction.display_values import update_display
+from wall.reconstruction.display_values import gain_of, update_display
 from wall.reconstruction.gpu.device import CONFIDENCE, TIME, device
 from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
@@ -93,12 +93,15 @@ class GpuReconstruction:
             self._read = True
         return self._radiance
 
-    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
-        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB; a moving image travels as these bytes and no more."""
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops.
+
+        A moving image travels as these bytes and no more.
+        """
         if self._read:
-            update_display(self._radiance, dirty, TILE, rgb)
+            update_display(self._radiance, dirty, TILE, rgb, stops=stops)
         else:
-            self._passes.read_display(rgb)
+            self._passes.read_display(rgb, gain_of(stops))
 
     @property
     def count(self) -> int:
