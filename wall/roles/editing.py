@@ -9,28 +9,16 @@ from __future__ import annotations
 import hmac
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from wall.core.data import NO_EDITS, Edits
 from wall.core.errors import EditError
+from wall.display.base import ParameterState
 from wall.packets.control import EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.roles.plan import Plan, exposure_at
-from wall.scene.parameters import EXPOSURE, Numbers, Parameter, named, parameters_of
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterState:
-    """A parameter and what it is now, as the command line and the page show it."""
-
-    name: str
-    kind: str
-    low: float
-    high: float
-    unit: str
-    default: Numbers  # the configuration's
-    value: Numbers
+from wall.scene.parameters import EXPOSURE, Parameter, named, parameters_of
 
 
 class Editor:
@@ -69,6 +57,12 @@ class Editor:
     def exposure(self, scene_time: float) -> float:
         """Stops at a scene time in seconds."""
         return exposure_at(self._plan, scene_time, self.edits) if self.stops is None else self.stops
+
+    def expose(self, more: float, scene_time: float) -> None:
+        """Add stops to the exposure, within its range."""
+        range_of = self.parameters[EXPOSURE]
+        stops = round(self.exposure(scene_time) + more, 6)
+        self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))])
 
     def answer(self, request: EditRequest, scene_time: float) -> EditAnswer:
         """Do what another process asks for."""

@@ -126,6 +126,9 @@ class Manager:
                 if parsed.kind == "set":
                     self.editor.set([(parsed.value, parsed.numbers)])
                     self._edited = True
+                elif parsed.kind == "expose":
+                    self.editor.expose(parsed.x, self._shown_event.scene_time)
+                    self._edited = True
                 else:
                     self._commands.append(parsed)
             except RemoteProtocolError:
