@@ -92,13 +92,13 @@ def set_command(
 
     [bold]wall set exposure=1 lights.0.intensity=8,7,5[/]
     """
-    from wall.commands.set import set_parameters, table_of
+    from wall.commands.set import lines_of, set_parameters
 
     if not assignments and not listed:
         raise EditError("nothing to set: want NAME=VALUE, or --list")
     answer = set_parameters(out, assignments or [], listed=listed)
     if listed:
-        console.print(table_of(answer.parameters))
+        print("\n".join(lines_of(answer.parameters)))
     if assignments:
         console.print(f"set by edit {answer.edit}", markup=False)
 

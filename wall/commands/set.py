@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
 from wall.core.colour import srgb_decoded
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
@@ -100,21 +98,16 @@ def parse_value(text: str) -> object:
     return numbers if len(numbers) > 1 else numbers[0]
 
 
-def table_of(parameters: Sequence[Mapping[str, Any]]) -> Table:
-    """A table of parameters: name, value, default where that differs, range, unit."""
-    table = Table(title=f"{len(parameters)} parameters", title_justify="left")
-    for column in ("name", "value", "configured", "type", "accepted", "unit"):
-        table.add_column(column, overflow="fold")
-    for row in _rows(parameters):
-        table.add_row(*row)
-    return table
-
-
-def _rows(parameters: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, ...]]:
+def lines_of(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """A line for each parameter: name, value, unit, what is accepted, and what is configured where that differs."""
+    width = max((len(p["name"]) for p in parameters), default=0)
     for p in parameters:
         value, default = numbers_of(p["value"]), numbers_of(p["default"])
-        accepted = "any" if p["kind"] in ("direction", "position") else f"{p['low']:g} to {p['high']:g}"
-        yield p["name"], value, "" if value == default else default, p["kind"], accepted, p["unit"]
+        kind = (
+            p["kind"] if p["kind"] in ("direction", "position") else f"{p['kind']} from {p['low']:g} to {p['high']:g}"
+        )
+        configured = "" if value == default else f"; configured: {default}"
+        yield f"{p['name']:{width}}  {value:24} {p['unit']:11} {kind}{configured}"
 
 
 def numbers_of(value: Sequence[float]) -> str:
