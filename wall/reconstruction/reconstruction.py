@@ -194,11 +194,13 @@ class Reconstruction:
         """Make the image of the event shown. `due`: see RestSchedule; `now`: seconds of the store's clock."""
         buffer = self.buffer
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
+        doubted = self.poses.doubted
+        if doubted is not None:
+            buffer.doubt(doubted)
         tiles = buffer.reject_contradicted() | (not self._in_parts())
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
-        if self.poses.doubted is not None:
-            buffer.doubt(self.poses.doubted)
-            changed |= self.poses.doubted
+        if doubted is not None:
+            changed |= doubted
         buffer.reproject(moved, changed, tiles)
         redone = self._splat(moved, tiles | due, now)
         buffer.reject_accumulation(changed, redone)
