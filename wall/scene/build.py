@@ -48,6 +48,7 @@ BUILT_IN = {
     "gallery_mirrors": gallery_mirrors,
 }
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
+SHORTEST = 1e-12  # length of a direction; a shorter one, between opposite keyframes, lights nothing
 SHADINGS = 16  # likewise, of states of edits
 
 
@@ -147,7 +148,7 @@ class Scene:
         return Moment(
             world_from_object=poses[:objects],
             point_positions=poses[objects:lights, :3, 3],
-            directions=directions / np.sqrt((directions**2).sum(axis=1, keepdims=True)),
+            directions=directions / np.maximum(np.sqrt((directions**2).sum(axis=1, keepdims=True)), SHORTEST),
             shading=shading,
         )
 

@@ -27,13 +27,14 @@ MATERIAL_FIELDS = {  # name in a path: field of Material
 
 def material_names(materials: Sequence[Material]) -> list[str]:
     """A name for each material that no other has: its own, numbered from the second that has it."""
-    seen = Counter[str]()
-    names = []
+    counts, names = Counter[str](), dict[str, None]()
     for material in materials:
-        name = material.name or "material"
-        seen[name] += 1
-        names.append(name if seen[name] == 1 else f"{name} #{seen[name]}")
-    return names
+        own = name = material.name or "material"
+        while name in names:
+            counts[own] += 1
+            name = f"{own} #{counts[own] + 1}"
+        names[name] = None
+    return list(names)
 
 
 def shaded(base: Shading, lights: Sequence[Light], values: Values) -> Shading:

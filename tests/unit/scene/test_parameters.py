@@ -18,6 +18,7 @@ from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Material, PointLight
 from wall.scene.parameter_tracks import tracks_of
 from wall.scene.parameters import named, parameters_of, with_checked_tracks
+from wall.scene.shading import material_names
 
 SUN = DirectionalLight(direction=(0.0, 0.6, 0.8), irradiance=(1.0, 2.0, 3.0))
 LAMP = PointLight(position=(1.0, 2.0, 3.0), intensity=(4.0, 5.0, 6.0))
@@ -155,3 +156,15 @@ def test_keyframes_of_what_there_is_not_or_cannot_be_are_refused() -> None:
 def test_one_number_in_a_keyframe_is_meant_for_all_of_a_colour() -> None:
     checked = with_checked_tracks(keyframed("lights.1.intensity", (0.0, 1.0), (2.0, 3.0)))
     assert checked.at(1.0).shading.point_lights[0].intensity == (2.0, 2.0, 2.0)
+
+
+def test_no_two_materials_have_one_name_whatever_they_are_called() -> None:
+    named_so = ["a", "a", "a #2", "", "material", "a"]
+    names = material_names([Material(name=name) for name in named_so])
+    assert names == ["a", "a #2", "a #2 #2", "material", "material #2", "a #3"]
+
+
+def test_between_opposite_directions_light_goes_out_and_nothing_else() -> None:
+    moving = keyframed("lights.0.direction", (0.0, (0.0, 0.0, 1.0)), (2.0, (0.0, 0.0, -1.0)))
+    assert_allclose(moving.at(1.0).directions, [[0.0, 0.0, 0.0]])
+    assert_allclose(moving.at(0.5).directions, [[0.0, 0.0, 1.0]])
