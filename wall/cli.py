@@ -1,7 +1,7 @@
 """The `wall` command line: each command reads its options, calls one function and prints the result.
 
-Exit codes: 0 ok, 1 the run failed, 2 the configuration was refused. Each command imports what it runs when it is
-called, so that `wall --help` loads nothing but the command line itself.
+Exit codes: 0 ok, 1 the run failed, 2 the configuration or the edit was refused. Each command imports what it runs when
+it is called, so that `wall --help` loads nothing but the command line itself.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import typer
 
 from wall.cli_measure import measure
 from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, write_text
-from wall.core.errors import ConfigError, WallError
+from wall.core.errors import ConfigError, EditError, WallError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -76,6 +76,33 @@ def run(
         fail(f"the run failed: {outcome.failed}")
 
 
+@app.command(name="set")
+def set_command(
+    assignments: Annotated[
+        list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="Parameters and what they are to be")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of results of the running wall: its --out")] = Path("OUT"),
+    listed: Annotated[bool, typer.Option("--list", help="Show all parameters, their values and ranges")] = False,
+) -> None:
+    """Change parameters of a running wall: all that are named, or, if one is refused, none.
+
+    A value is a number, numbers with commas between, a colour #rrggbb, or `default`.
+
+    [bold]wall set --list[/]
+
+    [bold]wall set exposure=1 lights.0.intensity=8,7,5[/]
+    """
+    from wall.commands.set import lines_of, set_parameters
+
+    if not assignments and not listed:
+        raise EditError("nothing to set: want NAME=VALUE, or --list")
+    answer = set_parameters(out, assignments or [], listed=listed)
+    if listed:
+        print("\n".join(lines_of(answer.parameters)))
+    if assignments:
+        console.print(f"set by edit {answer.edit}", markup=False)
+
+
 @app.command()
 def render(
     what: Annotated[
@@ -96,13 +123,14 @@ def render(
     from wall.commands.progress import progress_bar
     from wall.commands.render import render as render_image
     from wall.display.image_file import check_suffix, write_image
-    from wall.roles.plan import make_layout, make_plan
+    from wall.roles.plan import exposure_at, make_layout, make_plan
 
     check_suffix(output)
     loaded = load_config(what)
     with progress_bar("rendering") as update:
+        plan = make_plan(make_layout(loaded))
         image = render_image(
-            make_plan(make_layout(loaded)),
+            plan,
             spp=spp,
             seed=seed,
             size=parse_size(size),
@@ -110,7 +138,7 @@ def render(
             progress=lambda done, total: update(completed=done, total=total),
         )
     if image is not None:
-        write_image(output, image)
+        write_image(output, image, stops=exposure_at(plan, at))
         console.print(f"wrote {output}: {image.shape[1]}x{image.shape[0]}, {spp} samples a pixel, seed {seed}")
 
 
@@ -270,7 +298,7 @@ def main() -> None:
     """Entry point: every refusal and failure is one readable text and an exit code."""
     try:
         app()
-    except ConfigError as error:
+    except (ConfigError, EditError) as error:
         errors.print(str(error), style="red", markup=False)
         sys.exit(REFUSED)
     except WallError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import threading
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import pytest
 from wall.config.sampling import METHODS
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import StatisticsImage
-from wall.display.base import PanelImage, RankStatus, Status, WallImage
+from wall.display.base import PanelImage, ParameterState, RankStatus, Status, WallImage
 from wall.display.browser import Browser
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
@@ -54,6 +54,8 @@ class Source(threading.Thread):
     port: int = 0
     received: list[dict[str, Any]] = field(default_factory=list)
     lost_rank: bool = False
+    offered: tuple[ParameterState, ...] = ()
+    values: dict[str, tuple[float, ...] | None] = field(default_factory=dict)  # None: as configured
     __hash__ = threading.Thread.__hash__
 
     def __post_init__(self) -> None:
@@ -84,6 +86,8 @@ class Source(threading.Thread):
             self.compare = command["value"]
         elif command["kind"] == "statistics":
             self.statistics = command["value"]
+        elif command["kind"] == "set":
+            self.values[command["name"]] = command["numbers"] and tuple(command["numbers"])
 
     def green(self) -> int:
         return int(np.clip(100 + 100 * self.turned, 0, 255))
@@ -138,6 +142,7 @@ class Source(threading.Thread):
         return Status(
             seconds=self.refreshes * REFRESH_S,
             paused=self.paused,
+            parameters=tuple(replace(p, value=self.values.get(p.name) or p.default) for p in self.offered),
             sampler="adaptive" if self.compare else self.sampler,
             samplers=METHODS,
             ranks=ranks,

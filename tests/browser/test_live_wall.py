@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import start, summary
+from running import start, summary, wall
 
 pytestmark = pytest.mark.browser
 
@@ -151,3 +151,26 @@ def status(address: str) -> dict[str, Any]:
     with urllib.request.urlopen(address + "status.json", timeout=5) as answer:
         found: dict[str, Any] = json.loads(answer.read())
     return found
+
+
+def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(
+    chromium: Any, run: tuple[Any, str], tmp_path: Path
+) -> None:
+    _, address = run
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(address)
+    page.wait_for_selector("#parameters:not([hidden])")
+    before = settled(address)
+    page.keyboard.press("p")
+    page.get_by_label("lights.2.irradiance", exact=True).fill("-8")  # its left end: dark
+    deadline = time.monotonic() + PATIENCE_S
+    while changed(before, dark := settled(address)) < 0.05:
+        assert time.monotonic() < deadline, "the slider changed nothing"
+    assert dark.mean() < before.mean()
+
+    assert wall("set", "lights.2.irradiance=default", "--out", tmp_path / "out").returncode == 0
+    row = "document.querySelector('[data-name=\"lights.2.irradiance\"] input').value === '0'"
+    page.wait_for_function(row, timeout=1000 * PATIENCE_S)
+    while changed(before, settled(address)) > 0.0:
+        assert time.monotonic() < deadline, "what is configured did not come back"
+    page.close()

@@ -22,7 +22,7 @@ from wall.core.data import Event, Float32, Float64, Rect
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
-from wall.roles.plan import Layout, Plan, first_event
+from wall.roles.plan import Layout, Plan, exposure_at, first_event
 from wall.sampling.progressive import ProgressiveSampler, footprint_of
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
@@ -113,7 +113,8 @@ def scaled(panel: Panel, scale: float) -> Panel:
 
 def event_at(plan: Plan, at: float) -> Event:
     """The event that shows scene time `at`, seconds, through the view's own camera path."""
-    return replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at))
+    exposure = exposure_at(plan, at)
+    return replace(first_event(plan, 0.0), scene_time=at, camera=plan.view.camera_at(at), exposure=exposure)
 
 
 class OfflineRenderer:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import Field, model_validator
@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from wall.config.materials import IntegratorConfig, MaterialConfig
 from wall.core.fields import (
     Color,
+    Coordinate,
     Direction,
     Flag,
     Model,
@@ -202,7 +203,41 @@ class KeyframesConfig(_MovesObjectOrLight):
         return self
 
 
-AnimationConfig = Annotated[SpinConfig | OrbitConfig | KeyframesConfig, Field(discriminator="type")]
+class ParameterKeyframeConfig(Model):
+    """What a parameter is at one time."""
+
+    time: Seconds = Field(description="seconds of the animation")
+    value: Coordinate | Annotated[tuple[Coordinate, ...], Field(min_length=1, max_length=16)] = Field(
+        description="number, or numbers, as `wall set` takes them"
+    )
+
+
+class ParameterConfig(Model):
+    """A parameter, as `wall set` sets it, that changes with time."""
+
+    type: Literal["parameter"] = Field(description="change a parameter: straight lines between given values")
+    name: Text = Field(description="its name, as `wall set --list` shows it")
+    keyframes: Annotated[tuple[ParameterKeyframeConfig, ...], Field(min_length=1, max_length=10000)] = Field(
+        description="values with growing times"
+    )
+    loop: Flag = Field(default=True, description="begin again after the last keyframe; false = stay there")
+
+    @model_validator(mode="after")
+    def _times_grow(self) -> ParameterConfig:
+        check_times([k.time for k in self.keyframes], loop=self.loop and len(self.keyframes) > 1)
+        counts = [len(k.value) if isinstance(k.value, tuple) else 1 for k in self.keyframes]
+        for i, count in enumerate(counts):
+            if count != counts[0]:
+                raise refusal(
+                    f"has {count} numbers, the first keyframe {counts[0]}",
+                    accepted="as many numbers in each",
+                    at=("keyframes", i, "value"),
+                )
+        return self
+
+
+MotionConfig: TypeAlias = SpinConfig | OrbitConfig | KeyframesConfig  # of bodies
+AnimationConfig = Annotated[MotionConfig | ParameterConfig, Field(discriminator="type")]
 
 
 class SceneConfig(Model):
@@ -221,7 +256,7 @@ class SceneConfig(Model):
     sky: SkyConfig | None = Field(default=None, description="sky; absent = the source's own, or a blue one")
     environment: EnvironmentConfig | None = Field(default=None, description="an image in place of the sky")
     animation: Annotated[tuple[AnimationConfig, ...], Field(max_length=10000)] | None = Field(
-        default=None, description="rigid motion; absent = the source's own, [] = nothing moves"
+        default=None, description="motion, and parameters over time; absent = the source's own, [] = nothing moves"
     )
     integrator: IntegratorConfig | None = Field(
         default=None, description="how light is followed; absent = the source's own, or direct"

@@ -25,6 +25,7 @@ from wall.core.fields import (
 )
 
 DEFAULT_FOV_DEGREES = 45.0
+MOST_STOPS = 20.0  # of exposure: a million times as bright
 
 
 class CameraConfig(Model):
@@ -151,6 +152,9 @@ class ViewConfig(Model):
     )
     display_delay_s: Annotated[Number, Ge(0.0), Le(1.0)] | None = Field(
         default=None, description="seconds from a refresh to its light; absent = one refresh"
+    )
+    exposure: Annotated[Number, Ge(-MOST_STOPS), Le(MOST_STOPS)] = Field(
+        default=0.0, description="stops: light times 2^exposure is shown"
     )
     sampling: SamplingConfig | None = Field(default=None, description="replaces the top-level sampling for this view")
 

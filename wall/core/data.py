@@ -156,6 +156,18 @@ class Camera:
         return np.array(self.position, dtype=np.float64)
 
 
+@dataclass(frozen=True, slots=True)
+class Edits:
+    """All edits of the scene since the run began, as a whole: values that replace those of the configuration.
+
+    Edits of one number are the same. A batch that came as bytes holds the number alone; the receiver knows the values.
+    """
+
+    number: int = 0
+    values: tuple[tuple[str, tuple[float, ...]], ...] = ()  # name path and numbers, by name; see scene.parameters
+
+
+NO_EDITS = Edits()
 STILL = Camera(position=(0.0, 0.0, 0.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
 
 
@@ -163,7 +175,8 @@ STILL = Camera(position=(0.0, 0.0, 0.0), world_from_wall=(1.0, 0.0, 0.0, 0.0, 1.
 class Event:
     """The newest input: a numbered camera change and a numbered scene change of one view.
 
-    Two events with equal numbers show the same image. `scene_time` fixes every animated object and light.
+    Samples of two events with equal numbers are of the same image. `scene_time` fixes every animated object and light,
+    and with `edits` how all is lit and what it looks like.
     """
 
     view: int
@@ -176,6 +189,8 @@ class Event:
     paused: bool = False
     compare: str = ""  # another method that gets half of the rays, for an image of its own; "" none
     statistics: bool = False  # a viewer shows an overlay: compositors make statistics images
+    edits: Edits = NO_EDITS  # of the scene
+    exposure: float = 0.0  # stops: light times 2^exposure is shown. Of the picture alone, no sample depends on it
 
     @property
     def number(self) -> tuple[int, int]:
@@ -204,6 +219,7 @@ class Batch:
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the image is made by reprojection; else every pixel shows its newest sample
     relightable: bool = False  # adaptive samples bring normals and light visibility masks
+    edits: Edits = NO_EDITS  # of the scene that the samples saw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,6 +19,10 @@ class RunError(WallError):
     """A run that failed: a rank died, a peer vanished, a machine refused (exit code 1)."""
 
 
+class EditError(WallError):
+    """An edit of a running wall that is refused, and so changes nothing: what came, what is accepted."""
+
+
 class LocalProtocolError(WallError):
     """We were about to put something on the wire that the format does not allow: our mistake."""
 

@@ -2,7 +2,7 @@
 
 numba's disk cache checks only the file that a kernel stands in, not the files that it imports from. So each file's
 kernels have a cache folder of their own, named by a hash over that file and every `wall` file that it imports: an edit
-recompiles what depends on it, and nothing else.
+recompiles what depends on it, and nothing else. A cache that names a class which has moved since counts as empty.
 """
 
 from __future__ import annotations
@@ -86,7 +86,22 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # read when a kernel is decorated
     compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
     _kernels.append(compiled)
+    if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        file = compiled._cache._cache_file
+        file._load_index = _empty_if_outdated(file._load_index)
     return compiled
+
+
+def _empty_if_outdated(load_index: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:
+    """Loads a cache's index, which numba unpickles: without the classes of arguments that it names it is empty."""
+
+    def load() -> dict[Any, str]:
+        try:
+            return load_index()
+        except (AttributeError, ImportError):
+            return {}
+
+    return load
 
 
 def cache_root() -> Path:

@@ -5,25 +5,25 @@ After Dayal et al., "Adaptive Frameless Rendering", 2005. One owner, allocated o
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Event, Float64, Rect, Samples
+from wall.core.data import Samples
 from wall.deepbuffer.kernels import accumulation as kernels_accumulation
 from wall.deepbuffer.kernels import change as kernels_change
+from wall.deepbuffer.kernels import doubt as kernels_doubt
 from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
 from wall.deepbuffer.kernels import sort as kernels_sort
 from wall.deepbuffer.kernels.columns import BEFORE
+from wall.deepbuffer.kernels.doubt import FRESH
 from wall.deepbuffer.kernels.evict import AGES, evict, oldest_kept
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.lights import Diffuse, LightChanges
-from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown, same_camera
+from wall.deepbuffer.pose import Posed
+from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
-from wall.geometry.panels import Panel
-from wall.scene.build import Scene
 
 SAMPLES_PER_PIXEL = 4  # kept on average
 SLACK = 1.0  # samples a pixel that may arrive, or wait for removal, between two refreshes
@@ -34,85 +34,6 @@ CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 second
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
 ALL_TIMES = np.float32(-np.inf)
 OTHER_MOMENTS = kernels_accumulation.MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
-
-
-class InsertRules(NamedTuple):
-    """How a batch is inserted."""
-
-    shows_event: bool  # the samples belong to the image as it is shown: their pixels accumulate them
-    ignores_change: bool  # nothing moves: changes are noise
-    most_stored: np.float32  # a pixel that has accumulated so many samples stores no more
-    detects_change: bool  # else the samples bring `change` along
-
-
-class PoseTracker:
-    """Tracks the poses of one image: of the event shown, the one before, and of samples as they come."""
-
-    def __init__(
-        self, panel: Panel, eye: Float64, scene: Scene, rect: Rect | None, *, lit: bool, objects: bool = True
-    ) -> None:
-        """`rect` is the part of the panel that is shown, all if None; `lit` and `objects`: see Poses."""
-        self.rect = rect or Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
-        self.lit = lit
-        self.diffuse = Diffuse.of(scene)
-        self.nothing_moves = False
-        self.camera_moved = True  # between the last two images
-        self.spans_moments = False  # pixels may have accumulated samples of several times of the scene
-        self.pose: Pose | None = None  # of the image
-        self.last: Pose | None = None  # before
-        self._light_changes = LightChanges(self.diffuse.objects)
-        self._poses = Poses(panel, eye, scene, self.rect, objects=objects, lit=lit)
-        self._shown: Event | None = None
-
-    def show(self, event: Event) -> None:
-        """Show `event` from now on; nothing moves if the event before has the same number."""
-        shown, self._shown = self._shown, event
-        self.nothing_moves = shown is not None and event.number == shown.number
-        self.camera_moved = not self.nothing_moves and (shown is None or event.camera != shown.camera)
-        if not self.nothing_moves:
-            self.pose, self.last = self._poses.of(event), self.pose
-        if self.camera_moved:
-            self.spans_moments = False  # pixels start anew
-        elif shown is not None and event.scene_time != shown.scene_time:
-            self.spans_moments = True
-
-    def inserted(self, event: Posed) -> tuple[Pose, Pose]:
-        """The pose of samples that are about to be inserted, and that of the image."""
-        pose = self._poses.of(event)
-        under = self.pose if self.pose is not None else pose
-        self._light_changes.note(pose.lights, under.lights)
-        return pose, under
-
-    def rules(self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool) -> InsertRules:
-        """How samples of `event` are inserted into the image shown."""
-        return InsertRules(
-            shows_event=(is_shown if self.nothing_moves else same_camera)(event, self._shown),
-            ignores_change=self.nothing_moves or not change_test,
-            most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
-            detects_change=detects_change,
-        )
-
-    def moved(self) -> NDArray[np.uint8]:
-        """(n + 1,) uint8: objects whose matrix differs from that of the image before; all in the first image."""
-        assert self.pose is not None
-        table = self.pose.panel_from_object
-        if self.nothing_moves:
-            return np.zeros(len(table), np.uint8)
-        if self.last is None:
-            return np.ones(len(table), np.uint8)
-        moved: NDArray[np.uint8] = (table != self.last.panel_from_object).any(axis=1).astype(np.uint8)
-        return moved
-
-    def relit(self) -> NDArray[np.uint8]:
-        """(n + 1,) uint8: objects whose stored samples are to be lit anew."""
-        assert self.pose is not None
-        if not self.lit or self.nothing_moves:
-            return np.zeros(len(self.pose.panel_from_object), np.uint8)
-        return self._light_changes.take(self.pose.lights, self.last.lights if self.last is not None else None)
-
-    def reset(self) -> None:
-        """The next event counts as another one, whatever its number."""
-        self._shown = None
 
 
 class DeepBuffer:
@@ -155,14 +76,20 @@ class DeepBuffer:
             event, self._samples_per_pixel, detects_change=self.detects_change, change_test=self._change_test
         )
         pose, under = self.poses.inserted(event)
+        diffuse, doubted = self.poses.diffuse_under(pose), self.poses.doubt_of(event)
         for first in range(0, len(samples), self._largest):
             part = samples[first : first + self._largest]
             if self.count + len(part) > self.store.capacity:
                 self._evict(len(part))
+            before = self.count
             self.count = kernels_insert.insert(
-                part, self.seconds(base_time), pose, under.panel_from_object, self.store, self.count, self.history,
-                self.poses.diffuse, rules,
+                part, self.seconds(base_time), pose, under.panel_from_object, self.store, before, self.history,
+                diffuse, rules,
             )  # fmt: skip
+            if self.poses.is_ahead(event):
+                self.store.confidence[before : self.count] = FRESH
+            elif doubted is not None:
+                kernels_doubt.doubt(self.store, before, self.count, doubted, self.poses.lit)
 
     def forget(self, samples: Samples, base_time: float) -> None:
         """Reject the samples of one insert, whose packet was lost, and what their pixels have accumulated.
@@ -185,6 +112,10 @@ class DeepBuffer:
         if contradicted.any():
             kernels_change.reject_contradicted(self.store, self.count, self.history)
         return contradicted
+
+    def doubt(self, doubted: NDArray[np.uint8]) -> None:
+        """Take confidence from samples that saw the scene before an edit; `doubted` (n + 1,), see ShadingChanges."""
+        kernels_doubt.doubt(self.store, 0, self.count, doubted, self.poses.lit)
 
     def reproject(self, moved: NDArray[np.uint8], changed: NDArray[np.uint8], tiles: NDArray[np.bool_]) -> None:
         """Bring the samples of `moved` objects (n + 1,) to the pose shown.
@@ -278,6 +209,7 @@ class DeepBuffer:
         kernels_change.reject_contradicted(store, 0, history)
         self.give_back(self.part(history.dirty)[1])
         evict(store, 0, oldest_kept(store, 0, now, self._kept, self._ages))
+        kernels_doubt.doubt(store, 0, 0, none, False)
 
     def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
         columns = self.history.dirty.shape[1]

@@ -20,18 +20,25 @@ class ObjectLights(NamedTuple):
     rows: Float32  # (n + 1, lights, 6): directional lights first, then point lights
     directional: int
     up: Float32  # (n + 1, 3)
+    sky: Float32 = np.zeros((0, 3), np.float32)  # (k, 3) irradiance by the normal's height
 
     @classmethod
     def at(cls, scene: Scene, moment: Moment) -> ObjectLights:
         """The scene's lights at `moment`."""
-        n, directional, points = len(scene.instances), scene.directional_lights, scene.point_lights
+        n, shading = len(scene.instances), moment.shading
+        directional, points = shading.directional_lights, shading.point_lights
         rows, up = np.empty((n + 1, len(directional) + len(points), 6), np.float32), np.empty((n + 1, 3), np.float32)
         light_tables(
             moment.world_from_object, moment.directions,
             np.array([light.irradiance for light in directional]).reshape(-1, 3),
             moment.point_positions, np.array([light.intensity for light in points]).reshape(-1, 3), rows, up,
         )  # fmt: skip
-        return cls(rows, len(directional), up)
+        return cls(rows, len(directional), up, sky_irradiance(shading.sky))
+
+    @property
+    def relightable(self) -> NDArray[np.bool_]:
+        """(n + 1,) bool: objects in whose frame the lights are known."""
+        return np.asarray(self.up.any(axis=1))
 
 
 NO_LIGHTS = ObjectLights(np.zeros((0, 0, 6), np.float32), 0, np.zeros((0, 3), np.float32))
@@ -83,5 +90,7 @@ class LightChanges:
         if was is now:
             return np.zeros_like(self._diffuse)
         moved = (now.rows != was.rows).any(axis=(1, 2)) | (now.up != was.up).any(axis=1)
+        if now.sky is not was.sky:
+            moved |= now.relightable
         changed: NDArray[np.uint8] = self._diffuse & moved
         return changed

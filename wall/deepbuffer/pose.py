@@ -6,13 +6,13 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from wall.core.data import Camera, Event, Float32, Float64, Rect
+from wall.core.data import Camera, Edits, Event, Float32, Float64, Rect
 from wall.deepbuffer.kernels.reproject import object_tables
 from wall.deepbuffer.lights import NO_LIGHTS, ObjectLights
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.build import Scene
-from wall.scene.model import Moment
+from wall.scene.model import Moment, Shading
 
 SAME_TURN = 1e-9  # of a matrix element; packets bring a rotation back to 1e-15
 
@@ -71,6 +71,10 @@ class Posed(Protocol):
     def scene_event(self) -> int:
         """Number of the scene event."""
 
+    @property
+    def edits(self) -> Edits:
+        """Edits of the scene."""
+
 
 class Poses:
     """Makes the poses of one image and keeps the newest of them: many batches share one."""
@@ -81,15 +85,15 @@ class Poses:
         """Without `objects` none ever moves; `lit`: poses bring the lights."""
         self._panel, self._eye, self._scene, self._rect = panel, eye, scene, rect
         self._objects, self._lit = objects, lit
-        self._key: tuple[Camera, float] | None = None
+        self._key: tuple[Camera, float, Edits] | None = None
         self._newest: Pose
         self._moment: Moment | None = None
 
     def of(self, event: Posed) -> Pose:
-        """The pose of an event; the lights are the same object while no time passes in the scene."""
-        key = (event.camera, event.scene_time)
+        """The pose of an event; the lights are the same object while nothing changes in the scene."""
+        key = (event.camera, event.scene_time, event.edits)
         if self._key != key:
-            moment = self._scene.at(event.scene_time)
+            moment = self._scene.at(event.scene_time, event.edits)
             lights = NO_LIGHTS
             if self._lit:
                 lights = self._newest.lights if moment is self._moment else ObjectLights.at(self._scene, moment)
@@ -97,6 +101,10 @@ class Poses:
             self._newest = Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect, lights=lights)
             self._key, self._moment = key, moment
         return self._newest
+
+    def shading(self, event: Posed) -> Shading:
+        """The shading that an event, or samples, saw."""
+        return self._scene.shading(event.scene_time, event.edits)
 
 
 def same_camera(event: Posed, shown: Event | None) -> bool:

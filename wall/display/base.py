@@ -58,6 +58,19 @@ class RankStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterState:
+    """A parameter and what it is now, as the command line and the page show it; see scene.parameters."""
+
+    name: str  # name path
+    kind: str
+    low: float  # of each number
+    high: float
+    unit: str
+    default: tuple[float, ...]  # the configuration's
+    value: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Status:
     """How the run is doing; rates are over the last second or so."""
 
@@ -71,6 +84,7 @@ class Status:
     refreshes_per_s: float  # that changed something
     compare: str = ""  # the sampler that has the other half of the rays; "" none
     compared_per_s: float = 0.0  # its samples, of those of all ranks
+    parameters: tuple[ParameterState, ...] = ()  # that can be changed
 
 
 class Sink(Protocol):

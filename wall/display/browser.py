@@ -23,7 +23,7 @@ from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
-from wall.display.base import PanelImage, Status, WallImage
+from wall.display.base import PanelImage, ParameterState, Status, WallImage
 from wall.display.png import QUICK, whole_wall
 from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
 from wall.display.stream import (
@@ -31,6 +31,7 @@ from wall.display.stream import (
     image_message,
     layout_message,
     panel_message,
+    parameters_message,
     statistics_message,
     status_message,
 )
@@ -69,6 +70,7 @@ class _Viewer:
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
     statistics_images: tuple[StatisticsImage, ...] = ()  # as last sent
+    parameters: tuple[ParameterState, ...] = ()  # as last sent
 
 
 class Browser:
@@ -273,6 +275,9 @@ class Browser:
         if self._loop.time() >= viewer.status_due or answer != viewer.told:
             viewer.status_due, viewer.told = self._loop.time() + STATUS_PERIOD_S, answer
             await viewer.socket.send_str(status_message(status))
+        if status.parameters != viewer.parameters:
+            viewer.parameters = status.parameters
+            await viewer.socket.send_str(parameters_message(status.parameters))
         if len(viewer.in_flight) >= IN_FLIGHT:
             return
         if viewer.overlay and image.statistics_images is not viewer.statistics_images:

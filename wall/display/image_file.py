@@ -21,13 +21,13 @@ def check_suffix(path: Path) -> None:
     check_target(path, SUFFIXES)
 
 
-def display_values(linear: Float32) -> NDArray[np.uint8]:
-    """8-bit sRGB (IEC 61966-2-1) of linear light clipped to 0..1, rounded; the same shape."""
-    return np.round(srgb_encoded(linear.astype(np.float64)) * 255).astype(np.uint8)
+def display_values(linear: Float32, *, stops: float = 0.0) -> NDArray[np.uint8]:
+    """8-bit sRGB (IEC 61966-2-1) of linear light, exposed by so many stops and clipped to 0..1; the same shape."""
+    return np.round(srgb_encoded(2.0**stops * linear.astype(np.float64)) * 255).astype(np.uint8)
 
 
-def write_image(path: Path, image: Float32) -> None:
-    """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values. Raises RunError."""
+def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:
+    """Write (h, w, 3) float32 linear RGB: EXR and NPY as it is, PNG as display values, exposed. Raises RunError."""
     check_suffix(path)
     with replaced(path) as part:
         if path.suffix.lower() == ".npy":
@@ -36,4 +36,4 @@ def write_image(path: Path, image: Float32) -> None:
             header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
             OpenEXR.File(header, {"RGB": np.ascontiguousarray(image)}).write(str(part))
         else:
-            Image.fromarray(display_values(image)).save(part)
+            Image.fromarray(display_values(image, stops=stops)).save(part)

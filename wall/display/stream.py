@@ -11,14 +11,14 @@ from __future__ import annotations
 import json
 import math
 import struct
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 import simplejpeg
 
 from wall.core.data import StatisticsImage
-from wall.display.base import PanelImage, Status, WallImage
+from wall.display.base import PanelImage, ParameterState, Status, WallImage
 from wall.display.steering import OVERLAYS
 from wall.geometry.panels import Wall
 
@@ -90,8 +90,15 @@ def layout_message(wall: Wall) -> str:
 
 
 def status_message(status: Status, **more: Any) -> str:
-    """Every field of Status; what is not finite becomes null, which JSON can say."""
-    return json.dumps(_finite({"kind": "status", **asdict(status), **more}), allow_nan=False)
+    """Every field of Status but its parameters; what is not finite becomes null, which JSON can say."""
+    values = asdict(replace(status, parameters=()))
+    del values["parameters"]
+    return json.dumps(_finite({"kind": "status", **values, **more}), allow_nan=False)
+
+
+def parameters_message(parameters: tuple[ParameterState, ...]) -> str:
+    """Every parameter that can be changed; said when one has changed."""
+    return json.dumps({"kind": "parameters", "parameters": [asdict(each) for each in parameters]}, allow_nan=False)
 
 
 def _finite(value: Any) -> Any:

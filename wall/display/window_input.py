@@ -1,7 +1,7 @@
 """Turn mouse and keyboard input of a window into the steering commands of the page (page/steering.js).
 
-Drag: orbit; right button or shift: pan; wheel, + and -: zoom; arrows: orbit, with shift pan; space: pause; r: reset;
-Escape: the run ends.
+Drag: orbit; right button or shift: pan; wheel, + and -: zoom; arrows: orbit, with shift pan; [ and ]: exposure;
+space: pause; r: reset; Escape: the run ends.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ _ZOOMS = {
     glfw.KEY_MINUS: 1 / KEY_ZOOM,
     glfw.KEY_KP_SUBTRACT: 1 / KEY_ZOOM,
 }
+_STOPS = {glfw.KEY_LEFT_BRACKET: -1 / 3, glfw.KEY_RIGHT_BRACKET: 1 / 3}  # of exposure, of one press
 _ONCE = {glfw.KEY_SPACE: "pause", glfw.KEY_R: "reset"}
 
 
@@ -34,7 +35,7 @@ class InputHandler:
         """`height` is the wall's, in pixels of this window; `rotation` that of its panel, degrees."""
         self._turn, self._height = TURNS[rotation], height
         self._sums = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}
-        self._zoom, self._once = 1.0, list[str]()
+        self._zoom, self._stops, self._once = 1.0, 0.0, list[str]()
         self._held: str | None = None  # what a drag does
         self._at = (0.0, 0.0)
         self.escape = False
@@ -51,6 +52,9 @@ class InputHandler:
                 asked.append({"kind": kind, "x": _within(x, MAX_DRAG), "y": _within(y, MAX_DRAG)})
         if self._zoom != 1.0:
             asked.append({"kind": "zoom", "x": math.exp(_within(math.log(self._zoom), math.log(MAX_ZOOM)))})
+        if self._stops:
+            asked.append({"kind": "expose", "x": _within(self._stops, MAX_DRAG)})
+            self._stops = 0.0
         self._sums, self._zoom, self._once = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}, 1.0, []
         return asked
 
@@ -80,6 +84,8 @@ class InputHandler:
             self._add("pan" if modifiers & glfw.MOD_SHIFT else "orbit", TAP * x, TAP * y)
         elif key in _ZOOMS:
             self._zoom_by(_ZOOMS[key])
+        elif key in _STOPS:
+            self._stops += _STOPS[key]
         elif action == glfw.PRESS and key in _ONCE:
             self._once.append(_ONCE[key])
         elif key == glfw.KEY_ESCAPE:

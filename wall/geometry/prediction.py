@@ -79,7 +79,7 @@ class Predictor:
             self._scene_runs = False
             self._start(event)
             return
-        self._scene_runs = not event.paused and event.scene_event != last.scene_event
+        self._scene_runs = not event.paused and event.scene_time != last.scene_time
         if event.camera != last.camera:
             self._add(event)
 
@@ -100,7 +100,8 @@ class Predictor:
         if camera == event.camera and ahead == 0.0:
             return event
         scene_time, last = event.scene_time + ahead, self._predicted
-        if last is None or (last.camera, last.scene_time) != (camera, scene_time):
+        known = last is not None and (last.edits, last.exposure) == (event.edits, event.exposure)
+        if last is None or not known or (last.camera, last.scene_time) != (camera, scene_time):
             self._count += 1
             number = -1 - self._count
             last = replace(event, camera_event=number, scene_event=number, camera=camera, scene_time=scene_time)

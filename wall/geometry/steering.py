@@ -15,7 +15,7 @@ from wall.core.data import Camera, Float64
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
-Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics"]
+Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose"]
 Vector: TypeAlias = tuple[float, float, float]
 
 STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the image would flip
@@ -23,7 +23,8 @@ ZOOM_RANGE = 1000.0  # times nearer or farther than where steering began
 MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
-NUMBERS: dict[str, tuple[str, ...]] = {"orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",)}
+LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
+NUMBERS: dict[str, tuple[str, ...]] = {"orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",)}
 VALUES: dict[str, tuple[str, ...]] = {
     "sampler": METHODS,
     "compare": ("", *(method for method in METHODS if method != "adaptive")),
@@ -38,13 +39,15 @@ class Command:
     orbit, pan: x and y are drags in fractions of the wall's height, x to the right, y down. zoom: x is the
     factor by which things grow. pause: stops or resumes. sampler: `value` is one of METHODS. reset: back to
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
-    compositors look at their samples, "" ends that.
+    compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
+    expose: x is added to the exposure, stops.
     """
 
     kind: Kind
     x: float = 0.0
     y: float = 0.0
     value: str = ""
+    numbers: tuple[float, ...] | None = None
 
 
 def parse(message: object) -> Command:
@@ -55,6 +58,8 @@ def parse(message: object) -> Command:
     kind = message.get("kind") if isinstance(message, Mapping) else None
     if not isinstance(message, Mapping) or not isinstance(kind, str) or kind not in get_args(Kind):
         raise RemoteProtocolError(f"command kind {_short(kind)}: want one of {', '.join(get_args(Kind))}")
+    if kind == "set":
+        return _set_command(message)
     wanted = NUMBERS.get(kind, ("value",) if kind in VALUES else ())
     if set(message) - {"kind"} != set(wanted):
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
@@ -65,6 +70,17 @@ def parse(message: object) -> Command:
     numbers = {name: _number(kind, name, message[name]) for name in wanted if name != "value"}
     value = str(message["value"]) if kind in VALUES else ""
     return Command(kind=kind, value=value, **numbers)  # type: ignore[arg-type]  # kind is one of Kind by now
+
+
+def _set_command(message: Mapping[Any, Any]) -> Command:
+    """A parameter's name and its numbers, or null; whether there is such a one is for its owner to say."""
+    name, numbers = message.get("name"), message.get("numbers")
+    named = isinstance(name, str) and 0 < len(name) <= LONGEST_NAME and message.keys() == {"kind", "name", "numbers"}
+    known = numbers is None or (isinstance(numbers, list) and 0 < len(numbers) <= MOST_NUMBERS)
+    if not named or not known or not all(type(x) in (int, float) and abs(x) <= LARGEST for x in numbers or ()):
+        raise RemoteProtocolError(f"command set {_short(name)}: want a name, and numbers or null")
+    values = None if numbers is None else tuple(map(float, numbers))
+    return Command(kind="set", value=str(name), numbers=values)
 
 
 def _number(kind: str, name: str, number: Any) -> float:

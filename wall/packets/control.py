@@ -17,22 +17,25 @@ from typing import Any, TypeAlias
 
 from wall.core.data import Camera, Event, StatisticsImage
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
+from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 7
+MAGIC, VERSION = b"WALL", 8
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
+KIND_EDIT_REQUEST, KIND_EDIT_ANSWER = 14, 15
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
+MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
 MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
-_EVENT = struct.Struct("<HIIdd3d9dB31p31pB")
+_EVENT = struct.Struct("<HIIdd3d9dB31p31pBdI")  # then the edits
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -120,9 +123,29 @@ class Statistics:
     ranks: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EditRequest:
+    """Another process wants parameters changed, all of them or none, or listed."""
+
+    client: int  # a number of its own, above all ranks
+    key: str  # the run's, from its control file
+    assignments: list[Any] = field(default_factory=list)  # [name path, value]; at most MAX_COMMANDS
+    listed: bool = False  # the answer is to hold the parameters
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EditAnswer:
+    """What the manager has done with an EditRequest."""
+
+    client: int  # as it came
+    refused: str  # why nothing was changed; "" where all was
+    edit: int  # number of the newest edits
+    parameters: list[dict[str, Any]] = field(default_factory=list)
+
+
 Message: TypeAlias = (
     Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
-    | Stop | WindowInput
+    | Stop | WindowInput | EditRequest | EditAnswer
 )  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -133,7 +156,10 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_WINDOW_INPUT: WindowInput,
     KIND_STATISTICS: Statistics,
     KIND_MEMBERSHIP: Membership,
+    KIND_EDIT_REQUEST: EditRequest,
+    KIND_EDIT_ANSWER: EditAnswer,
 }
+_MAX_BYTES: dict[type[Any], int] = {Membership: MAX_MEMBERSHIP_BYTES, EditAnswer: MAX_ANSWER_BYTES}
 
 
 def serialise(message: Message) -> bytes:
@@ -201,17 +227,16 @@ def _event_body(event: Event) -> bytes:
     return _EVENT.pack(
         event.view, event.camera_event, event.scene_event, event.scene_time, event.input_time,
         *event.camera.position, *event.camera.world_from_wall, event.paused, sampler, compare,
-        event.statistics,
-    )  # fmt: skip
+        event.statistics, event.exposure, event.edits.number,
+    ) + edits_body(event.edits)  # fmt: skip
 
 
 def _parse_event(body: bytes) -> Event:
-    if len(body) != _EVENT.size:
-        raise RemoteProtocolError(f"an event of {len(body)} bytes; it has {_EVENT.size}")
-    view, camera_event, scene_event, scene_time, input_time, *pose, paused, sampler, compare, statistics = (
-        _EVENT.unpack(body)
-    )
-    if not all(map(math.isfinite, (scene_time, input_time, *pose))) or max(paused, statistics) > 1:
+    if len(body) < _EVENT.size:
+        raise RemoteProtocolError(f"an event of {len(body)} bytes; it has at least {_EVENT.size}")
+    *before, paused, sampler, compare, statistics, stops, edit = _EVENT.unpack_from(body)
+    view, camera_event, scene_event, scene_time, input_time, *pose = before
+    if not all(map(math.isfinite, (scene_time, input_time, stops, *pose))) or max(paused, statistics) > 1:
         raise RemoteProtocolError(
             f"event {camera_event}/{scene_event}: a number is not finite, or a flag is above 1: paused {paused}, "
             f"statistics {statistics}"
@@ -223,14 +248,14 @@ def _parse_event(body: bytes) -> Event:
     return Event(
         view=view, camera_event=camera_event, scene_event=scene_event, scene_time=scene_time, input_time=input_time,
         camera=Camera(position=tuple(pose[:3]), world_from_wall=tuple(pose[3:])), sampler=names[0], paused=bool(paused),
-        compare=names[1], statistics=bool(statistics),
+        compare=names[1], statistics=bool(statistics), exposure=stops, edits=parse_edits(edit, body[_EVENT.size :]),
     )  # fmt: skip
 
 
 def _parse_json(cls: Any, body: bytes) -> Message:
     """A message whose JSON has exactly its fields, of their types; numbers finite."""
     name = cls.__name__
-    limit = MAX_MEMBERSHIP_BYTES if cls is Membership else MAX_TEXT_BYTES
+    limit = _MAX_BYTES.get(cls, MAX_TEXT_BYTES)
     if len(body) > limit:
         raise RemoteProtocolError(f"a {name} of {len(body)} bytes; at most {limit}")
     try:
@@ -265,6 +290,8 @@ def _fits(value: Any, kind: str) -> bool:
         return isinstance(value, str) and _LONE_SURROGATE.search(value) is None
     if kind == "tuple[Hello, ...]":
         return isinstance(value, tuple)
+    if kind == "list[dict[str, Any]]":
+        return isinstance(value, list) and all(isinstance(row, dict) for row in value)
     if kind == "list[Any]":
         return isinstance(value, list) and len(value) <= MAX_COMMANDS
     return (

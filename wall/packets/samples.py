@@ -13,7 +13,7 @@ from enum import IntFlag
 
 import numpy as np
 
-from wall.core.data import Batch, Camera, Rect
+from wall.core.data import NO_EDITS, Batch, Camera, Edits, Rect
 from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import compact_body, plain_body
 from wall.packets.codecs import Codec, compress, expand
@@ -23,13 +23,13 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
 __all__ = ["HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 3, 1
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 4, 1
 PLAIN, COMPACT = 0, 1  # layouts of the body
 MAX_SAMPLES = 65536  # of one packet
 MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits of 14
 LARGEST_DEPTH_BASE, DEPTH_BITS_RANGE = 254, (8, 15)  # float32 exponent, mantissa bits
 
-_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQIIdffIIIIIId3d4d")
+_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQIIdffIIIIIId3d4dI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 
@@ -99,6 +99,7 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
             rect.x, rect.y, rect.width, rect.height, batch.sequence, batch.camera_event, batch.scene_event,
             batch.base_time, span, batch.blend, batch.frame, batch.frame_samples, batch.skipped, n, objects,
             len(data), batch.scene_time, *batch.camera.position, *quaternion_of(batch.camera.world_from_wall),
+            batch.edits.number,
         )  # fmt: skip
     except struct.error as error:
         raise LocalProtocolError(f"{where}: a number does not fit its field of the header ({error})") from error
@@ -114,7 +115,7 @@ def decode(data: bytes | memoryview) -> Batch:
     fields = _HEADER.unpack_from(data)
     magic, version, kind, codec, layout, channels, view, panel, rank, base, bits, x, y, width, height = fields[:15]
     sequence, camera_event, scene_event, base_time, span, blend, frame, frame_samples, skipped, n = fields[15:25]
-    objects, length, scene_time, position, quaternion = *fields[25:28], fields[28:31], fields[31:]
+    objects, length, scene_time, position, quaternion, edit = *fields[25:28], fields[28:31], fields[31:35], fields[35]
     where = f"rank {rank} packet {sequence}"
     if magic != MAGIC or version != VERSION or kind != KIND_SAMPLES:
         raise RemoteProtocolError(f"not a sample packet of version {VERSION}: starts with {bytes(data[:6])!r}")
@@ -170,6 +171,7 @@ def decode(data: bytes | memoryview) -> Batch:
         scene_time=scene_time,
         adaptive=layout == COMPACT,
         relightable=channels == RELIGHTABLE,
+        edits=Edits(edit) if edit else NO_EDITS,
     )
 
 

@@ -10,11 +10,12 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pixel_buffer import PixelBuffer
 from wall.deepbuffer.pose import Posed
 from wall.geometry.panels import Panel
-from wall.reconstruction.display_values import update_display
+from wall.reconstruction.display_values import gain_of, update_display
 from wall.reconstruction.kernels import channels as kernels
 from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.build import Scene
 from wall.scene.kernels.environment import environment_of_panel
+from wall.scene.model import Environment, Sky
 
 
 def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: int) -> Framelet:
@@ -23,13 +24,15 @@ def blank_framelet(panel: Panel, channels: Channels, *, encoded: bool, order: in
     return Framelet.blank(rect, channels, encoded=encoded, order=order)
 
 
-def show_newest(buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet) -> None:
-    """Bring the dirty tiles of `out` to what each pixel's newest sample shows."""
+def show_newest(
+    buffer: PixelBuffer, dirty: NDArray[np.bool_], transparent: bool, out: Framelet, *, stops: float = 0.0
+) -> None:
+    """Bring the dirty tiles of `out` to what each pixel's newest sample shows, exposed by so many stops."""
     if out.encoded:
-        update_display(buffer.radiance, dirty, TILE, out.colour)
+        update_display(buffer.radiance, dirty, TILE, out.colour, stops=stops)
     kernels.channels_of_records(
-        buffer.records, dirty, out.time_origin, transparent, None if out.encoded else out.colour, out.depth, out.alpha,
-        out.time, out.object_id,
+        buffer.records, dirty, out.time_origin, transparent, gain_of(stops), None if out.encoded else out.colour,
+        out.depth, out.alpha, out.time, out.object_id,
     )  # fmt: skip
 
 
@@ -68,12 +71,14 @@ class Coverage:
         return self._image.radiance
 
 
-def show_reprojected(image: Reconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet) -> None:
-    """Bring the dirty tiles of `out` to an image of reprojected samples."""
+def show_reprojected(
+    image: Reconstruction, coverage: Coverage | None, dirty: NDArray[np.bool_], out: Framelet, *, stops: float = 0.0
+) -> None:
+    """Bring the dirty tiles of `out` to an image of reprojected samples, exposed by so many stops."""
     if out.encoded:
-        update_display(image.radiance, dirty, TILE, out.colour)
+        update_display(image.radiance, dirty, TILE, out.colour, stops=stops)
     else:
-        kernels.copy_tiles(image.radiance, dirty, out.colour)
+        kernels.copy_tiles(image.radiance, dirty, gain_of(stops), out.colour)
     if out.channels & {"depth", "object_id", "alpha"}:
         pose, covered = image.pose, None if coverage is None else coverage.radiance
         depth = out.depth if out.depth is not None else np.empty(out.colour.shape[:2], np.float32)
@@ -85,14 +90,23 @@ def show_reprojected(image: Reconstruction, coverage: Coverage | None, dirty: ND
         kernels.newest_times(s.times, s.confidence, s.screen_position, s.in_use, s.epoch - out.time_origin, out.time)
 
 
-def show_sky(scene: Scene, pose_frame: Float64, corner: Float64, out: Framelet) -> None:
-    """Bring a framelet to the sky, or the environment, that its pixels see."""
-    sky, environment = scene.sky, scene.environment
+def show_sky(
+    sky: Sky,
+    environment: Environment | None,
+    pose_frame: Float64,
+    corner: Float64,
+    out: Framelet,
+    *,
+    stops: float = 0.0,
+) -> None:
+    """Bring a framelet to the sky, or the environment, that its pixels see, exposed by so many stops."""
+    gain = 2.0**stops
     linear = out.colour if not out.encoded else np.empty(out.colour.shape, np.float32)
     if environment is not None:
         environment_of_panel(pose_frame, corner, environment.texels, environment.middle, linear)
+        linear *= gain
     else:
-        colours = [np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
+        colours = [gain * np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
         kernels.sky_of_panel(pose_frame, corner, *colours, linear)
     if out.encoded:
         rows, columns = -(-linear.shape[0] // TILE), -(-linear.shape[1] // TILE)

@@ -96,9 +96,12 @@ def make_reconstruction(
     return Reconstruction(panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel), choice
 
 
-def display(image: AnyReconstruction, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
-    """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from an image. Raises GpuError if its GPU is lost."""
+def display(image: AnyReconstruction, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
+    """Redo the dirty tiles of `rgb` (h, w, 3) uint8 from an image, exposed by so many stops.
+
+    Raises GpuError if its GPU is lost.
+    """
     if isinstance(image, GpuReconstruction):
-        image.display(dirty, rgb)
+        image.display(dirty, rgb, stops=stops)
     else:
-        update_display(image.radiance, dirty, TILE, rgb)
+        update_display(image.radiance, dirty, TILE, rgb, stops=stops)

@@ -19,7 +19,6 @@ from wall.core.data import Event, Float32, Float64, Rect, Samples
 from wall.deepbuffer.deep_buffer import (
     SAMPLES_PER_PIXEL,
     DeepBuffer,
-    PoseTracker,
     RestSchedule,
     come_to_rest,
     take_dirty,
@@ -28,6 +27,7 @@ from wall.deepbuffer.feedback import Feedback
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Pose, Posed
+from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import SampleStore
 from wall.geometry.panels import Panel
 from wall.reconstruction.kernels import fill as kernels_fill
@@ -194,8 +194,13 @@ class Reconstruction:
         """Make the image of the event shown. `due`: see RestSchedule; `now`: seconds of the store's clock."""
         buffer = self.buffer
         moved = self.poses.moved() * np.uint8(self._with.reprojection)
+        doubted = self.poses.doubted
+        if doubted is not None:
+            buffer.doubt(doubted)
         tiles = buffer.reject_contradicted() | (not self._in_parts())
         changed = moved | self._relight() | np.uint8(self.poses.camera_moved)  # it may uncover, or hide, any surface
+        if doubted is not None:
+            changed |= doubted
         buffer.reproject(moved, changed, tiles)
         redone = self._splat(moved, tiles | due, now)
         buffer.reject_accumulation(changed, redone)
@@ -254,7 +259,7 @@ class Reconstruction:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""
         relit, buffer = self.poses.relit(), self.buffer
         if self.poses.lit:
-            relight(buffer.store, buffer.count, relit, self.pose.lights, self.poses.diffuse.sky_irradiance)
+            relight(buffer.store, buffer.count, relit, self.pose.lights, self.pose.lights.sky)
         return relit
 
     def _fill(self) -> None:

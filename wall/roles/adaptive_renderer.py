@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 from wall.config.sampling import AdaptiveSampling
@@ -64,6 +65,8 @@ class AdaptiveRenderer:
                 self._refreshes = self.reconstruction.refreshes
                 self._event = foreseen(newest, self._shown.expected or newest)
                 self.sampler.replan(self.reconstruction.feedback())
+            elif newest.edits.number != self._event.edits.number:  # an edit is seen at once, wherever the camera is
+                self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
         elif now >= self._due:
             self.reconstruction.refresh(self._panel_view(self._expected(newest, now)), now)
             self.sampler.replan(self.reconstruction.feedback())

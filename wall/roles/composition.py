@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
 
@@ -20,6 +21,7 @@ from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
+from wall.roles.edit_history import EditHistory
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.lockstep import Lockstep
@@ -72,6 +74,7 @@ class Composition:
         # of other ranks, the newest of each panel and sampler
         self._statistics_images: dict[tuple[int, bool], StatisticsImage] = {}
         self._statistics_due = Due()
+        self._edits = EditHistory()
 
     def _make_nodes(self, of_layers: Mapping[int, Framelet], *, compared: bool = False) -> _Nodes:
         """The rank's nodes, fresh; `of_layers`: the framelets of the layers that are shown."""
@@ -82,6 +85,7 @@ class Composition:
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
+        early = self._edits.know(event.edits)
         for layer in self.layers.values():
             layer.follow(event)
         if not event.compare:
@@ -90,6 +94,8 @@ class Composition:
             seconds = {index: layer.compared for index, layer in self.layers.items()}
             framelets = {index: second.framelet for index, second in seconds.items() if second is not None}
             self._compared = self._make_nodes(framelets, compared=True)
+        for batch in early:
+            self.insert_batch(batch)
 
     def insert(self, packet: bytes) -> None:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
@@ -108,6 +114,12 @@ class Composition:
     def insert_batch(self, batch: Batch) -> None:
         """Take samples in. Raises RemoteProtocolError for those that no rank of this run can have traced now."""
         layer = self._layer_of(batch.rank, batch.panel, batch.rect)
+        edits = self._edits.of(batch.edits.number)
+        if edits is None:
+            if not self._edits.waits(batch):
+                self.counters["late"] += len(batch.samples)
+            return
+        batch = batch if batch.edits is edits else replace(batch, edits=edits)
         if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
             wanted = f"about {self._refreshed:.6g} s"
             raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")
@@ -157,7 +169,9 @@ class Composition:
         fresh = self._regions_of(zip(layers, refreshed, strict=True))
         fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items()}
         if self._compared is not None:
-            seconds = [(layer, layer.compared.refresh(now)) for layer in layers if layer.compared is not None]
+            seconds = [
+                (layer, layer.compared.refresh(now, event.exposure)) for layer in layers if layer.compared is not None
+            ]
             self._compared.step(self._regions_of(seconds), event)
         return self._nodes.step(fresh, event)
 

@@ -10,13 +10,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict
 
-from wall.core.data import Event, StatisticsImage
+from wall.core.data import Edits, Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
-from wall.display.base import Status, WallImage
+from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
 from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import NEVER, Number, Sent, needed_from_others, target_ranks
+from wall.roles.editing import editable, states_of
 from wall.roles.instructions import (
     MANAGER,
     Dropped,
@@ -66,6 +67,8 @@ class Compositor:
         self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
         self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
+        self._parameters = editable(plan) if hello.rank == HEAD else {}
+        self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
         self._statistics_images: tuple[StatisticsImage, ...] = ()
@@ -189,11 +192,20 @@ class Compositor:
         self._status = status_of(
             self._plan, event, self._beats, self._standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
+            parameters=self._states_under(event),
         )  # fmt: skip
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
         if self._overlays_elsewhere:
             yield Send(MANAGER, statistics)
+
+    def _states_under(self, event: Event) -> tuple[ParameterState, ...]:
+        """Every parameter as it is: the same object while none changes."""
+        time = event.scene_time if self._plan.scene.parameter_tracks else 0.0
+        if self._states is None or self._states[0] != (time, event.edits, event.exposure):
+            states = states_of(self._plan, self._parameters, time, event.edits, event.exposure)
+            self._states = (time, event.edits, event.exposure), states
+        return self._states[1]
 
     def _images(self, event: Event, now: float) -> tuple[WallImage, ...]:
         """What each sink shows, in the order of the graph."""

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from wall.core.data import Camera, Event
+from wall.core.data import NO_EDITS, Camera, Edits, Event
 from wall.geometry.steering import Command, Steering
-from wall.roles.plan import Plan, first_event
+from wall.roles.plan import Plan, exposure_at, first_event
 from wall.roles.status import samplers_of
 
 COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only one whose samples make their own image
@@ -29,8 +29,11 @@ class Director:
         self.statistics = False
         self.event = first_event(plan, now, view)
 
-    def update(self, commands: list[Command], now: float) -> bool:
-        """Apply what came in until `now`. Returns whether there is a new event."""
+    def update(self, commands: list[Command], now: float, edits: Edits = NO_EDITS, stops: float | None = None) -> bool:
+        """Apply what came in until `now`, with the edits of the scene. Returns whether there is a new event.
+
+        `stops`: exposure; None leaves that to the configuration. It makes a new event of the same number.
+        """
         if not self.paused:
             self._scene_time += now - self._last
             self._path_time += now - self._last
@@ -42,8 +45,12 @@ class Director:
         old = self.event
         sampler = COMPARED_WITH if self.compare else self.sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
-        moved = scene_time != old.scene_time
-        if not turned and not moved and (self.paused, self.statistics) == (old.paused, old.statistics):
+        exposure = exposure_at(self._plan, scene_time, view=self._index) if stops is None else stops
+        moved = scene_time != old.scene_time or edits.number != old.edits.number
+        if self._plan.layout.graph.sync != "none":
+            moved |= exposure != old.exposure  # every change is a frame
+        flags = self.paused, self.statistics, exposure
+        if not turned and not moved and flags == (old.paused, old.statistics, old.exposure):
             return False
         self.event = Event(
             view=self._index,
@@ -56,6 +63,8 @@ class Director:
             paused=self.paused,
             compare=self.compare,
             statistics=self.statistics,
+            edits=edits,
+            exposure=exposure,
         )
         return True
 

@@ -84,7 +84,7 @@ class PanelCompositor:
             self.newest.buffer.take_dirty()
             dirty = self.reprojected.refresh(event, now)
         else:
-            dirty = self.newest.refresh(now)
+            dirty = self.newest.refresh(now, event.exposure)
         if dirty.any():
             self.framelet.event = event
         return dirty

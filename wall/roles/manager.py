@@ -12,11 +12,12 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from wall.core.data import Event
-from wall.core.errors import RemoteProtocolError
+from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat, Hello, Statistics, Stop, WindowInput
+from wall.packets.control import EditRequest, Heartbeat, Hello, Statistics, Stop, WindowInput
 from wall.roles.director import Director
+from wall.roles.editing import Editor
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
 from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
@@ -41,9 +42,13 @@ class Manager:
     """A role: events to everyone, signs of life and inputs from everyone."""
 
     def __init__(
-        self, plan: Plan, now: float, *, still: bool, seconds: float | None = None, until_complete: bool = False
-    ) -> None:
-        """`still`: begin paused; `seconds`: when the run ends; `until_complete`: or when all is traced and shown."""
+        self, plan: Plan, now: float, *, still: bool, seconds: float | None = None, until_complete: bool = False,
+        key: str = "",
+    ) -> None:  # fmt: skip
+        """`still`: begin paused; `seconds`: when the run ends; `until_complete`: or when all is traced and shown.
+
+        `key`: see Editor.
+        """
         layout = plan.layout
         self.due = now
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
@@ -55,6 +60,7 @@ class Manager:
         self._layout, self._seconds, self._until_complete = layout, seconds, until_complete
         self._directors = [Director(plan, now, view) for view in range(len(plan.views))]
         self._register = Register()
+        self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
         self._heard = dict.fromkeys(range(1, layout.size), now)  # by rank: when it gave a sign of life
         self._window_ranks = window_ranks(layout)
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
@@ -91,6 +97,9 @@ class Manager:
                 self._take_input(message)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
+            elif isinstance(message, EditRequest):
+                yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time))
+                self._edited = True
             elif isinstance(message, Died):
                 self.lost.setdefault(message.rank, f"died ({message.how}) after {now - self._began:.1f} s")
             elif isinstance(message, End):
@@ -113,9 +122,19 @@ class Manager:
         self._closed |= {message.rank} if message.closed else set()
         for command in message.commands:
             try:
-                self._commands.append(parse(command))
+                parsed = parse(command)
+                if parsed.kind == "set":
+                    self.editor.set([(parsed.value, parsed.numbers)])
+                    self._edited = True
+                elif parsed.kind == "expose":
+                    self.editor.expose(parsed.x, self._shown_event.scene_time)
+                    self._edited = True
+                else:
+                    self._commands.append(parsed)
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
+            except EditError:
+                self.counters["refused_edit"] += 1
 
     def on_tick(self, now: float) -> Iterator[Instruction]:
         """Publish events, notice lost ranks, end the run in its steps."""
@@ -142,10 +161,15 @@ class Manager:
         """Tell everyone of new events, or of the newest again: a sign of life, and one may have been lost."""
         self._release()
         running = self._phase is Phase.RUNNING
-        wanted = running and (now >= self._update_due or bool(self._commands)) and not self._waits()
+        wanted = running and (now >= self._update_due or bool(self._commands) or self._edited) and not self._waits()
+        self._edited = self._edited and not wanted
         commands, self._commands = (self._commands, []) if wanted or not running else ([], self._commands)
         for director in self._directors:
-            news = director.update(commands, now) if wanted else (not running and director.hold())
+            editor = self.editor
+            if wanted:
+                news = director.update(commands, now, editor.edits, editor.stops)
+            else:
+                news = not running and director.hold()
             if news or now >= self._repeat_due:
                 yield Broadcast(director.event)
                 if director is self._directors[-1]:
@@ -222,4 +246,4 @@ class Manager:
 
     def dropped(self) -> Counter[str]:
         """What was dropped anywhere, by name."""
-        return sum((Counter(beat.dropped) for beat in self.heartbeats.values()), Counter(self.counters))
+        return sum((Counter(beat.dropped) for beat in self.heartbeats.values()), self.counters + self.editor.counters)

@@ -20,13 +20,18 @@ class PixelLayer:
         self.framelet, self._panel, self._transparent, self._compared = framelet, panel, transparent, compared
         width, height = panel.pixels
         self.buffer = PixelBuffer(width, height)
+        self._stops: float | None = None  # exposure of what the framelet shows
 
-    def refresh(self, now: float) -> NDArray[np.bool_]:
-        """Write what changed to the framelet. Returns the 16-pixel tiles that changed, (rows, columns) bool."""
-        dirty = self.buffer.take_dirty()
+    def refresh(self, now: float, stops: float = 0.0) -> NDArray[np.bool_]:
+        """Write what changed to the framelet, exposed by so many stops: all of it where they differ from before.
+
+        Returns the 16-pixel tiles that changed, (rows, columns) bool.
+        """
+        dirty = self.buffer.take_dirty() | (self._stops not in (None, stops))
+        self._stops = stops
         if dirty.any():
             self.framelet.stamp(now)
-            show_newest(self.buffer, dirty, self._transparent, self.framelet)
+            show_newest(self.buffer, dirty, self._transparent, self.framelet, stops=stops)
         return dirty
 
     def statistics_image(self, now: float) -> StatisticsImage:

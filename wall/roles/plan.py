@@ -16,7 +16,7 @@ from wall.config.graph import NodeGraph, SinkNode
 from wall.config.loading import Loaded
 from wall.config.sampling import AnySampling
 from wall.config.schema import Config
-from wall.core.data import Event, Region
+from wall.core.data import NO_EDITS, Edits, Event, Region
 from wall.core.errors import ConfigError, SceneError
 from wall.geometry.cameras import View, resolve_view
 from wall.geometry.checks import check_wall
@@ -27,6 +27,7 @@ from wall.operators.base import Operator
 from wall.reconstruction.gpu.device import gpu_nodes
 from wall.scene.build import Scene
 from wall.scene.build import build as build_scene
+from wall.scene.parameters import EXPOSURE, with_checked_tracks
 
 HEAD = 0
 
@@ -161,6 +162,10 @@ def make_plan(layout: Layout) -> Plan:
         scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
+    try:
+        scene = with_checked_tracks(scene, exposure=layout.config.views[0].exposure)
+    except SceneError as error:
+        raise layout.loaded.error(("scene", "animation"), str(error)) from error
     return aimed(layout, scene)
 
 
@@ -244,7 +249,14 @@ def first_event(plan: Plan, now: float, view: int = 0) -> Event:
         input_time=now,
         camera=plan.views[view].camera_at(0.0),
         sampler=plan.layout.sampling.method,
+        exposure=exposure_at(plan, 0.0, view=view),
     )
+
+
+def exposure_at(plan: Plan, scene_time: float, edits: Edits = NO_EDITS, *, view: int = 0) -> float:
+    """Stops by which a view is exposed: edited, else by keyframes at a scene time in seconds, else as configured."""
+    (stops,) = plan.scene.values(scene_time, edits).get(EXPOSURE, (plan.layout.config.views[view].exposure,))
+    return stops
 
 
 def window_panels(layout: Layout, ranks: Container[int]) -> list[Panel]:

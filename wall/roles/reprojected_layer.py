@@ -45,6 +45,7 @@ class ReprojectedLayer:
         self.show_all = False  # at the next refresh, not only what changed
         self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
         self._refreshed = False
+        self._stops = plan.layout.config.views[0].exposure  # of the image that the framelet shows
 
     def shared(self) -> Reconstruction:
         """At the layer's renderer: the reconstruction that its adaptive sampler inserts samples into."""
@@ -121,16 +122,16 @@ class ReprojectedLayer:
 
     def _show(self, reconstruction: AnyReconstruction, event: Event, now: float) -> NDArray[np.bool_]:
         reconstruction.refresh(event, now)
-        dirty = reconstruction.take_dirty() | self.show_all
+        dirty, stops = reconstruction.take_dirty() | self.show_all | (event.exposure != self._stops), event.exposure
         if self._coverage is not None:
             dirty |= self._coverage.refresh(event, now)
-        self.show_all = False
+        self.show_all, self._stops = False, stops
         framelet = self._framelet
         if dirty.any() and isinstance(reconstruction, Reconstruction) and not self._display_bytes_only:
             framelet.stamp(now)
-            show_reprojected(reconstruction, self._coverage, dirty, framelet)
+            show_reprojected(reconstruction, self._coverage, dirty, framelet, stops=stops)
         elif dirty.any():
-            display(reconstruction, dirty, framelet.colour)
+            display(reconstruction, dirty, framelet.colour, stops=stops)
         return dirty
 
     def statistics_image(self, now: float) -> StatisticsImage | None:

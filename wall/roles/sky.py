@@ -11,6 +11,7 @@ from wall.core.data import Camera, Event
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.channels import blank_framelet, show_sky
 from wall.roles.plan import Plan
+from wall.scene.model import Sky
 
 
 class SkyLayer:
@@ -20,13 +21,16 @@ class SkyLayer:
         assert isinstance(step.node, SkyNode)
         self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)
         self.framelet = blank_framelet(self._panel, step.channels, encoded=step.encoded, order=step.order)
-        self._shown: Camera | None = None
+        self._shown: tuple[Camera, Sky, float] | None = None
 
     def refresh(self, event: Event, now: float) -> Regions:
         """Bring the framelet to what `event` sees. Returns what changed."""
-        if self._shown is not None and self._shown.world_from_wall == event.camera.world_from_wall:
+        sky, shown = self._plan.scene.shading(event.scene_time, event.edits).sky, self._shown
+        same = shown is not None and shown[1:] == (sky, event.exposure)
+        if same and shown is not None and shown[0].world_from_wall == event.camera.world_from_wall:
             return []  # it is the same from everywhere
-        self._shown = event.camera
+        self._shown = event.camera, sky, event.exposure
         frame = ray_frame(self._panel, self._plan.view_of(self._panel).eye_of(self._panel), event.camera)
-        show_sky(self._plan.scene, frame, np.array(self._panel.screen, np.float64), self.framelet)
+        corner, environment = np.array(self._panel.screen, np.float64), self._plan.scene.environment
+        show_sky(sky, environment, frame, corner, self.framelet, stops=event.exposure)
         return [self.framelet.rect]

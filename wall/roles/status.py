@@ -11,7 +11,7 @@ import numpy as np
 
 from wall.config.sampling import METHODS
 from wall.core.data import Event
-from wall.display.base import RankStatus, Status
+from wall.display.base import ParameterState, RankStatus, Status
 from wall.packets.control import Heartbeat, Hello, Statistics
 from wall.roles.plan import Layout, Plan
 
@@ -78,6 +78,7 @@ def status_of(
     seconds: float,
     refreshes_per_s: float,
     oldest: Mapping[int, float | None],
+    parameters: tuple[ParameterState, ...] = (),
 ) -> Status:
     """What sinks may show of the run.
 
@@ -96,6 +97,7 @@ def status_of(
         latency_ms=percentiles_ms(recent),
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
+        parameters=parameters,
     )
 
 

@@ -48,5 +48,5 @@ class Timewarp:
         within = Rect(x=rect.x - panel.screen[0], y=rect.y - panel.screen[1], width=rect.width, height=rect.height)
         view = self._plan.view_of(panel)
         event = seen_from(event, view.offset(panel))
-        moment = self._plan.scene.at(event.scene_time)
+        moment = self._plan.scene.at(event.scene_time, event.edits)
         return Pose.of(panel, view.eye_of(panel), event.camera, moment.world_from_object, rect=within)

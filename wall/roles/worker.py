@@ -97,6 +97,7 @@ class Worker:
             scene_time=event.scene_time,
             adaptive=isinstance(chosen, AdaptiveRenderer),
             relightable=self._relightable,
+            edits=event.edits,
         )
 
     def measure_tiles(self) -> Measured | None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import starmap
 from pathlib import Path
@@ -24,11 +26,13 @@ from wall.roles.plan import HEAD, Plan
 from wall.roles.status import summary_of
 from wall.run.bootstrap import Bootstrap
 from wall.run.clock import HeadClock
+from wall.run.control_file import Control, announced, new_key
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, ways_of
 from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
 from wall.run.usage import cpu_seconds
+from wall.transport.factory import LOOPBACK
 from wall.transport.shared_memory import machine_id
 
 INPUT_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
@@ -98,6 +102,7 @@ class HeadProcess:
         control = open_data_hub(plan)
         manager_ways = Ports(MANAGER, clock, hub=control)
         closing.later(manager_ways.close)
+        key = new_key()
         address = {"manager": control.endpoint, "machine": machine_id()}
         self._bootstrap.broadcast(json.dumps(address))
         data = open_data_hub(plan)
@@ -118,13 +123,13 @@ class HeadProcess:
         self._compositor = loop.role
         began = clock.now()
         self._manager = Manager(
-            plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete
+            plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key
         )
         if log is not None:
             log.begin(began=began, display_delay_s=plan.view.display_delay_s)
         sources: list[Source] = [window_input_of(HEAD, sinks), self._take_ends, self._deaths]
         managing = ManagerThread(Loop(self._manager, manager_ways, clock, sources=sources, longest_wait_s=INPUT_POLL_S))
-        with ended_by_signals(self._ends):
+        with ended_by_signals(self._ends), self._reachable(control.endpoint, key):
             opened(browser.address if browser else "")
             managing.start()
             try:
@@ -136,6 +141,13 @@ class HeadProcess:
                 managing.join(STOP_WAIT_S)
         if managing.failure is not None:
             self.failures.append(f"the manager failed: {managing.failure!r}")
+
+    def _reachable(self, endpoint: str, key: str) -> AbstractContextManager[None]:
+        """While inside, other processes find the manager."""
+        if endpoint.startswith(LOOPBACK):
+            return nullcontext()
+        here = Control(endpoint=endpoint, key=key, host=socket.gethostname(), pid=os.getpid())
+        return announced(self._options.out, here)
 
     def _take_ends(self) -> list[End | Died]:
         return [self._ends.popleft() for _ in range(len(self._ends))]

@@ -8,7 +8,7 @@ from collections import Counter, deque
 from collections.abc import Iterator
 
 from wall.core.errors import RemoteProtocolError, RunError
-from wall.packets.control import Message, Ping, Pong, parse_control, serialise
+from wall.packets.control import EditRequest, Message, Ping, Pong, parse_control, serialise
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.run.clock import HeadClock
 from wall.transport.base import MAX_CONTROL, Hub, Link
@@ -16,6 +16,7 @@ from wall.transport.factory import connect
 
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 SYNCHRONISE_S = 30.0  # for the manager's first answer: its host may be slow to start
+FIRST_CLIENT = 1 << 32  # processes beside the run have numbers from here on, ranks below
 FIRST_PING_S = 0.1  # between pings until one is answered
 
 
@@ -65,6 +66,8 @@ class Ports:
             self._manager.send(serialise(message))
         elif self._hub is not None and to in self._peers:
             self._hub.send(self._peers[to], serialise(message))
+            if to >= FIRST_CLIENT:  # it asked once
+                del self._peers[to]
 
     def broadcast(self, message: Message) -> None:
         """Send a message to every rank that has spoken."""
@@ -144,7 +147,8 @@ class Ports:
             if isinstance(message, Ping):
                 hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
             elif message is not None:
-                self._peers[getattr(message, "rank", MANAGER)] = peer
+                if (who := _sender(message)) is not None:
+                    self._peers[who] = peer
                 yield message
 
     def _parsed(self, data: bytes) -> Message | None:
@@ -153,3 +157,10 @@ class Ports:
         except RemoteProtocolError:
             self._counters["bad_message"] += 1
             return None
+
+
+def _sender(message: Message) -> int | None:
+    """Where an answer goes: a rank, or the number of a process beside the run; None where nobody waits for one."""
+    if isinstance(message, EditRequest):
+        return message.client if message.client >= FIRST_CLIENT else None
+    return getattr(message, "rank", MANAGER)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from wall.config.scene import AnimationConfig, KeyframesConfig, OrbitConfig, SpinConfig
+from wall.config.scene import KeyframesConfig, MotionConfig, OrbitConfig, SpinConfig
 from wall.core.data import Float64
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -31,7 +31,7 @@ class Moving:
     """One motion of one body."""
 
     body: int  # row of the poses
-    motion: AnimationConfig
+    motion: MotionConfig
     center: Vector  # the body's own centre at rest, world
 
     def scaled(self, factor: float) -> Moving:

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 
 from wall.config.materials import PathConfig
 from wall.config.scene import (
-    AnimationConfig,
     DirectionalLightConfig,
     LightConfig,
+    MotionConfig,
+    ParameterConfig,
     PointLightConfig,
     SceneConfig,
     SpotLightConfig,
 )
-from wall.core.data import Float64
+from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
@@ -44,12 +45,15 @@ from wall.scene.model import (
     Mesh,
     Moment,
     PointLight,
+    Shading,
     Sky,
     Source,
     SpotLight,
     Texture,
     TextureSet,
 )
+from wall.scene.parameter_tracks import ParameterTrack, tracks_of
+from wall.scene.shading import shaded
 
 BUILT_IN = {
     "arcade": arcade,
@@ -61,6 +65,8 @@ BUILT_IN = {
     "spheres": spheres,
 }
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn
+SHORTEST = 1e-12  # length of a direction; a shorter one, between opposite keyframes, lights nothing
+SHADINGS = 16  # likewise, of states of edits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +89,12 @@ class Scene:
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     radius: float  # world units, of the smallest sphere about `center`
     rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
-    _moments: dict[float, Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
+    light_order: tuple[
+        int, ...
+    ] = ()  # of each light as named: its row among points, spots, directions; -1: has an area
+    parameter_tracks: tuple[ParameterTrack, ...] = ()
+    _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
     def triangles(self) -> int:
@@ -92,8 +103,8 @@ class Scene:
 
     @property
     def animated(self) -> bool:
-        """Whether anything moves."""
-        return bool(self.tracks)
+        """Whether anything changes with time."""
+        return bool(self.tracks or self.parameter_tracks)
 
     def objects_in(self, share: tuple[float, float]) -> NDArray[np.bool_]:
         """(n,) bool, for sort-last: instances whose middle triangle lies in [from, to) of all, object after object.
@@ -106,19 +117,54 @@ class Scene:
         found: NDArray[np.bool_] = (share[0] <= middles) & (middles < share[1])
         return found
 
-    def at(self, time: float) -> Moment:
-        """Everything that moves, at a scene time in seconds: read-only, the same object for one of the newest times."""
-        key = time if self.tracks else 0.0
+    @property
+    def lights(self) -> tuple[Light | None, ...]:
+        """The lights in the order in which they are named; None for those with an area, which are objects."""
+        rows: tuple[Light, ...] = (*self.point_lights, *self.spot_lights, *self.directional_lights)
+        return tuple(None if row < 0 else rows[row] for row in self.light_order)
+
+    def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:
+        """Everything that moves or was edited, at a scene time in seconds.
+
+        Read-only, the same object for one of the newest times and states of edits.
+        """
+        key = (time if self.animated else 0.0, edits)
         if (known := self._moments.get(key)) is not None:
             return known
         if len(self._moments) >= MOMENTS:
             self._moments.clear()
-        return self._moments.setdefault(key, self._moment(key))
+        return self._moments.setdefault(key, self._moment(*key))
 
-    def _moment(self, time: float) -> Moment:
-        poses = self.rest
-        if self.tracks:
-            poses = self.rest.copy()
+    def values(self, time: float, edits: Edits = NO_EDITS) -> dict[str, tuple[float, ...]]:
+        """Every parameter that is not as the scene has it, at a scene time in seconds; edits hide keyframes."""
+        return {track.name: track.at(time) for track in self.parameter_tracks} | dict(edits.values)
+
+    def shading(self, time: float, edits: Edits = NO_EDITS) -> Shading:
+        """How the scene is lit and what surfaces look like: the same object for one of the newest states of edits."""
+        key = (time if self.parameter_tracks else 0.0, edits)
+        if (known := self._shadings.get(key)) is not None:
+            return known
+        base = Shading(
+            point_lights=self.point_lights,
+            spot_lights=self.spot_lights,
+            directional_lights=self.directional_lights,
+            sky=self.sky,
+            materials=self.materials,
+            path_depth=self.path_depth,
+        )
+        if len(self._shadings) >= SHADINGS:
+            self._shadings.clear()
+        return self._shadings.setdefault(key, shaded(base, self.lights, self.values(*key)))
+
+    def _moment(self, time: float, edits: Edits) -> Moment:
+        poses, shading = self.rest, self.shading(time, edits)
+        if (
+            self.tracks
+            or shading.point_lights is not self.point_lights
+            or shading.spot_lights is not self.spot_lights
+            or (shading.directional_lights is not self.directional_lights)
+        ):
+            poses = self._rest_of(shading)
             self.tracks.apply(poses, time)
             poses.setflags(write=False)
         objects = len(self.instances)
@@ -129,8 +175,19 @@ class Scene:
             world_from_object=poses[:objects],
             point_positions=poses[objects:spots, :3, 3],
             spot_positions=poses[spots:lights, :3, 3],
-            directions=directions / np.sqrt((directions**2).sum(axis=1, keepdims=True)),
+            directions=directions / np.maximum(np.sqrt((directions**2).sum(axis=1, keepdims=True)), SHORTEST),
+            shading=shading,
         )
+
+    def _rest_of(self, shading: Shading) -> Float64:
+        """(bodies, 4, 4) poses at rest, with the lights where `shading` has them; a copy."""
+        poses = self.rest.copy()
+        lights: tuple[Light, ...] = (*shading.point_lights, *shading.spot_lights, *shading.directional_lights)
+        before: tuple[Light, ...] = (*self.point_lights, *self.spot_lights, *self.directional_lights)
+        for row, (light, was) in enumerate(zip(lights, before, strict=True), start=len(self.instances)):
+            if light is not was:
+                poses[row, :3, 3] = _position(light)
+        return poses
 
 
 def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
@@ -260,7 +317,14 @@ def assemble(source: Source) -> Scene:
         path_depth=source.path_depth,
         radius=radius,
         rest=_rest(instances, bodies),
+        light_order=_order(lights, bodies),
+        parameter_tracks=tracks_of(source.animation),
     )
+
+
+def _order(lights: Sequence[Light], rows: Sequence[Light]) -> tuple[int, ...]:
+    """Of each light in the order in which they are named: its row; -1 for lights with an area, which are objects."""
+    return tuple(next((row for row, body in enumerate(rows) if body is light), -1) for light in lights)
 
 
 def _about_zero(instance: Instance, mesh: Mesh) -> Instance:
@@ -293,6 +357,8 @@ def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -
     movings = list(source.motions)
     boxes = world_boxes(source.meshes, source.instances) if source.animation else np.empty((0, 2, 3))
     for number, track in enumerate(source.animation):
+        if isinstance(track, ParameterConfig):
+            continue
         where = f"scene.animation[{number}]"
         index = getattr(track, "light", None)
         if index is None:
@@ -306,9 +372,7 @@ def _movings(source: Source, bodies: Sequence[Light], lights: Sequence[Light]) -
     return movings
 
 
-def _moving_objects(
-    track: AnimationConfig, instances: Sequence[Instance], boxes: Float64, *, where: str
-) -> list[Moving]:
+def _moving_objects(track: MotionConfig, instances: Sequence[Instance], boxes: Float64, *, where: str) -> list[Moving]:
     """Matched instances that stand in one frame are parts of one object, and share its centre."""
     wanted = track.object or ""
     matched = [k for k, instance in enumerate(instances) if fnmatchcase(instance.name, wanted)]

@@ -189,10 +189,26 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Shading:
+    """How the scene is lit and what surfaces look like: all that parameters change (scene.parameters).
+
+    What an edit leaves as it was stays the same object.
+    """
+
+    point_lights: tuple[PointLight, ...]
+    spot_lights: tuple[SpotLight, ...]
+    directional_lights: tuple[DirectionalLight, ...]
+    sky: Sky
+    materials: tuple[Material, ...]
+    path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """Everything that moves, at one scene time."""
+    """Everything that moves or can be edited, at one scene time under one state of edits."""
 
     world_from_object: Float64  # (instances, 4, 4)
     point_positions: Float64  # (point lights, 3)
     spot_positions: Float64  # (spot lights, 3)
     directions: Float64  # (directional lights, 3) unit
+    shading: Shading

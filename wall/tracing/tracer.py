@@ -16,7 +16,8 @@ from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.geometry.cameras import Lens
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.scene.model import Moment
+from wall.scene.model import Moment, Shading
+from wall.scene.sky import sky_irradiance
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels import trace as kernels
@@ -35,7 +36,7 @@ from wall.tracing.kernels.values import (
     Surfaces,
     Workspace,
 )
-from wall.tracing.tracer_scene import TracerScene
+from wall.tracing.tracer_scene import TracerScene, sky_rows
 
 NUMBERS = 0xFFFFFFFF  # of samples, where they begin again
 OFFSET_ULPS = 16.0  # float32 roundings from a hit to its secondary ray; eight times the need, docs/guide/accuracy.md
@@ -137,6 +138,9 @@ class Tracer:
             sky=tracer_scene.sky,
             sky_irradiance=tracer_scene.sky_irradiance,
         )
+        self._materials = tracer_scene.materials
+        self._shading: Shading | None = None  # as last placed
+        self._depth = tracer_scene.scene.path_depth
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._path_room, self._traced = path_room(0, 0), 0
@@ -144,8 +148,8 @@ class Tracer:
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
     def set_event(self, event: Event) -> None:
-        """Places everything for `event`: its camera, and its scene time."""
-        self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time))
+        """Places everything for `event`: its camera, its scene time, its edits."""
+        self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time, event.edits))
         frame = ray_frame(self._panel, self._eye, event.camera)
         lens = None if self._lens is None else self._lens.rows(event.camera.rotation())
         self._ray_frame = self._ray_frame._replace(frame=frame, lens=lens)
@@ -159,6 +163,7 @@ class Tracer:
     def place(self, origin: Float64, moment: Moment) -> None:
         """Places instances and lights of a moment relative to the eye at `origin` (3,), world."""
         tracer_scene = self._tracer_scene
+        self._shade(moment.shading)
         self.singular = place_instances(
             moment.world_from_object,
             origin,
@@ -169,17 +174,17 @@ class Tracer:
             tracer_scene.extents,
             OFFSET_ULPS,
         )
-        scene = tracer_scene.scene
-        if scene.point_lights:
+        shading = moment.shading
+        if shading.point_lights:
             relative = moment.point_positions - origin
-            points = _light_rows(relative, [light.intensity for light in scene.point_lights])
+            points = _light_rows(relative, [light.intensity for light in shading.point_lights])
             self._lights = self._lights._replace(points=points)
-        if scene.spot_lights:
-            spots = _light_rows(moment.spot_positions - origin, [light.intensity for light in scene.spot_lights])
-            cones = np.array([(*light.direction, *light.falloff) for light in scene.spot_lights], np.float32)
+        if shading.spot_lights:
+            spots = _light_rows(moment.spot_positions - origin, [light.intensity for light in shading.spot_lights])
+            cones = np.array([(*light.direction, *light.falloff) for light in shading.spot_lights], np.float32)
             self._lights = self._lights._replace(spots=np.hstack([spots, cones]))
-        if scene.directional_lights:
-            directional = _light_rows(moment.directions, [light.irradiance for light in scene.directional_lights])
+        if shading.directional_lights:
+            directional = _light_rows(moment.directions, [light.irradiance for light in shading.directional_lights])
             self._lights = self._lights._replace(directional=directional)
             if tracer_scene.needs.suns:
                 self._part_suns(directional)
@@ -192,6 +197,17 @@ class Tracer:
         suns = np.hstack([directional, caps.astype(np.float32)[:, None]])[discs]
         rest = None if discs.all() else np.ascontiguousarray(directional[~discs])
         self._lights = self._lights._replace(directional=rest, suns=np.ascontiguousarray(suns))
+
+    def _shade(self, shading: Shading) -> None:
+        """Take over the sky, the materials and the depth of a shading; arrays of the same types and shapes."""
+        if shading is self._shading:
+            return
+        if self._shading is None or shading.sky is not self._shading.sky:
+            sky = shading.sky
+            self._lights = self._lights._replace(sky=sky_rows(sky), sky_irradiance=sky_irradiance(sky))
+        if self._shading is None or shading.materials is not self._shading.materials:
+            self._materials = self._tracer_scene.materials_of(shading)
+        self._shading, self._depth = shading, shading.path_depth
 
     def trace(self, xy: Float32, footprint: float = 1.0, number: int | None = None) -> tuple[Samples, Traced]:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
@@ -207,7 +223,7 @@ class Tracer:
         work = self._work
         work.counts[:] = 0
         arguments = self.arguments(xy, samples)
-        if self._tracer_scene.scene.path_depth is None:
+        if self._depth is None:
             kept = kernels.trace(*arguments)
         else:
             kept = trace_paths(*arguments, self._paths(len(xy), number))
@@ -217,17 +233,18 @@ class Tracer:
     def _paths(self, count: int, number: int | None) -> Paths:
         """Room for so many paths, kept from batch to batch."""
         if len(self._path_room.sample) < count:
-            self._path_room = path_room(count, self._tracer_scene.scene.path_depth or 0)
+            self._path_room = path_room(count, 0)
         step, number = (0, number) if number is not None else (1, self._traced)
         self._traced += step * count
         return self._path_room._replace(
-            number=np.uint32(number & NUMBERS), step=np.uint32(step), seed=np.uint32(self.seed & NUMBERS)
-        )
+            number=np.uint32(number & NUMBERS), step=np.uint32(step), seed=np.uint32(self.seed & NUMBERS),
+            depth=self._depth or 0,
+        )  # fmt: skip
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""
-        materials = self._tracer_scene.materials
-        return Arguments(self._scene, self._ray_frame, xy, samples, self._surfaces, materials, self._lights, self._work)
+        materials, lights = self._materials, self._lights
+        return Arguments(self._scene, self._ray_frame, xy, samples, self._surfaces, materials, lights, self._work)
 
 
 def _light_rows(directions: Float64, colours: list[tuple[float, float, float]]) -> Float32:

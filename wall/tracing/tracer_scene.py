@@ -6,6 +6,7 @@ One copy serves all threads of a rank. Vertices and triangles are shared with Em
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from wall.core.colour import LUMINANCE, srgb_decoded, srgb_encoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
-from wall.scene.model import Mesh
+from wall.scene.model import Material, Mesh, Shading, Sky
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle, Passing
@@ -54,6 +55,16 @@ class TracerScene:
     environment: Environment | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
+
+    def materials_of(self, shading: Shading) -> Materials:
+        """What surfaces look like under a shading of the scene: new rows for materials that were edited."""
+        if shading.materials is self.scene.materials:
+            return self.materials
+        rows = self.materials.rows.copy()
+        for row, material, base in zip(rows, shading.materials, self.scene.materials, strict=True):
+            if material is not base:
+                _write(row, material)
+        return self.materials._replace(rows=rows)
 
     @property
     def bytes(self) -> int:
@@ -101,7 +112,7 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
         environment=None
         if scene.environment is None
         else environment_tables(scene.environment, paths=scene.path_depth is not None),
-        sky=np.array([scene.sky.zenith, scene.sky.horizon, scene.sky.ground], np.float32),
+        sky=sky_rows(scene.sky),
         sky_irradiance=sky_irradiance(scene.sky),
     )
 
@@ -127,6 +138,11 @@ def _transparency(scene: Scene, mesh: Mesh, triangles: NDArray[np.uint32]) -> Pa
         numbers[alpha.WIDTH], numbers[alpha.HEIGHT] = texels.shape[1], texels.shape[0]
         numbers[alpha.WRAP_U], numbers[alpha.WRAP_V] = (WRAPS[way] for way in texture.wrap)
     return alpha.PASS_TRANSPARENT, tuple(array for array in (numbers, triangles, uvs, texels) if array is not None)
+
+
+def sky_rows(sky: Sky) -> Float32:
+    """(3, 3) float32, see Lights.sky."""
+    return np.array([sky.zenith, sky.horizon, sky.ground], np.float32)
 
 
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
@@ -155,8 +171,7 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
     firsts = np.cumsum([0, *map(len, texels)])
     rows = np.zeros(len(scene.materials), MATERIAL)
     for row, material in zip(rows, scene.materials, strict=True):
-        for name in set(MATERIAL.fields or ()) - OF_TEXTURES:
-            row[name] = getattr(material, name)
+        _write(row, material)
         for slot, number in enumerate(material.textures):
             if wanted.textures and number is not None:
                 texture = scene.textures[number]
@@ -176,6 +191,12 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
         mirrors=True if wanted.mirrors else None,
         interface=interface_table() if wanted.interfaces else None,
     )
+
+
+def _write(row: Any, material: Material) -> None:
+    """Write a material to its MATERIAL row, but for its textures."""
+    for name in set(MATERIAL.fields or ()) - OF_TEXTURES:
+        row[name] = getattr(material, name)
 
 
 def _emitters(scene: Scene) -> Emitters:

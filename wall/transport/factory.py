@@ -6,6 +6,8 @@ from wall.transport.base import Hub, Link
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
+LOOPBACK = "loopback:"  # how the endpoints of hubs inside one process begin
+
 
 def open_hub(kind: str, bind: str, *, credit_bytes: int) -> Hub:
     """kind: zmq or loopback. Raises RunError where `bind` is not an address to listen on."""
@@ -14,4 +16,4 @@ def open_hub(kind: str, bind: str, *, credit_bytes: int) -> Hub:
 
 def connect(endpoint: str, *, rank: int) -> Link:
     """A link to the hub of that endpoint, which says of which kind it is."""
-    return LoopbackLink(endpoint) if endpoint.startswith("loopback:") else ZmqLink(endpoint, rank=rank)
+    return LoopbackLink(endpoint) if endpoint.startswith(LOOPBACK) else ZmqLink(endpoint, rank=rank)

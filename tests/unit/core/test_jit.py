@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -67,3 +69,25 @@ def test_an_edit_of_an_imported_file_changes_the_hash(tmp_path: Path, monkeypatc
         jit.source_hash.cache_clear()
     assert after[0] != before[0]
     assert after[1] == before[1]
+
+
+class Gone:
+    """Stands for a class of arguments that a later version has elsewhere."""
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_a_cache_that_names_a_class_which_is_gone_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    source = tmp_path / "kernel_file.py"
+    source.write_text("def twice(x):\n    return 2 * x\n", encoding="utf-8")
+    scope: dict[str, Any] = {}
+    exec(compile(source.read_text(encoding="utf-8"), str(source), "exec"), scope)
+    first = jit.kernel(scope["twice"])
+    first._cache._cache_file._save_index({Gone: "twice.nbc"})
+    monkeypatch.delattr(sys.modules[__name__], "Gone")
+    again = jit.kernel(scope["twice"])
+    assert again(21) == 42
+    assert sum(again.stats.cache_misses.values()) == 1
+    third = jit.kernel(scope["twice"])
+    assert third(21) == 42
+    assert sum(third.stats.cache_hits.values()) == 1

@@ -13,7 +13,7 @@ import numpy as np
 import zstandard
 from packet_examples import batch_of
 
-from wall.core.data import CHANNELS, SAMPLE, Camera, Event, Framelet, Rect, Samples, StatisticsImage
+from wall.core.data import CHANNELS, SAMPLE, Camera, Edits, Event, Framelet, Rect, Samples, StatisticsImage
 from wall.packets import control
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, PLAIN, POSED, FrameletPart
 from wall.packets.kernels import compact_body as kernels
@@ -118,8 +118,8 @@ def test_the_number_of_early_packets_is_the_document_s() -> None:
 def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
-    assert fields["size"] == HEADER_BYTES == 150
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 3, 1, 0)
+    assert fields["size"] == HEADER_BYTES == 154
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 4, 1, 0)
     assert (fields["layout"], fields["channels"], fields["objects"]) == (0, ALWAYS, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
@@ -143,13 +143,15 @@ def test_the_event_table_reads_an_event() -> None:
     camera = Camera(position=(1.0, 2.0, 3.0), world_from_wall=tuple(float(k) for k in range(9)))
     event = Event(
         view=1, camera_event=2, scene_event=3, scene_time=4.5, input_time=5.5, camera=camera, sampler="hilbert",
-        paused=True, compare="framed", statistics=True,
+        paused=True, compare="framed", statistics=True, exposure=-1.5, edits=Edits(7, (("exposure", (2.0, 3.0)),)),
     )  # fmt: skip
     body = control.serialise(event)[control.HEADER_BYTES :]
     fields = read(table("Event (numbers finite"), body)
-    assert fields.pop("size") == len(body) == 186
+    assert fields.pop("size") == 198
+    assert body[198:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
     words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "statistics": 1}
     wanted = asdict(event) | camera_fields(camera) | words
+    wanted["edit"] = wanted.pop("edits")["number"]
     wanted.pop("camera")
     assert fields == wanted
 

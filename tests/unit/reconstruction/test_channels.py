@@ -11,6 +11,7 @@ from wall.geometry.frusta import ray_frame
 from wall.reconstruction.kernels import channels as kernels
 
 HEIGHT, WIDTH = 2 * TILE - 5, 2 * TILE + 3  # tiles at both edges are cut off
+ONE = np.float32(1.0)  # gain
 DIRTY = np.array([[True, False, True], [False, True, False]])
 EYE = view((1.0, 2.0, 5.0), (0.0, 0.5, 0.0), pixels=(WIDTH, HEIGHT))
 FRAME, CORNER = ray_frame(EYE.panel, EYE.eye, EYE.event.camera), np.array(EYE.panel.screen, np.float64)
@@ -38,7 +39,7 @@ def records() -> np.ndarray:  # type: ignore[type-arg]
 @pytest.mark.parametrize("transparent", [False, True])
 def test_channels_of_newest_samples(transparent: bool) -> None:
     r, out = records(), blank()
-    kernels.channels_of_records(r, DIRTY, 1e5, transparent, *out.values())
+    kernels.channels_of_records(r, DIRTY, 1e5, transparent, ONE, *out.values())
     nothing = transparent & (r["object_id"] == 0)
     wanted = {
         "colour": np.where(nothing[..., None], 0, r["shown"]), "depth": r["depth"],
@@ -51,7 +52,7 @@ def test_channels_of_newest_samples(transparent: bool) -> None:
 
 def test_channels_that_nobody_wants_are_left_out() -> None:
     out = blank()
-    kernels.channels_of_records(records(), DIRTY, 0.0, True, None, out["depth"], None, None, None)
+    kernels.channels_of_records(records(), DIRTY, 0.0, True, ONE, None, out["depth"], None, None, None)
     np.testing.assert_array_equal(out["depth"][CHANGED], records()["depth"][CHANGED])
 
 
@@ -137,5 +138,5 @@ def test_the_sky_is_that_of_each_pixel_s_direction() -> None:
 
 def test_only_dirty_tiles_are_copied() -> None:
     source, out = np.random.default_rng(4).random((HEIGHT, WIDTH, 3), np.float32), blank()["colour"]
-    kernels.copy_tiles(source, DIRTY, out)
+    kernels.copy_tiles(source, DIRTY, ONE, out)
     np.testing.assert_array_equal(out, np.where(CHANGED[..., None], source, np.float32(7)))

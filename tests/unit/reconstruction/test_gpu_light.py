@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose
 from small_scenes import instance, keyframes, material, quad, sphere_mesh, view
 
 from wall.config.scene import OrbitConfig, SpinConfig
-from wall.core.data import Event
+from wall.core.data import Edits, Event
 from wall.reconstruction.gpu.device import Device
 from wall.reconstruction.gpu.store import LIT_WORDS, WORDS
 from wall.scene.build import Scene, assemble
@@ -127,3 +127,29 @@ def test_memory_for_surfaces_is_taken_only_where_lights_or_objects_move(opengl: 
     lit = Twins(scene, view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(16, 8))).gpu._store
     sizes = {name: array.size for name, array in lit.arrays.items()}
     assert sizes == {name: 4 * words * lit.capacity for name, words in (WORDS | LIT_WORDS).items()}
+
+
+def edited_at_refresh(k: int) -> Event:
+    """The eye stands; at refreshes 4, 6 and 8 a light, the wall's colour and the sky are edited, then all rests."""
+    values = (
+        {"lights.1.intensity": (2.0, 0.1, 0.1)},
+        {"materials.material.color": (0.2, 0.9, 0.4)},
+        {"sky.strength": (2.0,)},
+    )
+    number = sum(k >= at for at in (4, 6, 8))
+    merged = {name: value for each in values[:number] for name, value in each.items()}
+    event = event_at(number, SEEN)
+    return replace(event, edits=Edits(number, tuple(sorted(merged.items()))))
+
+
+def test_edits_doubt_and_light_the_same_samples(
+    opengl: Device, random_numbers: np.random.Generator, scene: Scene, compiled_only: None
+) -> None:
+    """Some samples come before the image shows their edits, some after newer ones are shown."""
+    twins, source = Twins(scene, SEEN), Noise(random_numbers, 900)
+    for k in range(14):
+        event = edited_at_refresh(k)
+        for batch, traced_under in enumerate((edited_at_refresh(max(0, k - 1)), event, edited_at_refresh(k + 1))):
+            twins.insert(source.of(twins, traced_under), START + k / 60 + 0.004 * batch, traced_under)
+        twins.refresh(event, START + (k + 1) / 60)
+        twins.agree(decided=DECIDED_BY_ROUNDING)

@@ -88,7 +88,7 @@ def test_a_layer_of_sky_shows_the_same_environment() -> None:
     scene = in_environment(scene_of([quad(0.01, 0.01)], [instance(0, at=(0.0, -50.0, 0.0))]), spotted(8, rotation=20.0))
     seen = view((0.0, 0.0, 0.0), (1.0, 0.4, 0.3), pixels=(16, 12), fov=60.0)
     layer = blank_framelet(seen.panel, frozenset({"colour"}), encoded=False, order=0)
-    show_sky(scene, ray_frame(seen.panel, seen.eye, seen.event.camera), np.zeros(2), layer)
+    show_sky(scene.sky, scene.environment, ray_frame(seen.panel, seen.eye, seen.event.camera), np.zeros(2), layer)
     np.testing.assert_allclose(layer.colour, traced_image(scene, seen).radiance, rtol=1e-3, atol=1e-3)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
@@ -17,6 +19,15 @@ CHUNK = 64  # samples: first everything that they are compared with is fetched, 
 UNKNOWN_OBJECT = np.float32(-2.0)  # depth of a sample whose object does not exist
 # rows of a chunk: object-space position (X, Y, Z), then
 SCREEN_X, SCREEN_Y, SCREEN_DEPTH, SHOWN_IRRADIANCE, ACCUMULATED, ROWS = 3, 4, 5, 6, 7, 8
+
+
+class InsertRules(NamedTuple):
+    """How a batch is inserted."""
+
+    shows_event: bool  # the samples belong to the image as it is shown: their pixels accumulate them
+    ignores_change: bool  # nothing moves: changes are noise
+    most_stored: np.float32  # a pixel that has accumulated so many samples stores no more
+    detects_change: bool  # else the samples bring `change` along
 
 
 @kernel

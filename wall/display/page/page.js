@@ -2,6 +2,7 @@
 
 import { Compare } from "./compare.js";
 import { Overlay } from "./overlay.js";
+import { Parameters } from "./parameters.js";
 import { Readout, short } from "./readout.js";
 import { Steering } from "./steering.js";
 import { Wall } from "./wall.js";
@@ -24,6 +25,9 @@ let heard = 0;
 let ended = false;
 
 const compare = new Compare(wall, (command) => send(command), (name) => readout.sampler(name));
+const panel = document.getElementById("parameters");
+const groups = document.getElementById("parameter-groups");
+const parameters = new Parameters(panel, groups, (command) => send(command));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -58,6 +62,8 @@ function take(message, pictures) {
     if (overlay.name) overlay.repeat();
   } else if (message.kind === "picture") {
     pictures.begin(message);
+  } else if (message.kind === "parameters") {
+    parameters.show(message.parameters);
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
     readout.show(message);
@@ -121,6 +127,13 @@ function toggleDetails() {
   wall.arrange();
 }
 
+function toggleParameters() {
+  if (panel.hidden) return;
+  groups.hidden = !groups.hidden;
+  document.getElementById("parameters-open").setAttribute("aria-expanded", !groups.hidden);
+  document.getElementById("details").classList.toggle("editing", !groups.hidden);
+}
+
 // While two are compared, another sampler than the adaptive one takes the place at the right.
 function choose(name) {
   if (compare.other && name !== "adaptive") {
@@ -141,11 +154,13 @@ steering.actions = {
   choose,
   compare: () => compare.next(),
   overlay: () => overlay.next(),
+  parameters: toggleParameters,
 };
 readout.onpause = () => steering.pause();
 readout.onsampler = choose;
 document.getElementById("pause").onclick = () => steering.pause();
 document.getElementById("reset").onclick = () => steering.reset();
+document.getElementById("parameters-open").onclick = toggleParameters;
 document.getElementById("help-open").onclick = steering.actions.help;
 help.onclick = (event) => { if (event.target === help) help.close(); };
 

@@ -4,6 +4,7 @@ const MAX_ZOOM = 64, MAX_DRAG = 10;       // what the server takes, wall/geometr
 const TAP = 0.04;                         // wall heights of one short key press
 const HELD_PER_S = 0.9;                   // wall heights a second while a key is held
 const KEY_ZOOM = 1.12;
+const KEY_STOPS = 1 / 3;                  // of exposure
 const WHEEL_ZOOM = 0.0016;                // log of the factor for one CSS pixel of wheel
 const PINCH_WHEEL = 0.01;                 // the same for a touchpad's pinch, which comes as a wheel with ctrl
 const LINE_PX = 16, PAGE_PX = 400;
@@ -126,10 +127,12 @@ export class Steering {
     if (e.ctrlKey || e.metaKey || e.altKey || document.querySelector("dialog[open]") && e.key !== "h") return;
     const onControl = e.target.closest?.("button, input, a");
     const onScroll = e.target.closest?.(".scroll");
-    if (e.key in ARROWS && !onScroll && e.target.type !== "radio") this.#arrow(e);
+    if (e.key in ARROWS && !onScroll && e.target.type !== "radio" && e.target.type !== "range") this.#arrow(e);
     else if (e.key === " " && !onControl && !onScroll) this.pause();
     else if (e.key === "+" || e.key === "=") this.#zoom(KEY_ZOOM);
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
+    else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });
+    else if (e.key === "[") this.#send({ kind: "expose", x: -KEY_STOPS });
     else if (e.repeat || !this.#letter(e.key)) return;
     e.preventDefault();
   }
@@ -140,6 +143,7 @@ export class Steering {
     else if (key === "r") this.reset();
     else if (key === "c") this.actions.compare();
     else if (key === "o") this.actions.overlay();
+    else if (key === "p") this.actions.parameters();
     else if (key === "h" || key === "?") this.actions.help();
     else if (key === "d") this.actions.details();
     else if (key === "f") this.actions.fullscreen();

@@ -157,10 +157,10 @@ class Passes:
         """(h, w, 3) float32, written: the image."""
         self._shown.read_into(shown)
 
-    def read_display(self, rgb: NDArray[np.uint8]) -> None:
-        """(h, w, 3) uint8, written: the image as sRGB."""
+    def read_display(self, rgb: NDArray[np.uint8], gain: np.float32) -> None:
+        """(h, w, 3) uint8, written: the image times `gain` as sRGB."""
         items, values = -(-self._area // PIXELS_A_DISPLAY_ITEM), 3 * self._area
-        self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values)
+        self._device.compute("display", items, (self._shown, self._curve, self._codes), values=values, gain=gain)
         self._codes.read_into(rgb, size=values)
 
     def read_accumulation(self, accumulation: Float32) -> None:

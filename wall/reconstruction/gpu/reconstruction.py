@@ -14,19 +14,20 @@ from wall.deepbuffer.deep_buffer import (
     CLOCK_ORIGIN_S,
     SAMPLES_PER_PIXEL,
     SORT_EVERY,
-    PoseTracker,
     RestSchedule,
     capacity_for,
     come_to_rest,
     take_dirty,
 )
 from wall.deepbuffer.kernels.columns import COUNT
+from wall.deepbuffer.kernels.doubt import FRESH, doubt
 from wall.deepbuffer.kernels.insert import insert
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Posed
+from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
-from wall.reconstruction.display_values import update_display
+from wall.reconstruction.display_values import gain_of, update_display
 from wall.reconstruction.gpu.device import CONFIDENCE, TIME, device
 from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
@@ -92,12 +93,15 @@ class GpuReconstruction:
             self._read = True
         return self._radiance
 
-    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8]) -> None:
-        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB; a moving image travels as these bytes and no more."""
+    def display(self, dirty: NDArray[np.bool_], rgb: NDArray[np.uint8], *, stops: float = 0.0) -> None:
+        """Redo the dirty tiles of `rgb` (h, w, 3) uint8, sRGB, exposed by so many stops.
+
+        A moving image travels as these bytes and no more.
+        """
         if self._read:
-            update_display(self._radiance, dirty, TILE, rgb)
+            update_display(self._radiance, dirty, TILE, rgb, stops=stops)
         else:
-            self._passes.read_display(rgb)
+            self._passes.read_display(rgb, gain_of(stops))
 
     @property
     def count(self) -> int:
@@ -110,6 +114,7 @@ class GpuReconstruction:
         samples = samples if known.all() else samples[known]
         rules = self.poses.rules(event, self._samples_per_pixel, detects_change=False, change_test=True)
         pose, under = self.poses.inserted(event)
+        diffuse, doubted = self.poses.diffuse_under(pose), self.poses.doubt_of(event)
         if rules.shows_event != self._accumulates:
             self._send(moving=not self.nothing_moves)
             self._accumulates = rules.shows_event
@@ -122,8 +127,12 @@ class GpuReconstruction:
             first = self._staged
             self._staged = insert(
                 part, self._seconds(base_time), pose, under.panel_from_object, self._staged_store, first,
-                self._history, self.poses.diffuse, rules,
+                self._history, diffuse, rules,
             )  # fmt: skip
+            if self.poses.is_ahead(event):
+                self._staged_store.confidence[first : self._staged] = FRESH
+            elif doubted is not None:
+                doubt(self._staged_store, first, self._staged, doubted, self.poses.lit)
             if rules.ignores_change:
                 self._change[first : self._staged] = 0.0
             else:
@@ -192,6 +201,9 @@ class GpuReconstruction:
         relit = self.poses.relit().astype(np.bool_)
         if self.poses.lit:
             self._relighting.run(self._store, pose.lights, relit)
+        if self.poses.doubted is not None:
+            self._store.doubt(self.poses.doubted, unlit=self.poses.lit)
+            relit = relit | (self.poses.doubted != 0)
         if self.poses.camera_moved:
             self._passes.clear_accumulation()
         elif stood and not self.nothing_moves:

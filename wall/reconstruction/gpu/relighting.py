@@ -19,7 +19,7 @@ class Relighting:
     def __init__(self, device: Device, irradiance: Float32, *, objects: int, lights: int) -> None:
         """`irradiance` (k, 3) float32, of the sky by the normal's height. Raises GpuError where memory ends."""
         self._device, self._steps = device, len(irradiance) - 1
-        self._sky = device.context.buffer(np.ascontiguousarray(irradiance))
+        self._sky, self._irradiance = device.context.buffer(np.ascontiguousarray(irradiance)), irradiance
         self._up = reserve(device, UP_WORDS * objects)
         self._lights = reserve(device, LIGHT_WORDS * objects * lights)
 
@@ -27,6 +27,9 @@ class Relighting:
         """Light the samples of `changed` objects (n + 1,) anew."""
         if store.count == 0 or not changed.any():
             return
+        if now.sky is not self._irradiance:
+            self._sky.write(np.ascontiguousarray(now.sky))
+            self._irradiance = now.sky
         self._up.write(np.column_stack([now.up, changed]).astype(np.float32))
         self._lights.write(np.ascontiguousarray(now.rows))
         names = ("position", "object_id", "radiance", "surface", "albedo")

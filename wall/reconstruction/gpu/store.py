@@ -74,6 +74,15 @@ class GpuStore:
         values = np.frombuffer(self.arrays[name].read(words * WORD_BYTES * self.count), np.float32)
         return np.array(values.reshape(-1, words).T, order="C")
 
+    def doubt(self, doubted: NDArray[np.uint8], *, unlit: bool) -> None:
+        """Take confidence from the samples of doubted objects, (n + 1,); see deepbuffer.kernels.doubt."""
+        if self.count == 0:
+            return
+        objects = self.device.context.buffer(doubted.astype(np.float32))
+        albedo = self.arrays["albedo"] if unlit else self.arrays["state"]
+        buffers = (self.arrays["state"], self.arrays["object_id"], objects, albedo)
+        self.device.compute("doubt", self.count, buffers, unlit=int(unlit))
+
     def drop_oldest(self, share: float) -> None:
         """Remove that share of the samples, and what is as old."""
         latest = np.quantile(self.read("state")[TIME], share)

@@ -16,7 +16,7 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
 @kernel
-def channels_of_records(records, dirty, moment, transparent, colour, depth, alpha, time, object_id):
+def channels_of_records(records, dirty, moment, transparent, gain, colour, depth, alpha, time, object_id):
     """Write the channels of newest samples, in the dirty tiles. Channels that are not wanted come as None.
 
     Parameters
@@ -25,6 +25,7 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
     dirty : (rows, columns) bool
     moment : float64, seconds, the zero of `time`
     transparent : bool, pixels that show no object get alpha 0 and no colour
+    gain : float32, colours are multiplied by it
     colour : (h, w, 3) float32; depth, alpha, time : (h, w) float32; object_id : (h, w) uint32; written
     """
     for row in range(dirty.shape[0]):
@@ -37,7 +38,7 @@ def channels_of_records(records, dirty, moment, transparent, colour, depth, alph
                     nothing = transparent and pixel["object_id"] == 0
                     if colour is not None:
                         for c in range(3):
-                            colour[y, x, c] = ZERO if nothing else pixel["shown"][c]
+                            colour[y, x, c] = ZERO if nothing else gain * pixel["shown"][c]
                     if depth is not None:
                         depth[y, x] = pixel["depth"]
                     if alpha is not None:
@@ -127,8 +128,8 @@ def newest_times(times, confidence, screen, count, later, time):
 
 
 @kernel
-def copy_tiles(source, dirty, out):
-    """Copy the dirty tiles of (h, w, 3) float32."""
+def copy_tiles(source, dirty, gain, out):
+    """Copy the dirty tiles of (h, w, 3) float32, times `gain`, float32."""
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if dirty[row, column]:
@@ -137,7 +138,7 @@ def copy_tiles(source, dirty, out):
                 for y in range(top, bottom):
                     for x in range(left, right):
                         for c in range(3):
-                            out[y, x, c] = source[y, x, c]
+                            out[y, x, c] = gain * source[y, x, c]
 
 
 @kernel

@@ -9,7 +9,7 @@ from wall.operators.kernels.pixels import encode_row
 
 
 @kernel
-def display_tiles(radiance, dirty, tile, curve, rgb):
+def display_tiles(radiance, dirty, tile, curve, gain, rgb):
     """Encode the changed tiles of an image for display: clip to 0..1, sRGB curve, 8 bits; NaN shows as 0.
 
     Parameters
@@ -17,20 +17,23 @@ def display_tiles(radiance, dirty, tile, curve, rgb):
     radiance : (h, 3 w) float32, linear RGB
     dirty : (rows, columns) bool, tiles to redo; tile : int, their edge in pixels
     curve : (4097,) uint8, sRGB code of (k / 4096)^2: looking up by square root keeps dark steps fine
-    rgb : (h, 3 w) uint8, updated in place
+    gain : float32, light is multiplied by it; rgb : (h, 3 w) uint8, updated in place
 
     Returns
     -------
     redone : int, pixels written
     """
     redone = 0
-    places = np.empty(3 * tile, np.int32)
+    places, exposed = np.empty(3 * tile, np.int32), np.empty(3 * tile, np.float32)
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
             if not dirty[row, column]:
                 continue
             left, right = 3 * column * tile, min(3 * (column + 1) * tile, radiance.shape[1])
             for y in range(row * tile, min((row + 1) * tile, radiance.shape[0])):
-                encode_row(radiance[y, left:right], curve, places, rgb[y, left:right])
+                row_of_light = radiance[y, left:right]
+                for k in range(right - left):
+                    exposed[k] = gain * row_of_light[k]
+                encode_row(exposed[: right - left], curve, places, rgb[y, left:right])
                 redone += (right - left) // 3
     return redone

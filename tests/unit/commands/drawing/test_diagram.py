@@ -45,8 +45,8 @@ def edge(shown: Diagram, start: str, end: str) -> Edge:
 
 
 def test_streams_carry_the_samples_of_all_their_ranks(sort_last: Diagram) -> None:
-    """Packets of 1024 samples: 12 bytes each and 150 bytes of header."""
-    of_a_rank = 2e6 * (12 + 150 / 1024)
+    """Packets of 1024 samples: 12 bytes each and 154 bytes of header."""
+    of_a_rank = 2e6 * (12 + 154 / 1024)
     assert edge(sort_last, "a", "fa").bytes_per_s == pytest.approx(of_a_rank)
     assert edge(sort_last, "b", "fb").bytes_per_s == pytest.approx(2 * of_a_rank)
 
@@ -100,7 +100,7 @@ def test_inputs_stand_before_those_who_need_them(sort_last: Diagram) -> None:
 
 
 def test_the_assumption_is_stated(sort_last: Diagram) -> None:
-    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 12.1 bytes each (frameless)"
+    assert sort_last.assumptions[0] == "samples: 2 M samples/s a rank, 12.2 bytes each (frameless)"
     assert "10 a second" in sort_last.assumptions[1]
 
 

@@ -3,9 +3,10 @@ layout(std430, binding = 0) readonly buffer Shown { float shown[]; };
 layout(std430, binding = 1) readonly buffer Curve { uint curve[]; };
 layout(std430, binding = 2) writeonly buffer Codes { uint codes[]; };
 uniform uint values;  // three a pixel
+uniform float gain;
 
 uint code(uint n) {
-    float value = n < values ? shown[n] : 0.0;
+    float value = n < values ? gain * shown[n] : 0.0;
     value = value > 0.0 ? min(value, 1.0) : 0.0;
     return curve[uint(sqrt(value) * CURVE_STEPS + 0.5)];
 }

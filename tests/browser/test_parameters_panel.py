@@ -1,0 +1,124 @@
+"""The panel of parameters: only where there are any, closed at first, used by keys, following others."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from page_input import eventually
+
+from wall.display.base import ParameterState
+
+pytestmark = pytest.mark.browser
+
+
+def offer(name, kind, *default, low=0, high=1, unit=""):
+    return ParameterState(name=name, kind=kind, low=low, high=high, unit=unit, default=default, value=default)
+
+
+OFFERED = (
+    offer("exposure", "number", 0.0, low=-20, high=20, unit="stops"),
+    offer("lights.0.intensity", "light", 8.0, 4.0, 2.0, high=1e9, unit="W/sr"),
+    offer("lights.1.direction", "direction", 0.0, 0.6, 0.8, low=-1),
+    offer("materials.oak .001.color", "color", 0.5, 0.2, 0.1),
+    offer("integrator.depth", "whole", 6.0, low=1, high=64, unit="surfaces"),
+)
+
+
+@pytest.fixture
+def panel(page, source):
+    """The page of a run that offers parameters, its panel open."""
+    source.offered = OFFERED
+    page.wait_for_selector("#parameters:not([hidden])")
+    page.keyboard.press("p")
+    page.wait_for_selector(".parameter")
+    return page
+
+
+def sets(source):
+    return [c for c in source.received if c["kind"] == "set"]
+
+
+def test_without_parameters_there_is_no_panel_and_with_some_it_is_closed_at_first(page, source):
+    assert page.locator("#parameters").is_hidden()
+    page.keyboard.press("p")
+    assert page.locator("#parameter-groups").is_hidden()
+    source.offered = OFFERED
+    page.wait_for_selector("#parameters:not([hidden])")
+    assert page.locator("#parameter-groups").is_hidden()
+    page.focus("#parameters-open")
+    page.keyboard.press("Enter")
+    assert page.locator(".parameter").count() == len(OFFERED)
+    assert page.get_attribute("#parameters-open", "aria-expanded") == "true"
+    assert page.locator("h3").all_inner_texts() == ["Picture", "Light 0", "Light 1", "oak .001", "Integrator"]
+
+
+def test_arrow_keys_move_a_slider_and_not_the_wall(panel, source):
+    panel.get_by_label("exposure", exact=True).focus()
+    panel.keyboard.press("ArrowRight")
+    eventually(panel, lambda: sets(source), "the slider was heard")
+    assert [c["kind"] for c in source.received] == ["set"]
+    assert sets(source)[-1] == {"kind": "set", "name": "exposure", "numbers": [pytest.approx(16 / 960)]}
+
+
+def test_strength_keeps_the_colour_and_its_left_end_is_dark(panel, source):
+    slider = panel.get_by_label("lights.0.intensity", exact=True)
+    slider.fill("1")
+    eventually(panel, lambda: sets(source), "the slider was heard")
+    assert sets(source)[-1]["numbers"] == [pytest.approx(x) for x in (16.0, 8.0, 4.0)]
+    slider.fill("-8")
+    eventually(panel, lambda: sets(source)[-1]["numbers"] == [0, 0, 0], "the light is off")
+    slider.fill("0")
+    eventually(panel, lambda: sets(source)[-1]["numbers"][0] > 0, "the light is on")
+    assert sets(source)[-1]["numbers"] == [pytest.approx(x) for x in (8.0, 4.0, 2.0)]  # as configured: black has no hue
+
+
+def test_a_direction_is_turned_by_azimuth_and_elevation(panel, source):
+    panel.get_by_label("lights.1.direction, azimuth").fill("90")
+    eventually(panel, lambda: sets(source), "the slider was heard")
+    assert sets(source)[-1]["numbers"] == [pytest.approx(x, abs=1e-3) for x in (0.8, 0.6, 0.0)]
+
+
+def test_a_colour_is_sent_as_linear_light(panel, source):
+    panel.get_by_label("materials.oak .001.color, colour").fill("#80ff00")
+    eventually(panel, lambda: sets(source), "the colour was heard")
+    linear = ((0x80 / 255 + 0.055) / 1.055) ** 2.4
+    assert sets(source)[-1]["name"] == "materials.oak .001.color"
+    assert sets(source)[-1]["numbers"] == [pytest.approx(linear), pytest.approx(1.0), 0]
+
+
+def test_values_follow_edits_by_others_and_the_button_takes_them_back(panel, source):
+    source.values["integrator.depth"] = (2.0,)
+    row = panel.locator("[data-name='integrator.depth']")
+    eventually(panel, lambda: row.locator("output").inner_text() == "2 surfaces", "the value is shown")
+    assert row.locator("input").input_value() == "2"
+    row.locator("button").click()
+    eventually(panel, lambda: sets(source), "the button was heard")
+    assert sets(source)[-1] == {"kind": "set", "name": "integrator.depth", "numbers": None}
+    assert row.locator("button").is_disabled()
+
+
+def test_brackets_expose_by_thirds_of_a_stop(page, source):
+    for key in ("]", "]", "["):
+        page.keyboard.press(key)
+    eventually(page, lambda: len(source.received) == 3, "all keys came")
+    assert [round(3 * c["x"]) for c in source.received if c["kind"] == "expose"] == [1, 1, -1]
+    assert math.isclose(source.received[0]["x"], 1 / 3)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (420, 800), (1920, 600), (760, 1024)])
+def test_the_open_panel_fits(panel, width, height):
+    panel.set_viewport_size({"width": width, "height": height})
+    panel.wait_for_timeout(150)
+    wide = panel.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]")
+    assert wide[0] <= wide[1]
+    if width >= 900:
+        tall = panel.evaluate("[document.documentElement.scrollHeight, document.documentElement.clientHeight]")
+        assert tall[0] <= tall[1]
+    assert panel.locator(".parameter").first.bounding_box()["height"] > 0
+
+
+def test_every_control_of_the_panel_has_a_name(panel):
+    unnamed = panel.evaluate("""() => [...document.querySelectorAll('#parameters input, #parameters button')]
+      .filter((e) => !(e.getAttribute('aria-label') || e.innerText?.trim())).map((e) => e.outerHTML)""")
+    assert unnamed == []

@@ -1,0 +1,127 @@
+"""`wall set` at a wall of real processes: the picture changes, refusals change nothing, nobody waits for ever."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import subprocess
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+from running import start, wall, write_config
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[tuple[Path, str]]:
+    """A still wall's folder of results, and its page's address."""
+    config = write_config(tmp_path, columns=2)
+    config.write_text(config.read_text().replace("sinks: [png]", "sinks: [browser, png]"))
+    process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 100)
+    address, said = None, ""
+    while address is None:
+        line = process.stdout.readline() if process.stdout else ""
+        assert line, f"the run ended before its page was there: {said}"
+        said += line
+        address = re.search(r"http://\S+/", line)
+    yield tmp_path / "out", address[0]
+    process.terminate()
+    try:
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+
+
+def shown(address: str) -> NDArray[np.int16]:
+    with urllib.request.urlopen(address + "wall.png", timeout=5) as answer:
+        return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB")).astype(np.int16)
+
+
+def until(address: str, before: NDArray[np.int16], *, changes: bool = True) -> NDArray[np.int16]:
+    """The first picture that stands still, and, if it `changes`, differs from `before`."""
+    limit, last = time.monotonic() + PATIENCE_S, before
+    while time.monotonic() < limit:
+        time.sleep(0.1)
+        now = shown(address)
+        still, changed = np.array_equal(now, last), (np.abs(now - before) > 8).any(-1).mean() > 0.02
+        if still and (changed or not changes):
+            return now
+        last = now
+    pytest.fail("the picture did not change, or never stood still")
+
+
+def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Path, str]) -> None:
+    out, address = running
+    first = until(address, shown(address), changes=False)
+    done = wall("set", "lights.2.irradiance=0,0,9", "exposure=1", "--out", out)
+    assert (done.returncode, done.stdout) == (0, "set by edit 1\n"), done.stderr
+    blue = until(address, first)
+    lit = (blue - first)[..., 2].mean()
+    assert lit > 5
+
+    refused = wall("set", "exposure=0", "lights.2.irradiance=-1", "--out", out)
+    assert refused.returncode == 2
+    assert "lights.2.irradiance = -1.0: want three numbers" in " ".join(refused.stderr.split())
+    listed = wall("set", "--list", "--out", out)
+    rows = {line.split()[0]: line for line in listed.stdout.splitlines() if line.split()}
+    assert rows["exposure"].split()[1] == "1"
+    assert rows["lights.2.irradiance"].split()[1] == "0,0,9"
+    assert np.array_equal(shown(address), blue)
+
+    assert wall("set", "lights.2.irradiance=default", "exposure=default", "--out", out).returncode == 0
+    again = until(address, blue)
+    assert np.abs(again - first).max() <= 1
+
+
+def test_a_wrong_key_and_a_wall_that_has_gone_are_told(running: tuple[Path, str]) -> None:
+    out, _ = running
+    path = out / "control.json"
+    assert path.stat().st_mode & 0o077 == 0
+    values = json.loads(path.read_text())
+    forged, silent = out / "forged", out / "silent"
+    for folder, change in ((forged, {"key": "0" * 32}), (silent, {"endpoint": "tcp://127.0.0.1:9", "pid": 4242})):
+        folder.mkdir()
+        (folder / "control.json").write_text(json.dumps(values | change))
+    denied = wall("set", "exposure=1", "--out", forged)
+    assert denied.returncode == 2
+    assert "the key is not this run's" in denied.stderr
+    gone = wall("set", "exposure=1", "--out", silent)
+    assert gone.returncode == 1
+    assert "no answer from tcp://127.0.0.1:9 within 5 s" in " ".join(gone.stderr.split())
+
+
+def test_without_a_wall_it_is_said_where_one_was_looked_for(tmp_path: Path) -> None:
+    done = wall("set", "exposure=1", "--out", tmp_path)
+    assert done.returncode == 1
+    assert "control.json: no such file" in " ".join(done.stderr.split())
+    (tmp_path / "control.json").write_text("{}")
+    done = wall("set", "exposure=1", "--out", tmp_path)
+    assert done.returncode == 1
+    assert "does not say how to reach a wall" in " ".join(done.stderr.split())
+
+
+@pytest.mark.parametrize("text", ["exposure", "=1", "exposure=", "exposure=bright", "exposure=1,,2", "exposure=nan"])
+def test_what_is_no_assignment_is_refused_before_any_wall_is_asked(tmp_path: Path, text: str) -> None:
+    done = wall("set", text, "--out", tmp_path)
+    assert done.returncode == 2
+    assert "want" in done.stderr
+
+
+def test_the_control_file_goes_with_the_wall(tmp_path: Path) -> None:
+    done = wall("run", write_config(tmp_path), "--headless", "--seconds", 1, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert not (tmp_path / "out" / "control.json").exists()
+
+
+def test_help_says_how(tmp_path: Path) -> None:
+    done: subprocess.CompletedProcess[str] = wall("set", "--help")
+    assert done.returncode == 0
+    assert "NAME=VALUE" in done.stdout

@@ -1,0 +1,147 @@
+"""The owner of edits: all of a request or none of it, by a key, in numbered events."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from running import write_config
+
+from wall.config.loading import load
+from wall.core.data import NO_EDITS, Batch, Edits, Event, Rect
+from wall.core.errors import EditError
+from wall.packets.control import EditAnswer, EditRequest, WindowInput
+from wall.roles.edit_history import REMEMBERED, EditHistory
+from wall.roles.editing import Editor
+from wall.roles.instructions import Broadcast, Send
+from wall.roles.manager import Manager
+from wall.roles.plan import HEAD, Plan, make_layout, make_plan
+
+KEY, CLIENT = "secret", 1 << 32
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    config: Path = write_config(tmp_path_factory.mktemp("editing"))
+    return make_plan(make_layout(load(config)))
+
+
+def request(*assignments: tuple[str, object], key: str = KEY, listed: bool = False) -> EditRequest:
+    return EditRequest(client=CLIENT, key=key, assignments=[list(each) for each in assignments], listed=listed)
+
+
+def test_edits_are_numbered_and_hold_all_that_differs_from_the_configuration(plan: Plan) -> None:
+    editor = Editor(plan)
+    editor.set([("sky.strength", 2)])
+    editor.set([("lights.0.intensity", [1, 2, 3])])
+    assert editor.edits == Edits(2, (("lights.0.intensity", (1.0, 2.0, 3.0)), ("sky.strength", (2.0,))))
+    editor.set([("sky.strength", None)])
+    assert editor.edits == Edits(3, (("lights.0.intensity", (1.0, 2.0, 3.0)),))
+
+
+def test_of_a_request_all_holds_or_nothing(plan: Plan) -> None:
+    editor = Editor(plan)
+    editor.set([("sky.strength", 2)])
+    before = editor.edits
+    with pytest.raises(EditError, match="want a number"):
+        editor.set([("lights.0.intensity", 1), ("exposure", 1), ("sky.strength", -1)])
+    assert editor.edits is before
+    assert editor.stops is None
+
+
+def test_what_changes_nothing_has_no_number(plan: Plan) -> None:
+    editor = Editor(plan)
+    editor.set([("sky.strength", 2)])
+    before = editor.edits
+    editor.set([("sky.strength", 2.0)])
+    assert editor.edits is before
+
+
+def test_exposure_is_no_edit_of_the_scene(plan: Plan) -> None:
+    editor = Editor(plan)
+    editor.set([("exposure", 1.5)])
+    assert editor.edits is NO_EDITS
+    assert editor.exposure(0.0) == 1.5
+    editor.expose(100.0, 0.0)
+    assert editor.exposure(0.0) == 20.0  # the end of its range
+
+
+def test_without_the_run_s_key_nothing_is_changed_or_told(plan: Plan) -> None:
+    for editor, key in ((Editor(plan, key=KEY), "other"), (Editor(plan, key=KEY), ""), (Editor(plan), "")):
+        answer = editor.answer(request(("sky.strength", 2), key=key, listed=True), 0.0)
+        assert answer.refused
+        assert answer.parameters == []
+        assert editor.edits is NO_EDITS
+
+
+def test_a_list_tells_values_and_what_is_configured(plan: Plan) -> None:
+    answer = Editor(plan, key=KEY).answer(request(("sky.strength", 2), listed=True), 0.0)
+    rows = {row["name"]: row for row in answer.parameters}
+    assert (rows["sky.strength"]["value"], rows["sky.strength"]["default"]) == ((2.0,), (1.0,))
+    assert rows["exposure"]["unit"] == "stops"
+
+
+@pytest.mark.parametrize("assignments", [["x"], [["x"]], [[1, 2]], [{"a": 1}], [["x", 1, 2]], [None]])
+def test_a_request_of_another_shape_is_refused(plan: Plan, assignments: list[object]) -> None:
+    asked = EditRequest(client=CLIENT, key=KEY, assignments=assignments)
+    assert "want a name and a value" in Editor(plan, key=KEY).answer(asked, 0.0).refused
+
+
+def told(manager: Manager, message: object, now: float) -> tuple[list[EditAnswer], list[Event]]:
+    """What a manager answers and publishes."""
+    instructions = [*manager.on_message(message, now), *manager.on_tick(now)]  # type: ignore[arg-type]
+    answers = [i.message for i in instructions if isinstance(i, Send) and i.to == CLIENT]
+    events = [i.message for i in instructions if isinstance(i, Broadcast) and isinstance(i.message, Event)]
+    return [a for a in answers if isinstance(a, EditAnswer)], events
+
+
+def test_an_edit_is_published_at_once_as_a_scene_event_and_answered(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    answers, events = told(manager, request(("sky.strength", 2)), 1e-4)
+    assert [(a.refused, a.edit) for a in answers] == [("", 1)]
+    (event,) = events
+    assert event.scene_event == 1
+    assert event.edits == Edits(1, (("sky.strength", (2.0,)),))
+
+
+def test_exposure_is_published_without_a_new_number(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    _, (event,) = told(manager, request(("exposure", 1)), 1e-4)
+    assert (event.number, event.exposure) == ((0, 0), 1.0)
+    _, (event,) = told(manager, WindowInput(rank=HEAD, commands=[{"kind": "expose", "x": 0.5}]), 2e-4)
+    assert (event.number, event.exposure) == ((0, 0), 1.5)
+
+
+def test_a_refused_edit_publishes_nothing_and_a_page_s_is_counted(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    answers, events = told(manager, request(("sky.strenght", 2)), 1e-4)
+    assert "did you mean sky.strength" in answers[0].refused
+    assert events == []
+    page = WindowInput(rank=HEAD, commands=[{"kind": "set", "name": "sky.strength", "numbers": [-1]}])
+    assert told(manager, page, 2e-4) == ([], [])
+    assert manager.dropped()["refused_edit"] == 2
+
+
+def batch(number: int) -> Batch:
+    return Batch(
+        view=0, panel=0, rect=Rect(x=0, y=0, width=1, height=1), rank=1, sequence=number, camera_event=0, scene_event=0,
+        base_time=0.0, samples=None, edits=Edits(number),  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_samples_of_edits_that_are_not_known_wait_for_them_and_those_of_forgotten_ones_do_not() -> None:
+    history = EditHistory()
+    early = batch(2)
+    assert history.of(2) is None
+    assert history.waits(early)
+    assert history.know(Edits(1)) == [early]  # asked again: it waits anew
+    assert history.waits(early)
+    assert history.know(Edits(2, (("x", (1.0,)),))) == [early]
+    assert history.of(2) == Edits(2, (("x", (1.0,)),))
+    for number in range(3, 4 + REMEMBERED):
+        history.know(Edits(number))
+    assert history.of(2) is None
+    assert not history.waits(batch(2))

@@ -1,0 +1,118 @@
+"""The poses and the shading of one image: of the event shown, the one before, and of samples as they come."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Event, Float64, Rect
+from wall.deepbuffer.kernels.insert import InsertRules
+from wall.deepbuffer.lights import Diffuse, LightChanges
+from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown, same_camera
+from wall.deepbuffer.shading import ShadingChanges
+from wall.geometry.panels import Panel
+from wall.scene.build import Scene
+
+
+class PoseTracker:
+    """Tracks the poses of one image: of the event shown, the one before, and of samples as they come."""
+
+    def __init__(
+        self, panel: Panel, eye: Float64, scene: Scene, rect: Rect | None, *, lit: bool, objects: bool = True
+    ) -> None:
+        """`rect` is the part of the panel that is shown, all if None; `lit` and `objects`: see Poses."""
+        self.rect = rect or Rect(x=0, y=0, width=panel.pixels[0], height=panel.pixels[1])
+        self.lit = lit
+        self.diffuse = Diffuse.of(scene)
+        self.nothing_moves = False
+        self.camera_moved = True  # between the last two images
+        self.spans_moments = False  # pixels may have accumulated samples of several times of the scene
+        self.pose: Pose | None = None  # of the image
+        self.last: Pose | None = None  # before
+        self._light_changes = LightChanges(self.diffuse.objects)
+        self._shading_changes, self._shading = ShadingChanges(scene), scene.shading(0.0)
+        self.doubted: NDArray[np.uint8] | None = None  # by the last `show`: see ShadingChanges; None: no edit
+        self._poses = Poses(panel, eye, scene, self.rect, objects=objects, lit=lit)
+        self._shown: Event | None = None
+
+    def show(self, event: Event) -> None:
+        """Show `event` from now on; nothing moves if the event before has the same number."""
+        shown, self._shown = self._shown, event
+        self.nothing_moves = shown is not None and event.number == shown.number
+        self.camera_moved = not self.nothing_moves and (shown is None or event.camera != shown.camera)
+        if not self.nothing_moves:
+            self.pose, self.last = self._poses.of(event), self.pose
+        self._shade(event)
+        if self.camera_moved:
+            self.spans_moments = False  # pixels start anew
+        elif shown is not None and event.scene_time != shown.scene_time:
+            self.spans_moments = True
+
+    def _shade(self, event: Event) -> None:
+        """Compare the shading of `event` with that of the image before."""
+        was, self._shading = self._shading, self._poses.shading(event)
+        self.doubted = self._shading_changes.between(self._shading, was, self._relit)
+
+    @property
+    def _relit(self) -> NDArray[np.bool_]:
+        """(n + 1,) bool: objects whose samples can be lit anew."""
+        if not self.lit or self.pose is None:
+            return np.zeros(len(self.diffuse.objects), np.bool_)
+        return np.asarray(self.pose.lights.relightable & (self.diffuse.objects != 0))
+
+    def doubt_of(self, event: Posed) -> NDArray[np.uint8] | None:
+        """(n + 1,) uint8: objects whose samples of `event` the image doubts, which shows newer edits. Else None."""
+        if self._shown is None or not _newer(self._shown, event):
+            return None
+        return self._shading_changes.between(self._shading, self._poses.shading(event), self._relit)
+
+    def is_ahead(self, event: Posed) -> bool:
+        """Whether samples of `event` saw edits that the image does not show yet."""
+        return self._shown is not None and _newer(event, self._shown)
+
+    def inserted(self, event: Posed) -> tuple[Pose, Pose]:
+        """The pose of samples that are about to be inserted, and that of the image."""
+        pose = self._poses.of(event)
+        under = self.pose if self.pose is not None else pose
+        self._light_changes.note(pose.lights, under.lights)
+        return pose, under
+
+    def rules(self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool) -> InsertRules:
+        """How samples of `event` are inserted into the image shown."""
+        same_edits = self._shown is None or event.edits.number == self._shown.edits.number
+        return InsertRules(
+            shows_event=same_edits and (is_shown if self.nothing_moves else same_camera)(event, self._shown),
+            ignores_change=self.nothing_moves or not change_test or not same_edits,  # edits are known without rays
+            most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
+            detects_change=detects_change,
+        )
+
+    def moved(self) -> NDArray[np.uint8]:
+        """(n + 1,) uint8: objects whose matrix differs from that of the image before; all in the first image."""
+        assert self.pose is not None
+        table = self.pose.panel_from_object
+        if self.nothing_moves:
+            return np.zeros(len(table), np.uint8)
+        if self.last is None:
+            return np.ones(len(table), np.uint8)
+        moved: NDArray[np.uint8] = (table != self.last.panel_from_object).any(axis=1).astype(np.uint8)
+        return moved
+
+    def diffuse_under(self, pose: Pose) -> Diffuse:
+        """What can be lit anew, with the sky's light of a pose."""
+        return self.diffuse._replace(sky_irradiance=pose.lights.sky) if self.lit else self.diffuse
+
+    def relit(self) -> NDArray[np.uint8]:
+        """(n + 1,) uint8: objects whose stored samples are to be lit anew."""
+        assert self.pose is not None
+        if not self.lit or self.nothing_moves:
+            return np.zeros(len(self.pose.panel_from_object), np.uint8)
+        return self._light_changes.take(self.pose.lights, self.last.lights if self.last is not None else None)
+
+    def reset(self) -> None:
+        """The next event counts as another one, whatever its number."""
+        self._shown = None
+
+
+def _newer(event: Posed, than: Posed) -> bool:
+    return event.edits.number > than.edits.number

@@ -1,0 +1,190 @@
+// The panel of parameters: a row for each that the run offers, with sliders and colours; values follow others' edits.
+
+const TRUST_MS = 700;             // a control that was just moved shows its own value until the run says it
+const STOPS_BELOW = 8, STOPS_ABOVE = 6;   // of a strength slider, about the configured value; its left end is 0
+const SOFT = { exposure: [-8, 8] };       // what the slider spans where the range is wider than anyone needs
+const WIDEST = 1000;              // a range above is spanned by stops
+const DEGREES = 180 / Math.PI;
+const AXES = ["x", "y", "z"];
+
+const clamp = (x, low, high) => Math.min(high, Math.max(low, x));
+const short = (x) => String(Number(x.toPrecision(3)));
+const encoded = (x) => (x <= 0.0031308 ? 12.92 * x : 1.055 * x ** (1 / 2.4) - 0.055);
+const decoded = (x) => (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+
+export const hexOf = (rgb) => "#" + rgb
+  .map((x) => Math.round(255 * encoded(clamp(x, 0, 1))).toString(16).padStart(2, "0")).join("");
+export const rgbOf = (hex) => [1, 3, 5].map((k) => decoded(parseInt(hex.slice(k, k + 2), 16) / 255));
+
+export class Parameters {
+  #panel; #groups; #send; #rows = new Map(); #names = ""; #due = new Map();
+
+  // `send` takes a command: `set` with a name and numbers, or null for what is configured.
+  constructor(panel, groups, send) {
+    this.#panel = panel;
+    this.#groups = groups;
+    this.#send = send;
+  }
+
+  show(parameters) {
+    this.#panel.hidden = parameters.length === 0;
+    const names = parameters.map((p) => p.name).join("\n");
+    if (names !== this.#names) this.#build(parameters, names);
+    const now = performance.now();
+    for (const parameter of parameters) {
+      const row = this.#rows.get(parameter.name);
+      if (now - row.asked > TRUST_MS) row.take(parameter.value);
+    }
+  }
+
+  #build(parameters, names) {
+    this.#names = names;
+    this.#rows.clear();
+    const groups = new Map();
+    for (const parameter of parameters) {
+      const [title, label] = titled(parameter.name);
+      if (!groups.has(title)) groups.set(title, group(title));
+      const row = new Row(parameter, label, (numbers) => this.#set(parameter.name, numbers));
+      this.#rows.set(parameter.name, row);
+      groups.get(title).append(row.element);
+    }
+    this.#groups.replaceChildren(...[...groups.values()].map((rows) => rows.parentElement));
+  }
+
+  // At most one command an animation frame for each parameter, the newest.
+  #set(name, numbers) {
+    this.#rows.get(name).asked = performance.now();
+    if (!this.#due.size) requestAnimationFrame(() => this.#flush());
+    this.#due.set(name, numbers);
+  }
+
+  #flush() {
+    for (const [name, numbers] of this.#due) this.#send({ kind: "set", name, numbers });
+    this.#due.clear();
+  }
+}
+
+// Group and label of a name path; a material's name may have dots.
+function titled(name) {
+  const first = name.indexOf("."), last = name.lastIndexOf(".");
+  if (first < 0) return ["Picture", name];
+  const head = name.slice(0, first), label = name.slice(last + 1);
+  if (head === "lights") return [`Light ${name.slice(first + 1, last)}`, label];
+  if (head === "materials") return [name.slice(first + 1, last), label];
+  return [head[0].toUpperCase() + head.slice(1), label];
+}
+
+function group(title) {
+  const section = document.createElement("section");
+  const rows = document.createElement("div");
+  section.append(Object.assign(document.createElement("h3"), { textContent: title }), rows);
+  return rows;
+}
+
+class Row {
+  asked = -Infinity;
+  element = document.createElement("div");
+  #value; #parameter; #controls; #shown; #reset;
+
+  constructor(parameter, label, set) {
+    this.#parameter = parameter;
+    this.element.className = "parameter";
+    this.element.dataset.name = parameter.name;
+    const name = Object.assign(document.createElement("span"), { textContent: label, title: parameter.name });
+    this.#shown = document.createElement("output");
+    this.#reset = Object.assign(document.createElement("button"), { type: "button", textContent: "↺" });
+    this.#reset.setAttribute("aria-label", `${parameter.name}: as configured`);
+    this.#reset.title = "As configured";
+    this.#reset.onclick = () => { this.take(parameter.default); set(null); };
+    const change = (numbers) => { this.#label(numbers); this.#value = numbers; set(numbers); };
+    this.#controls = controlsOf(parameter, () => this.#value, change);
+    const inputs = document.createElement("div");
+    inputs.append(...this.#controls.map((c) => c.input));
+    this.element.append(name, inputs, this.#shown, this.#reset);
+    this.take(parameter.value);
+  }
+
+  take(value) {
+    this.#value = value;
+    for (const control of this.#controls) control.take(value);
+    this.#label(value);
+  }
+
+  #label(value) {
+    const numbers = value.map(short).join(" "), { unit } = this.#parameter;
+    const text = unit && value.length === 1 ? `${numbers} ${unit}` : numbers;
+    if (this.#shown.textContent !== text) this.#shown.textContent = text;
+    this.#shown.title = `${numbers} ${unit}`;
+    this.#reset.disabled = value.every((x, k) => x === this.#parameter.default[k]);
+  }
+}
+
+function controlsOf(parameter, value, change) {
+  const { name, kind } = parameter;
+  if (kind === "color") return [colour(name, { of: (v) => v, to: (rgb) => change(rgb) })];
+  if (kind === "light") {
+    return [
+      stops(name, Math.max(...parameter.default), {
+        of: (v) => Math.max(...v), to: (x) => change(scaled(value(), x, parameter.default)),
+      }),
+      colour(name, { of: (v) => hue(v), to: (rgb) => change(scaled(rgb, Math.max(...value()) || 1, rgb)) }),
+    ];
+  }
+  if (kind === "direction") {
+    return [
+      slider(`${name}, azimuth`, [-180, 180, 0.5], {
+        of: (v) => DEGREES * Math.atan2(v[0], v[2]), to: (x) => change(direction(x, elevation(value()))),
+      }),
+      slider(`${name}, elevation`, [-89.5, 89.5, 0.5], {
+        of: elevation, to: (x) => change(direction(DEGREES * Math.atan2(value()[0], value()[2]), x)),
+      }),
+    ];
+  }
+  if (kind === "position") {
+    const reach = 2 * Math.max(1, ...parameter.default.map(Math.abs));
+    return AXES.map((axis, k) => slider(`${name}, ${axis}`, [parameter.default[k] - reach, parameter.default[k] + reach, reach / 500], {
+      of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
+    }));
+  }
+  const one = { of: (v) => v[0], to: (x) => change([x]) };
+  if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one)];
+  const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
+  return [slider(name, [low, high, kind === "whole" ? 1 : (high - low) / 960], one)];
+}
+
+const elevation = (v) => DEGREES * Math.asin(clamp(v[1] / Math.hypot(...v), -1, 1));
+const hue = (v) => v.map((x) => x / (Math.max(...v) || 1));
+
+function direction(azimuth, up) {
+  const a = azimuth / DEGREES, e = up / DEGREES;
+  return [Math.cos(e) * Math.sin(a), Math.sin(e), Math.cos(e) * Math.cos(a)];
+}
+
+// The colour of `rgb` with `most` as its largest part; black takes the colour of `other`.
+function scaled(rgb, most, other) {
+  const shape = Math.max(...rgb) > 0 ? rgb : Math.max(...other) > 0 ? other : [1, 1, 1];
+  return hue(shape).map((x) => x * most);
+}
+
+function slider(name, [low, high, step], { of, to }) {
+  const input = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step });
+  input.setAttribute("aria-label", name);
+  input.oninput = () => to(input.valueAsNumber);
+  return { input, take: (value) => { input.value = of(value); } };
+}
+
+// A slider of powers of two about the configured value; its left end is 0.
+function stops(name, configured, { of, to }) {
+  const about = configured > 0 ? configured : 1;
+  return slider(name, [-STOPS_BELOW, STOPS_ABOVE, 0.05], {
+    of: (value) => (of(value) > 0 ? Math.log2(of(value) / about) : -STOPS_BELOW),
+    to: (x) => to(x <= -STOPS_BELOW ? 0 : about * 2 ** x),
+  });
+}
+
+function colour(name, { of, to }) {
+  const input = Object.assign(document.createElement("input"), { type: "color" });
+  input.setAttribute("aria-label", `${name}, colour`);
+  input.oninput = () => to(rgbOf(input.value));
+  return { input, take: (value) => { input.value = hexOf(of(value)); } };
+}

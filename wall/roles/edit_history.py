@@ -1,0 +1,41 @@
+"""The newest states of edits by number: samples come with the number of the edits that they saw."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from wall.core.data import NO_EDITS, Batch, Edits
+
+REMEMBERED = 256  # states: four seconds of a slider that moves at 60 Hz
+EARLY_BATCHES = 1024  # that wait for their edits
+
+
+class EditHistory:
+    """`know` the edits of every event; `place` gives the batches whose edits are known."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, Edits] = {NO_EDITS.number: NO_EDITS}  # the oldest first
+        self._newest = NO_EDITS.number
+        self._early: deque[Batch] = deque()
+
+    def know(self, edits: Edits) -> list[Batch]:
+        """Remember a state. Returns batches that have waited for it, as they come from `of`."""
+        if edits.number in self._known:
+            return []
+        self._known[edits.number] = edits
+        self._newest = max(self._newest, edits.number)
+        if len(self._known) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+        early, self._early = self._early, deque()
+        return list(early)
+
+    def of(self, number: int) -> Edits | None:
+        """The edits of a number; None where they are not known."""
+        return self._known.get(number)
+
+    def waits(self, batch: Batch) -> bool:
+        """Keep a batch of edits that are not known yet. Returns False where it is too old, or too many wait."""
+        if batch.edits.number < self._newest or len(self._early) >= EARLY_BATCHES:
+            return False
+        self._early.append(batch)
+        return True

@@ -1,0 +1,111 @@
+"""The one owner of edits: takes values by name, refuses what the scene does not accept, numbers the rest.
+
+An edit is a name path and a value. All edits of one request hold, or none. Later kinds of edits are further parameters,
+or further prefixes of name paths.
+"""
+
+from __future__ import annotations
+
+import hmac
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from wall.core.data import NO_EDITS, Edits
+from wall.core.errors import EditError
+from wall.display.base import ParameterState
+from wall.packets.control import EditAnswer, EditRequest
+from wall.packets.edits import MAX_NAME_BYTES, fits
+from wall.roles.plan import Plan, exposure_at
+from wall.scene.parameters import EXPOSURE, Parameter, named, parameters_of
+
+
+class Editor:
+    """The state of all edits of a run: `edits` of the scene, `exposure` of the picture."""
+
+    def __init__(self, plan: Plan, *, key: str = "") -> None:
+        """`key`: what requests of other processes have to bring; "" refuses all of them."""
+        self._plan, self._key = plan, key
+        self.parameters = editable(plan)
+        self.edits = NO_EDITS
+        self.stops: float | None = None  # of the picture; None: as configured
+        self.counters = Counter[str]()
+        self._count = 0  # edits so far, of the scene or not
+
+    def set(self, assignments: Sequence[tuple[str, object]]) -> None:
+        """Set parameters to values, all or none; None sets the configuration's. Raises EditError."""
+        values, stops, scene_changes = dict(self.edits.values), self.stops, False
+        for name, value in assignments:
+            parameter = named(self.parameters, name)
+            numbers = None if value is None else parameter.checked(value)
+            if name == EXPOSURE:
+                stops = None if numbers is None else numbers[0]
+                continue
+            before = values.pop(name, None)
+            if numbers is not None:
+                values[name] = numbers
+            scene_changes |= numbers != before
+        new = self.edits
+        if scene_changes:
+            new = Edits(self._count + 1, tuple(sorted(values.items())))
+            if not fits(new):
+                raise EditError(f"{len(values)} parameters are changed already: no event has room for more")
+        self._count += scene_changes or stops != self.stops
+        self.edits, self.stops = new, stops
+
+    def exposure(self, scene_time: float) -> float:
+        """Stops at a scene time in seconds."""
+        return exposure_at(self._plan, scene_time, self.edits) if self.stops is None else self.stops
+
+    def expose(self, more: float, scene_time: float) -> None:
+        """Add stops to the exposure, within its range."""
+        range_of = self.parameters[EXPOSURE]
+        stops = round(self.exposure(scene_time) + more, 6)
+        self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))])
+
+    def answer(self, request: EditRequest, scene_time: float) -> EditAnswer:
+        """Do what another process asks for."""
+        if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):
+            self.counters["edit_without_key"] += 1
+            return EditAnswer(client=request.client, refused="the key is not this run's", edit=0)
+        try:
+            self.set([_assignment(each) for each in request.assignments])
+            refused = ""
+        except EditError as error:
+            self.counters["refused_edit"] += 1
+            refused = str(error)
+        listed = self.states(scene_time) if request.listed else ()
+        rows = [asdict(state) for state in listed]
+        return EditAnswer(client=request.client, refused=refused, edit=self._count, parameters=rows)
+
+    def states(self, scene_time: float) -> tuple[ParameterState, ...]:
+        """Every parameter as it is at a scene time in seconds."""
+        return states_of(self._plan, self.parameters, scene_time, self.edits, self.exposure(scene_time))
+
+
+def editable(plan: Plan) -> dict[str, Parameter]:
+    """The parameters of a plan whose names fit a message."""
+    found = parameters_of(plan.scene, exposure=plan.layout.config.views[0].exposure)
+    return {name: parameter for name, parameter in found.items() if len(name.encode()) <= MAX_NAME_BYTES}
+
+
+def states_of(
+    plan: Plan, parameters: Mapping[str, Parameter], scene_time: float, edits: Edits, exposure: float
+) -> tuple[ParameterState, ...]:
+    """Every parameter as it is under some edits at a scene time in seconds, the picture exposed by so many stops."""
+    values = plan.scene.values(scene_time, edits) | {EXPOSURE: (exposure,)}
+    return tuple(
+        ParameterState(
+            name=p.name, kind=p.kind, low=p.low, high=p.high, unit=p.unit, default=p.default,
+            value=values.get(p.name, p.default),
+        )
+        for p in parameters.values()
+    )  # fmt: skip
+
+
+def _assignment(each: Any) -> tuple[str, object]:
+    """A name and a value as they came. Raises EditError where they are not."""
+    if not isinstance(each, list) or len(each) != 2 or not isinstance(each[0], str):
+        raise EditError(f"{str(each)[:60]}: want a name and a value")
+    return each[0], each[1]

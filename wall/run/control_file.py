@@ -1,0 +1,69 @@
+"""The file by which another process finds a running wall: `control.json` in its folder of results.
+
+It holds where the manager listens and the key that requests must bring; only its owner may read it. It is there as long
+as the wall runs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from wall.core.errors import RunError
+
+NAME = "control.json"
+KEY_BYTES = 16
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """How to reach a wall."""
+
+    endpoint: str  # of the manager
+    key: str
+    host: str
+    pid: int
+
+
+def new_key() -> str:
+    """A key that nobody can guess."""
+    return secrets.token_hex(KEY_BYTES)
+
+
+@contextmanager
+def announced(folder: Path, control: Control) -> Iterator[None]:
+    """While inside, `folder` has the file. Raises OSError where it cannot be written."""
+    path, part = folder / NAME, folder / f".{NAME}.{os.getpid()}"
+    with contextlib.suppress(FileNotFoundError):
+        part.unlink()
+    with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+        json.dump(asdict(control), file)
+    part.replace(path)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(RunError, OSError):
+            if read(folder) == control:  # else another wall uses the folder by now
+                path.unlink()
+
+
+def read(folder: Path) -> Control:
+    """How to reach the wall that writes its results to `folder`. Raises RunError where none does."""
+    path = folder / NAME
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+        texts = {name: str(values[name]) for name in ("endpoint", "key", "host")}
+        return Control(**texts, pid=int(values["pid"]))
+    except FileNotFoundError:
+        raise RunError(
+            f"{path}: no such file, so no wall runs with --out {folder}; wanted: the folder of results of a running "
+            "wall (one inside a single process, transport: loopback, has no way in)"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunError(f"{path}: does not say how to reach a wall ({error}); wanted: that of a running one") from error

@@ -1,0 +1,176 @@
+"""The parameters of a scene that can be changed while it is shown: their names, types, ranges, and what is refused.
+
+Only what the scene has, and what its kernels were compiled with, is a parameter: a change needs no new tree or kernel.
+A new one: an entry here, and where scene.shading puts its value.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any, Literal, TypeAlias
+
+from wall.config.views import MOST_STOPS
+from wall.core.errors import EditError, SceneError
+from wall.core.fields import BRIGHTEST, FARTHEST
+from wall.scene.build import Scene
+from wall.scene.model import LARGEST_IOR, Material
+from wall.scene.needs import Needs, needs
+from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
+
+Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position"]
+Numbers: TypeAlias = tuple[float, ...]
+
+EXPOSURE = "exposure"
+WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
+MOST_STRENGTH = 1e6  # of the sky
+MOST_DEPTH = 64
+SMALLEST_IOR = 1.01
+NAMES_SHOWN = 8
+SHORTEST = 1e-9  # length of a direction
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A value that can be changed: `color` is a reflectance, `light` a linear RGB radiometric quantity."""
+
+    name: str  # name path
+    kind: Kind
+    low: float  # of each number
+    high: float
+    unit: str  # "" without one
+    default: Numbers  # the configuration's
+
+    @property
+    def accepted(self) -> str:
+        """What it takes, in words."""
+        unit, span = f" {self.unit}" if self.unit else "", f"from {self.low:g} to {self.high:g}"
+        if self.kind == "whole":
+            return f"a whole number {span}{unit}"
+        if self.kind == "number":
+            return f"a number {span}{unit}"
+        if self.kind == "direction":
+            return "three numbers, not all zero: towards the light"
+        one = " or one for all of them," if self.kind in ("color", "light") else ""
+        return f"three numbers,{one} {span}{unit}"
+
+    def checked(self, value: object) -> Numbers:
+        """The numbers of a value: a number or a sequence of numbers. Raises EditError where it is not accepted."""
+        given: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
+        wanted = WIDTH[self.kind]
+        if len(given) == 1 and self.kind in ("color", "light"):
+            given *= wanted
+        numbers = [float(x) for x in given if _is_number(x) and self.low <= x <= self.high]
+        whole = self.kind != "whole" or all(x == int(x) for x in numbers)
+        length = self.kind != "direction" or math.hypot(*numbers) >= SHORTEST
+        if len(given) != wanted or len(numbers) != wanted or not whole or not length:
+            raise EditError(f"{self.name} = {_shown(value)}: want {self.accepted}")
+        return tuple(numbers)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, int) and not isinstance(value, bool):
+        return abs(value) < 1 << 63
+    return isinstance(value, float) and math.isfinite(value)
+
+
+def _shown(value: object) -> str:
+    return value[:60] if isinstance(value, str) else reprlib.repr(value)
+
+
+def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter]:
+    """All parameters of a scene by name, and the picture's exposure, which is configured as `exposure` stops."""
+    wanted = needs(scene)
+    found = [
+        Parameter(name=EXPOSURE, kind="number", low=-MOST_STOPS, high=MOST_STOPS, unit="stops", default=(exposure,)),
+        *_lights(scene),
+        *(_sky(scene) if scene.environment is None else ()),
+        *_materials(scene, wanted),
+    ]
+    if scene.path_depth is not None:
+        depth = (float(scene.path_depth),)
+        found.append(
+            Parameter(name="integrator.depth", kind="whole", low=1, high=MOST_DEPTH, unit="surfaces", default=depth)
+        )
+    return {parameter.name: parameter for parameter in found}
+
+
+def _lights(scene: Scene) -> Iterator[Parameter]:
+    of_field: dict[str, tuple[Kind, float, float, str]] = {
+        "position": ("position", -FARTHEST, FARTHEST, "world units"),
+        "intensity": ("light", 0.0, BRIGHTEST, "W/sr"),
+        "direction": ("direction", -FARTHEST, FARTHEST, ""),
+        "irradiance": ("light", 0.0, BRIGHTEST, "W/m²"),
+    }
+    for number, light in enumerate(scene.lights):
+        for name in LIGHT_FIELDS:
+            if hasattr(light, name):
+                kind, low, high, unit = of_field[name]
+                path, value = f"lights.{number}.{name}", getattr(light, name)
+                yield Parameter(name=path, kind=kind, low=low, high=high, unit=unit, default=value)
+
+
+def _sky(scene: Scene) -> Iterator[Parameter]:
+    yield Parameter(name="sky.strength", kind="number", low=0.0, high=MOST_STRENGTH, unit="", default=(1.0,))
+    for name in SKY_COLOURS:
+        colour = getattr(scene.sky, name)
+        yield Parameter(name=f"sky.{name}", kind="light", low=0.0, high=BRIGHTEST, unit="W/(sr m²)", default=colour)
+
+
+def _materials(scene: Scene, wanted: Needs) -> Iterator[Parameter]:
+    used = {scene.meshes[instance.mesh].material for instance in scene.instances}
+    for number, name in enumerate(material_names(scene.materials)):
+        if number in used:
+            yield from _of_material(scene.materials[number], f"materials.{name}", wanted)
+
+
+def _of_material(material: Material, path: str, wanted: Needs) -> Iterator[Parameter]:
+    """What kernels read of a material in this scene, and were compiled to."""
+    clear = wanted.paths and material.transmission > 0.0
+    share: dict[str, Any] = {"kind": "number", "low": 0.0, "high": 1.0, "unit": ""}
+    yield Parameter(name=f"{path}.color", kind="color", low=0.0, high=1.0, unit="", default=material.base_color)
+    if wanted.interfaces or clear:
+        yield Parameter(name=f"{path}.roughness", default=(material.roughness,), **share)
+        ior = (material.ior,)
+        yield Parameter(name=f"{path}.ior", kind="number", low=SMALLEST_IOR, high=LARGEST_IOR, unit="", default=ior)
+    if wanted.interfaces:
+        yield Parameter(name=f"{path}.metallic", default=(material.metallic,), **share)
+    if max(material.emission) > 0.0:
+        yield Parameter(
+            name=f"{path}.emission", kind="light", low=0.0, high=BRIGHTEST, unit="W/(sr m²)", default=material.emission
+        )
+    if material.mirror > 0.0:
+        yield Parameter(name=f"{path}.mirror", default=(material.mirror,), **share)
+
+
+def named(parameters: Mapping[str, Parameter], name: str) -> Parameter:
+    """The parameter of a name. Raises EditError where there is none, with those that are meant."""
+    if (found := parameters.get(name)) is not None:
+        return found
+    near = get_close_matches(name, parameters, n=1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    head = name.split(".")[0]
+    known = [path for path in parameters if path.split(".")[0] == head] or sorted({p.split(".")[0] for p in parameters})
+    more = f" and {len(known) - NAMES_SHOWN} more" if len(known) > NAMES_SHOWN else ""
+    raise EditError(f"{_shown(name)}: no such parameter; {meant}there are {', '.join(known[:NAMES_SHOWN])}{more}")
+
+
+def with_checked_tracks(scene: Scene, *, exposure: float = 0.0) -> Scene:
+    """The scene with every keyframe's numbers as its parameter takes them.
+
+    Raises SceneError where one names no parameter of the scene, or is refused by it.
+    """
+    if not scene.parameter_tracks:
+        return scene
+    parameters, tracks = parameters_of(scene, exposure=exposure), []
+    for track in scene.parameter_tracks:
+        try:
+            parameter = named(parameters, track.name)
+            rows = [parameter.checked(row) for row in track.values.tolist()]
+        except EditError as error:
+            raise SceneError(f"scene.animation, type parameter: {error}") from error
+        tracks.append(track.with_values(rows))
+    return replace(scene, parameter_tracks=tuple(tracks))
