@@ -23,7 +23,7 @@ from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, Plan, exposure_at, first_event
-from wall.sampling.progressive import ProgressiveSampler, footprint_of
+from wall.sampling.pixel_means import PixelMeans, footprint_of
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
@@ -128,7 +128,7 @@ class OfflineRenderer:
 
     def band(self, tile: Tile, rect: Rect) -> Float64:
         """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
-        tracer, sampler = self._tracer(tile), ProgressiveSampler(rect, seed=tile.seed)
+        tracer, sampler = self._tracer(tile), PixelMeans(rect, seed=tile.seed)
         for sample in range(self._spp):
             sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp), sample)[0])
         return sampler.mean()

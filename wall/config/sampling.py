@@ -62,7 +62,31 @@ class HilbertSampling(_Common):
     )
 
 
-AnySampling: TypeAlias = AdaptiveSampling | FramedSampling | FramelessSampling | HilbertSampling
+class ProgressiveSampling(_Common):
+    """Stages of ever more samples a pixel while the input rests; a coarse image at once when it does not."""
+
+    method: Literal["progressive"] = Field(
+        default="progressive", description="ever more samples a pixel, tile by tile; starts over at each input"
+    )
+    samples_per_batch: Annotated[Whole, Ge(64), Le(65536)] = Field(
+        default=2048, description="samples traced under one event; an input breaks a stage off after one batch"
+    )
+    first_stage: Annotated[Whole, Ge(1), Le(1024)] = Field(
+        default=8, description="samples a pixel of the first stage; each one has twice as many as the one before"
+    )
+    samples_per_pixel: Annotated[Whole, Ge(1), Le(65536)] = Field(
+        default=4096, description="samples a pixel at which it ends"
+    )
+    rest_s: Annotated[Number, Ge(0.0), Le(60.0)] = Field(default=0.5, description="seconds between stages")
+    target_hz: Annotated[Number, Ge(0.5), Le(240.0)] = Field(
+        default=15.0, description="images a second while the input changes: samples get fewer to hold it"
+    )
+    first_depth: Annotated[Whole, Ge(1), Le(64)] = Field(
+        default=4, description="surfaces of the first stage's paths; one more each stage, up to the integrator's"
+    )
+
+
+AnySampling: TypeAlias = AdaptiveSampling | FramedSampling | FramelessSampling | HilbertSampling | ProgressiveSampling
 _KINDS: dict[str, type[AnySampling]] = {kind.model_fields["method"].default: kind for kind in get_args(AnySampling)}
 METHODS = tuple(_KINDS)
 

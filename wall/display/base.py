@@ -84,6 +84,8 @@ class Status:
     refreshes_per_s: float  # that changed something
     compare: str = ""  # the sampler that has the other half of the rays; "" none
     compared_per_s: float = 0.0  # its samples, of those of all ranks
+    samples_per_pixel: int = 0  # of the progressive sampler's stage that all of the wall shows; 0: none
+    error: float = 0.0  # estimate of its RMS error, display codes of 8 bits; 0: not known
     parameters: tuple[ParameterState, ...] = ()  # that can be changed
 
 

@@ -74,6 +74,8 @@ class Heartbeat:
     peak_memory: int = 0  # bytes
     cpu_seconds: float = 0.0  # of its process, all threads, since its loop began
     dropped: dict[str, int] = field(default_factory=dict)
+    samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown; 0: none is
+    square_error: float = 0.0  # estimate of its mean squared error, display codes of 8 bits; 0: not known
     complete: bool = False  # nothing left to do under the event below
     oldest_sample_at: float = -1.0  # seconds of the head's clock, of a renderer's own image; below 0: none in a pixel
     camera_event: int = -1

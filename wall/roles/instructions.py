@@ -48,6 +48,8 @@ class Work:
     compared: int = 0  # of those: by the second of two samplers
     secondary_rays: int = 0
     bad_samples: int = 0  # their radiance was not finite
+    samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown
+    square_error: float = 0.0  # estimate of its mean squared error, display codes of 8 bits
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ class Traced:
 
     worker: int
     event: Event  # of the Trace
-    result: bytes | Batch | None  # a packet, or a batch to keep; None: nothing is missing under that event
+    result: bytes | Batch | None  # a packet, or a batch to keep, empty: nothing to show yet; None: nothing is missing
     work: Work
     measured: Measured | None = None  # its sampler's tiles, where Trace asked for them
 

@@ -156,8 +156,9 @@ class Renderer:
         else:
             self._resting.pop(traced.worker, None)
             if self._image is not None and isinstance(traced.result, Batch):
-                self._image.insert(traced.result)
-            elif isinstance(traced.result, bytes):
+                if len(traced.result.samples):
+                    self._image.insert(traced.result)
+            elif isinstance(traced.result, bytes) and traced.result:
                 yield from self._offer(traced.result)
         yield from self._tell_completeness(now)
 
@@ -200,6 +201,8 @@ class Renderer:
             bytes=self._sent.bytes,
             seconds=now - (now if self._began is None else self._began),
             dropped=dict(dropped),
+            samples_per_pixel=min((w.samples_per_pixel for w in work), default=0),
+            square_error=sum(w.square_error for w in work) / max(len(work), 1),
             complete=self.complete,
             oldest_sample_at=self._image.oldest_sample_at(now) if self._image is not None else -1.0,
             camera_event=number[0],

@@ -84,6 +84,7 @@ def status_of(
 
     `seconds`: since it began; `oldest`: age of the oldest sample shown, by layer.
     """
+    renderers = [beat for rank, beat in beats.items() if plan.layout.role(rank) == "renderer"]
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
     layout = plan.layout
     return Status(
@@ -97,6 +98,8 @@ def status_of(
         latency_ms=percentiles_ms(recent),
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
+        samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
+        error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),
         parameters=parameters,
     )
 

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from wall.config.sampling import AdaptiveSampling, FramedSampling, HilbertSampling, switched
+from wall.config.sampling import AdaptiveSampling, FramedSampling, HilbertSampling, ProgressiveSampling, switched
 from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region
 from wall.geometry.cameras import PanelView
@@ -19,6 +19,7 @@ from wall.sampling.base import Sampler
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
+from wall.sampling.progressive import ProgressiveSampler, Schedule
 from wall.sampling.split import SplitSampler
 from wall.sampling.tiles import Measured
 from wall.tracing.tracer import Tracer
@@ -51,9 +52,14 @@ class Worker:
         self._lost: deque[Batch] = deque()
 
     def step(self, newest: Event) -> bytes | None:
-        """Traces and encodes one batch at the newest event; returns the packet, or None without targets."""
+        """Traces and encodes one batch at the newest event; returns the packet, or None without targets.
+
+        The packet is empty where nothing is to be shown yet.
+        """
         batch = self.trace(newest)
-        return encode(batch, self._codec) if batch is not None else None
+        if batch is None:
+            return None
+        return encode(batch, self._codec) if len(batch.samples) else b""
 
     def trace(self, newest: Event) -> Batch | None:
         """Traces one batch at the newest event; returns None without targets."""
@@ -66,17 +72,21 @@ class Worker:
         event = self._panel_view(targets.event)
         tracer = self._tracer_at(event, self.sampler.coherent)
         began = self._clock.now()
-        samples, cost = tracer.trace(targets.xy, targets.footprint)
+        samples, cost = tracer.trace(targets.xy, targets.footprint, targets.number, targets.depth)
         step = max(0.0, self._clock.now() - began) / len(targets.xy)
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
         self.sampler.observe(samples, began)
         chosen = _chosen(self.sampler)
+        if isinstance(chosen, ProgressiveSampler):
+            samples = chosen.resolve()
         second = isinstance(self.sampler, SplitSampler) and self.sampler.turn
         self.work = Work(
             samples=self.work.samples + cost.primary,
             compared=self.work.compared + cost.primary * second,
             secondary_rays=self.work.secondary_rays + cost.shadow + cost.secondary,
             bad_samples=self.work.bad_samples + cost.bad,
+            samples_per_pixel=chosen.samples_shown if isinstance(chosen, ProgressiveSampler) else 0,
+            square_error=chosen.square_error if isinstance(chosen, ProgressiveSampler) else 0.0,
         )
         self._sequence += self._workers
         return Batch(
@@ -156,6 +166,20 @@ def make_samplers(
     if isinstance(sampling, FramedSampling):
         counter = FrameCounter(workers)
         return [FramedSampler(region.rect, counter, batch=batch, worker=k, workers=workers) for k in range(workers)]
+    if isinstance(sampling, ProgressiveSampling):
+        longest = plan.scene.path_depth or 0
+        schedule = Schedule(
+            first_stage=sampling.first_stage,
+            samples_per_pixel=sampling.samples_per_pixel,
+            rest_s=sampling.rest_s,
+            target_hz=sampling.target_hz,
+            first_depth=min(sampling.first_depth, longest),
+            depth=longest,
+        )
+        return [
+            ProgressiveSampler(region.rect, clock.now, schedule, batch=batch, seed=seed, worker=k, workers=workers)
+            for k in range(workers)
+        ]
     if isinstance(sampling, HilbertSampling):
         return [
             HilbertSampler(

@@ -83,4 +83,4 @@ def _kept(batch: Batch | None) -> Batch | None:
 
     Only that of the adaptive sampler, whose images are rounded by nothing else, keeps its own values.
     """
-    return batch if batch is None or batch.adaptive else decode(encode(batch))
+    return batch if batch is None or batch.adaptive or not len(batch.samples) else decode(encode(batch))

@@ -115,7 +115,7 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
     event = replace(first_event(plan, 0.0), sampler=method)
     panel.follow(event)
     packet = worker.step(event)
-    if packet is not None:
+    if packet:
         batch = decode(packet)
         _insert(panel, batch)
         worker.forget(batch)
@@ -150,7 +150,7 @@ def _layers(plan: Plan, tracer_scene: TracerScene) -> None:
         event = first_event(plan, 0.0)
         worker = _tiny_worker(plan, tracer_scene, layer.ranks[0], "", ManualClock())
         panel.follow(event)
-        if (packet := worker.step(event)) is not None:
+        if packet := worker.step(event):
             panel.insert(decode(packet))
         panel.refresh(event, 0.0)
         if panel.framelet.depth is not None:

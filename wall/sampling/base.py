@@ -26,6 +26,8 @@ class Targets:
     frame: int = 0  # see wall.core.data.Batch
     frame_samples: int = 0
     blend: float = 1.0
+    number: int | None = None  # of the samples among those of their pixels, see Tracer.trace
+    depth: int | None = None  # most surfaces of paths; None: the scene's
     footprint: float = 1.0  # pixels, edge of the square that a sample stands for: textures are filtered over it
 
 

@@ -1,46 +1,255 @@
-"""Progressive sampling of whole images, for `wall render` and for references.
+"""Progressive sampling: while the input rests, stages of ever more samples a pixel, shown tile by tile.
 
-Sample k of pixel (x, y) lies at the k-th point of the R2 sequence, shifted by a hash of (seed, x, y): well spread in
-every pixel, different between pixels, and the same however the image is divided among threads and ranks.
-R2: M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
+An input is answered by one coarse pass over the region that takes 1 / target_hz at most: several samples a pixel, one,
+or one for a block of pixels, whatever the time allows. Then stages follow, each of twice as many samples as the one
+before, from paths one surface longer until all are reached. A stage begins anew where its paths are longer, so that no
+mean is of two kinds, and else adds to the one before; its tiles are shown as they are complete, so that no pixel gets
+noisier. Between stages it rests; a new input breaks it off after one batch.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from wall.core.data import Float32, Float64, Rect, Samples
-from wall.sampling.kernels import permutation as kernels
-from wall.sampling.ownership import block_order
+from wall.core.colour import srgb_encoded
+from wall.core.data import SAMPLE, Event, Float32, Rect, Samples
+from wall.sampling.base import Targets
+from wall.sampling.pixel_means import PixelMeans, footprint_of
 
-SMALLEST_FOOTPRINT = 1 / 8  # pixels
+GRID = 8  # tiles along each edge of the region
+LARGEST_TILE = 256  # pixels along an edge: its records fit in one packet
+COARSEST = 8  # edge of the largest block of pixels that one sample stands for, pixels
+NEWEST_SHARE = 0.25  # of the newest batch in the moving mean of a sample's time
 
 
-def footprint_of(spp: int) -> float:
-    """Edge of the square, pixels, that each of `spp` samples of a pixel stands for."""
-    return max(SMALLEST_FOOTPRINT, 1.0 / math.sqrt(spp))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Schedule:
+    """What stages follow each other."""
+
+    first_stage: int = 8  # samples a pixel of the first one
+    samples_per_pixel: int = 4096  # after which it ends
+    rest_s: float = 0.5  # between stages
+    target_hz: float = 15.0  # of coarse passes
+    first_depth: int = 4  # surfaces of the first stage's paths
+    depth: int = 8  # of the longest
+
+
+class Tile:
+    """A tile's means, and the record of each pixel's newest sample."""
+
+    def __init__(self, rect: Rect, seed: int) -> None:
+        self.rect, self._seed = rect, seed
+        self.samples, self.square_error = 0, 0.0  # a pixel as shown; an estimate, of display codes squared
+        self._shown: Float32 | None = None  # display codes
+        self._adds = False  # to what is shown
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget all samples; what is shown stays until others are complete."""
+        self._adds = False
+        self.means = PixelMeans(self.rect, seed=self._seed)
+        self._newest = np.zeros((self.rect.height, self.rect.width), SAMPLE)
+
+    def add(self, samples: Samples) -> None:
+        """Add samples of this tile."""
+        self.means.add(samples)
+        x, y = samples["xy"][:, 0].astype(np.intp) - self.rect.x, samples["xy"][:, 1].astype(np.intp) - self.rect.y
+        self._newest[y, x] = samples
+
+    def estimate(self, samples: int) -> None:
+        """Estimate the error of the means, of so many samples a pixel, by how they differ from those shown before.
+
+        The variance of one sample is the same in both: that of their difference is its multiple by 1 / n + 1 / m, or
+        1 / n - 1 / m where the m samples are among the n.
+        """
+        codes = (255.0 * srgb_encoded(self.means.mean())).astype(np.float32)
+        if self._shown is not None and samples > self.samples:
+            apart = 1.0 / self.samples + (-1.0 if self._adds else 1.0) / samples
+            self.square_error = float(np.square(codes - self._shown).mean()) / (samples * apart)
+        self._shown, self.samples, self._adds = codes, samples, True
+
+    def forget_shown(self) -> None:
+        """What is shown is of another input."""
+        self._shown, self.samples, self.square_error = None, 0, 0.0
+
+    def records(self, step: int) -> Samples:
+        """Samples in the middles of pixels that show the means; of one in each block of step x step for all of it."""
+        means, found = self.means.mean().astype(np.float32), self.means.counts > 0
+        records = self._newest.copy()
+        records["radiance"] = means
+        if step > 1:
+            rows, columns = (np.arange(size) // step * step for size in found.shape)
+            records, found = records[rows][:, columns], found[rows][:, columns]
+        y, x = np.nonzero(found)
+        kept = records[y, x]
+        kept["xy"] = np.stack([x + self.rect.x, y + self.rect.y], axis=1) + np.float32(0.5)
+        return kept
 
 
 class ProgressiveSampler:
-    """One band of an image: `positions(k)` for sample k of every pixel, `add` what was traced, `mean()` at the end."""
+    """One thread's tiles; `resolve` gives what is shown of the samples that `observe` was told."""
 
-    def __init__(self, rect: Rect, *, seed: int) -> None:
-        self._pixels, self._rect, self._seed = block_order(rect, worker=0, workers=1), rect, seed
-        self._sums = np.zeros((rect.height, rect.width, 3))
-        self.counts = np.zeros((rect.height, rect.width), np.int64)  # samples of each pixel so far
+    coherent = True
 
-    def positions(self, k: int) -> Float32:
-        """(n, 2) float32 panel pixels, 16 of a 4 x 4 block in a row."""
-        xy = np.empty((len(self._pixels), 2), np.float32)
-        kernels.progressive_positions(self._pixels, self._seed, k, xy)
-        return xy
+    def __init__(
+        self,
+        rect: Rect,
+        now: Callable[[], float],
+        schedule: Schedule,
+        *,
+        batch: int,
+        seed: int,
+        worker: int = 0,
+        workers: int = 1,
+    ) -> None:
+        """`now` gives the time in seconds; `batch`: samples traced under one event."""
+        self._tiles = [Tile(part, seed) for part in tiles_of(rect)[worker::workers]]
+        self._now, self._schedule, self._batch = now, schedule, batch
+        self._event: Event | None = None
+        self._moving = True  # the coarse pass that answers an input
+        self.stage, self.samples = 0, 0  # number of the stage, from 0, and samples a pixel at its end
+        self._from = 0  # samples a pixel that the stage adds to
+        self._step = 1  # pixels of the coarse pass along a block's edge
+        self._sample_s = 0.0  # time of one sample, a moving mean
+        self._tile, self._sweep, self._at = len(self._tiles), 0, 0
+        self._xy: Float32 = np.empty((0, 2), np.float32)
+        self._count = 0  # samples chosen last
+        self._done: list[Samples] = []  # records that are to be shown
+        self._rests_until: float | None = None
 
-    def add(self, samples: Samples) -> None:
-        """Add samples to their pixels' sums."""
-        kernels.accumulate(samples, self._rect.x, self._rect.y, self._sums, self.counts)
+    @property
+    def depth(self) -> int:
+        """Most surfaces of the stage's paths."""
+        first, last = self._schedule.first_depth, self._schedule.depth
+        return min(first if self._moving else first + self.stage, last)
 
-    def mean(self) -> Float64:
-        """(h, w, 3) float64 linear RGB; pixels whose samples were all unusable are 0."""
-        return self._sums / np.maximum(self.counts, 1)[:, :, None]
+    @property
+    def samples_shown(self) -> int:
+        """Samples a pixel of the stage that all tiles show; 0 during coarse passes."""
+        return min((tile.samples for tile in self._tiles), default=0)
+
+    @property
+    def square_error(self) -> float:
+        """Estimate of the mean squared error of what is shown, in display codes of 8 bits; 0 where not known yet."""
+        known = [tile for tile in self._tiles if tile.square_error > 0.0]
+        area = sum(tile.rect.area for tile in known)
+        return sum(tile.square_error * tile.rect.area for tile in known) / area if area else 0.0
+
+    def choose(self, newest: Event) -> Targets | None:
+        """The next positions; None between stages, and after the last one."""
+        changed = self._event is None or newest.number != self._event.number
+        if changed and (not self._moving or self._tile >= len(self._tiles)):
+            self._answer(newest)
+        assert self._event is not None
+        self._count = 0
+        if self._tile >= len(self._tiles) and not self._next_stage():
+            return Targets(xy=np.empty((0, 2), np.float32), event=self._event) if self._done else None
+        tile = self._tiles[self._tile]
+        if self._at == 0:
+            xy = tile.means.positions(self._sweep)
+            if self._step > 1:
+                x, y = (np.floor(xy) - (tile.rect.x, tile.rect.y)).astype(np.int64).T
+                xy = np.ascontiguousarray(xy[(x % self._step == 0) & (y % self._step == 0)])
+            self._xy = xy
+        xy = self._xy[self._at : self._at + self._batch]
+        self._count = len(xy)
+        return Targets(
+            xy=xy, event=self._event, footprint=self._step * footprint_of(self.samples), number=self._sweep,
+            depth=self.depth,
+        )  # fmt: skip
+
+    def observe(self, samples: Samples, base_time: float) -> None:
+        """Add the samples to their tile's means; a tile whose stage is complete is shown."""
+        if self._count == 0:
+            return
+        tile, count = self._tiles[self._tile], self._count
+        spent = max(self._now() - base_time, 0.0) / count
+        self._sample_s += (spent - self._sample_s) * (NEWEST_SHARE if self._sample_s > 0.0 else 1.0)
+        tile.add(samples)
+        self._at += count
+        if self._at < len(self._xy):
+            return
+        self._at, self._sweep = 0, self._sweep + 1
+        if self._sweep >= self.samples:
+            if not self._moving:
+                tile.estimate(self.samples)
+            self._done.append(tile.records(self._step))
+            self._tile, self._sweep = self._tile + 1, self._from
+            self._enter()
+
+    def resolve(self) -> Samples:
+        """Records that are to be shown, of one tile at most; they replace those of their pixels."""
+        return self._done.pop(0) if self._done else np.empty(0, SAMPLE)
+
+    def forget(self, samples: Samples, base_time: float) -> None:
+        """Show these records again."""
+        self._done.append(samples)
+
+    def restart(self) -> None:
+        """Answer the newest event as if it were new."""
+        self._event, self._tile = None, len(self._tiles)
+
+    def _answer(self, newest: Event) -> None:
+        """Begin the coarse pass of an event, as fine as 1 / target_hz allows."""
+        self._event, self._moving, self.stage, self._rests_until = newest, True, 0, None
+        for tile in self._tiles:
+            tile.forget_shown()
+        allowed = 1.0 / (self._schedule.target_hz * self._sample_s) if self._sample_s > 0.0 else self._blocks(1)
+        self._step = 1
+        while self._blocks(self._step) > allowed and self._step < COARSEST:
+            self._step *= 2
+        allowed /= self._blocks(self._step)
+        self._begin(max(1, min(int(allowed), self._schedule.first_stage)), anew=True)
+
+    def _blocks(self, step: int) -> float:
+        """Blocks of step x step pixels in all tiles."""
+        return float(sum(-(-tile.rect.width // step) * -(-tile.rect.height // step) for tile in self._tiles))
+
+    def _next_stage(self) -> bool:
+        """Begin the stage behind the one that is complete, once it has rested. Returns whether one runs."""
+        if self._moving:
+            self._moving, self._step = False, 1
+            self._begin(self._schedule.first_stage, anew=True)
+            return True
+        if self._rests_until is None:
+            self._rests_until = self._now() + self._schedule.rest_s
+        if self.samples >= self._schedule.samples_per_pixel or self._now() < self._rests_until:
+            return False
+        self._rests_until, before = None, self.depth
+        self.stage += 1
+        longer = self.depth > before
+        added = self._schedule.first_stage << self.stage
+        most = self._schedule.samples_per_pixel
+        self._begin(min(added if longer else self.samples + added, most), anew=longer)
+        return True
+
+    def _begin(self, samples: int, *, anew: bool) -> None:
+        """Begin with the first tile, up to so many samples a pixel."""
+        self._from = 0 if anew else self.samples
+        self.samples = samples
+        self._tile, self._sweep, self._at, self._anew = 0, self._from, 0, anew
+        self._enter()
+
+    def _enter(self) -> None:
+        """Empty the tile that comes next, where the stage does not add to the one before."""
+        if self._tile < len(self._tiles) and self._anew:
+            self._tiles[self._tile].begin()
+
+
+def tiles_of(rect: Rect) -> list[Rect]:
+    """A region as GRID x GRID tiles, more where they would be too large, fewer where it is small, row by row."""
+    columns, rows = _edges(rect.x, rect.width), _edges(rect.y, rect.height)
+    return [
+        Rect(x=x, y=y, width=right - x, height=below - y)
+        for y, below in pairwise(rows)
+        for x, right in pairwise(columns)
+    ]
+
+
+def _edges(start: int, size: int) -> list[int]:
+    parts = max(GRID, -(-size // LARGEST_TILE))
+    return [int(edge) for edge in np.unique(np.linspace(start, start + size, parts + 1).astype(np.int64))]

@@ -38,6 +38,7 @@ from wall.tracing.kernels.values import (
 )
 from wall.tracing.tracer_scene import TracerScene, sky_rows
 
+MOST_SURFACES = 1 << 16  # of a path: no limit
 NUMBERS = 0xFFFFFFFF  # of samples, where they begin again
 OFFSET_ULPS = 16.0  # float32 roundings from a hit to its secondary ray; eight times the need, docs/guide/accuracy.md
 
@@ -209,12 +210,15 @@ class Tracer:
             self._materials = self._tracer_scene.materials_of(shading)
         self._shading, self._depth = shading, shading.path_depth
 
-    def trace(self, xy: Float32, footprint: float = 1.0, number: int | None = None) -> tuple[Samples, Traced]:
+    def trace(
+        self, xy: Float32, footprint: float = 1.0, number: int | None = None, depth: int | None = None
+    ) -> tuple[Samples, Traced]:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
 
         footprint : pixels, edge of the square whose mean of a texture each sample shows; 0: the nearest texels alone
         number : of the samples among those of their pixels, for the random numbers of paths; None: one that no other
             sample of this tracer has
+        depth : most surfaces of paths, if fewer than the scene's
 
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
         """
@@ -226,11 +230,11 @@ class Tracer:
         if self._depth is None:
             kept = kernels.trace(*arguments)
         else:
-            kept = trace_paths(*arguments, self._paths(len(xy), number))
+            kept = trace_paths(*arguments, self._paths(len(xy), number, depth))
         primary, shadow, secondary, bad = (int(count) for count in work.counts)
         return samples[:kept], Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
 
-    def _paths(self, count: int, number: int | None) -> Paths:
+    def _paths(self, count: int, number: int | None, depth: int | None) -> Paths:
         """Room for so many paths, kept from batch to batch."""
         if len(self._path_room.sample) < count:
             self._path_room = path_room(count, 0)
@@ -238,7 +242,7 @@ class Tracer:
         self._traced += step * count
         return self._path_room._replace(
             number=np.uint32(number & NUMBERS), step=np.uint32(step), seed=np.uint32(self.seed & NUMBERS),
-            depth=self._depth or 0,
+            depth=min(self._depth or 0, depth or MOST_SURFACES),
         )  # fmt: skip
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:

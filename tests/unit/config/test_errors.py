@@ -105,7 +105,7 @@ def test_wrong_value_is_refused_with_its_position(old: str, new: str, expected: 
         ("graph: {nodes: [{id: a}]}", "graph.nodes[0]: op is missing; accepted: "),
         (
             "sampling: {method: hilbrt}",
-            "sampling.method = 'hilbrt': is not known; accepted: adaptive, framed, frameless, hilbert; "
+            "sampling.method = 'hilbrt': is not known; accepted: adaptive, framed, frameless, hilbert, progressive; "
             "did you mean hilbert?",
         ),
         (

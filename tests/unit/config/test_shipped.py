@@ -22,6 +22,7 @@ RANKS = {
     "paths/cornell_metal": 2,
     "paths/environment": 2,
     "paths/lamps": 2,
+    "paths/progressive": 2,
     "cave_corner": 4,
     "demo": 5,
     "forest": 3,

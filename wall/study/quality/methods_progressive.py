@@ -12,7 +12,7 @@ import numpy as np
 
 from wall.core.data import Event, Float32
 from wall.packets.samples import MAX_SAMPLES
-from wall.sampling.progressive import ProgressiveSampler, footprint_of
+from wall.sampling.pixel_means import PixelMeans, footprint_of
 from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
@@ -23,7 +23,7 @@ class ProgressiveMethod:
         self._setup, self._inputs = setup, Inputs(setup.plan)
         self._tracer = MeteredTracer(setup, coherent=True)
         self._event = self._inputs.event_at(0.0)
-        self._sampler: ProgressiveSampler | None = None
+        self._sampler: PixelMeans | None = None
         self._xy, self._at, self._sweep = centres(setup)[:0], 0, 0
         self._now, self._spent = 0.0, 0
         self.rays = self.secondary = self.bytes = 0
@@ -65,8 +65,8 @@ class ProgressiveMethod:
             count -= len(xy)
             self._sampler.add(self._tracer.trace(xy, event, now, footprint=footprint_of(self._sweep)))
 
-    def _fresh(self) -> ProgressiveSampler:
-        return ProgressiveSampler(self._setup.rect, seed=self._setup.seed)
+    def _fresh(self) -> PixelMeans:
+        return PixelMeans(self._setup.rect, seed=self._setup.seed)
 
 
 METHODS: dict[str, Callable[[Setup], Method]] = {"progressive": ProgressiveMethod}

@@ -33,7 +33,7 @@ SMALL_STRIDE, LARGE_STRIDE = 2, 8
 TRACER_SOURCES = (
     "tracing",
     "commands/offline.py",
-    "sampling/progressive.py",
+    "sampling/pixel_means.py",
     "sampling/kernels/permutation.py",
     "geometry/frusta.py",
     "scene/kernels",
