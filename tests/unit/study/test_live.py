@@ -166,7 +166,9 @@ def test_each_method_runs_the_same_threads_and_seed_without_windows(tmp_path):
         sampling = found.sampling_of(0)
         assert (sampling.method, sampling.threads, sampling.seed) == (method, 2, 7)
         assert found.graph.sinks == ("png",)
-        assert sampling.samples_per_batch == (2048 if method == "adaptive" else 4096), "its own default"
+        assert sampling.samples_per_batch == (2048 if method in ("adaptive", "progressive") else 4096), (
+            "its own default"
+        )
 
 
 def test_camera_orbits_only_where_nothing_moves(tmp_path):
@@ -380,5 +382,5 @@ def test_a_run_that_fails_keeps_no_other_from_being_measured(tmp_path, monkeypat
     outcome = swept(tmp_path, monkeypatch, measured)
 
     assert outcome.failures == ["wall, 1 cores, framed: silent for 9 s"]
-    assert [row.method for row in outcome.rows] == ["adaptive", "frameless", "hilbert"]
+    assert [row.method for row in outcome.rows] == ["adaptive", "frameless", "hilbert", "progressive"]
     assert json_lines.read(tmp_path / "out" / "live.jsonl", Row) == outcome.rows
