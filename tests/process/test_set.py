@@ -7,6 +7,7 @@ import json
 import re
 import subprocess
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,8 +42,16 @@ def running(tmp_path: Path) -> Iterator[tuple[Path, str]]:
 
 
 def shown(address: str) -> NDArray[np.int16]:
-    with urllib.request.urlopen(address + "wall.png", timeout=5) as answer:
-        return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB")).astype(np.int16)
+    """The wall's picture; waits for the first one, until which the page has none (503)."""
+    limit = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            with urllib.request.urlopen(address + "wall.png", timeout=5) as answer:
+                return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB")).astype(np.int16)
+        except urllib.error.HTTPError as error:
+            if error.code != 503 or time.monotonic() > limit:
+                raise
+        time.sleep(0.1)
 
 
 def until(address: str, before: NDArray[np.int16], *, changes: bool = True) -> NDArray[np.int16]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import small_scenes
 from numpy.typing import NDArray
-from small_scenes import BLACK_SKY, View, instance, quad, scene_of, traced_image, view
+from small_scenes import BLACK_SKY, View, instance, quad, traced_image, view
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
@@ -16,9 +18,10 @@ from wall.scene.build import Scene
 from wall.scene.model import (
     NO_TEXTURES,
     DirectionalLight,
+    Instance,
     Light,
     Material,
-    PointLight,
+    Mesh,
     Sky,
     Texture,
     TextureSet,
@@ -33,6 +36,34 @@ SQUARE = quad(2.0, 2.0, uvs=True)
 EDGE = 48  # pixels of views; the square is as large as the picture
 AHEAD = view((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), pixels=(EDGE, EDGE), fov=math.degrees(2 * math.atan(0.25)))
 BLACK_WALL = Material(name="wall", base_color=BLACK)
+
+
+def scene_of(
+    meshes: Sequence[Mesh],
+    placed: Sequence[Instance] | None = None,
+    *,
+    materials: Sequence[Material],
+    textures: Sequence[Texture] = (),
+    lights: Sequence[Light] = (),
+    sky: Sky = BLACK_SKY,
+) -> Scene:
+    """A scene with an object out of sight that has every texture, and a light without light: one kernel for all."""
+    first = len(textures)
+    more = [Texture(name="more", texels=plain(9, 9, 9), linear=k % 2 == 1, wrap=("clamp", "mirror")) for k in range(4)]
+    all_of_it = Material(
+        name="all", base_color=BLACK, emission=(1e-9, 0.0, 0.0), metallic=0.5,
+        textures=TextureSet(*range(first, first + 4)),
+    )  # fmt: skip
+    behind = instance(len(meshes), at=(0.0, -500.0, 90.0), scale=0.1)
+    dark = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=BLACK)
+    return small_scenes.scene_of(
+        [*meshes, replace(SQUARE, material=len(materials))],
+        [*([instance(k) for k in range(len(meshes))] if placed is None else placed), behind],
+        materials=[*materials, all_of_it],
+        textures=[*textures, *more],
+        lights=[dark, *lights],
+        sky=sky,
+    )
 
 
 def plain(*values: int) -> NDArray[np.uint8]:
@@ -183,7 +214,7 @@ def test_textures_of_metalness_and_roughness_are_factors() -> None:
         textures=TextureSet(metallic_roughness=0),
     )  # fmt: skip
     numbers = replace(textured, metallic=0.6, roughness=0.18, textures=NO_TEXTURES)
-    lights: list[Light] = [PointLight(position=(0.5, 0.5, 2.0), intensity=(3.0, 3.0, 3.0))]
+    lights = [DirectionalLight(direction=(0.6, 0.0, 0.8), irradiance=(3.0, 3.0, 3.0))]
     got, wanted = (
         on_paths(scene_of([SQUARE], materials=[look], textures=[factors], lights=lights, sky=BEHIND), 8)
         for look in (textured, numbers)
