@@ -87,7 +87,7 @@ export class Readout {
     write($("fact-time"), clock(status.seconds));
     write($("fact-refresh"), `${digits(status.refreshes_per_s)} Hz`);
     write($("fact-samples"), `${short(status.ranks.reduce((sum, r) => sum + (r.samples_per_s || 0), 0))}/s`);
-    $("stage").hidden = !status.samples_per_pixel;
+    $("fact-stages").hidden = !status.samples_per_pixel;
     write($("fact-stage"), `${status.samples_per_pixel} a pixel${status.error ? `, ± ${digits(status.error)}` : ""}`);
     this.#showRanks(status.ranks);
     this.#showLatency(status);
