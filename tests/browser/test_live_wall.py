@@ -153,7 +153,7 @@ def status(address: str) -> dict[str, Any]:
     return found
 
 
-def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(
+def test_a_slider_changes_the_light_and_another_terminal_takes_it_back(
     chromium: Any, run: tuple[Any, str], tmp_path: Path
 ) -> None:
     _, address = run
@@ -169,8 +169,6 @@ def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(
     assert dark.mean() < before.mean()
 
     assert wall("set", "lights.2.irradiance=default", "--out", tmp_path / "out").returncode == 0
-    row = "() => document.querySelector('[data-name=\"lights.2.irradiance\"] input').value === '0'"
-    page.wait_for_function(row, timeout=1000 * PATIENCE_S)
     deadline = time.monotonic() + PATIENCE_S
     while changed(before, settled(address)) > 0.0:
         assert time.monotonic() < deadline, "what is configured did not come back"
