@@ -153,7 +153,7 @@ def status(address: str) -> dict[str, Any]:
     return found
 
 
-def test_a_slider_changes_the_light_and_another_terminal_takes_it_back(
+def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(
     chromium: Any, run: tuple[Any, str], tmp_path: Path
 ) -> None:
     _, address = run
@@ -172,4 +172,6 @@ def test_a_slider_changes_the_light_and_another_terminal_takes_it_back(
     deadline = time.monotonic() + PATIENCE_S
     while changed(before, settled(address)) > 0.0:
         assert time.monotonic() < deadline, "what is configured did not come back"
+    row = "() => document.querySelector('[data-name=\"lights.2.irradiance\"] input').value === '0'"
+    page.wait_for_function(row, timeout=1000 * PATIENCE_S)
     page.close()

@@ -17,7 +17,7 @@ export const hexOf = (rgb) => "#" + rgb
 export const rgbOf = (hex) => [1, 3, 5].map((k) => decoded(parseInt(hex.slice(k, k + 2), 16) / 255));
 
 export class Parameters {
-  #panel; #groups; #send; #rows = new Map(); #names = ""; #due = new Map();
+  #panel; #groups; #send; #rows = new Map(); #names = ""; #due = new Map(); #said = []; #later;
 
   // `send` takes a command: `set` with a name and numbers, or null for what is configured.
   constructor(panel, groups, send) {
@@ -30,11 +30,21 @@ export class Parameters {
     this.#panel.hidden = parameters.length === 0;
     const names = parameters.map((p) => p.name).join("\n");
     if (names !== this.#names) this.#build(parameters, names);
+    this.#said = parameters;
+    this.#follow();
+  }
+
+  // What the run said last, in every row; one that was just moved follows later, for the run says a change only once.
+  #follow() {
+    clearTimeout(this.#later);
     const now = performance.now();
-    for (const parameter of parameters) {
-      const row = this.#rows.get(parameter.name);
-      if (now - row.asked > TRUST_MS) row.take(parameter.value);
+    let wait = Infinity;
+    for (const parameter of this.#said) {
+      const row = this.#rows.get(parameter.name), trusted = row.asked + TRUST_MS - now;
+      if (trusted > 0) wait = Math.min(wait, trusted);
+      else row.take(parameter.value);
     }
+    if (wait < Infinity) this.#later = setTimeout(() => this.#follow(), wait);
   }
 
   #build(parameters, names) {
