@@ -46,9 +46,12 @@ class DeepBuffer:
         *,
         detects_change: bool,
         change_test: bool = True,
+        noisy: bool = False,
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
     ) -> None:
         """`objects` of the scene. `detects_change`: samples bring their irradiance, and what they contradict is found.
+
+        `noisy`: they bring albedo and normal, so that noise can be filtered.
 
         Without `change_test` no sample contradicts anything.
         """
@@ -58,9 +61,9 @@ class DeepBuffer:
         self._kept = int(samples_per_pixel * width * height)
         capacity = capacity_for(self._kept, width, height)
         self._largest = capacity // 2  # samples inserted at once: a store that is full could not even compare them
-        self.store = SampleStore.of(capacity, lit=poses.lit)
-        self._spare = SampleStore.of(capacity, lit=poses.lit)  # what sorting writes to
-        self.history = PixelHistory.of(width, height, detects_change=detects_change)
+        self.store = SampleStore.of(capacity, lit=poses.lit, noisy=noisy)
+        self._spare = SampleStore.of(capacity, lit=poses.lit, noisy=noisy)  # what sorting writes to
+        self.history = PixelHistory.of(width, height, detects_change=detects_change, noisy=noisy)
         self._tile_starts = np.zeros(self.history.dirty.size + 1, np.int64)
         self._object_starts = np.zeros(objects + 2, np.int64)
         self._ages = np.zeros(AGES, np.int32)
@@ -73,8 +76,9 @@ class DeepBuffer:
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
         rules = self.poses.rules(
-            event, self._samples_per_pixel, detects_change=self.detects_change, change_test=self._change_test
-        )
+            event, self._samples_per_pixel, detects_change=self.detects_change, change_test=self._change_test,
+            noisy=self.store.light.size > 0,
+        )  # fmt: skip
         pose, under = self.poses.inserted(event)
         diffuse, doubted = self.poses.diffuse_under(pose), self.poses.doubt_of(event)
         for first in range(0, len(samples), self._largest):

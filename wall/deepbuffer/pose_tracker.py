@@ -77,11 +77,15 @@ class PoseTracker:
         self._light_changes.note(pose.lights, under.lights)
         return pose, under
 
-    def rules(self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool) -> InsertRules:
+    def rules(
+        self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool, noisy: bool
+    ) -> InsertRules:  # fmt: skip
         """How samples of `event` are inserted into the image shown."""
         same_edits = self._shown is None or event.edits.number == self._shown.edits.number
         return InsertRules(
-            shows_event=same_edits and (is_shown if self.nothing_moves else same_camera)(event, self._shown),
+            shows_event=same_edits
+            and (self.nothing_moves or not noisy)  # light may change on whatever moves
+            and (is_shown if self.nothing_moves else same_camera)(event, self._shown),
             ignores_change=self.nothing_moves or not change_test or not same_edits,  # edits are known without rays
             most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
             detects_change=detects_change,

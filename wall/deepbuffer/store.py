@@ -20,10 +20,8 @@ class SampleStore(NamedTuple):
     """Samples as points of their objects, in no order that means anything.
 
     Arrays that a scene does not need have a capacity of 0: kernels see that from the shape and leave them alone. So
-    further properties cost nothing where they are not used. Path tracing brings direct and indirect radiance, each
-    with a time and a variance of its own: `indirect_radiance` (capacity, 3), `indirect_time`, `radiance_variance` and
-    `indirect_variance` (capacity,), empty in scenes of direct light only. `radiance` and `time` are then the direct
-    part's. Such an array is one more field here, one more line in `copy_sample`, and is written by `insert`.
+    further properties cost nothing where they are not used. Such an array is one more field here, one more line in
+    `copy_sample`, and is written by `insert`.
     """
 
     position: Float32  # (3, capacity) in the object's space; a direction for the sky
@@ -32,13 +30,15 @@ class SampleStore(NamedTuple):
     time: Float32  # (capacity,) seconds of the store's clock
     confidence: Float32  # (capacity,) 0..1; 0: rejected
     screen_position: Float32  # (3, capacity) x, y in pixels of the image, depth; OUTSIDE where it is not in the image
-    normal: NDArray[np.uint16]  # (capacity,) octahedral, two int8; empty if no light of the scene ever changes
-    light_visibility: NDArray[np.uint32]  # (capacity,) bit k: light k reaches the point; empty likewise
-    albedo: Float32  # (3, capacity) reflected share, NOT_RELIT where it is not known; empty likewise
+    normal: NDArray[np.uint16]  # (capacity,) octahedral, two int8; empty if not lit and not noisy
+    light_visibility: NDArray[np.uint32]  # (capacity,) bit k: light k reaches the point; empty if not lit
+    albedo: Float32  # (3, capacity) reflected share, NOT_RELIT where it is not known; empty if not lit and not noisy
+    light: Float32  # (capacity, 3) radiance over albedo as traced, of which `radiance` shows a mean; empty if not noisy
 
     @classmethod
-    def of(cls, capacity: int, *, lit: bool) -> SampleStore:
-        """An empty store; `lit`: with what relighting needs."""
+    def of(cls, capacity: int, *, lit: bool, noisy: bool = False) -> SampleStore:
+        """An empty store; `lit`: with what relighting needs; `noisy`: with what filtering noise needs."""
+        described = capacity * (lit or noisy)
         return cls(
             position=np.zeros((3, capacity), np.float32),
             object_id=np.zeros(capacity, np.uint32),
@@ -46,9 +46,10 @@ class SampleStore(NamedTuple):
             time=np.zeros(capacity, np.float32),
             confidence=np.zeros(capacity, np.float32),
             screen_position=np.full((3, capacity), OUTSIDE, np.float32),
-            normal=np.zeros(lit * capacity, np.uint16),
+            normal=np.zeros(described, np.uint16),
             light_visibility=np.zeros(lit * capacity, np.uint32),
-            albedo=np.zeros((3, lit * capacity), np.float32),
+            albedo=np.zeros((3, described), np.float32),
+            light=np.zeros((noisy * capacity, 3), np.float32),
         )
 
     @property
@@ -63,6 +64,7 @@ class PixelHistory(NamedTuple):
     nearest: Float32  # (h, w, 4) the nearest sample: depth (inf: none), x, y, object id (-1: none; exact to 2^24)
     sqrt_irradiance: Float32  # (h, w, 2) weighted sum and sum of weights; (0, 0, 2) unless changes are detected
     accumulation: Float32  # (h, w, 8), see kernels.accumulation
+    light: Float32  # (h, w, 4) mean of its samples' light, and squared deviations of luminance; (0, 0, 4) if not noisy
     rejection: Float32  # (h, w, 2) share of confidence that older samples lose, and the time before which they do
     rejected_object: NDArray[np.uint32]  # (h, w) object whose samples lose it
     temporal_gradient: Float32  # (rows, columns) moving mean of |change of sqrt_irradiance| that samples find in a tile
@@ -72,13 +74,14 @@ class PixelHistory(NamedTuple):
     arrived: NDArray[np.int32]  # (rows, columns) samples that came since the tile was resolved, see RestSchedule
 
     @classmethod
-    def of(cls, width: int, height: int, *, detects_change: bool) -> PixelHistory:
+    def of(cls, width: int, height: int, *, detects_change: bool, noisy: bool = False) -> PixelHistory:
         """Of pixels that never had a sample."""
         tiles = -(-height // TILE), -(-width // TILE)
         return cls(
             nearest=np.full((height, width, 4), -1.0, np.float32),
             sqrt_irradiance=np.zeros((detects_change * height, detects_change * width, 2), np.float32),
             accumulation=np.zeros((height, width, ACCUMULATION_COLUMNS), np.float32),
+            light=np.zeros((noisy * height, noisy * width, 4), np.float32),
             rejection=np.zeros((height, width, 2), np.float32),
             rejected_object=np.zeros((height, width), np.uint32),
             temporal_gradient=np.zeros(tiles, np.float32),

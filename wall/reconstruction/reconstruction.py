@@ -34,6 +34,7 @@ from wall.reconstruction.kernels import fill as kernels_fill
 from wall.reconstruction.kernels import splat as kernels_splat
 from wall.reconstruction.kernels import visibility as kernels_visibility
 from wall.reconstruction.kernels.relight import relight
+from wall.reconstruction.lighting import Lighting
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 
@@ -55,6 +56,7 @@ class Ingredients:
     ageing: bool = True  # else old samples weigh as much as new ones
     relighting: bool = True  # else stored samples keep the light that they were traced in
     accumulation: bool = True  # else pixels at rest accumulate no mean of their own
+    filtering: bool = True  # else noise stays
     parts: bool = True  # else all of the image is made anew where some of it changes
 
 
@@ -87,13 +89,15 @@ class Reconstruction:
     ) -> None:
         """`rect` is the part of the panel that is shown, all if None. `detects_change`: see DeepBuffer."""
         lit = ingredients.relighting and needs(scene).relighting
+        noisy = ingredients.filtering and needs(scene).paths
         self.poses = PoseTracker(panel, eye, scene, rect, lit=lit, objects=ingredients.objects)
         self.rect, self._with = self.poses.rect, ingredients
         self.buffer = DeepBuffer(
             self.poses, len(scene.instances), detects_change=detects_change, change_test=ingredients.change_test,
-            samples_per_pixel=samples_per_pixel,
+            samples_per_pixel=samples_per_pixel, noisy=noisy,
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
+        self._lighting = Lighting(height, width) if noisy else None
         self._bounds = np.ones((3, height, width), np.float32)
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
@@ -108,7 +112,10 @@ class Reconstruction:
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
         """Store samples that were traced under `event`; their `change` is written if changes are detected."""
+        first = self.buffer.count
         self.buffer.insert(samples, base_time, event)
+        if self._lighting is not None and self.buffer.count > first:
+            self._lighting.probe(self.buffer.store, first, self.buffer.count)
 
     def refresh(self, event: Event, now: float) -> None:
         """Show the samples under `event`; nothing moved since the last refresh if it has the same number."""
@@ -121,7 +128,7 @@ class Reconstruction:
             come_to_rest(self.poses, history)
         elif self.count:
             self._splat(self.poses.moved(), self._schedule.take_due(now), self.buffer.seconds(now))
-        if not self._with.accumulation:
+        if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
             history.clear_accumulation()
         if history.dirty.any():
             kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
@@ -246,14 +253,18 @@ class Reconstruction:
         decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
         silhouette = kernels_visibility.SILHOUETTE_PER_S * ageing
         kernels_visibility.bound_depths(history.nearest, moved, decay, silhouette, self.splat_sums, tiles, self._bounds)
+        if self._lighting is not None and self._with.change_test:
+            self._lighting.correct(store, count, now)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visibility.weigh(store, count, history.nearest, self._bounds, now, young, self._weight, self._untested)
+        if self._lighting is not None:
+            self._lighting.show(store, count, self._weight, history)
         kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
 
     def _in_parts(self) -> bool:
         """Whether tiles may be made anew alone: not while some have no sample, and are filled from afar."""
         weight = self._levels[min(LEVEL_OF_TILES, len(self._levels) - 1)][..., 3]
-        return self._with.parts and bool((weight > 0.0).all())
+        return self._with.parts and self._lighting is None and bool((weight > 0.0).all())
 
     def _relight(self) -> NDArray[np.uint8]:
         """Light stored samples anew where lights or objects moved. Returns (n + 1,) uint8, those objects."""

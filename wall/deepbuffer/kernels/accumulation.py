@@ -10,6 +10,7 @@ import numpy as np
 
 from wall.core.colour import LUMINANCE
 from wall.core.jit import inline_kernel, kernel
+from wall.core.kernels.albedo import unpack_albedo
 from wall.deepbuffer.kernels.columns import (
     AMOUNT,
     BLUE,
@@ -17,6 +18,7 @@ from wall.deepbuffer.kernels.columns import (
     BRIGHTNESS_MEAN,
     COUNT,
     DEPTH,
+    DEVIATIONS,
     GREEN,
     IRRADIANCE_DEVIATIONS,
     IRRADIANCE_MEAN,
@@ -44,13 +46,38 @@ def accumulate(history, i, j, sample):
     pixel[RED] += share * (red - pixel[RED])
     pixel[GREEN] += share * (green - pixel[GREEN])
     pixel[BLUE] += share * (blue - pixel[BLUE])
-    brightness = np.sqrt(max(SHARES[0] * red + SHARES[1] * green + SHARES[2] * blue, ZERO))
+    brightness = np.sqrt(max(luminance(red, green, blue), ZERO))
     delta = brightness - pixel[BRIGHTNESS_MEAN]
     pixel[BRIGHTNESS_MEAN] += delta / pixel[COUNT]
     pixel[BRIGHTNESS_DEVIATIONS] += delta * (brightness - pixel[BRIGHTNESS_MEAN])
     delta = sample["sqrt_irradiance"] - pixel[IRRADIANCE_MEAN]
     pixel[IRRADIANCE_MEAN] += delta / pixel[COUNT]
     pixel[IRRADIANCE_DEVIATIONS] += delta * (sample["sqrt_irradiance"] - pixel[IRRADIANCE_MEAN])
+    if history.light.shape[0] > 0:
+        accumulate_light(history.light[i, j], pixel[COUNT], sample)
+
+
+@inline_kernel
+def accumulate_light(mean, count, sample):
+    """Add a sample, the `count`-th, to a pixel's mean light and the squared deviations of its luminance."""
+    if count == ONE:
+        mean[:] = ZERO
+    albedo, share = unpack_albedo(sample["albedo"]), ONE / count
+    before = luminance(mean[RED], mean[GREEN], mean[BLUE])
+    red, green, blue = (
+        sample["radiance"][0] / albedo[0], sample["radiance"][1] / albedo[1], sample["radiance"][2] / albedo[2]
+    )
+    mean[RED] += share * (red - mean[RED])
+    mean[GREEN] += share * (green - mean[GREEN])
+    mean[BLUE] += share * (blue - mean[BLUE])
+    own = luminance(red, green, blue)
+    mean[DEVIATIONS] += (own - before) * (own - luminance(mean[RED], mean[GREEN], mean[BLUE]))
+
+
+@inline_kernel
+def luminance(red, green, blue):
+    """Luminance of linear RGB."""
+    return SHARES[0] * red + SHARES[1] * green + SHARES[2] * blue
 
 
 @kernel

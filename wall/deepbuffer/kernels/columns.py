@@ -14,3 +14,4 @@ COUNT = 3  # samples
 BRIGHTNESS_MEAN, BRIGHTNESS_DEVIATIONS = 4, 5  # of the square root of luminance
 IRRADIANCE_MEAN, IRRADIANCE_DEVIATIONS = 6, 7  # of the square root of irradiance
 ACCUMULATION_COLUMNS = 8
+DEVIATIONS = 3  # column of PixelHistory.light, after red, green and blue; a sum of squares too

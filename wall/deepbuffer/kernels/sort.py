@@ -127,6 +127,11 @@ def copy_sample(store, k, out, j):
         out.radiance[j, c] = store.radiance[k, c]
     out.time[j], out.confidence[j] = store.time[k], store.confidence[k]
     if store.albedo.shape[1] > 0:
-        out.normal[j], out.light_visibility[j] = store.normal[k], store.light_visibility[k]
+        out.normal[j] = store.normal[k]
         for c in range(3):
             out.albedo[c, j] = store.albedo[c, k]
+    if store.light_visibility.shape[0] > 0:
+        out.light_visibility[j] = store.light_visibility[k]
+    if store.light.shape[0] > 0:
+        for c in range(3):
+            out.light[j, c] = store.light[k, c]

@@ -10,12 +10,14 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from wall.core.data import Float32
 from wall.display.files import replaced
 from wall.study.quality.clocks import STEPS_A_REFRESH, Clock, CpuClock, VirtualClock
 from wall.study.quality.method import Method, Setup
 from wall.study.quality.methods import make_method
-from wall.study.quality.metrics import Score, delay_of, display_values, mean_square
+from wall.study.quality.metrics import Score, delay_of, display_values, mean_product
 from wall.study.quality.reference import Reference, reference_refreshes
 from wall.study.quality.rows import Row
 from wall.study.quality.trial import Trial, duration, scene_of, setup_of
@@ -60,9 +62,8 @@ def run(trial: Trial, look: Look = lambda *_: None) -> Row:
         now = refresh / trial.refresh_hz
         shown = clock.refresh(method, (refresh - 1) / trial.refresh_hz, now)
         if refresh in scored:
-            wanted = reference.image(scored[refresh])
-            score.add(shown, wanted)
-            look(scored[refresh], now, shown, wanted)
+            score.add(shown, *reference.halves(scored[refresh]))
+            look(scored[refresh], now, shown, reference.image(scored[refresh]))
             times.append(now)
             still.append(now - reference.events[scored[refresh]].input_time)
             spent.append((method.bytes, method.rays))
@@ -150,11 +151,12 @@ def delay_errors(reference: Reference, step: float) -> list[float]:
     if path.exists():
         found: list[float] = json.loads(path.read_text(encoding="utf-8"))
         return found
-    images = [display_values(reference.image(k)) for k in range(len(reference))]
+    images = [np.array([display_values(half) for half in reference.halves(k)]) for k in range(len(reference))]
     errors = []
     for late in range(min(len(reference), round(LONGEST_DELAY_S / step) + 1)):
-        squares = [mean_square(images[max(k - late, 0)], images[k]) for k in range(1, len(reference))]
-        errors.append(math.sqrt(sum(squares) / max(len(squares), 1)))
+        differences = (images[max(k - late, 0)] - images[k] for k in range(1, len(reference)))
+        squares = [mean_product(first, second) for first, second in differences]
+        errors.append(math.sqrt(max(sum(squares), 0.0) / max(len(squares), 1)))
     with replaced(path) as fresh:
         fresh.write_text(json.dumps(errors), encoding="utf-8")
     return errors

@@ -24,8 +24,13 @@ def display_values(linear: Float32) -> Float32:
 
 def mean_square(a: Float32, b: Float32) -> float:
     """Mean of the squared differences of two equal-shaped arrays; summed in float64."""
-    difference = (a - b).ravel()
-    return float(np.einsum("i,i->", difference, difference, dtype=np.float64)) / max(len(difference), 1)
+    difference = a - b
+    return mean_product(difference, difference)
+
+
+def mean_product(a: Float32, b: Float32) -> float:
+    """Mean of the products of two equal-shaped arrays; summed in float64."""
+    return float(np.einsum("i,i->", a.ravel(), b.ravel(), dtype=np.float64)) / max(a.size, 1)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -39,36 +44,40 @@ class Score:
     _change: float = 0.0
     _flip: list[float] = field(default_factory=list)
     _ssim: list[float] = field(default_factory=list)
-    _last: tuple[Float32, Float32] | None = None
+    _last: tuple[Float32, Float32, Float32] | None = None
 
-    def add(self, shown: Float32, reference: Float32) -> None:
-        """(h, w, 3) float32 linear RGB each."""
-        a, b = display_values(shown), display_values(reference)
-        square = mean_square(a, b)
+    def add(self, shown: Float32, *references: Float32) -> None:
+        """(h, w, 3) float32 linear RGB each; two references are of independent noise, see Reference.halves."""
+        first, second = references[0], references[-1]
+        a, b, c = display_values(shown), display_values(first), display_values(second)
+        square = mean_product(a - b, a - c)
         if len(self.over_time) in self.judged:
-            self._flip.append(flip(a, b))
-            self._ssim.append(ssim(a, b))
+            reference = b if first is second else display_values((first + second) / np.float32(2.0))
+            self._flip.append(flip(a, reference))
+            self._ssim.append(ssim(a, reference))
         if self._last is not None:
-            self._change += mean_square(a - self._last[0], b - self._last[1])
-        self._last = a, b
-        self._linear += mean_square(shown, reference)
+            was = self._last
+            change = a - was[0]
+            self._change += mean_product(change - (b - was[1]), change - (c - was[2]))
+        self._last = a, b, c
+        self._linear += mean_product(shown - first, shown - second)
         self._display += square
-        self.over_time.append(math.sqrt(square))
+        self.over_time.append(math.sqrt(max(square, 0.0)))
 
     @property
     def rmse(self) -> float:
         """Root mean square error in linear RGB, over all refreshes."""
-        return math.sqrt(self._linear / max(len(self.over_time), 1))
+        return math.sqrt(max(self._linear, 0.0) / max(len(self.over_time), 1))
 
     @property
     def rmse_display(self) -> float:
         """Root mean square error in display codes, over all refreshes."""
-        return math.sqrt(self._display / max(len(self.over_time), 1))
+        return math.sqrt(max(self._display, 0.0) / max(len(self.over_time), 1))
 
     @property
     def flicker(self) -> float:
         """RMSE of the change from one scored refresh to the next, against the reference's change; display values."""
-        return math.sqrt(self._change / max(len(self.over_time) - 1, 1))
+        return math.sqrt(max(self._change, 0.0) / max(len(self.over_time) - 1, 1))
 
     @property
     def flip(self) -> float:

@@ -3,6 +3,9 @@
 They depend on nothing that methods do. A cache entry is named by a hash of what the tracer is given (geometry, looks,
 every pose and camera) and of the tracer's own text, so a changed scene or tracer starts a new one. Images are
 float16: within 2^-11 of their float32 values, a seventh of the smallest step that 8 bits can show.
+
+Images of paths are noisy themselves: each is two, of half the samples and other random numbers. The product of the
+differences to both is free of the reference's own noise on average, where the square of one difference would add it.
 """
 
 from __future__ import annotations
@@ -56,6 +59,7 @@ class Reference:
         """`times` (seconds, growing) are those of the images, in order; `cache` is another folder to keep them in."""
         self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
         self._panel = plan.layout.wall.panels[panel]
+        self._halves = 1 if plan.scene.path_depth is None else 2
         inputs = Inputs(plan)
         self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in times)
         self.key = _key(plan, self._panel, self.events, spp)
@@ -67,8 +71,13 @@ class Reference:
 
     def image(self, k: int) -> Float32:
         """(h, w, 3) float32 linear RGB of image k, which make() has made."""
-        image: Float32 = self._images[self.original(k)].astype(np.float32)
-        return image
+        first, second = self.halves(k)
+        return first if first is second else (first + second) / np.float32(2.0)
+
+    def halves(self, k: int) -> tuple[Float32, Float32]:
+        """Image k by two independent halves of its samples; twice the same where it has no noise."""
+        images = [half.astype(np.float32) for half in self._images[self.original(k)]]
+        return images[0], images[-1]
 
     def original(self, k: int) -> int:
         """The first image that shows the same as image k: nothing moved since."""
@@ -82,12 +91,14 @@ class Reference:
 
     def make(self, wanted: Iterable[int], progress: Callable[[], None] = lambda: None) -> None:
         """Trace images in this thread; each counts as there only once it is all on disk."""
-        tile = Tile(panel=self._panel, seed=SEED)
-        renderer = OfflineRenderer(self._plan, self._tracer_scene, self.events[0], spp=self._spp)
+        spp = self._spp // self._halves
+        renderer = OfflineRenderer(self._plan, self._tracer_scene, self.events[0], spp=spp)
         for k in wanted:
             renderer.event = self.events[k]
-            image = np.concatenate([renderer.band(*band) for band in bands_of(tile)])
-            self._images[k] = np.minimum(image, LARGEST)
+            for half in range(self._halves):
+                tile = Tile(panel=self._panel, seed=SEED + half)
+                image = np.concatenate([renderer.band(*band) for band in bands_of(tile)])
+                self._images[k, half] = np.minimum(image, LARGEST)
             self._images.flush()
             self._done[k] = True
             self._done.flush()
@@ -97,7 +108,7 @@ class Reference:
         """The files, made whole before they get their name: another process may be at it too."""
         self.folder.mkdir(parents=True, exist_ok=True)
         width, height = self._panel.pixels
-        images = _mapped(self.folder / "pictures.npy", np.float16, (len(self), height, width, 3))
+        images = _mapped(self.folder / "pictures.npy", np.float16, (len(self), self._halves, height, width, 3))
         return images, _mapped(self.folder / "done.npy", np.bool_, (len(self),))
 
 

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
+from wall.core.kernels.albedo import WHITE, pack_albedo
 from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
 from wall.tracing.embree import occluded16
@@ -36,7 +37,7 @@ from wall.tracing.kernels.surface import (
 )
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.textures import apply_textures, emission_of
-from wall.tracing.kernels.trace import DARKEST, THIRD, intersect
+from wall.tracing.kernels.trace import DARKEST, THIRD, encode_normals, intersect, write_normal
 from wall.tracing.kernels.values import (
     BAD_SAMPLES,
     INF,
@@ -77,9 +78,10 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 colour_by_vertices(surfaces, surfaces.colors, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
             if bounce == 0:
+                encode_normals(True, surfaces, materials, work)
                 record_first(xy, first, count, samples, work)
                 keep_distances(camera.lens, samples, first, count, work)
-            add_seen(first, count, materials.emits, lights, surfaces, materials, work, paths)
+            add_seen(first, count, bounce, materials.emits, lights, surfaces, materials, samples, work, paths)
             if bounce < paths.depth:
                 draw_numbers(bounce, work)
                 add_deltas(
@@ -185,6 +187,8 @@ def record_first(xy, first, count, samples, work):
         r, g, b = xyz(p, rows.ALBEDO_R, lane)
         sample["sqrt_irradiance"] = ZERO if missed else r + g + b
         sample["change"] = ZERO
+        sample["albedo"] = WHITE if missed else pack_albedo(r, g, b)
+        write_normal(sample, lane, work)
 
 
 @inline_kernel
@@ -197,7 +201,7 @@ def add_light(k, r, g, b, paths):
 
 
 @inline_kernel
-def add_seen(first, count, emits, lights, surfaces, materials, work, paths):
+def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
     p = work.packet
     for lane in range(count):
@@ -212,6 +216,8 @@ def add_seen(first, count, emits, lights, surfaces, materials, work, paths):
             emission = emission_of(materials.emission_textures, surfaces, materials, lane, work)
             shines = max(emission[0], emission[1], emission[2]) > ZERO
             if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
+                if bounce == 0:
+                    samples[first + lane]["albedo"] = WHITE
                 weight = weight_of_seen(lights.emitters, surfaces, lane, work)
                 r, g, b = weight * r, weight * g, weight * b
                 add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
@@ -385,7 +391,8 @@ def finish_samples(count, samples, work, paths):
             other = samples[k]
             sample["xy"][0], sample["xy"][1] = other["xy"][0], other["xy"][1]
             sample["depth"], sample["object_id"], sample["change"] = other["depth"], other["object_id"], ZERO
-            sample["sqrt_irradiance"] = other["sqrt_irradiance"]
+            sample["sqrt_irradiance"], sample["albedo"] = other["sqrt_irradiance"], other["albedo"]
+            sample["normal"][0], sample["normal"][1] = other["normal"][0], other["normal"][1]
         albedo = sample["sqrt_irradiance"]
         light = (r + g + b) / albedo if albedo > DARKEST else (r + g + b) * THIRD
         sample["radiance"][0], sample["radiance"][1], sample["radiance"][2] = r, g, b

@@ -209,9 +209,15 @@ def write_samples(xy, first, count, samples, kept, relit, work):
         sample["sqrt_irradiance"] = math.sqrt(max(p[rows.IRRADIANCE + lane], ZERO))
         sample["change"] = ZERO
         if relit is not None:
-            code = bits[rows.NORMAL_CODE + lane]
-            sample["normal"][0] = np.int8(np.int32(code & BYTE) - CODE_OFFSET)
-            sample["normal"][1] = np.int8(np.int32(code >> np.uint32(8)) - CODE_OFFSET)
+            write_normal(sample, lane, work)
             sample["light_visibility"] = bits[rows.SAMPLE_VISIBILITY + lane]
         kept += 1
     return kept
+
+
+@inline_kernel
+def write_normal(sample, lane, work):
+    """Writes a lane's normal into its record."""
+    code = work.bits[rows.NORMAL_CODE + lane]
+    sample["normal"][0] = np.int8(np.int32(code & BYTE) - CODE_OFFSET)
+    sample["normal"][1] = np.int8(np.int32(code >> np.uint32(8)) - CODE_OFFSET)

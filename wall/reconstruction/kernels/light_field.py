@@ -1,0 +1,164 @@
+"""The light field of a noisy image: how much light each pixel's surface receives, and what its samples differ by.
+
+*Light* is radiance over albedo: textures are divided out, so that a mean over neighbours does not blur them. A pixel
+speaks for the object of its nearest sample alone. The samples are shown in the filtered light of their pixel.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.accumulation import luminance
+from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y, Z
+from wall.deepbuffer.kernels.lights import BYTE, NORMAL_STEPS
+
+uint32 = np.uint32
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+# columns of LightField.sums, weighted, but for SQUARES, of the weights
+WEIGHT, SQUARES, LIGHT, LUMINANCE_SQUARES, NORMAL, POSITION, SUMS = 0, 1, 2, 5, 6, 9, 12
+# rows of LightField.pixels
+OBJECT, NORMAL_X, NORMAL_Y, NORMAL_Z, POSITION_X, POSITION_Y, POSITION_Z, VARIANCE, ROWS = 0, 1, 2, 3, 4, 5, 6, 7, 8
+# rows of LightField.light and .filtered
+L_RED, L_GREEN, L_BLUE, L_COUNT, LIGHTS = 0, 1, 2, 3, 4
+# rows of LightField.spread
+DEVIATION_SUM, FREEDOM, SPREADS = 0, 1, 2
+
+
+class LightField(NamedTuple):
+    """The light of (h, w) pixels; float32."""
+
+    sums: np.ndarray  # (h, w, SUMS)
+    pixels: np.ndarray  # (ROWS, h, w) what surface a pixel shows, and the variance of one sample's luminance
+    light: np.ndarray  # (LIGHTS, h, w) mean light and the number of samples that it is worth
+    filtered: np.ndarray  # (LIGHTS, h, w) the same, of a pixel and those around that its surface reaches
+    scratch: np.ndarray  # (LIGHTS, h, w)
+    spread: np.ndarray  # (SPREADS, h, w) squared deviations of samples inside pixels, and their degrees of freedom
+    spread_scratch: np.ndarray  # (SPREADS, h, w)
+
+
+@kernel
+def gather_light(store, weight, count, nearest, sums):
+    """Sum up the light of each pixel's samples that lie on the object of its nearest one.
+
+    store : SampleStore; weight : (capacity,) float32, see weigh; count : int, samples stored
+    nearest : (h, w, 4) float32, see PixelHistory; sums : (h, w, SUMS) float32, written
+    """
+    screen, positions, light = store.screen_position, store.position, store.light
+    sums[:] = ZERO
+    for k in range(count):
+        w = weight[k]
+        if not w > ZERO:
+            continue
+        i, j = uint32(screen[Y, k]), uint32(screen[X, k])
+        if nearest[i, j, NEAREST_OBJECT] != np.float32(store.object_id[k]):
+            continue
+        pixel = sums[i, j]
+        x, y, z = unpack_normal(store.normal[k])
+        red, green, blue = light[k, 0], light[k, 1], light[k, 2]
+        own = luminance(red, green, blue)
+        pixel[WEIGHT] += w
+        pixel[SQUARES] += w * w
+        pixel[LIGHT] += w * red
+        pixel[LIGHT + 1] += w * green
+        pixel[LIGHT + 2] += w * blue
+        pixel[LUMINANCE_SQUARES] += w * own * own
+        pixel[NORMAL] += w * x
+        pixel[NORMAL + 1] += w * y
+        pixel[NORMAL + 2] += w * z
+        pixel[POSITION] += w * positions[X, k]
+        pixel[POSITION + 1] += w * positions[Y, k]
+        pixel[POSITION + 2] += w * positions[Z, k]
+
+
+@inline_kernel
+def unpack_normal(normal):
+    """The unit vector of an octahedral uint16, see pack_normal."""
+    low, high = np.int32(normal) & BYTE, (np.int32(normal) >> 8) & BYTE
+    u = np.float32(low - ((low >> 7) << 8)) * (ONE / NORMAL_STEPS)
+    v = np.float32(high - ((high >> 7) << 8)) * (ONE / NORMAL_STEPS)
+    z = ONE - abs(u) - abs(v)
+    fold = max(-z, ZERO)
+    x = u - (fold if u >= ZERO else -fold)
+    y = v - (fold if v >= ZERO else -fold)
+    size = ONE / math.sqrt(x * x + y * y + z * z)
+    return x * size, y * size, z * size
+
+
+@kernel
+def resolve_light(nearest, accumulation, means, field):
+    """Write what each pixel knows alone: its surface, its light, and what its samples differ by.
+
+    Samples that a pixel accumulated at rest count all; of those stored, as many are older.
+
+    nearest, accumulation : see PixelHistory; means : (h, w, 4) float32, PixelHistory.light
+    field : LightField; `sums` are read, `pixels`, `light`, `spread` written
+    """
+    for i in range(nearest.shape[0]):
+        for j in range(nearest.shape[1]):
+            pixel, rested = field.sums[i, j], accumulation[i, j, COUNT]
+            w = pixel[WEIGHT]
+            found = ONE / w if w > ZERO else ZERO
+            field.pixels[OBJECT, i, j] = nearest[i, j, NEAREST_OBJECT] if w > ZERO else -ONE
+            x, y, z = pixel[NORMAL], pixel[NORMAL + 1], pixel[NORMAL + 2]
+            size = math.sqrt(x * x + y * y + z * z)
+            turn = ONE / size if size > ZERO else ZERO
+            field.pixels[NORMAL_X, i, j] = x * turn
+            field.pixels[NORMAL_Y, i, j] = y * turn
+            field.pixels[NORMAL_Z, i, j] = z * turn
+            for c in range(3):
+                field.pixels[POSITION_X + c, i, j] = pixel[POSITION + c] * found
+            red, green, blue = pixel[LIGHT] * found, pixel[LIGHT + 1] * found, pixel[LIGHT + 2] * found
+            number = w * w / pixel[SQUARES] if w > ZERO else ZERO
+            mean = luminance(red, green, blue)
+            deviations = max(pixel[LUMINANCE_SQUARES] - w * mean * mean, ZERO)
+            freedom = max(w - pixel[SQUARES] * found, ZERO)
+            if rested > ZERO and w > ZERO:
+                older = max(number - rested, ZERO)
+                own = rested / (rested + older)
+                red += own * (means[i, j, RED] - red)
+                green += own * (means[i, j, GREEN] - green)
+                blue += own * (means[i, j, BLUE] - blue)
+                number = rested + older
+                if rested > ONE:
+                    deviations, freedom = means[i, j, DEVIATIONS], rested - ONE
+            field.light[L_RED, i, j] = red
+            field.light[L_GREEN, i, j] = green
+            field.light[L_BLUE, i, j] = blue
+            field.light[L_COUNT, i, j] = number
+            field.spread[DEVIATION_SUM, i, j] = deviations
+            field.spread[FREEDOM, i, j] = freedom
+
+
+@kernel
+def show_light(store, weight, count, field):
+    """Show the samples in the filtered light of their pixel: `radiance` becomes albedo times that.
+
+    A sample whose pixel speaks for another object takes the light of the first of 3x3 that shows its own, or keeps
+    the light that it found.
+
+    store : SampleStore; weight : (capacity,) float32, only samples with weight are shown; count : int, samples stored
+    """
+    screen, pixels, light = store.screen_position, field.pixels, field.filtered
+    for k in range(count):
+        if not weight[k] > ZERO:
+            continue
+        i, j, object_id = int(screen[Y, k]), int(screen[X, k]), np.float32(store.object_id[k])
+        found = pixels[OBJECT, i, j] == object_id
+        if not found:
+            found, i, j = find_object(pixels, i, j, object_id)
+        for c in range(3):
+            store.radiance[k, c] = store.albedo[c, k] * (light[c, i, j] if found else store.light[k, c])
+
+
+@inline_kernel
+def find_object(pixels, i, j, object_id):
+    """Whether one of the pixels around (i, j) shows an object, and which."""
+    for di in range(max(i - 1, 0), min(i + 2, pixels.shape[1])):
+        for dj in range(max(j - 1, 0), min(j + 2, pixels.shape[2])):
+            if pixels[OBJECT, di, dj] == object_id:
+                return True, di, dj
+    return False, i, j
