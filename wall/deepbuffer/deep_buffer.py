@@ -17,6 +17,7 @@ from wall.deepbuffer.kernels import doubt as kernels_doubt
 from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
 from wall.deepbuffer.kernels import sort as kernels_sort
+from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import BEFORE
 from wall.deepbuffer.kernels.doubt import FRESH
 from wall.deepbuffer.kernels.evict import AGES, evict, oldest_kept
@@ -33,7 +34,7 @@ BY_TILE_EVERY = 4  # sorts: then by tile first; neighbours stay neighbours for l
 CLOCK_ORIGIN_S = 512.0  # then the store's clock starts anew: its float32 seconds step by 1/32768 at most
 CLOCK_STEP_S = np.float32(2.0**-15)  # of the store's clock at most; choosing the next batch takes longer
 ALL_TIMES = np.float32(-np.inf)
-OTHER_MOMENTS = kernels_accumulation.MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
+OTHER_MOMENTS = MEAN_ALONE - np.float32(1.0)  # samples that a mean of these counts as at rest
 
 
 class DeepBuffer:
@@ -250,11 +251,14 @@ class RestSchedule:
     """
 
     INTERVAL_S = 0.1
-    FIRST, AGAIN, LAST = 1.0 / 16.0, 1.0 / 8.0, float(kernels_accumulation.MEAN_ALONE)  # samples a pixel
+    FIRST, AGAIN = 1.0 / 16.0, 1.0 / 8.0  # samples a pixel
 
-    def __init__(self, arrived: NDArray[np.int32], pixels: int) -> None:
-        """arrived : (rows, columns) samples that came to tiles of `pixels`; counted by others, here set to 0."""
-        self._arrived, self._last = arrived, int(self.LAST * pixels)
+    def __init__(self, arrived: NDArray[np.int32], pixels: int, *, last: float = float(MEAN_ALONE)) -> None:
+        """arrived : (rows, columns) samples that came to tiles of `pixels`; counted by others, here set to 0.
+
+        last : samples a pixel, with which it shows its own mean
+        """
+        self._arrived, self._last = arrived, int(last * pixels)
         self._first, self._again = max(int(self.FIRST * pixels), 1), max(int(self.AGAIN * pixels), 1)
         self._due = np.full_like(arrived, self._first)
         self._next = float("-inf")  # not before, seconds

@@ -43,4 +43,9 @@ class Lighting:
         kernels.resolve_light(history.nearest, history.accumulation, history.light, field)
         kernels_filter.pool_variance(field)
         kernels_filter.filter_light(field, kernels_filter.LEVELS)
+        kernels.estimate_bias(history.light, history.accumulation, field)
         kernels.show_light(store, weight, count, field)
+
+    def mix(self, resolved: Float32, history: PixelHistory, shown: Float32) -> None:
+        """Mix what pixels accumulated at rest into the filtered image: the dirty tiles of `shown` are redone."""
+        kernels.mix_filtered(resolved, history, self.field.pixels, shown)

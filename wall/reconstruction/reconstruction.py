@@ -24,6 +24,7 @@ from wall.deepbuffer.deep_buffer import (
     take_dirty,
 )
 from wall.deepbuffer.feedback import Feedback
+from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.pose import Pose, Posed
@@ -39,6 +40,7 @@ from wall.scene.build import Scene
 from wall.scene.needs import needs
 
 YOUNG_S = 0.017  # a refresh at 60 Hz: what samples hide may not have been traced yet
+LONGEST_FILTERED = 4096.0  # samples a pixel, until which noise is filtered anew at rest
 SLOW_DECAY = 0.5  # 1 / s: an undisturbed sample's weight falls by e in 2 s where 4 samples a pixel are seen
 DECAY_PER_GRADIENT = 100.0
 LARGEST_PART = 0.5  # of the tiles: more are not worth making anew alone
@@ -106,7 +108,8 @@ class Reconstruction:
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
-        self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE)
+        last = LONGEST_FILTERED if noisy else MEAN_ALONE
+        self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE, last=last)
         self.refreshes = 0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
@@ -130,7 +133,9 @@ class Reconstruction:
             self._splat(self.poses.moved(), self._schedule.take_due(now), self.buffer.seconds(now))
         if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
             history.clear_accumulation()
-        if history.dirty.any():
+        if history.dirty.any() and self._lighting is not None:
+            self._lighting.mix(self.resolved, history, self.radiance)
+        elif history.dirty.any():
             kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
 
     def feedback(self) -> Feedback:

@@ -15,24 +15,30 @@ from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import luminance
 from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y, Z
 from wall.deepbuffer.kernels.lights import BYTE, NORMAL_STEPS
+from wall.deepbuffer.kernels.pixel_buffer import TILE
 
 uint32 = np.uint32
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 # columns of LightField.sums, weighted, but for SQUARES, of the weights
 WEIGHT, SQUARES, LIGHT, LUMINANCE_SQUARES, NORMAL, POSITION, SUMS = 0, 1, 2, 5, 6, 9, 12
 # rows of LightField.pixels
-OBJECT, NORMAL_X, NORMAL_Y, NORMAL_Z, POSITION_X, POSITION_Y, POSITION_Z, VARIANCE, ROWS = 0, 1, 2, 3, 4, 5, 6, 7, 8
+OBJECT, NORMAL_X, NORMAL_Y, NORMAL_Z, POSITION_X, POSITION_Y, POSITION_Z, VARIANCE, BIAS, ROWS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 # rows of LightField.light and .filtered
 L_RED, L_GREEN, L_BLUE, L_COUNT, LIGHTS = 0, 1, 2, 3, 4
 # rows of LightField.spread
 DEVIATION_SUM, FREEDOM, SPREADS = 0, 1, 2
+
+BIAS_REACH = 2  # pixels around that tell of a filter's bias
+SURELY = np.float32(1.3)  # times the variance of a mean: what is beyond it counts as bias
+ENOUGH = np.float32(64.0)  # samples of which the mean counts at least half, however well the filter fits
 
 
 class LightField(NamedTuple):
     """The light of (h, w) pixels; float32."""
 
     sums: np.ndarray  # (h, w, SUMS)
-    pixels: np.ndarray  # (ROWS, h, w) what surface a pixel shows, and the variance of one sample's luminance
+    pixels: np.ndarray  # (ROWS, h, w) what surface a pixel shows, the variance of one sample's
+    # luminance, and the squared bias of the filtered one
     light: np.ndarray  # (LIGHTS, h, w) mean light and the number of samples that it is worth
     filtered: np.ndarray  # (LIGHTS, h, w) the same, of a pixel and those around that its surface reaches
     scratch: np.ndarray  # (LIGHTS, h, w)
@@ -162,3 +168,51 @@ def find_object(pixels, i, j, object_id):
             if pixels[OBJECT, di, dj] == object_id:
                 return True, di, dj
     return False, i, j
+
+
+@kernel
+def estimate_bias(means, accumulation, field):
+    """Write the squared bias of the filtered luminance: what it differs by, around a pixel, beyond the means' noise.
+
+    means, accumulation : see resolve_light
+    """
+    pixels, filtered = field.pixels, field.filtered
+    height, width = accumulation.shape[0], accumulation.shape[1]
+    for i in range(height):
+        for j in range(width):
+            pixels[BIAS, i, j] = ZERO
+            if not accumulation[i, j, COUNT] > ZERO:
+                continue
+            square, count = ZERO, ZERO
+            for y in range(max(i - BIAS_REACH, 0), min(i + BIAS_REACH + 1, height)):
+                for x in range(max(j - BIAS_REACH, 0), min(j + BIAS_REACH + 1, width)):
+                    n = accumulation[y, x, COUNT]
+                    if n > ZERO and pixels[OBJECT, y, x] == pixels[OBJECT, i, j]:
+                        own = luminance(means[y, x, RED], means[y, x, GREEN], means[y, x, BLUE])
+                        other = luminance(filtered[L_RED, y, x], filtered[L_GREEN, y, x], filtered[L_BLUE, y, x])
+                        square += (own - other) ** 2 - SURELY * pixels[VARIANCE, y, x] / n
+                        count += ONE
+            pixels[BIAS, i, j] = max(square / max(count, ONE), ZERO)
+
+
+@kernel
+def mix_filtered(resolved, history, pixels, shown):
+    """Mix the accumulated means of a noisy image at rest into the filtered one, each by what it is expected to be off.
+
+    resolved : (h, w, 3) float32, filtered; history : PixelHistory, its dirty tiles are redone
+    pixels : LightField.pixels; shown : (h, w, 3) float32, written
+    """
+    dirty, accumulation = history.dirty, history.accumulation
+    height, width = resolved.shape[0], resolved.shape[1]
+    for row in range(dirty.shape[0]):
+        for column in range(dirty.shape[1]):
+            if not dirty[row, column]:
+                continue
+            for i in range(row * TILE, min((row + 1) * TILE, height)):
+                for j in range(column * TILE, min((column + 1) * TILE, width)):
+                    n, bias = accumulation[i, j, COUNT], pixels[BIAS, i, j]
+                    own = n / (n + ENOUGH)
+                    if n > ZERO and bias > ZERO:
+                        own = max(own, bias / (bias + pixels[VARIANCE, i, j] / n))
+                    for c in range(3):
+                        shown[i, j, c] = resolved[i, j, c] + own * (accumulation[i, j, c] - resolved[i, j, c])
