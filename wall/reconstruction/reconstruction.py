@@ -263,7 +263,7 @@ class Reconstruction:
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visibility.weigh(store, count, history.nearest, self._bounds, now, young, self._weight, self._untested)
         if self._lighting is not None:
-            self._lighting.show(store, count, self._weight, history)
+            self._lighting.show(store, count, self._weight, history, now)
         kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
 
     def _in_parts(self) -> bool:

@@ -3,11 +3,12 @@
 After H. Dammertz et al., "Edge-Avoiding A-Trous Wavelet Transform for fast Global Illumination Filtering", 2010, with
 luminance held against its own standard error as in C. Schied et al., "Spatiotemporal Variance-Guided Filtering", 2017.
 Unlike there, each pixel weighs as many samples as it has, and the error follows from their number.
+
+Pixels are worked on CHUNK at a time in one flat scratch array whose rows are a constant apart: so loops are vector code.
+Images have a border of BORDER pixels, which show no object, and room for whole chunks: so nothing tests for their edges.
 """
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 
@@ -20,108 +21,189 @@ from wall.reconstruction.kernels.light_field import (
     L_COUNT,
     L_GREEN,
     L_RED,
-    NORMAL_X,
-    NORMAL_Y,
-    NORMAL_Z,
+    LIGHTS,
     OBJECT,
-    POSITION_X,
-    POSITION_Y,
-    POSITION_Z,
     VARIANCE,
 )
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-LEVELS = 5  # of 3x3 taps, each with twice the distances
+LEVELS = 5  # of four taps each, twice as far apart as those before
 POOLS = 3  # levels over which the variance is pooled
 KNOWN = np.float32(0.25)  # samples from which a pixel's luminance says what its light is
-ERRORS = np.float32(2.0)  # standard errors of a difference at which a neighbour's share has fallen to 1 / e
+ERRORS = np.float32(2.0)  # standard errors of a difference at which a neighbour's share falls
 PLANE = np.float32(50.0)  # squared sine of the angle between the surface and the way to a neighbour, times this
 FEW = np.float32(1.0)  # degrees of freedom: with fewer, the variance is drawn towards the squared light
 TINY = np.float32(1e-20)
+NOWHERE = np.float32(-2.0)  # object of the border
+CHUNK = 64  # pixels of a row at once
+BORDER = 1 << LEVELS - 1  # pixels: the farthest tap
+# first of a row's floats in the scratch array: of a pixel, its surface, variance and light, then of a neighbour
+OBJ, NX, NY, NZ, PX, PY, PZ, VAR, RED, GREEN, BLUE, NUMBER = range(0, 12 * CHUNK, CHUNK)
+OTHER = 12 * CHUNK
+SUM_RED, SUM_GREEN, SUM_BLUE, TOTAL, WORTH, ERROR, LUMINANCE, SHARE = range(2 * OTHER, 2 * OTHER + 8 * CHUNK, CHUNK)
+ROOM = 2 * OTHER + 8 * CHUNK
+SURFACE = 8  # rows of LightField.pixels that are needed: object to variance
+
+
+def padded(height, width):
+    """Rows and columns of images of (height, width) pixels with their borders."""
+    return height + 2 * BORDER, -(-width // CHUNK) * CHUNK + 2 * BORDER
 
 
 @kernel
 def pool_variance(field):
-    """Write the variance of a sample's luminance for each pixel, from deviations inside pixels of the same object."""
-    a, b, pixels = field.spread, field.spread_scratch, field.pixels
-    height, width = a.shape[1], a.shape[2]
+    """Write the variance of a sample's luminance for each pixel, from deviations inside pixels of the same object.
+
+    field : LightField, with borders
+    """
+    a, b = field.spread, field.spread_scratch
+    rows = np.empty(6 * CHUNK, np.float32)
     for level in range(POOLS):
-        step = 1 << level
-        for i in range(height):
-            for j in range(width):
-                object_id, deviations, freedom = pixels[OBJECT, i, j], ZERO, ZERO
-                for di in range(-step, step + 1, step):
-                    for dj in range(-step, step + 1, step):
-                        y, x = i + di, j + dj
-                        if y >= 0 and x >= 0 and y < height and x < width and pixels[OBJECT, y, x] == object_id:
-                            share = (ONE if di == 0 else HALF) * (ONE if dj == 0 else HALF)
-                            deviations += share * a[DEVIATION_SUM, y, x]
-                            freedom += share * a[FREEDOM, y, x]
-                b[DEVIATION_SUM, i, j], b[FREEDOM, i, j] = deviations, freedom
+        pool_level(field.pixels[OBJECT], a, 1 << level, rows, b)
         a, b = b, a
-    for i in range(height):
-        for j in range(width):
-            light = field.light
+    light, variance = field.light, field.pixels[VARIANCE]
+    for i in range(BORDER, a.shape[1] - BORDER):
+        for j in range(BORDER, a.shape[2] - BORDER):
             own = luminance(light[L_RED, i, j], light[L_GREEN, i, j], light[L_BLUE, i, j])
             guess = max(FEW - a[FREEDOM, i, j], ZERO)
             known = a[DEVIATION_SUM, i, j] + guess * own * own
-            pixels[VARIANCE, i, j] = known / max(a[FREEDOM, i, j] + guess, TINY)
+            variance[i, j] = known / max(a[FREEDOM, i, j] + guess, TINY)
+
+
+@inline_kernel
+def pool_level(objects, spread, step, rows, out):
+    """Sums over 3x3 taps of the same object, `step` pixels apart. rows : scratch"""
+    own, other, deviations, freedom = 0, CHUNK, 2 * CHUNK, 3 * CHUNK
+    theirs, their_freedom = 4 * CHUNK, 5 * CHUNK
+    for i in range(BORDER, objects.shape[0] - BORDER):
+        for first in range(BORDER, objects.shape[1] - BORDER, CHUNK):
+            copy(objects, i, first, rows, own)
+            for k in range(2 * CHUNK):
+                rows[deviations + k] = ZERO
+            for di in range(-step, step + 1, step):
+                for dj in range(-step, step + 1, step):
+                    y, x, tap = i + di, first + dj, tap_share(di, dj)
+                    copy(objects, y, x, rows, other)
+                    copy(spread[DEVIATION_SUM], y, x, rows, theirs)
+                    copy(spread[FREEDOM], y, x, rows, their_freedom)
+                    for k in range(CHUNK):
+                        share = tap if rows[own + k] == rows[other + k] else ZERO
+                        rows[deviations + k] += share * rows[theirs + k]
+                        rows[freedom + k] += share * rows[their_freedom + k]
+            give(rows, deviations, out[DEVIATION_SUM], i, first)
+            give(rows, freedom, out[FREEDOM], i, first)
+
+
+@inline_kernel
+def tap_share(di, dj):
+    """The share of a tap: 1 in the middle, 1/2 beside, 1/4 at a corner."""
+    return (ONE if di == 0 else HALF) * (ONE if dj == 0 else HALF)
+
+
+@inline_kernel
+def copy(image, y, x, rows, to):
+    """Copy CHUNK pixels of row y from x on to rows[to:]."""
+    for k in range(CHUNK):
+        rows[to + k] = image[y, x + k]
+
+
+@inline_kernel
+def give(rows, start, image, y, x):
+    """Copy CHUNK floats from rows[start:] to the pixels of row y from x on."""
+    for k in range(CHUNK):
+        image[y, x + k] = rows[start + k]
 
 
 @kernel
 def filter_light(field, levels):
-    """Filter `light` to `filtered`; see LightField."""
+    """Filter `light` to `filtered` in so many levels. field : LightField, with borders"""
+    rows = np.empty(ROOM, np.float32)
     source, target = field.light, field.filtered if levels % 2 == 1 else field.scratch
+    other = field.scratch if levels % 2 == 1 else field.filtered
     for level in range(levels):
-        filter_level(field.pixels, source, 1 << level, target)
-        source, target = target, field.scratch if target is field.filtered else field.filtered
+        filter_level(field.pixels, source, 1 << level, rows, target)
+        source, target, other = target, other, target
 
 
 @inline_kernel
-def filter_level(pixels, light, step, out):
-    """One level: 3x3 taps, `step` pixels apart."""
-    height, width = light.shape[1], light.shape[2]
-    for i in range(height):
-        for j in range(width):
-            object_id = pixels[OBJECT, i, j]
-            red, green, blue, n = light[L_RED, i, j], light[L_GREEN, i, j], light[L_BLUE, i, j], light[L_COUNT, i, j]
-            if not object_id > ZERO:
-                out[L_RED, i, j], out[L_GREEN, i, j], out[L_BLUE, i, j], out[L_COUNT, i, j] = red, green, blue, n
-                continue
-            own, variance = luminance(red, green, blue), pixels[VARIANCE, i, j]
-            nx, ny, nz = pixels[NORMAL_X, i, j], pixels[NORMAL_Y, i, j], pixels[NORMAL_Z, i, j]
-            px, py, pz = pixels[POSITION_X, i, j], pixels[POSITION_Y, i, j], pixels[POSITION_Z, i, j]
-            error = variance / max(n, TINY)
-            red, green, blue, total, worth = n * red, n * green, n * blue, n, n
-            for di in range(-step, step + 1, step):
-                for dj in range(-step, step + 1, step):
-                    y, x = i + di, j + dj
-                    if (di == 0 and dj == 0) or y < 0 or x < 0 or y >= height or x >= width:
-                        continue
-                    if pixels[OBJECT, y, x] != object_id:
-                        continue
-                    share = (ONE if di == 0 else HALF) * (ONE if dj == 0 else HALF)
-                    turn = max(nx * pixels[NORMAL_X, y, x] + ny * pixels[NORMAL_Y, y, x] + nz * pixels[NORMAL_Z, y, x], ZERO)
-                    turn *= turn
-                    turn *= turn
-                    turn *= turn
-                    turn *= turn
-                    share *= turn * turn
-                    dx, dy, dz = pixels[POSITION_X, y, x] - px, pixels[POSITION_Y, y, x] - py, pixels[POSITION_Z, y, x] - pz
-                    off = nx * dx + ny * dy + nz * dz
-                    share *= ONE / (ONE + PLANE * off * off / max(dx * dx + dy * dy + dz * dz, TINY))
-                    r, g, b, m = light[L_RED, y, x], light[L_GREEN, y, x], light[L_BLUE, y, x], light[L_COUNT, y, x]
-                    if n >= KNOWN and m > ZERO:
-                        difference = own - luminance(r, g, b)
-                        both = error + pixels[VARIANCE, y, x] / m
-                        t = abs(difference) / (ERRORS * math.sqrt(both) + TINY)
-                        share *= ONE / (ONE + t * (ONE + t * (HALF + t * np.float32(1.0 / 6.0))))
-                    share_m = share * m
-                    red += share_m * r
-                    green += share_m * g
-                    blue += share_m * b
-                    total += share_m
-                    worth += share * share_m
-            scale = ONE / total if total > ZERO else ZERO
-            out[L_RED, i, j], out[L_GREEN, i, j], out[L_BLUE, i, j] = red * scale, green * scale, blue * scale
-            out[L_COUNT, i, j] = total * total / worth if worth > ZERO else ZERO
+def filter_level(pixels, light, step, rows, out):
+    """One level: the four nearest taps, `step` pixels apart. rows : scratch"""
+    for i in range(BORDER, light.shape[1] - BORDER):
+        for first in range(BORDER, light.shape[2] - BORDER, CHUNK):
+            load(pixels, light, i, first, rows, OBJ)
+            begin(rows)
+            for tap in range(4):
+                di, dj = (tap - 1) * step if tap % 2 == 0 else 0, (tap - 2) * step if tap % 2 == 1 else 0
+                load(pixels, light, i + di, first + dj, rows, OTHER)
+                add_neighbours(rows)
+            finish(rows)
+            for c in range(LIGHTS):
+                give(rows, RED + c * CHUNK, out[c], i, first)
+
+
+@inline_kernel
+def load(pixels, light, y, x, rows, to):
+    """Copy all that is known of CHUNK pixels of row y from x on to rows[to:]."""
+    for row in range(SURFACE):
+        copy(pixels[row], y, x, rows, to + row * CHUNK)
+    for c in range(LIGHTS):
+        copy(light[c], y, x, rows, to + (SURFACE + c) * CHUNK)
+
+
+@inline_kernel
+def begin(rows):
+    """A pixel begins with its own light."""
+    for k in range(CHUNK):
+        n = rows[NUMBER + k]
+        rows[SUM_RED + k], rows[SUM_GREEN + k], rows[SUM_BLUE + k] = (
+            n * rows[RED + k], n * rows[GREEN + k], n * rows[BLUE + k]
+        )
+        rows[TOTAL + k], rows[WORTH + k] = n, n
+        rows[ERROR + k] = rows[VAR + k] / max(n, TINY)
+        rows[LUMINANCE + k] = luminance(rows[RED + k], rows[GREEN + k], rows[BLUE + k])
+
+
+@inline_kernel
+def add_neighbours(rows):
+    """Add a neighbour's light to each pixel, as far as it lies on the same surface, in the same light."""
+    for k in range(CHUNK):
+        turn = rows[NX + k] * rows[OTHER + NX + k] + rows[NY + k] * rows[OTHER + NY + k]
+        turn = max(turn + rows[NZ + k] * rows[OTHER + NZ + k], ZERO)
+        turn *= turn
+        turn *= turn
+        turn *= turn
+        turn *= turn
+        same = (rows[OBJ + k] == rows[OTHER + OBJ + k]) & (rows[OBJ + k] > ZERO)
+        rows[SHARE + k] = HALF * turn * turn if same else ZERO
+    for k in range(CHUNK):
+        dx, dy = rows[OTHER + PX + k] - rows[PX + k], rows[OTHER + PY + k] - rows[PY + k]
+        dz = rows[OTHER + PZ + k] - rows[PZ + k]
+        off = rows[NX + k] * dx + rows[NY + k] * dy + rows[NZ + k] * dz
+        square = dx * dx + dy * dy + dz * dz + TINY
+        rows[SHARE + k] *= square / (square + PLANE * off * off)
+    for k in range(CHUNK):
+        n, m = rows[NUMBER + k], rows[OTHER + NUMBER + k]
+        r, g, b = rows[OTHER + RED + k], rows[OTHER + GREEN + k], rows[OTHER + BLUE + k]
+        difference = rows[LUMINANCE + k] - luminance(r, g, b)
+        square = m * difference * difference
+        beyond = square / (ERRORS * ERRORS * (m * rows[ERROR + k] + rows[OTHER + VAR + k]) + TINY)
+        stop = ONE / (ONE + beyond * (ONE + HALF * beyond))
+        share = rows[SHARE + k] * (stop if n >= KNOWN else ONE)
+        weight = share * m
+        rows[SUM_RED + k] += weight * r
+        rows[SUM_GREEN + k] += weight * g
+        rows[SUM_BLUE + k] += weight * b
+        rows[TOTAL + k] += weight
+        rows[WORTH + k] += share * weight
+
+
+@inline_kernel
+def finish(rows):
+    """Write the means, and of how many samples each is."""
+    for k in range(CHUNK):
+        total = rows[TOTAL + k]
+        scale = ONE / max(total, TINY)
+        rows[RED + k] = rows[SUM_RED + k] * scale
+        rows[GREEN + k] = rows[SUM_GREEN + k] * scale
+        rows[BLUE + k] = rows[SUM_BLUE + k] * scale
+        rows[NUMBER + k] = total * total / max(rows[WORTH + k], TINY)

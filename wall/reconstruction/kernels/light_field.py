@@ -20,7 +20,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 uint32 = np.uint32
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 # columns of LightField.sums, weighted, but for SQUARES, of the weights
-WEIGHT, SQUARES, LIGHT, LUMINANCE_SQUARES, NORMAL, POSITION, SUMS = 0, 1, 2, 5, 6, 9, 12
+WEIGHT, SQUARES, LIGHT, LUMINANCE_SQUARES, SUMS = 0, 1, 2, 5, 6
 # rows of LightField.pixels
 OBJECT, NORMAL_X, NORMAL_Y, NORMAL_Z, POSITION_X, POSITION_Y, POSITION_Z, VARIANCE, BIAS, ROWS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 # rows of LightField.light and .filtered
@@ -37,6 +37,7 @@ class LightField(NamedTuple):
     """The light of (h, w) pixels; float32."""
 
     sums: np.ndarray  # (h, w, SUMS)
+    surface: np.ndarray  # (h, w) uint32, a sample of the surface that the pixel speaks for
     pixels: np.ndarray  # (ROWS, h, w) what surface a pixel shows, the variance of one sample's
     # luminance, and the squared bias of the filtered one
     light: np.ndarray  # (LIGHTS, h, w) mean light and the number of samples that it is worth
@@ -47,13 +48,13 @@ class LightField(NamedTuple):
 
 
 @kernel
-def gather_light(store, weight, count, nearest, sums):
+def gather_light(store, weight, count, nearest, field):
     """Sum up the light of each pixel's samples that lie on the object of its nearest one.
 
     store : SampleStore; weight : (capacity,) float32, see weigh; count : int, samples stored
-    nearest : (h, w, 4) float32, see PixelHistory; sums : (h, w, SUMS) float32, written
+    nearest : (h, w, 4) float32, see PixelHistory; field : LightField, `sums` and `surface` written
     """
-    screen, positions, light = store.screen_position, store.position, store.light
+    screen, light, sums, surface = store.screen_position, store.light, field.sums, field.surface
     sums[:] = ZERO
     for k in range(count):
         w = weight[k]
@@ -62,9 +63,7 @@ def gather_light(store, weight, count, nearest, sums):
         i, j = uint32(screen[Y, k]), uint32(screen[X, k])
         if nearest[i, j, NEAREST_OBJECT] != np.float32(store.object_id[k]):
             continue
-        pixel = sums[i, j]
-        x, y, z = unpack_normal(store.normal[k])
-        red, green, blue = light[k, 0], light[k, 1], light[k, 2]
+        pixel, red, green, blue = sums[i, j], light[k, 0], light[k, 1], light[k, 2]
         own = luminance(red, green, blue)
         pixel[WEIGHT] += w
         pixel[SQUARES] += w * w
@@ -72,12 +71,7 @@ def gather_light(store, weight, count, nearest, sums):
         pixel[LIGHT + 1] += w * green
         pixel[LIGHT + 2] += w * blue
         pixel[LUMINANCE_SQUARES] += w * own * own
-        pixel[NORMAL] += w * x
-        pixel[NORMAL + 1] += w * y
-        pixel[NORMAL + 2] += w * z
-        pixel[POSITION] += w * positions[X, k]
-        pixel[POSITION + 1] += w * positions[Y, k]
-        pixel[POSITION + 2] += w * positions[Z, k]
+        surface[i, j] = k
 
 
 @inline_kernel
@@ -95,28 +89,27 @@ def unpack_normal(normal):
 
 
 @kernel
-def resolve_light(nearest, accumulation, means, field):
+def resolve_light(store, history, field):
     """Write what each pixel knows alone: its surface, its light, and what its samples differ by.
 
     Samples that a pixel accumulated at rest count all; of those stored, as many are older.
 
-    nearest, accumulation : see PixelHistory; means : (h, w, 4) float32, PixelHistory.light
-    field : LightField; `sums` are read, `pixels`, `light`, `spread` written
+    store : SampleStore; history : PixelHistory
+    field : LightField; `sums` and `surface` are read, `pixels`, `light`, `spread` written
     """
+    nearest, accumulation, means = history.nearest, history.accumulation, history.light
     for i in range(nearest.shape[0]):
         for j in range(nearest.shape[1]):
             pixel, rested = field.sums[i, j], accumulation[i, j, COUNT]
             w = pixel[WEIGHT]
             found = ONE / w if w > ZERO else ZERO
             field.pixels[OBJECT, i, j] = nearest[i, j, NEAREST_OBJECT] if w > ZERO else -ONE
-            x, y, z = pixel[NORMAL], pixel[NORMAL + 1], pixel[NORMAL + 2]
-            size = math.sqrt(x * x + y * y + z * z)
-            turn = ONE / size if size > ZERO else ZERO
-            field.pixels[NORMAL_X, i, j] = x * turn
-            field.pixels[NORMAL_Y, i, j] = y * turn
-            field.pixels[NORMAL_Z, i, j] = z * turn
-            for c in range(3):
-                field.pixels[POSITION_X + c, i, j] = pixel[POSITION + c] * found
+            if w > ZERO:
+                k = field.surface[i, j]
+                x, y, z = unpack_normal(store.normal[k])
+                field.pixels[NORMAL_X, i, j], field.pixels[NORMAL_Y, i, j], field.pixels[NORMAL_Z, i, j] = x, y, z
+                for c in range(3):
+                    field.pixels[POSITION_X + c, i, j] = store.position[c, k]
             red, green, blue = pixel[LIGHT] * found, pixel[LIGHT + 1] * found, pixel[LIGHT + 2] * found
             number = w * w / pixel[SQUARES] if w > ZERO else ZERO
             mean = luminance(red, green, blue)
@@ -140,17 +133,18 @@ def resolve_light(nearest, accumulation, means, field):
 
 
 @kernel
-def show_light(store, weight, count, field):
+def show_light(store, weight, count, since, field):
     """Show the samples in the filtered light of their pixel: `radiance` becomes albedo times that.
 
     A sample whose pixel speaks for another object takes the light of the first of 3x3 that shows its own, or keeps
     the light that it found.
 
     store : SampleStore; weight : (capacity,) float32, only samples with weight are shown; count : int, samples stored
+    since : float32 seconds of the store's clock, only later samples are shown anew
     """
     screen, pixels, light = store.screen_position, field.pixels, field.filtered
     for k in range(count):
-        if not weight[k] > ZERO:
+        if not weight[k] > ZERO or store.time[k] < since:
             continue
         i, j, object_id = int(screen[Y, k]), int(screen[X, k]), np.float32(store.object_id[k])
         found = pixels[OBJECT, i, j] == object_id
@@ -171,11 +165,12 @@ def find_object(pixels, i, j, object_id):
 
 
 @kernel
-def estimate_bias(means, accumulation, field):
+def estimate_bias(history, field):
     """Write the squared bias of the filtered luminance: what it differs by, around a pixel, beyond the means' noise.
 
-    means, accumulation : see resolve_light
+    history : PixelHistory; field : LightField
     """
+    means, accumulation = history.light, history.accumulation
     pixels, filtered = field.pixels, field.filtered
     height, width = accumulation.shape[0], accumulation.shape[1]
     for i in range(height):
