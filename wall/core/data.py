@@ -45,7 +45,11 @@ SAMPLE = np.dtype(
         ("time", np.float32),  # seconds after the batch's base time
         ("object_id", np.uint32),  # object id
         ("sqrt_irradiance", np.float32),  # of irradiance over pi: radiance over albedo; the sky's radiance; not sent
-        ("normal", np.int8, (2,)),  # of the surface, in the object's frame, octahedral; only where lighting changes, and of paths
+        (
+            "normal",
+            np.int8,
+            (2,),
+        ),  # of the surface, in the object's frame, octahedral; only if lighting changes, and of paths
         ("light_visibility", np.uint32),  # light visibility mask, bit k: nothing hides light k from the point
         ("albedo", np.uint32),  # of paths: what radiance is divided by to be light, see core.kernels.albedo
         ("change", np.float32),  # 0..1, how much it contradicts what was shown at its pixel
@@ -220,6 +224,7 @@ class Batch:
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the image is made by reprojection; else every pixel shows its newest sample
     relightable: bool = False  # adaptive samples bring normals and light visibility masks
+    noisy: bool = False  # adaptive samples are of paths, and bring normals and albedos
     edits: Edits = NO_EDITS  # of the scene that the samples saw
 
 

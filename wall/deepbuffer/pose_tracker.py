@@ -78,7 +78,7 @@ class PoseTracker:
         return pose, under
 
     def rules(
-        self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool, noisy: bool
+        self, event: Posed, samples_per_pixel: float, *, detects_change: bool, change_test: bool, noisy: bool = False
     ) -> InsertRules:  # fmt: skip
         """How samples of `event` are inserted into the image shown."""
         same_edits = self._shown is None or event.edits.number == self._shown.edits.number

@@ -34,25 +34,25 @@ class PackedCompact(NamedTuple):
     outside: int  # samples outside the rectangle: likewise
 
 
-def pack(samples: Samples, rect: Rect, *, relightable: bool) -> PackedCompact:
-    """The body of samples (n,) SAMPLE, `relightable` with normals and light visibility masks."""
+def pack(samples: Samples, rect: Rect, *, relightable: bool, noisy: bool) -> PackedCompact:
+    """The body of samples (n,) SAMPLE; `relightable` with normals and light visibility masks, `noisy` with albedos."""
     n = len(samples)
-    columns = np.empty((_columns(relightable), n), np.int32)
+    columns = np.empty((_columns(relightable or noisy), n), np.int32)
     objects = np.empty((OBJECT_COLUMNS, n), np.uint32)
-    known, base, span, bad, outside = kernels.encode(samples, rect.numbers, CURVE, columns, objects)
+    known, base, span, bad, outside = kernels.encode(samples, rect.numbers, CURVE, noisy, columns, objects)
     body = b"" if bad or outside else _compressed([*objects[:, :known], *columns.view(np.uint32)])
     return PackedCompact(body, int(known), int(base), float(span), int(bad), int(outside))
 
 
 def unpack(
     body: memoryview, count: int, objects: int, *, rect: Rect, depth_code: tuple[int, int], span: float,
-    relightable: bool, where: str,
+    relightable: bool, noisy: bool, where: str,
 ) -> Samples | None:  # fmt: skip
     """(count,) SAMPLE by object and position, None if the body is not that. `depth_code`: base, mantissa bits.
 
     Raises RemoteProtocolError if it does not decompress to a size that such a body may have.
     """
-    lengths = [objects] * OBJECT_COLUMNS + [count] * _columns(relightable)
+    lengths = [objects] * OBJECT_COLUMNS + [count] * _columns(relightable or noisy)
     data = np.frombuffer(expand_at_most(body, len(lengths) + WIDEST * sum(lengths), where), np.uint8)
     widths = data[: len(lengths)].tolist()
     size = len(lengths) + sum(width * length for width, length in zip(widths, lengths, strict=False))
@@ -66,7 +66,7 @@ def unpack(
         at += width * length
     named, read = _together(columns[:OBJECT_COLUMNS], objects), _together(columns[OBJECT_COLUMNS:], count)
     samples = np.empty(count, SAMPLE)
-    whole = kernels.decode(read, named, rect.numbers, depth_code, np.float32(span), CURVE, samples)
+    whole = kernels.decode(read, named, rect.numbers, depth_code, np.float32(span), CURVE, noisy, samples)
     return samples if whole else None
 
 
@@ -86,5 +86,5 @@ def _together(columns: list[NDArray[np.uint8]], length: int) -> NDArray[np.uint3
     return numbers
 
 
-def _columns(relightable: bool) -> int:
-    return kernels.RELIGHTABLE_COLUMNS if relightable else kernels.COLUMNS
+def _columns(described: bool) -> int:
+    return kernels.SURFACE_COLUMNS if described else kernels.COLUMNS

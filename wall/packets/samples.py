@@ -45,13 +45,15 @@ class Channel(IntFlag):
     CHANGE = 32
     NORMAL = 64
     LIGHT_VISIBILITY = 128
+    ALBEDO = 256
 
 
 ALWAYS = Channel.POSITION | Channel.RADIANCE | Channel.DEPTH | Channel.TIME | Channel.OBJECT_ID
 ADAPTIVE = ALWAYS | Channel.CHANGE
 RELIGHTABLE = ADAPTIVE | Channel.NORMAL | Channel.LIGHT_VISIBILITY
-KNOWN = RELIGHTABLE
-CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS,), COMPACT: (ADAPTIVE, RELIGHTABLE)}
+NOISY = ADAPTIVE | Channel.NORMAL | Channel.ALBEDO
+KNOWN = RELIGHTABLE | NOISY
+CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS,), COMPACT: (ADAPTIVE, RELIGHTABLE, NOISY)}
 
 
 def is_samples(data: bytes) -> bool:
@@ -77,8 +79,10 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
         )
     if batch.adaptive:
         layout, codec, bits = COMPACT, Codec.ZSTD, DEPTH_BITS
-        channels = RELIGHTABLE if batch.relightable else ADAPTIVE
-        data, objects, base, span, bad, outside = compact_body.pack(batch.samples, rect, relightable=batch.relightable)
+        channels = NOISY if batch.noisy else RELIGHTABLE if batch.relightable else ADAPTIVE
+        data, objects, base, span, bad, outside = compact_body.pack(
+            batch.samples, rect, relightable=batch.relightable, noisy=batch.noisy
+        )
     else:
         layout, channels = PLAIN, ALWAYS
         raw, objects, base, bits, span, bad, outside = plain_body.pack(batch.samples, rect)
@@ -138,7 +142,7 @@ def decode(data: bytes | memoryview) -> Batch:
     if channels not in CHANNELS_OF_LAYOUT.get(layout, ()):
         raise RemoteProtocolError(
             f"{where}: channels {channels:#x} in layout {layout}, bits {channels & ~KNOWN:#x} of them not known; "
-            f"wanted {int(ALWAYS):#x} in layout 0, {int(ADAPTIVE):#x} or {int(RELIGHTABLE):#x} in layout 1"
+            f"wanted {int(ALWAYS):#x} in layout 0, {int(ADAPTIVE):#x}, {int(RELIGHTABLE):#x} or {int(NOISY):#x} in 1"
         )
     if layout == COMPACT and codec != Codec.ZSTD:
         raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; wanted 2, zstd")
@@ -149,7 +153,7 @@ def decode(data: bytes | memoryview) -> Batch:
     else:
         samples = compact_body.unpack(
             body, n, objects, rect=rect, depth_code=(base, bits), span=span, relightable=channels == RELIGHTABLE,
-            where=where,
+            noisy=channels == NOISY, where=where,
         )  # fmt: skip
     if samples is None:
         raise RemoteProtocolError(f"{where}: body is not {n} samples inside its rectangle")
@@ -171,6 +175,7 @@ def decode(data: bytes | memoryview) -> Batch:
         scene_time=scene_time,
         adaptive=layout == COMPACT,
         relightable=channels == RELIGHTABLE,
+        noisy=channels == NOISY,
         edits=Edits(edit) if edit else NO_EDITS,
     )
 

@@ -10,7 +10,6 @@ from wall.reconstruction.kernels import edge_filter as kernels_filter
 from wall.reconstruction.kernels import light_change as kernels_change
 from wall.reconstruction.kernels import light_field as kernels
 
-
 PIXEL_S = 4e-7  # seconds from one filtering to the next, for each pixel: so its share of a core stays the same
 EVERY_SAMPLE = np.float32(-np.inf)
 

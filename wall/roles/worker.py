@@ -46,7 +46,7 @@ class Worker:
             coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen, lens=view.lens)
             for coherent in (False, True)
         }
-        self._relightable = tracer_scene.needs.relighting
+        self._relightable, self._noisy = tracer_scene.needs.relighting, tracer_scene.needs.paths
         self._placed: dict[bool, Event | None] = {False: None, True: None}
         self._sequence, self._workers = worker, len(samplers)
         self._lost: deque[Batch] = deque()
@@ -107,6 +107,7 @@ class Worker:
             scene_time=event.scene_time,
             adaptive=isinstance(chosen, AdaptiveRenderer),
             relightable=self._relightable,
+            noisy=self._noisy,
             edits=event.edits,
         )
 

@@ -31,6 +31,7 @@ from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
 from wall.roles.timewarp import Timewarp
 from wall.roles.worker import Worker, make_samplers
+from wall.scene.needs import Needs
 from wall.tracing.tracer_scene import TracerScene
 
 ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
@@ -40,7 +41,7 @@ TINY = Rect(x=0, y=0, width=8, height=8)
 def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -> None:
     """Run the chain on a few pixels with every sampler: a second from the cache, half a minute to compile."""
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
-    second = _second_compiler(plan, tracer_scene.needs.relighting) if doing == "compiling" else nullcontext()
+    second = _second_compiler(plan, tracer_scene.needs) if doing == "compiling" else nullcontext()
     with _one_compiler(), second:
         for method in sorted(METHODS, key="adaptive".__eq__):  # last: the second compiler has begun with it
             say(f"{doing} kernels ({method})")
@@ -52,7 +53,7 @@ def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -
 
 
 @contextmanager
-def _second_compiler(plan: Plan, relightable: bool) -> Iterator[None]:
+def _second_compiler(plan: Plan, wanted: Needs) -> Iterator[None]:
     """Compile compositors' kernels in a process beside this one, which finds them in the cache when it comes to them.
 
     Whatever the other process did not reach, or failed at, is compiled here.
@@ -60,7 +61,7 @@ def _second_compiler(plan: Plan, relightable: bool) -> Iterator[None]:
     if len(os.sched_getaffinity(0)) < 2:
         yield
         return
-    process = multiprocessing.get_context("fork").Process(target=_made_up_block, args=(plan, relightable), daemon=True)
+    process = multiprocessing.get_context("fork").Process(target=_made_up_block, args=(plan, wanted), daemon=True)
     process.start()
     try:
         yield
@@ -69,7 +70,7 @@ def _second_compiler(plan: Plan, relightable: bool) -> Iterator[None]:
         process.join()
 
 
-def _made_up_block(plan: Plan, relightable: bool) -> None:
+def _made_up_block(plan: Plan, wanted: Needs) -> None:
     """The way of a few samples behind the ray tracer: encode, decode, insert, reconstruct, compare."""
     layout = plan.layout
     region = layout.region(layout.renderers()[0])
@@ -89,7 +90,8 @@ def _made_up_block(plan: Plan, relightable: bool) -> None:
         samples=samples,
         camera=event.camera,
         adaptive=True,
-        relightable=relightable,
+        relightable=wanted.relighting,
+        noisy=wanted.paths,
     )
     batch = decode(encode(made_up, Codec[layout.config.transport.codec.upper()]))
     panel = PanelCompositor(plan, region.layer, reconstruction="cpu")

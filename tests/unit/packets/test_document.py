@@ -18,7 +18,7 @@ from wall.packets import control
 from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, PLAIN, POSED, FrameletPart
 from wall.packets.kernels import compact_body as kernels
 from wall.packets.plain_body import BYTES_A_SAMPLE
-from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, RELIGHTABLE, Channel, decode, encode
+from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, NOISY, RELIGHTABLE, Channel, decode, encode
 from wall.roles.sample_routing import EARLY_BATCHES
 
 PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
@@ -105,10 +105,11 @@ def test_the_example_with_normals_decodes_to_the_values_beside_it_and_is_what_th
 def test_the_channels_and_columns_are_the_document_s() -> None:
     rows = re.findall(r"^\| (\d+) \| (\w+) \| \w+ samples", PAGE, re.MULTILINE)
     assert {name.upper(): int(bit) for bit, name in rows} == {channel.name: channel.value for channel in Channel}
-    assert f"{int(ALWAYS)} in a plain body, {int(ADAPTIVE)} or {int(RELIGHTABLE)} in a compact one" in PAGE
+    compact = f"{int(ADAPTIVE)}, {int(RELIGHTABLE)} or {int(NOISY)} in a compact one"
+    assert f"{int(ALWAYS)} in a plain body, {compact}" in PAGE
     columns = PAGE[PAGE.index("| column |") :].split("\n\n", 1)[0]
     names = re.findall(r"^\| (\w+) \| n \|", columns, re.MULTILINE)
-    assert [getattr(kernels, name.upper()) for name in names] == list(range(kernels.RELIGHTABLE_COLUMNS))
+    assert [getattr(kernels, name.upper()) for name in names] == list(range(kernels.SURFACE_COLUMNS))
 
 
 def test_the_number_of_early_packets_is_the_document_s() -> None:

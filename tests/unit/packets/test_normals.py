@@ -115,27 +115,35 @@ def test_one_normal_and_one_light_for_all_cost_a_few_bytes() -> None:
 
 def body_with(samples: Samples, column: int, number: int) -> bytes:
     """A body whose third sample has another number in one column."""
-    columns = np.empty((kernels.RELIGHTABLE_COLUMNS, len(samples)), np.int32)
+    columns = np.empty((kernels.SURFACE_COLUMNS, len(samples)), np.int32)
     objects = np.empty((2, len(samples)), np.uint32)
-    known = kernels.encode(samples, (0, 0, RECT.width, RECT.height), body.CURVE, columns, objects)[0]
+    known = kernels.encode(samples, (0, 0, RECT.width, RECT.height), body.CURVE, False, columns, objects)[0]
     columns[column] = 0
     columns.view(np.uint32)[column, 2] = number
     return body._compressed([*objects[:, :known], *columns.view(np.uint32)])
 
 
 @pytest.mark.parametrize(
-    ("column", "largest"), [(kernels.NORMAL_X, 62), (kernels.NORMAL_Y, 62), (kernels.VISIBILITY, 2**32 - 1)]
+    ("column", "largest"), [(kernels.NORMAL_X, 62), (kernels.NORMAL_Y, 62), (kernels.SURFACE, 2**32 - 1)]
 )
 def test_normals_out_of_their_range_are_refused_and_any_mask_is_taken(column: int, largest: int) -> None:
     """Differences are zigzag codes: 62 is 31, 63 is -32, 64 is 32."""
     samples = relightable_samples(5)
-    packed = body.pack(samples, RECT, relightable=True)
+    packed = body.pack(samples, RECT, relightable=True, noisy=False)
     for number in (largest, largest + 1, largest + 2, 1 << 20):
         if number < 2**32:
             data = memoryview(body_with(samples, column, number))
             code = (packed.depth_base, kernels.DEPTH_BITS)
             came = body.unpack(
-                data, 5, packed.objects, rect=RECT, depth_code=code, span=packed.span, relightable=True, where="here"
+                data,
+                5,
+                packed.objects,
+                rect=RECT,
+                depth_code=code,
+                span=packed.span,
+                relightable=True,
+                noisy=False,
+                where="here",
             )
             assert (came is not None) == (number <= largest)
 

@@ -65,7 +65,9 @@ def accumulate_light(mean, count, sample):
     albedo, share = unpack_albedo(sample["albedo"]), ONE / count
     before = luminance(mean[RED], mean[GREEN], mean[BLUE])
     red, green, blue = (
-        sample["radiance"][0] / albedo[0], sample["radiance"][1] / albedo[1], sample["radiance"][2] / albedo[2]
+        sample["radiance"][0] / albedo[0],
+        sample["radiance"][1] / albedo[1],
+        sample["radiance"][2] / albedo[2],
     )
     mean[RED] += share * (red - mean[RED])
     mean[GREEN] += share * (green - mean[GREEN])

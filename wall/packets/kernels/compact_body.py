@@ -9,8 +9,8 @@ from wall.packets.kernels.colour_codes import TOP_CODE, code_of, colour_of, dith
 from wall.packets.kernels.normals import NORMAL_CODES, normal_code, normal_of
 from wall.packets.kernels.plain_body import INFINITY_BITS, LARGEST_FINITE_BITS, SHORTEST_SPAN_S, depth_range
 
-POSITION, LUMA, CO, CG, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, VISIBILITY = range(10)  # columns; YCoCg-R
-COLUMNS, RELIGHTABLE_COLUMNS = 7, 10  # without and with normals and light visibility masks
+POSITION, LUMA, CO, CG, DEPTH, TIME, CHANGE, NORMAL_X, NORMAL_Y, SURFACE = range(10)  # columns; YCoCg-R
+COLUMNS, SURFACE_COLUMNS = 7, 10  # without and with normals, and light visibility masks or albedos
 SUBPIXEL_BITS = 3
 DEPTH_BITS = 11  # mantissa bits of a depth code
 TIME_STEPS, CHANGE_STEPS = 63, 15
@@ -97,13 +97,14 @@ def find_keys(samples, rect, positions, ids):
 
 
 @kernel
-def encode(samples, rect, curve, columns, objects):
+def encode(samples, rect, curve, noisy, columns, objects):
     """Quantise, sort and take differences.
 
     Parameters
     ----------
     samples : (n,) SAMPLE; rect : (x, y, width, height), panel pixels; curve : ColourCurve
-    columns : (COLUMNS or RELIGHTABLE_COLUMNS, n) int32, written
+    noisy : bool, column SURFACE is of albedos, else of light visibility masks
+    columns : (COLUMNS or SURFACE_COLUMNS, n) int32, written
     objects : (2, n) uint32, written: ids, each less the one before, and their numbers of samples
 
     Returns
@@ -149,9 +150,10 @@ def encode(samples, rect, curve, columns, objects):
         if columns.shape[0] > COLUMNS:
             columns[NORMAL_X, i] = normal_code(samples[k]["normal"][0])
             columns[NORMAL_Y, i] = normal_code(samples[k]["normal"][1])
-            columns[VISIBILITY, i] = np.uint32(samples[k]["light_visibility"]).view(np.int32)
+            surface = samples[k]["albedo"] if noisy else samples[k]["light_visibility"]
+            columns[SURFACE, i] = np.uint32(surface).view(np.int32)
     for c in range(LUMA, columns.shape[0]):
-        if c == VISIBILITY:
+        if c == SURFACE:
             take_changed_bits(columns[c])
         elif c != CHANGE:
             take_differences(columns[c])
@@ -177,26 +179,26 @@ def take_changed_bits(column):
 
 
 @kernel
-def decode(columns, objects, rect, depth_code, span, curve, samples):
+def decode(columns, objects, rect, depth_code, span, curve, noisy, samples):
     """Read samples back, by object and position.
 
     Parameters
     ----------
-    columns : (COLUMNS or RELIGHTABLE_COLUMNS, n) uint32; objects : (2, m) uint32; both hold anything
+    columns : (COLUMNS or SURFACE_COLUMNS, n) uint32; objects : (2, m) uint32; both hold anything
     rect : (x, y, width, height), panel pixels; depth_code : (base, mantissa bits) of depth codes
-    span : float32 seconds, of time code TIME_STEPS; curve : ColourCurve
+    span : float32 seconds, of time code TIME_STEPS; curve : ColourCurve; noisy : see encode
     samples : (n,) SAMPLE, written
 
     Returns
     -------
     whole : bool, whether every number is in range
     """
-    n, lit = samples.shape[0], columns.shape[0] > COLUMNS
+    n, described = samples.shape[0], columns.shape[0] > COLUMNS
     shift, origin = 23 - depth_code[1], depth_code[0] << 23
     deepest = 1 + ((INFINITY_BITS - origin) >> shift)
     subpixel, time_step = np.float32(1.0 / (1 << SUBPIXEL_BITS)), np.float32(span) / np.float32(TIME_STEPS)
     luma = co = cg = depth = time = normal_x = normal_y = np.int64(0)
-    visibility = np.uint32(0xFFFFFFFF)
+    surface = np.uint32(0xFFFFFFFF)
     i, object_id = np.int64(0), np.int64(0)
     for m in range(objects.shape[1]):
         object_id += np.int64(objects[0, m])
@@ -222,10 +224,10 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
                 return False
             if time < 0 or time > TIME_STEPS or change > CHANGE_STEPS:
                 return False
-            if lit:
+            if described:
                 normal_x += undo_zigzag(np.int64(columns[NORMAL_X, i]))
                 normal_y += undo_zigzag(np.int64(columns[NORMAL_Y, i]))
-                visibility ^= np.uint32(columns[VISIBILITY, i])
+                surface ^= np.uint32(columns[SURFACE, i])
                 if max(abs(normal_x), abs(normal_y)) > NORMAL_CODES:
                     return False
             noise = dither_bits(x, y)
@@ -241,6 +243,7 @@ def decode(columns, objects, rect, depth_code, span, curve, samples):
             samples[i]["sqrt_irradiance"] = ZERO
             samples[i]["change"] = np.float32(change) / np.float32(CHANGE_STEPS)
             samples[i]["normal"][0], samples[i]["normal"][1] = normal_of(normal_x), normal_of(normal_y)
-            samples[i]["light_visibility"] = visibility if lit else np.uint32(0)
+            samples[i]["light_visibility"] = surface if described and not noisy else np.uint32(0)
+            samples[i]["albedo"] = surface if described and noisy else np.uint32(0)
             i += 1
     return i == n

@@ -28,7 +28,7 @@ from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.geometry.panels import Panel
 from wall.reconstruction.display_values import gain_of, update_display
-from wall.reconstruction.gpu.device import CONFIDENCE, TIME, device
+from wall.reconstruction.gpu.device import CONFIDENCE, TIME, GpuError, device
 from wall.reconstruction.gpu.passes import Passes
 from wall.reconstruction.gpu.relighting import Relighting
 from wall.reconstruction.gpu.store import GpuStore
@@ -53,6 +53,8 @@ class GpuReconstruction:
         samples_per_pixel: float = SAMPLES_PER_PIXEL,
     ) -> None:
         """`rect` is the part of the panel that is shown, all if None. Raises GpuError where there is no GPU for it."""
+        if needs(scene).paths:
+            raise GpuError("the noise of paths is filtered on the CPU alone", wanted="scene.integrator direct")
         self.poses = PoseTracker(panel, eye, scene, rect, lit=needs(scene).relighting)
         self.rect = self.poses.rect
         width, height, objects = self.rect.width, self.rect.height, len(scene.instances) + 1

@@ -4,8 +4,8 @@ After H. Dammertz et al., "Edge-Avoiding A-Trous Wavelet Transform for fast Glob
 luminance held against its own standard error as in C. Schied et al., "Spatiotemporal Variance-Guided Filtering", 2017.
 Unlike there, each pixel weighs as many samples as it has, and the error follows from their number.
 
-Pixels are worked on CHUNK at a time in one flat scratch array whose rows are a constant apart: so loops are vector code.
-Images have a border of BORDER pixels, which show no object, and room for whole chunks: so nothing tests for their edges.
+CHUNK pixels at a time are worked on in one flat scratch array whose rows are a constant apart: so loops are vector
+code. Images have a border of BORDER pixels that show no object, and room for whole chunks: nothing tests for edges.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from wall.reconstruction.kernels.light_field import (
     DEVIATION_SUM,
     FREEDOM,
     L_BLUE,
-    L_COUNT,
     L_GREEN,
     L_RED,
     LIGHTS,
@@ -45,7 +44,7 @@ ROOM = 2 * OTHER + 8 * CHUNK
 SURFACE = 8  # rows of LightField.pixels that are needed: object to variance
 
 
-def padded(height, width):
+def padded(height: int, width: int) -> tuple[int, int]:
     """Rows and columns of images of (height, width) pixels with their borders."""
     return height + 2 * BORDER, -(-width // CHUNK) * CHUNK + 2 * BORDER
 
@@ -156,7 +155,9 @@ def begin(rows):
     for k in range(CHUNK):
         n = rows[NUMBER + k]
         rows[SUM_RED + k], rows[SUM_GREEN + k], rows[SUM_BLUE + k] = (
-            n * rows[RED + k], n * rows[GREEN + k], n * rows[BLUE + k]
+            n * rows[RED + k],
+            n * rows[GREEN + k],
+            n * rows[BLUE + k],
         )
         rows[TOTAL + k], rows[WORTH + k] = n, n
         rows[ERROR + k] = rows[VAR + k] / max(n, TINY)

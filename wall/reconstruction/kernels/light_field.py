@@ -13,7 +13,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import luminance
-from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y, Z
+from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y
 from wall.deepbuffer.kernels.lights import BYTE, NORMAL_STEPS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 
@@ -22,7 +22,7 @@ ZERO, ONE = np.float32(0.0), np.float32(1.0)
 # columns of LightField.sums, weighted, but for SQUARES, of the weights
 WEIGHT, SQUARES, LIGHT, LUMINANCE_SQUARES, SUMS = 0, 1, 2, 5, 6
 # rows of LightField.pixels
-OBJECT, NORMAL_X, NORMAL_Y, NORMAL_Z, POSITION_X, POSITION_Y, POSITION_Z, VARIANCE, BIAS, ROWS = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+OBJECT, NORMAL_X, NORMAL_Y, NORMAL_Z, POSITION_X, POSITION_Y, POSITION_Z, VARIANCE, BIAS, ROWS = range(10)
 # rows of LightField.light and .filtered
 L_RED, L_GREEN, L_BLUE, L_COUNT, LIGHTS = 0, 1, 2, 3, 4
 # rows of LightField.spread

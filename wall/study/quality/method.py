@@ -137,6 +137,7 @@ class MeteredTracer:
         self._tracer, self._rect = setup.tracer(coherent=coherent), setup.rect
         self._adaptive, self._sends, self._receive = adaptive, sends, receive
         self._relightable = adaptive and setup.tracer_scene.needs.relighting
+        self._noisy = adaptive and setup.tracer_scene.needs.paths
         self._sequence = 0
         self._placed: Event | None = None
         self.reset()
@@ -188,7 +189,7 @@ class MeteredTracer:
                 view=0, panel=0, rect=self._rect, rank=0, sequence=self._sequence, camera_event=event.camera_event,
                 scene_event=event.scene_event, base_time=time, samples=samples[first : first + size], frame=frame,
                 frame_samples=frame_samples, skipped=0 if first else dropped, blend=blend, camera=event.camera,
-                scene_time=event.scene_time, adaptive=self._adaptive, relightable=self._relightable,
+                scene_time=event.scene_time, adaptive=self._adaptive, relightable=self._relightable, noisy=self._noisy,
             )  # fmt: skip
             packet = encode(batch, Codec.ZSTD)
             self.bytes += len(packet)

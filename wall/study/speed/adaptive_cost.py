@@ -124,6 +124,7 @@ class Session:
             view=0, panel=0, rect=self.rect, rank=1, sequence=1, camera_event=event.camera_event,
             scene_event=event.scene_event, base_time=now, samples=samples, camera=event.camera,
             scene_time=event.scene_time, adaptive=True, relightable=self._tracer_scene.needs.relighting,
+            noisy=self._tracer_scene.needs.paths,
         )  # fmt: skip
 
 
