@@ -18,10 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wall.core.data import Float64
+from wall.core.fields import LARGEST_IOR
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
-from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
+from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
 SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942

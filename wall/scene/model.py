@@ -19,7 +19,6 @@ from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving
 
 SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
-LARGEST_IOR = 4.0  # index of refraction that files may give
 Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
 AlphaMode: TypeAlias = Literal["opaque", "mask", "blend"]
 

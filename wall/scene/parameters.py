@@ -15,9 +15,9 @@ from typing import Any, Literal, TypeAlias
 
 from wall.config.views import MOST_STOPS
 from wall.core.errors import EditError, SceneError
-from wall.core.fields import BRIGHTEST, FARTHEST
+from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_STRENGTH, SMALLEST_IOR
 from wall.scene.build import Scene
-from wall.scene.model import LARGEST_IOR, Material
+from wall.scene.model import Material
 from wall.scene.needs import Needs, needs
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
@@ -26,9 +26,6 @@ Numbers: TypeAlias = tuple[float, ...]
 
 EXPOSURE = "exposure"
 WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
-MOST_STRENGTH = 1e6  # of the sky
-MOST_DEPTH = 64
-SMALLEST_IOR = 1.01
 NAMES_SHOWN = 8
 SHORTEST = 1e-9  # length of a direction
 
