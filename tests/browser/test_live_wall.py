@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import start, summary, wall
+from running import page_of, start, summary, wall
 
 pytestmark = pytest.mark.browser
 
@@ -36,13 +35,7 @@ def address(tmp_path: Path) -> Iterator[str]:
     config = tmp_path / "wall.yaml"
     config.write_text(CONFIG, encoding="utf-8")
     process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 60)
-    found, said = None, ""
-    while found is None:
-        line = process.stdout.readline()
-        assert line, f"the run ended before its page was there: {said}"
-        said += line
-        found = re.search(r"http://\S+/", line)
-    yield found.group(0)
+    yield page_of(process)
     process.terminate()
     assert process.wait(10) == 0
     assert summary(tmp_path / "out")["ended"] == "terminated"
