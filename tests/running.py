@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -69,6 +70,16 @@ def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Pope
         start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
+
+
+def page_of(process: subprocess.Popen[str]) -> str:
+    """The address of a run's page, once the run says it."""
+    said = ""
+    for line in process.stdout or ():
+        said += line
+        if found := re.search(r"http://\S+/", line):
+            return found[0]
+    raise AssertionError(f"the run ended before its page was there: {said}")
 
 
 def mpirun(ranks: int, *options: str) -> tuple[str, ...]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
-import subprocess
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -16,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import start, summary, wall
+from running import page_of, start, summary, wall
 
 pytestmark = pytest.mark.browser
 
@@ -32,21 +30,25 @@ PATIENCE_S = 30.0
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A still wall of two panels, and its page's address."""
+def address(tmp_path: Path) -> Iterator[str]:
+    """The page's address of a still wall of two panels."""
     config = tmp_path / "wall.yaml"
     config.write_text(CONFIG, encoding="utf-8")
     process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 60)
-    address, said = None, ""
-    while address is None:
-        line = process.stdout.readline()
-        assert line, f"the run ended before its page was there: {said}"
-        said += line
-        address = re.search(r"http://\S+/", line)
-    yield process, address.group(0)
+    yield page_of(process)
     process.terminate()
     assert process.wait(10) == 0
     assert summary(tmp_path / "out")["ended"] == "terminated"
+
+
+@pytest.fixture
+def page(chromium: Any, address: str) -> Iterator[Any]:
+    """The page of that wall, its panels laid out."""
+    page = chromium.new_page(viewport={"width": 1280, "height": 720})
+    page.goto(address)
+    page.wait_for_selector(".panel canvas")
+    yield page
+    page.close()
 
 
 def shown(address: str) -> NDArray[np.int16]:
@@ -73,11 +75,7 @@ def changed(before: NDArray[np.int16], after: NDArray[np.int16]) -> float:
     return float((np.abs(before - after).max(-1) > 8).mean())
 
 
-def test_dragging_turns_the_scene_and_reset_brings_it_back(chromium: Any, run: tuple[Any, str]) -> None:
-    _, address = run
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    page.goto(address)
-    page.wait_for_selector(".panel canvas")
+def test_dragging_turns_the_scene_and_reset_brings_it_back(page: Any, address: str) -> None:
     before = settled(address)
 
     box = page.locator("#wall").bounding_box()
@@ -93,15 +91,10 @@ def test_dragging_turns_the_scene_and_reset_brings_it_back(chromium: Any, run: t
     while changed(before, settled(address)) > 0.001:
         assert time.monotonic() < deadline, "reset did not bring the first view back"
 
-    page.close()
     assert changed(before, turned) >= 0.05
 
 
-def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any, str]) -> None:
-    _, address = run
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    page.goto(address)
-    page.wait_for_selector(".panel canvas")
+def test_other_sampler_shows_the_same_still_scene(page: Any, address: str) -> None:
     frameless = settled(address)
 
     page.keyboard.press("2")
@@ -110,15 +103,10 @@ def test_other_sampler_shows_the_same_still_scene(chromium: Any, run: tuple[Any,
         assert time.monotonic() < deadline, "the sampler was not switched"
     framed = settled(address)
 
-    page.close()
     assert changed(frameless, framed) == 0.0
 
 
-def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(chromium: Any, run: tuple[Any, str]) -> None:
-    _, address = run
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    page.goto(address)
-    page.wait_for_selector(".panel canvas")
+def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(page: Any, address: str) -> None:
     page.keyboard.press("Space")  # it moves: both have something to do
     page.keyboard.press("c")
     page.keyboard.press("o")
@@ -144,7 +132,6 @@ def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(chromium: 
     while status(address)["compare"] or status(address)["compared_per_s"] > 0:
         assert time.monotonic() < deadline, "the budget did not come back"
     assert status(address)["sampler"] == "frameless"
-    page.close()
 
 
 def status(address: str) -> dict[str, Any]:
@@ -154,11 +141,8 @@ def status(address: str) -> dict[str, Any]:
 
 
 def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(
-    chromium: Any, run: tuple[Any, str], tmp_path: Path
+    page: Any, address: str, tmp_path: Path
 ) -> None:
-    _, address = run
-    page = chromium.new_page(viewport={"width": 1280, "height": 720})
-    page.goto(address)
     page.wait_for_selector("#parameters:not([hidden])")
     before = settled(address)
     page.keyboard.press("p")
@@ -174,4 +158,3 @@ def test_a_slider_changes_the_light_and_the_page_follows_another_terminal(
         assert time.monotonic() < deadline, "what is configured did not come back"
     row = "() => document.querySelector('[data-name=\"lights.2.irradiance\"] input').value === '0'"
     page.wait_for_function(row, timeout=1000 * PATIENCE_S)
-    page.close()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
 import subprocess
 import time
 import urllib.error
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import start, wall, write_config
+from running import page_of, start, wall, write_config
 
 PATIENCE_S = 20.0
 
@@ -27,13 +26,7 @@ def running(tmp_path: Path) -> Iterator[tuple[Path, str]]:
     config = write_config(tmp_path, columns=2)
     config.write_text(config.read_text().replace("sinks: [png]", "sinks: [browser, png]"))
     process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 100)
-    address, said = None, ""
-    while address is None:
-        line = process.stdout.readline() if process.stdout else ""
-        assert line, f"the run ended before its page was there: {said}"
-        said += line
-        address = re.search(r"http://\S+/", line)
-    yield tmp_path / "out", address[0]
+    yield tmp_path / "out", page_of(process)
     process.terminate()
     try:
         assert process.wait(20) == 0

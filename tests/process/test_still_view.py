@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import io
 import math
-import re
 import time
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from PIL import Image
-from running import start
+from running import page_of, start
 
 from wall.commands.render import render
 from wall.config.loading import load
@@ -83,14 +82,7 @@ def test_after_a_zoom_and_a_reset_nothing_of_the_zoomed_view_stays(tmp_path: Pat
     assert converged is not None
     run = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 170)
     try:
-        address, said = None, ""
-        while address is None:
-            assert run.stdout is not None
-            line = run.stdout.readline()
-            assert line, f"the run ended before its page was there: {said}"
-            said += line
-            address = re.search(r"http://\S+/", line)
-        asyncio.run(zoom_and_return(address.group(0), 255.0 * display_values(converged)))
+        asyncio.run(zoom_and_return(page_of(run), 255.0 * display_values(converged)))
     finally:
         run.terminate()
         run.wait(20)

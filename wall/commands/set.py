@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 import secrets
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from wall.core.colour import srgb_decoded
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
@@ -17,6 +20,7 @@ from wall.run.ports import FIRST_CLIENT
 from wall.transport.factory import connect
 
 ANSWER_S = 5.0  # wait for a wall's answer, at most
+COLOUR = re.compile("#[0-9a-fA-F]{6}")
 ASK_AGAIN_S = 1.0  # a request that found no wall yet, or whose answer was lost, says the same again
 
 
@@ -80,15 +84,9 @@ def parse_value(text: str) -> object:
     """None for `default`, else a number, or a list of numbers. Raises EditError."""
     if text == "default":
         return None
-    if len(text) == 7 and text.startswith("#"):
-        try:
-            codes = [int(text[k : k + 2], 16) / 255.0 for k in (1, 3, 5)]
-        except ValueError:
-            codes = []
-        if codes:
-            import numpy as np
-
-            return [float(x) for x in srgb_decoded(np.array(codes))]
+    if COLOUR.fullmatch(text):
+        codes = np.array(list(bytes.fromhex(text[1:])))
+        return [float(x) for x in srgb_decoded(codes / 255.0)]
     try:
         numbers = [float(part) for part in text.strip("[]()").split(",")]
     except ValueError:

@@ -7,11 +7,10 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.core.fields import Color, Model, Number, Text, Whole, check_one_named
+from wall.core.fields import LARGEST_IOR, SMALLEST_IOR, Color, Depth, Model, Number, Share, Text, check_one_named
 
-Share = Annotated[Number, Ge(0.0), Le(1.0)]
 Reflectance = tuple[Share, Share, Share]
-Ior = Annotated[Number, Ge(1.01), Le(4.0)]
+Ior = Annotated[Number, Ge(SMALLEST_IOR), Le(LARGEST_IOR)]
 
 
 class _OfSurfaces(Model):
@@ -94,7 +93,7 @@ class PathConfig(Model):
     """Light over several surfaces."""
 
     method: Literal["path"] = Field(description="path tracing: indirect light, metal, glass, lights with an area")
-    depth: Annotated[Whole, Ge(1), Le(64)] = Field(default=6, description="most surfaces that scatter a path")
+    depth: Depth = Field(default=6, description="most surfaces that scatter a path")
 
 
 IntegratorConfig = Annotated[DirectConfig | PathConfig, Field(discriminator="method")]

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 from annotated_types import Ge, Gt, Le
 from pydantic import BeforeValidator, Field
 
-from wall.core.fields import Model, Number, Whole
+from wall.core.fields import Depth, Model, Number, Whole
 
 
 class _Common(Model):
@@ -81,7 +81,7 @@ class ProgressiveSampling(_Common):
     target_hz: Annotated[Number, Ge(0.5), Le(240.0)] = Field(
         default=15.0, description="images a second while the input changes: samples get fewer to hold it"
     )
-    first_depth: Annotated[Whole, Ge(1), Le(64)] = Field(
+    first_depth: Depth = Field(
         default=4, description="surfaces of the first stage's paths; one more each stage, up to the integrator's"
     )
 

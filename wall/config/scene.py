@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from wall.config.materials import IntegratorConfig, MaterialConfig
 from wall.core.fields import (
+    MOST_STRENGTH,
     Color,
     Coordinate,
     Direction,
@@ -129,7 +130,7 @@ class EnvironmentConfig(Model):
     rotation: Annotated[Number, Ge(-36000.0), Le(36000.0)] = Field(
         default=0.0, description="degrees about +y, counterclockwise seen from above"
     )
-    strength: Annotated[Number, Ge(0.0), Le(1e6)] = Field(default=1.0, description="factor of its radiance")
+    strength: Annotated[Number, Ge(0.0), Le(MOST_STRENGTH)] = Field(default=1.0, description="factor of its radiance")
 
 
 class RotationConfig(Model):

@@ -14,6 +14,9 @@ from pydantic_core import PydanticCustomError
 
 FARTHEST = 1e12  # world units; beyond it float64 positions are coarser than 0.1 mm
 BRIGHTEST = 1e9  # keeps products of light and reflectance finite in float32
+MOST_STRENGTH = 1e6  # factor of the light of a sky or an environment
+SMALLEST_IOR, LARGEST_IOR = 1.01, 4.0  # index of refraction
+MOST_DEPTH = 64  # surfaces of a path
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"  # fit for file names
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -27,6 +30,7 @@ Brightness = Annotated[Number, Ge(0.0), Le(BRIGHTEST)]
 Seconds = Annotated[Number, Ge(0.0), Le(1e6)]
 Period = Annotated[Number, Ge(0.01), Le(1e6)]
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
+Depth = Annotated[Whole, Ge(1), Le(MOST_DEPTH)]
 Gamma = Annotated[Number, Ge(0.1), Le(10.0)]
 Order = Annotated[Whole, Ge(-1000), Le(1000)]  # of layers
 

@@ -72,24 +72,27 @@ def inline_kernel(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True, _nrt=False)
 
 
-def callback_options(function: Callable[..., Any]) -> dict[str, Any]:
-    """What numba compiles a callback of C with: as kernels, cached in its file's own folder."""
-    folder = cache_root() / source_hash(Path(function.__code__.co_filename))
-    _used.add(folder)
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
-    return {"cache": True, "error_model": "numpy"}
+def c_callback(signature: Any, function: Callable[..., Any]) -> Any:
+    """Compile a pure function that C calls: numba's CFunc."""
+    _choose_cache(function)
+    return numba.cfunc(signature, cache=True, error_model="numpy")(function)
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    folder = cache_root() / source_hash(Path(function.__code__.co_filename))
-    _used.add(folder)
-    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]  # read when a kernel is decorated
+    _choose_cache(function)
     compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
     _kernels.append(compiled)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         file = compiled._cache._cache_file
         file._load_index = _empty_if_outdated(file._load_index)
     return compiled
+
+
+def _choose_cache(function: Callable[..., Any]) -> None:
+    """Have numba cache the function that it decorates next in the folder of that function's file."""
+    folder = cache_root() / source_hash(Path(function.__code__.co_filename))
+    _used.add(folder)
+    numba.config.CACHE_DIR = str(folder)  # type: ignore[attr-defined]
 
 
 def _empty_if_outdated(load_index: Callable[[], dict[Any, str]]) -> Callable[[], dict[Any, str]]:

@@ -32,7 +32,7 @@ class ShadingChanges:
         doubted = np.zeros(len(self._material), np.bool_)
         pairs = zip(now.materials, was.materials, strict=True)
         materials = [k for k, (new, old) in enumerate(pairs) if new is not old and new != old]
-        sky, light = now.sky != was.sky, lights_of(now) != lights_of(was)
+        sky, light = now.sky != was.sky, now.lights != was.lights
         if not (materials or sky or light or now.path_depth != was.path_depth):
             return None
         if self._paths:
@@ -44,11 +44,6 @@ class ShadingChanges:
         if materials:
             doubted |= np.isin(self._material, materials) | self._mirrors
         return doubted.astype(np.uint8)
-
-
-def lights_of(shading: Shading) -> tuple[object, ...]:
-    """Every light."""
-    return (*shading.point_lights, *shading.spot_lights, *shading.directional_lights)
 
 
 def places_of(shading: Shading) -> tuple[tuple[float, float, float], ...]:

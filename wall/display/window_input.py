@@ -54,8 +54,8 @@ class InputHandler:
             asked.append({"kind": "zoom", "x": math.exp(_within(math.log(self._zoom), math.log(MAX_ZOOM)))})
         if self._stops:
             asked.append({"kind": "expose", "x": _within(self._stops, MAX_DRAG)})
-            self._stops = 0.0
-        self._sums, self._zoom, self._once = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}, 1.0, []
+        self._sums, self._zoom = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}, 1.0
+        self._stops, self._once = 0.0, []
         return asked
 
     def _add(self, kind: str, x: float, y: float) -> None:

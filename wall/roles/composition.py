@@ -95,7 +95,7 @@ class Composition:
             framelets = {index: second.framelet for index, second in seconds.items() if second is not None}
             self._compared = self._make_nodes(framelets, compared=True)
         for batch in early:
-            self.insert_batch(batch)
+            self._give(batch, self._layer_of(batch.rank, batch.panel, batch.rect))
 
     def insert(self, packet: bytes) -> None:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
@@ -114,16 +114,18 @@ class Composition:
     def insert_batch(self, batch: Batch) -> None:
         """Take samples in. Raises RemoteProtocolError for those that no rank of this run can have traced now."""
         layer = self._layer_of(batch.rank, batch.panel, batch.rect)
-        edits = self._edits.of(batch.edits.number)
-        if edits is None:
-            if not self._edits.waits(batch):
-                self.counters["late"] += len(batch.samples)
-            return
-        batch = batch if batch.edits is edits else replace(batch, edits=edits)
         if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
             wanted = f"about {self._refreshed:.6g} s"
             raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")
-        layer.insert(batch)
+        self._give(batch, layer)
+
+    def _give(self, batch: Batch, layer: PanelCompositor) -> None:
+        """Give samples to their layer, or keep them until their edits are known."""
+        edits = self._edits.of(batch.edits.number)
+        if edits is not None:
+            layer.insert(batch if batch.edits is edits else replace(batch, edits=edits))
+        elif not self._edits.waits(batch):
+            self.counters["late"] += len(batch.samples)
 
     def _nodes_of(self, part: FrameletPart) -> _Nodes | None:
         return self._compared if part.compared else self._nodes

@@ -11,7 +11,7 @@ EARLY_BATCHES = 1024  # that wait for their edits
 
 
 class EditHistory:
-    """`know` the edits of every event; `place` gives the batches whose edits are known."""
+    """`know` the edits of every event; `of` gives those of a number; a batch whose edits are not known yet `waits`."""
 
     def __init__(self) -> None:
         self._known: dict[int, Edits] = {NO_EDITS.number: NO_EDITS}  # the oldest first

@@ -17,10 +17,11 @@ from PIL import Image
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
+from wall.core.fields import LARGEST_IOR
 from wall.scene.animation import Vector
 from wall.scene.gltf import MALFORMED, TextureUses, completed, lit_evenly, texture_uses
 from wall.scene.images import Textures
-from wall.scene.model import LARGEST_IOR, Material, TextureSet
+from wall.scene.model import Material, TextureSet
 
 NAMES_SHOWN = 8  # in a note
 SHARPEST_NS = 1000.0  # Blender writes (1 - roughness)^2 times this

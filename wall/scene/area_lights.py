@@ -11,9 +11,7 @@ from wall.config.scene import DiscLightConfig, RectangleLightConfig
 from wall.core.data import Float64
 from wall.scene.model import AreaLight, Instance, Light, Material, Mesh
 
-DISC_SIDES = (
-    64  # of the polygon that a disc is; their middles are 0.07 % nearer than its radius, their ends 0.08 % farther
-)
+DISC_SIDES = 64  # of the polygon that a disc is: middles 0.07 % nearer than the disc's radius, ends 0.08 % farther
 
 
 def area_light(config: RectangleLightConfig | DiscLightConfig) -> AreaLight:

@@ -89,9 +89,7 @@ class Scene:
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     radius: float  # world units, of the smallest sphere about `center`
     rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
-    light_order: tuple[
-        int, ...
-    ] = ()  # of each light as named: its row among points, spots, directions; -1: has an area
+    light_order: tuple[int, ...] = ()  # of each light as named: its row in Shading.lights; -1: it has an area
     parameter_tracks: tuple[ParameterTrack, ...] = ()
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
@@ -120,8 +118,20 @@ class Scene:
     @property
     def lights(self) -> tuple[Light | None, ...]:
         """The lights in the order in which they are named; None for those with an area, which are objects."""
-        rows: tuple[Light, ...] = (*self.point_lights, *self.spot_lights, *self.directional_lights)
+        rows = self.unedited.lights
         return tuple(None if row < 0 else rows[row] for row in self.light_order)
+
+    @property
+    def unedited(self) -> Shading:
+        """The shading as configured."""
+        return Shading(
+            point_lights=self.point_lights,
+            spot_lights=self.spot_lights,
+            directional_lights=self.directional_lights,
+            sky=self.sky,
+            materials=self.materials,
+            path_depth=self.path_depth,
+        )
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:
         """Everything that moves or was edited, at a scene time in seconds.
@@ -144,49 +154,34 @@ class Scene:
         key = (time if self.parameter_tracks else 0.0, edits)
         if (known := self._shadings.get(key)) is not None:
             return known
-        base = Shading(
-            point_lights=self.point_lights,
-            spot_lights=self.spot_lights,
-            directional_lights=self.directional_lights,
-            sky=self.sky,
-            materials=self.materials,
-            path_depth=self.path_depth,
-        )
         if len(self._shadings) >= SHADINGS:
             self._shadings.clear()
-        return self._shadings.setdefault(key, shaded(base, self.lights, self.values(*key)))
+        return self._shadings.setdefault(key, shaded(self.unedited, self.lights, self.values(*key)))
 
     def _moment(self, time: float, edits: Edits) -> Moment:
-        poses, shading = self.rest, self.shading(time, edits)
-        if (
-            self.tracks
-            or shading.point_lights is not self.point_lights
-            or shading.spot_lights is not self.spot_lights
-            or (shading.directional_lights is not self.directional_lights)
-        ):
-            poses = self._rest_of(shading)
-            self.tracks.apply(poses, time)
-            poses.setflags(write=False)
-        objects = len(self.instances)
-        spots = objects + len(self.point_lights)
-        lights = spots + len(self.spot_lights)
-        directions = poses[lights:, :3, 3]
+        shading = self.shading(time, edits)
+        ends = np.cumsum([len(self.instances), len(self.point_lights), len(self.spot_lights)])
+        objects, points, spots, directions = np.split(self._poses(time, shading), ends)
+        ways = directions[:, :3, 3]
         return Moment(
-            world_from_object=poses[:objects],
-            point_positions=poses[objects:spots, :3, 3],
-            spot_positions=poses[spots:lights, :3, 3],
-            directions=directions / np.maximum(np.sqrt((directions**2).sum(axis=1, keepdims=True)), SHORTEST),
+            world_from_object=objects,
+            point_positions=points[:, :3, 3],
+            spot_positions=spots[:, :3, 3],
+            directions=ways / np.maximum(np.sqrt((ways**2).sum(axis=1, keepdims=True)), SHORTEST),
             shading=shading,
         )
 
-    def _rest_of(self, shading: Shading) -> Float64:
-        """(bodies, 4, 4) poses at rest, with the lights where `shading` has them; a copy."""
+    def _poses(self, time: float, shading: Shading) -> Float64:
+        """(bodies, 4, 4), read-only, with the lights where `shading` has them at rest."""
+        before = self.unedited.lights
+        if not self.tracks and shading.lights == before:
+            return self.rest
         poses = self.rest.copy()
-        lights: tuple[Light, ...] = (*shading.point_lights, *shading.spot_lights, *shading.directional_lights)
-        before: tuple[Light, ...] = (*self.point_lights, *self.spot_lights, *self.directional_lights)
-        for row, (light, was) in enumerate(zip(lights, before, strict=True), start=len(self.instances)):
+        for row, (light, was) in enumerate(zip(shading.lights, before, strict=True), start=len(self.instances)):
             if light is not was:
                 poses[row, :3, 3] = _position(light)
+        self.tracks.apply(poses, time)
+        poses.setflags(write=False)
         return poses
 
 

@@ -18,36 +18,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wall.core.data import Float64
+from wall.core.fields import LARGEST_IOR
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
-from wall.scene.model import LARGEST_IOR, AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
+from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
 SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
-MALFORMED = (
-    ArithmeticError,
-    AttributeError,
-    IndexError,
-    KeyError,
-    TypeError,
-    ValueError,
-)  # what wrong JSON of a file raises
+MALFORMED = ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError  # that wrong JSON raises
 KNOWN = {
-    *("KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular"),
-    *(
-        "KHR_materials_pbrSpecularGlossiness",
-        "KHR_materials_transmission",
-        "KHR_materials_unlit",
-        "KHR_texture_transform",
-        "KHR_draco_mesh_compression",
-        "EXT_texture_webp",
-        "KHR_texture_basisu",
-    ),
-}
-
-
+    "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
+    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_texture_transform",
+    "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
+}  # fmt: skip
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # OpenGL's numbers
 ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 

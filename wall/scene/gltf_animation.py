@@ -43,17 +43,16 @@ class Curve:
 
     def at(self, time: float) -> Float64:
         """(3,) or (4,) at a time in seconds; before the first key and after the last one these stay."""
-        last = len(self.times) - 1
-        k = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, max(last - 1, 0)))
         values = self.values[:, 1] if self.interpolation == "CUBICSPLINE" else self.values
-        if last == 0 or time <= self.times[0]:
+        if time <= self.times[0]:
             return np.asarray(values[0])
         if time >= self.times[-1]:
             return np.asarray(values[-1])
-        step = self.times[k + 1] - self.times[k]
-        share = (time - self.times[k]) / step
+        k = int(np.searchsorted(self.times, time, side="right")) - 1
         if self.interpolation == "STEP":
             return np.asarray(values[k])
+        step = self.times[k + 1] - self.times[k]
+        share = (time - self.times[k]) / step
         if self.interpolation == "CUBICSPLINE":
             s2, s3 = share**2, share**3
             found: Float64 = (

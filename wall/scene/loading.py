@@ -249,15 +249,10 @@ def _comfortable(source: Source, notes: list[str]) -> Source:
     if not SMALLEST_RADIUS <= radius <= LARGEST_RADIUS:
         scale = np.diag([1.0 / radius, 1.0 / radius, 1.0 / radius, 1.0])
         placed = (replace(i, world_from_object=scale @ i.world_from_object) for i in source.instances)
-        cameras = tuple(replace(c, world_from_camera=_moved(c.world_from_camera, 1.0 / radius)) for c in source.cameras)
-        motions = tuple(moving.scaled(1.0 / radius) for moving in source.motions)
-        source = replace(source, instances=tuple(placed), motions=motions, cameras=cameras)
+        nearer = np.ones((4, 4))
+        nearer[:3, 3] = 1.0 / radius  # a camera stays as large as it is
+        cameras = (replace(c, world_from_camera=nearer * c.world_from_camera) for c in source.cameras)
+        motions = (moving.scaled(1.0 / radius) for moving in source.motions)
+        source = replace(source, instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras))
         notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
     return replace(source, notes=tuple(notes))
-
-
-def _moved(pose: Float64, scale: float) -> Float64:
-    """A pose (4, 4) in a world scaled about its origin: as it was, elsewhere."""
-    moved = pose.copy()
-    moved[:3, 3] *= scale
-    return moved

@@ -19,7 +19,6 @@ from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving
 
 SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
-LARGEST_IOR = 4.0  # index of refraction that files may give
 Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
 AlphaMode: TypeAlias = Literal["opaque", "mask", "blend"]
 
@@ -58,9 +57,7 @@ class Material:
     base_color: tuple[float, float, float] = (0.8, 0.8, 0.8)  # linear RGB reflectance, 0..1
     mirror: float = 0.0  # share of the ray that is mirrored, 0..1
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W sr^-1 m^-2; lights others on paths alone
-    emits_behind: bool = (
-        True  # also from the back, on paths; the front is where a triangle's corners go counterclockwise
-    )
+    emits_behind: bool = True  # also from the back, on paths; the front sees a triangle's corners counterclockwise
     metallic: float = 0.0  # 0..1, as in glTF
     roughness: float = 1.0  # 0..1, of the interface; GGX with alpha = roughness squared
     specular: float = 0.0  # 0..1, how much of an interface lies over diffuse light; 0: none
@@ -201,6 +198,11 @@ class Shading:
     sky: Sky
     materials: tuple[Material, ...]
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
+
+    @property
+    def lights(self) -> tuple[PointLight | SpotLight | DirectionalLight, ...]:
+        """Every light, kind by kind."""
+        return (*self.point_lights, *self.spot_lights, *self.directional_lights)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

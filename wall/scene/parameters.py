@@ -15,9 +15,9 @@ from typing import Any, Literal, TypeAlias
 
 from wall.config.views import MOST_STOPS
 from wall.core.errors import EditError, SceneError
-from wall.core.fields import BRIGHTEST, FARTHEST
+from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_STRENGTH, SMALLEST_IOR
 from wall.scene.build import Scene
-from wall.scene.model import LARGEST_IOR, Material
+from wall.scene.model import Material
 from wall.scene.needs import Needs, needs
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
@@ -26,9 +26,6 @@ Numbers: TypeAlias = tuple[float, ...]
 
 EXPOSURE = "exposure"
 WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
-MOST_STRENGTH = 1e6  # of the sky
-MOST_DEPTH = 64
-SMALLEST_IOR = 1.01
 NAMES_SHOWN = 8
 SHORTEST = 1e-9  # length of a direction
 
@@ -39,9 +36,9 @@ class Parameter:
 
     name: str  # name path
     kind: Kind
-    low: float  # of each number
+    low: float = 0.0  # of each number
     high: float
-    unit: str  # "" without one
+    unit: str = ""
     default: Numbers  # the configuration's
 
     @property
@@ -114,10 +111,10 @@ def _lights(scene: Scene) -> Iterator[Parameter]:
 
 
 def _sky(scene: Scene) -> Iterator[Parameter]:
-    yield Parameter(name="sky.strength", kind="number", low=0.0, high=MOST_STRENGTH, unit="", default=(1.0,))
+    yield Parameter(name="sky.strength", kind="number", high=MOST_STRENGTH, default=(1.0,))
     for name in SKY_COLOURS:
         colour = getattr(scene.sky, name)
-        yield Parameter(name=f"sky.{name}", kind="light", low=0.0, high=BRIGHTEST, unit="W/(sr m²)", default=colour)
+        yield Parameter(name=f"sky.{name}", kind="light", high=BRIGHTEST, unit="W/(sr m²)", default=colour)
 
 
 def _materials(scene: Scene, wanted: Needs) -> Iterator[Parameter]:
@@ -130,18 +127,17 @@ def _materials(scene: Scene, wanted: Needs) -> Iterator[Parameter]:
 def _of_material(material: Material, path: str, wanted: Needs) -> Iterator[Parameter]:
     """What kernels read of a material in this scene, and were compiled to."""
     clear = wanted.paths and material.transmission > 0.0
-    share: dict[str, Any] = {"kind": "number", "low": 0.0, "high": 1.0, "unit": ""}
-    yield Parameter(name=f"{path}.color", kind="color", low=0.0, high=1.0, unit="", default=material.base_color)
+    share: dict[str, Any] = {"kind": "number", "high": 1.0}
+    yield Parameter(name=f"{path}.color", kind="color", high=1.0, default=material.base_color)
     if wanted.interfaces or clear:
         yield Parameter(name=f"{path}.roughness", default=(material.roughness,), **share)
         ior = (material.ior,)
-        yield Parameter(name=f"{path}.ior", kind="number", low=SMALLEST_IOR, high=LARGEST_IOR, unit="", default=ior)
+        yield Parameter(name=f"{path}.ior", kind="number", low=SMALLEST_IOR, high=LARGEST_IOR, default=ior)
     if wanted.interfaces:
         yield Parameter(name=f"{path}.metallic", default=(material.metallic,), **share)
     if max(material.emission) > 0.0:
-        yield Parameter(
-            name=f"{path}.emission", kind="light", low=0.0, high=BRIGHTEST, unit="W/(sr m²)", default=material.emission
-        )
+        lit = material.emission
+        yield Parameter(name=f"{path}.emission", kind="light", high=BRIGHTEST, unit="W/(sr m²)", default=lit)
     if material.mirror > 0.0:
         yield Parameter(name=f"{path}.mirror", default=(material.mirror,), **share)
 

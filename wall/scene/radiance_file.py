@@ -1,4 +1,4 @@
-"""Reads and writes Radiance pictures (.hdr): RGB with a common exponent, 4 bytes a pixel.
+"""Reads Radiance pictures (.hdr): RGB with a common exponent, 4 bytes a pixel.
 
 G. Ward, "Real Pixels", Graphics Gems II, 1991; the scanlines that every program writes today, and the older flat ones.
 """
@@ -6,7 +6,6 @@ G. Ward, "Real Pixels", Graphics Gems II, 1991; the scanlines that every program
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,15 +72,3 @@ def _floats(rgbe: NDArray[np.uint8], exposure: float) -> Float32:
         scale = np.ldexp(np.float32(1.0), exponent - EXPONENT_BIAS) / np.float32(exposure)
         light: Float32 = np.where(exponent == 0, np.float32(0.0), rgbe[..., :3] * scale).astype(np.float32)
     return light
-
-
-def write_hdr(path: Path, image: Float32) -> None:
-    """Writes (h, w, 3) float32, finite and not negative, as flat scanlines: each value within 1/256 of the brightest
-    of its three. Raises OSError."""
-    brightest = np.asarray(image, np.float64).max(axis=-1, keepdims=True)
-    _, exponent = np.frexp(brightest)
-    mantissas = np.floor(image * np.ldexp(1.0, 8 - exponent))
-    rgbe = np.concatenate([mantissas, np.broadcast_to(exponent + 128, brightest.shape)], axis=-1)
-    rgbe[brightest[..., 0] < 1e-32] = 0.0
-    header = f"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {image.shape[0]} +X {image.shape[1]}\n"
-    path.write_bytes(header.encode() + np.clip(rgbe, 0, 255).astype(np.uint8).tobytes())

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wall.core.colour import LUMINANCE
+from wall.core.colour import LUMINANCE, Real
 from wall.core.data import Float32, Float64
 from wall.scene import model
 from wall.tracing.kernels.values import Environment
@@ -36,9 +37,8 @@ def chances(texels: Float32) -> tuple[Float32, Float32]:
     rest well enough (O. Karlik et al., "MIS Compensation", 2019). In an even image all directions have the same.
     """
     light = texels.astype(np.float64) @ LUMINANCE
-    light = 0.75 * light + 0.125 * (np.roll(light, 1, axis=1) + np.roll(light, -1, axis=1))
-    above, below = np.vstack([light[:1], light[:-1]]), np.vstack([light[1:], light[-1:]])
-    light = 0.75 * light + 0.125 * (above + below)
+    for axis in (1, 0):
+        light = 0.75 * light + 0.125 * (_beside(light, -1, axis) + _beside(light, 1, axis))
     size = solid_angles(*light.shape)[:, None]
     mean = (light * size).sum() / (4.0 * math.pi)
     light = np.maximum(light - mean, 0.0)
@@ -112,13 +112,16 @@ def refined(texels: Float32) -> Float32:
         parts = []
         for k in range(times):
             off = (k + 0.5) / times - 0.5
-            other = np.roll(texels, 1 if off < 0.0 else -1, axis=axis)
-            if axis == 0:
-                edge = 0 if off < 0.0 else -1
-                other[edge] = texels[edge]
+            other = _beside(texels, -1 if off < 0.0 else 1, axis)
             parts.append((1.0 - abs(off)) * texels + abs(off) * other)
         texels = np.stack(parts, axis=axis + 1).reshape(*texels.shape[:axis], -1, *texels.shape[axis + 1 :])
     return texels.astype(np.float32)
+
+
+def _beside(values: NDArray[Real], step: int, axis: int) -> NDArray[Real]:
+    """What texels have `step` further along an axis of the image: round the turn, not over the poles."""
+    numbers = np.arange(values.shape[axis]) + step
+    return values.take(numbers, axis, mode="wrap" if axis == 1 else "clip")
 
 
 def octahedron_normals(steps: int) -> Float32:

@@ -123,8 +123,7 @@ def _transparency(scene: Scene, mesh: Mesh, triangles: NDArray[np.uint32]) -> Pa
     number = material.textures.base_color
     texture = None if number is None or mesh.uvs is None else scene.textures[number]
     texels = None if texture is None or texture.alpha is None else np.ascontiguousarray(texture.alpha)
-    least = material.alpha if texels is None else 0.0
-    if material.alpha_mode == "opaque" or (texels is None and material.alpha_mode == "blend" and least >= 1.0):
+    if material.alpha_mode == "opaque" or (texels is None and material.alpha_mode == "blend" and material.alpha >= 1.0):
         return None
     from wall.tracing.kernels import alpha
 

@@ -11,7 +11,7 @@ from flat_batches import RECT, flat, plan_of
 from flat_batches import TEXT as ONE_PANEL
 
 from wall.config.loading import loads
-from wall.core.data import Event
+from wall.core.data import Edits, Event
 from wall.operators.overlay import PLACEHOLDERS, Overlay
 from wall.packets.control import Heartbeat, Statistics, Stop, WindowInput, parse_control
 from wall.packets.framelets import FrameletPart
@@ -109,6 +109,16 @@ def test_an_older_event_changes_nothing(plan: Plan) -> None:
     head.tell(replace(event, camera_event=5))
     (show,) = of(Show, head.tell(event))
     assert show.images[0].camera_event == 5
+
+
+def test_samples_of_another_clock_are_refused_though_their_edits_are_not_known_yet(alone: Plan) -> None:
+    head, event = Rank(alone), first_event(alone, 0.0)
+    head.tell(event)
+    batch = replace(flat(0.5, event, adaptive=False), base_time=1e6, edits=Edits(1))
+    head.tell(Packet(encode(batch)))
+    assert head.role.composition.counters["bad_packet"] == 1
+    head.tell(replace(event, scene_event=1, edits=Edits(1)))
+    assert head.role.composition.counters["bad_packet"] == 1
 
 
 def test_views_are_refreshed_at_their_rate_whatever_comes_meanwhile(alone: Plan) -> None:

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from radiance_writer import write_hdr
 
 from wall.config.scene import SceneConfig
 from wall.core.data import Float32
@@ -17,7 +18,7 @@ from wall.core.errors import SceneError
 from wall.scene.build import Scene, build
 from wall.scene.environment import WIDEST_PX, read_environment
 from wall.scene.needs import needs
-from wall.scene.radiance_file import read_hdr, write_hdr
+from wall.scene.radiance_file import read_hdr
 
 HEADER = b"#?RADIANCE\n# a comment\nFORMAT=32-bit_rle_rgbe\n"
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from gltf_documents import SQUARE, document, loaded
 from PIL import Image
+from radiance_writer import write_hdr
 
 from wall.core.errors import RunError
-from wall.scene.radiance_file import write_hdr
 from wall.study.mitsuba.compare import BATCHES, FEWEST_PASSES, compare, passing
 
 ROOM = """\

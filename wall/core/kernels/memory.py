@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from wall.core.jit import callback_options
+from wall.core.jit import c_callback
 
 _kept: list[object] = []  # callbacks live as long as the process
 
@@ -21,7 +21,7 @@ def callback(function):
         made = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(function)
         _kept.append(made)
         return ctypes.cast(made, ctypes.c_void_p).value
-    made = numba.cfunc(types.void(types.intp), **callback_options(function))(function)
+    made = c_callback(types.void(types.intp), function)
     _kept.append(made)
     return made.address
 

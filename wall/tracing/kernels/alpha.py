@@ -11,8 +11,8 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.core.kernels.hashing import hash_uint32
 from wall.core.kernels.memory import callback, clear_uint32, float32_at, int64_at, uint8_at, uint32_at
-from wall.tracing.kernels.texture_filter import wrapped
-from wall.tracing.kernels.values import ONE, ZERO
+from wall.tracing.kernels.texture_filter import texels_about, wrapped
+from wall.tracing.kernels.values import ONE
 
 # int64 that the filter gets for a mesh: addresses (0: there is none), sizes in texels, and bits of float32
 TRIANGLES, UVS, TEXELS, WIDTH, HEIGHT, WRAP_U, WRAP_V, BLENDS, ALPHA, CUTOFF = range(10)
@@ -60,12 +60,7 @@ def alpha_at(mesh, primitive, s, t):
     u, v = wrapped(u, np.float32(width), int64_at(mesh, WRAP_U)), wrapped(v, np.float32(height), int64_at(mesh, WRAP_V))
     x = (u - np.floor(u)) * np.float32(width) + HALF  # of the texel right of it
     y = (ONE - (v - np.floor(v))) * np.float32(height) + HALF
-    if not (x >= ZERO and y >= ZERO):  # NaN coordinates read some texel
-        x, y = ZERO, ZERO
-    x1, y1 = np.int64(x), np.int64(y)
-    fx, fy = x - np.float32(x1), y - np.float32(y1)
-    x0, y0 = x1 - 1 if x1 > 0 else width - 1, y1 - 1 if y1 > 0 else height - 1
-    x1, y1 = x1 if x1 < width else 0, y1 if y1 < height else 0
+    x0, x1, y0, y1, fx, fy = texels_about(x, y, width, height)
     top, bottom = texels + y0 * width, texels + y1 * width
     above = (ONE - fx) * np.float32(uint8_at(top, x0)) + fx * np.float32(uint8_at(top, x1))
     below = (ONE - fx) * np.float32(uint8_at(bottom, x0)) + fx * np.float32(uint8_at(bottom, x1))

@@ -14,6 +14,7 @@ from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at
 from wall.tracing.kernels.values import EMISSION, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
 
 HALF = np.float32(0.5)
+NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 
 
 @inline_kernel
@@ -55,9 +56,9 @@ def determinant_of(m):
 
 
 @inline_kernel
-def aim_at_emitter(emitters, surfaces, materials, lane, work):
-    """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, and the density of the
-    direction; 0 where the point is seen from its edge.
+def way_to_emitter(emitters, surfaces, materials, lane, work):
+    """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, the direction's density, 0
+    where the point is seen from its edge, and where along the way its shadow ray ends.
     """
     p = work.packet
     pick, u, v = p[rows.LIGHT_NUMBER + lane], p[rows.POINT_U + lane], p[rows.POINT_V + lane]
@@ -76,7 +77,7 @@ def aim_at_emitter(emitters, surfaces, materials, lane, work):
     facing = abs(facing) if material["emits_behind"] > ZERO else facing
     density = emitters.chance[row] * square * math.sqrt(square) / facing if facing > ZERO else ZERO
     emission = emission_at(materials.emission_textures, surfaces, materials, instance, corners, s, t)
-    return (dx, dy, dz), emission, density
+    return (dx, dy, dz), emission, density, NEARLY
 
 
 @inline_kernel
@@ -104,7 +105,7 @@ def emission_at(used, surfaces, materials, instance, corners, s, t):
 
 @inline_kernel
 def density_of_emitter(emitters, surfaces, lane, work):
-    """Density with which aim_at_emitter, from the ray's start, finds the direction of a ray that hit an emitter."""
+    """Density with which way_to_emitter, from the ray's start, finds the direction of a ray that hit an emitter."""
     p, bits = work.packet, work.bits
     instance, primitive = bits[embree.INSTANCE + lane], bits[embree.PRIMITIVE + lane]
     first = emitters.first[instance]

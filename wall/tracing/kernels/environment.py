@@ -16,7 +16,7 @@ from wall.scene.kernels.environment import image_position, radiance_at
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import set_xyz, xyz
-from wall.tracing.kernels.values import MISS, ONE, ZERO
+from wall.tracing.kernels.values import INF, MISS, ONE, ZERO
 
 PI, TWO_PI, HALF = np.float32(math.pi), np.float32(2.0 * math.pi), np.float32(0.5)
 PER_AREA = np.float32(0.5 / math.pi**2)  # from density over the image to density over directions, at the horizon
@@ -71,6 +71,14 @@ def aim_at_environment(environment, pick, share):
     way = sine * np.float32(math.sin(turn)), np.float32(math.cos(v * PI)), -sine * np.float32(math.cos(turn))
     density = row_chance * chance * np.float32(h) * np.float32(w) * PER_AREA / sine if sine > ZERO else ZERO
     return way, radiance_at(texels, u, v), density
+
+
+@inline_kernel
+def way_to_environment(environment, surfaces, materials, lane, work):
+    """A direction of the environment by the random numbers LIGHT_U and LIGHT_V, as way_to_emitter gives a point."""
+    p = work.packet
+    way, radiance, density = aim_at_environment(environment, p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane])
+    return way, radiance, density, INF
 
 
 @inline_kernel

@@ -21,8 +21,8 @@ from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
-from wall.tracing.kernels.emitters import aim_at_emitter, density_of_emitter
-from wall.tracing.kernels.environment import aim_at_environment, density_of_environment
+from wall.tracing.kernels.emitters import density_of_emitter, way_to_emitter
+from wall.tracing.kernels.environment import density_of_environment, way_to_environment
 from wall.tracing.kernels.lens import keep_distances, open_lens
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
@@ -55,7 +55,6 @@ LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
 PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
 ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16  # pairs of bounce 0, beyond those of all bounces
 PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
-NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray ends at the latest
 
 
 @kernel
@@ -91,8 +90,10 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
                 add_suns(first, count, bounce, lights.suns, scene, surfaces, materials, work, paths)
                 draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
-                add_environment(first, count, lights.environment, scene, surfaces, materials, work, paths)
-                add_emitters(first, count, lights.emitters, scene, surfaces, materials, work, paths)
+                add_chosen(
+                    lights.environment, way_to_environment, first, count, scene, surfaces, materials, work, paths
+                )
+                add_chosen(lights.emitters, way_to_emitter, first, count, scene, surfaces, materials, work, paths)
                 widen_footprints(materials.texels, work)
                 going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
         alive = going
@@ -292,42 +293,25 @@ def aim(dx, dy, dz, far, light, lane, work):
 
 
 @inline_kernel
-def add_environment(first, count, environment, scene, surfaces, materials, work, paths):
-    """Adds the light of one direction of the environment, chosen at random; None does nothing."""
-    if environment is not None:
-        p, aimed = work.packet, 0
+def add_chosen(lights, way_to, first, count, scene, surfaces, materials, work, paths):
+    """Adds the light from one direction to `lights`, chosen at random; None does nothing.
+
+    way_to : way_to_environment or way_to_emitter
+    """
+    if lights is not None:
+        aimed = 0
         for lane in range(16):
             work.shadow_valid[lane] = 0
-            if lane >= count or p[rows.HIT + lane] == ZERO:
+            if lane >= count or work.packet[rows.HIT + lane] == ZERO:
                 continue
-            pick, share = p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane]
-            (x, y, z), radiance, density = aim_at_environment(environment, pick, share)
+            (dx, dy, dz), radiance, density, far = way_to(lights, surfaces, materials, lane, work)
             if not density > ZERO:
                 continue
-            r, g, b, own = lit_by(x, y, z, lane, surfaces, materials, work)
-            weight = ONE / (density + own)  # of aiming, over its density
-            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
-            aimed += aim(x, y, z, INF, light, lane, work)
-        add_unshadowed(first, aimed, scene, work, paths)
-
-
-@inline_kernel
-def add_emitters(first, count, emitters, scene, surfaces, materials, work, paths):
-    """Adds the light of one point on an emitting surface, chosen at random; None does nothing."""
-    if emitters is not None:
-        p, aimed = work.packet, 0
-        for lane in range(16):
-            work.shadow_valid[lane] = 0
-            if lane >= count or p[rows.HIT + lane] == ZERO:
-                continue
-            (dx, dy, dz), emission, density = aim_at_emitter(emitters, surfaces, materials, lane, work)
-            if not density > ZERO:
-                continue
-            scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz)
+            scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz) if far < INF else ONE
             r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
             weight = ONE / (density + own)  # of aiming, over its density
-            light = weight * r * emission[0], weight * g * emission[1], weight * b * emission[2]
-            aimed += aim(dx, dy, dz, NEARLY, light, lane, work)
+            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
+            aimed += aim(dx, dy, dz, far, light, lane, work)
         add_unshadowed(first, aimed, scene, work, paths)
 
 

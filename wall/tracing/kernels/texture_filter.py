@@ -241,12 +241,7 @@ def texel_at(texels, level, values, edges, wrap, u, v):
         u, v = wrapped(u, width, wrap[0]), wrapped(v, height, wrap[1])
     x = (u - np.floor(u)) * width + HALF  # of the texel right of it
     y = (ONE - (v - np.floor(v))) * height + HALF
-    if not (x >= ZERO and y >= ZERO):  # NaN coordinates read some texel
-        x, y = ZERO, ZERO
-    x1, y1 = np.int32(x), np.int32(y)
-    fx, fy = x - np.float32(x1), y - np.float32(y1)
-    x0, y0 = x1 - 1 if x1 > 0 else width - 1, y1 - 1 if y1 > 0 else height - 1
-    x1, y1 = x1 if x1 < width else 0, y1 if y1 < height else 0
+    x0, x1, y0, y1, fx, fy = texels_about(x, y, width, height)
     a, b = texels[first + y0 * width + x0], texels[first + y0 * width + x1]
     c, d = texels[first + y1 * width + x0], texels[first + y1 * width + x1]
     wa, wb, wc, wd = (ONE - fx) * (ONE - fy), fx * (ONE - fy), (ONE - fx) * fy, fx * fy
@@ -254,3 +249,18 @@ def texel_at(texels, level, values, edges, wrap, u, v):
     green = wa * values[a[1]] + wb * values[b[1]] + wc * values[c[1]] + wd * values[d[1]]
     blue = wa * values[a[2]] + wb * values[b[2]] + wc * values[c[2]] + wd * values[d[2]]
     return red, green, blue
+
+
+@inline_kernel
+def texels_about(x, y, width, height):
+    """The four texels about a place, repeating: columns left and right, rows above and below, shares of right, below.
+
+    x, y : texels, from the middle of the last one before the left and upper edges
+    """
+    if not (x >= ZERO and y >= ZERO):  # NaN coordinates read some texel
+        x, y = ZERO, ZERO
+    x1, y1 = np.int32(x), np.int32(y)
+    fx, fy = x - np.float32(x1), y - np.float32(y1)
+    x0, y0 = x1 - 1 if x1 > 0 else width - 1, y1 - 1 if y1 > 0 else height - 1
+    x1, y1 = x1 if x1 < width else 0, y1 if y1 < height else 0
+    return x0, x1, y0, y1, fx, fy

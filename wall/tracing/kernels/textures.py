@@ -26,23 +26,24 @@ def apply_textures(surfaces, materials, uvs, work):
         if gather_mappings(surfaces, materials, uvs, work) == 0:
             return
         project_footprints(work)
-        colour_by_textures(surfaces, materials, work)
-        emit_by_textures(materials.emission_textures, surfaces, materials, work)
+        colour_by_textures(uvs, BASE_COLOR, rows.ALBEDO_R, surfaces, materials, work)
+        colour_by_textures(materials.emission_textures, EMISSION, rows.EMISSION_R, surfaces, materials, work)
         roughen_by_textures(materials.metallic_roughness_textures, surfaces, materials, work)
         turn_by_textures(materials.normal_textures, surfaces, materials, work)
 
 
 @inline_kernel
-def colour_by_textures(surfaces, materials, work):
-    """Multiplies albedo by base colour textures."""
-    p = work.packet
-    measure_footprints(BASE_COLOR, surfaces, materials, work)
-    for lane in range(16):
-        if p[rows.TEXELS_U + lane] != ZERO:
-            r, g, b = filtered_texel(BASE_COLOR, materials.linear_of_srgb, surfaces, materials, lane, work)
-            p[rows.ALBEDO_R + lane] *= r
-            p[rows.ALBEDO_G + lane] *= g
-            p[rows.ALBEDO_B + lane] *= b
+def colour_by_textures(used, slot, row, surfaces, materials, work):
+    """Multiplies the colours from `row` on by textures, BASE_COLOR or EMISSION; used = None does nothing."""
+    if used is not None:
+        p = work.packet
+        measure_footprints(slot, surfaces, materials, work)
+        for lane in range(16):
+            if p[rows.TEXELS_U + lane] != ZERO:
+                r, g, b = filtered_texel(slot, materials.linear_of_srgb, surfaces, materials, lane, work)
+                p[row + lane] *= r
+                p[row + 16 + lane] *= g
+                p[row + 32 + lane] *= b
 
 
 @inline_kernel
@@ -53,20 +54,6 @@ def copy_emission(used, surfaces, materials, work):
             if work.packet[rows.HIT + lane] != ZERO:
                 r, g, b = material_of(surfaces, materials, lane, work)["emission"]
                 set_xyz(work.packet, rows.EMISSION_R, lane, r, g, b)
-
-
-@inline_kernel
-def emit_by_textures(used, surfaces, materials, work):
-    """Multiplies emission by its textures; used = None does nothing."""
-    if used is not None:
-        p = work.packet
-        measure_footprints(EMISSION, surfaces, materials, work)
-        for lane in range(16):
-            if p[rows.TEXELS_U + lane] != ZERO:
-                r, g, b = filtered_texel(EMISSION, materials.linear_of_srgb, surfaces, materials, lane, work)
-                p[rows.EMISSION_R + lane] *= r
-                p[rows.EMISSION_G + lane] *= g
-                p[rows.EMISSION_B + lane] *= b
 
 
 @inline_kernel
