@@ -8,7 +8,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_scenes import BLACK_SKY, View, instance, material, quad, scene_of, sphere_mesh, traced_image, view
+from small_scenes import (
+    BLACK_SKY,
+    View,
+    instance,
+    material,
+    quad,
+    scene_of,
+    sphere_mesh,
+    traced_image,
+    view,
+    with_every_feature,
+)
 
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
@@ -32,6 +43,19 @@ def paths_of(
     sky: Sky = BLACK_SKY,
     lights: Sequence[Light] = (),
 ) -> Scene:
+    return with_every_feature(plain_paths_of(meshes, materials, depth=depth, placed=placed, sky=sky, lights=lights))
+
+
+def plain_paths_of(
+    meshes: Sequence[Mesh],
+    materials: Sequence[Material],
+    *,
+    depth: int,
+    placed: Sequence[Instance] | None = None,
+    sky: Sky = BLACK_SKY,
+    lights: Sequence[Light] = (),
+) -> Scene:
+    """For a tracer that has no feature but those of the scene."""
     return replace(scene_of(meshes, placed, materials=materials, sky=sky, lights=lights), path_depth=depth)
 
 
@@ -52,7 +76,7 @@ def test_a_white_surface_under_a_white_sky_loses_nothing(metallic: float, roughn
     white = replace(PLAIN, metallic=metallic, roughness=roughness, specular=1.0)
     for turn in (0.0, 50.0, 75.0, 86.0):
         placed = [instance(0, turn=("y", turn))]
-        scene = paths_of([quad(90.0, 9.0)], [white], depth=2, placed=placed, sky=WHITE_SKY)
+        scene = plain_paths_of([quad(90.0, 9.0)], [white], depth=2, placed=placed, sky=WHITE_SKY)
         got = mean(scene, AHEAD, 16)
         np.testing.assert_allclose(got, 1.0, atol=0.005)
 
@@ -138,7 +162,7 @@ def test_paths_of_one_surface_see_what_direct_light_sees() -> None:
     scene = scene_of(meshes, placed, materials=[material(0.7, 0.5, 0.3)], lights=lights)
     seen = view((1.0, 2.0, 5.0), (0.0, 0.0, 0.0), pixels=(64, 48))
     direct = traced_image(scene, seen)
-    path = traced_image(replace(scene, path_depth=1), seen)
+    path = traced_image(with_every_feature(replace(scene, path_depth=1)), seen)
     np.testing.assert_allclose(path.radiance, direct.radiance, rtol=2e-5, atol=1e-6)
     np.testing.assert_array_equal(path.depth, direct.depth)
     np.testing.assert_array_equal(path.objects, direct.objects)
