@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 from running import start, wall, write_config
 
@@ -67,6 +68,7 @@ def test_two_methods_are_measured_on_the_wall(tmp_path: Path) -> None:
     assert not list(folder.rglob("*.raw")), "recordings are large"
 
 
+@pytest.mark.clock
 def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
     config, out = write_config(tmp_path, path=ORBIT), tmp_path / "out"
     log = out / "wall-0-1cores" / "adaptive" / "run.log"
