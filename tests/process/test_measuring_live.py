@@ -17,6 +17,7 @@ from running import start, wall, write_config
 ORBIT = ", path: {type: orbit, period_s: 8}"
 KINDS = {"live.jsonl", "wall-0-1cores", "reference"}
 OPTIONS = ("--methods", "adaptive,framed", "--cores", 1, "--warm-up", 0.3, "--moments", 6, "--spp", 2)
+pytestmark = pytest.mark.clock
 START_LIMIT_S, STOP_LIMIT_S = 60.0, 12.0  # an interrupted wall has 8 s to end in order
 
 
@@ -68,7 +69,6 @@ def test_two_methods_are_measured_on_the_wall(tmp_path: Path) -> None:
     assert not list(folder.rglob("*.raw")), "recordings are large"
 
 
-@pytest.mark.clock
 def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
     config, out = write_config(tmp_path, path=ORBIT), tmp_path / "out"
     log = out / "wall-0-1cores" / "adaptive" / "run.log"
