@@ -19,12 +19,25 @@ from wall.geometry.panels import Panel, Wall
 from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.builtin.shapes import sphere
-from wall.scene.model import Instance, Light, Material, Mesh, Sky, Source, Texture, TextureSet
+from wall.scene.model import (
+    DirectionalLight,
+    Instance,
+    Light,
+    Material,
+    Mesh,
+    PointLight,
+    Sky,
+    Source,
+    SpotLight,
+    Texture,
+    TextureSet,
+)
 from wall.tracing.tracer import Traced, Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 Triple = tuple[float, float, float]
-BLACK_SKY = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
+BLACK = (0.0, 0.0, 0.0)
+BLACK_SKY = Sky(zenith=BLACK, horizon=BLACK, ground=BLACK)
 
 
 def quad(width: float, height: float, *, material: int = 0, uvs: bool = False, colors: ArrayLike | None = None) -> Mesh:
@@ -93,6 +106,41 @@ def scene_of(
             textures=tuple(textures),
             lights=tuple(lights),
             sky=sky,
+        )
+    )
+
+
+def with_every_feature(scene: Scene) -> Scene:
+    """A still scene that looks the same, for a tracer that has every feature: numba compiles one for each set of them.
+
+    Far below lies a small dark object with every texture, vertex colours and smooth normals that shines a little, away
+    from all else; every kind of light is there, black. The sky stays a sky, and an environment an environment.
+    """
+    first, texel = len(scene.textures), np.full((2, 2, 3), 9, np.uint8)
+    more = [Texture(name="more", texels=texel, linear=k % 2 == 1, wrap=("clamp", "mirror")) for k in range(4)]
+    dark = Material(
+        name="every feature", base_color=BLACK, emission=(1e-9, 0.0, 0.0), emits_behind=False,
+        metallic=0.5, mirror=0.5, textures=TextureSet(*range(first, first + 4)),
+    )  # fmt: skip
+    square = quad(2.0, 2.0, material=len(scene.materials), uvs=True, colors=np.zeros((4, 3)))
+    square = replace(square, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))
+    up, below = (0.0, 1.0, 0.0), (0.0, -500.0, 0.0)
+    lights = (
+        PointLight(position=below, intensity=BLACK),
+        SpotLight(position=below, direction=up, intensity=BLACK, inner_angle=10.0, outer_angle=20.0),
+        DirectionalLight(direction=up, irradiance=BLACK),
+        DirectionalLight(direction=up, irradiance=BLACK, angular_diameter=1.0),
+    )
+    return assemble(
+        Source(
+            meshes=(*scene.meshes, square),
+            materials=(*scene.materials, dark),
+            instances=(*scene.instances, instance(len(scene.meshes), at=below, turn=("x", 90.0), scale=0.1)),
+            textures=(*scene.textures, *more),
+            lights=(*scene.point_lights, *scene.spot_lights, *scene.directional_lights, *lights),
+            sky=scene.sky,
+            environment=scene.environment,
+            path_depth=scene.path_depth,
         )
     )
 

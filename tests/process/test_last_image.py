@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from running import panels, wall, write_config
 
 from wall.commands.render import render
@@ -17,6 +18,7 @@ AHEAD_S, STEP_S = 0.1, 0.03
 ALIKE = 12.0  # RMSE in 8-bit steps at the nearest tried moment: half a step of time and a few samples a pixel
 
 
+@pytest.mark.clock
 def test_last_image_of_a_moving_wall_is_of_one_moment_at_all_compositors(tmp_path: Path) -> None:
     """Each refresh looks AHEAD_S into a fast orbit; a panel that still did so at the end would fit another moment."""
     path = f", path: {{type: orbit, period_s: 3}}, display_delay_s: {AHEAD_S}"

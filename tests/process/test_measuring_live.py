@@ -10,12 +10,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 from running import start, wall, write_config
 
 ORBIT = ", path: {type: orbit, period_s: 8}"
 KINDS = {"live.jsonl", "wall-0-1cores", "reference"}
 OPTIONS = ("--methods", "adaptive,framed", "--cores", 1, "--warm-up", 0.3, "--moments", 6, "--spp", 2)
+pytestmark = pytest.mark.clock
 START_LIMIT_S, STOP_LIMIT_S = 60.0, 12.0  # an interrupted wall has 8 s to end in order
 
 

@@ -74,6 +74,7 @@ async def zoom_and_return(address: str, reference: NDArray[np.float64]) -> None:
         await viewer.until(0.0, ALIKE, "back")
 
 
+@pytest.mark.clock
 @pytest.mark.parametrize("graph", [AT_THE_RENDERER, AT_THE_HEAD], ids=["at the renderer", "at the head"])
 def test_after_a_zoom_and_a_reset_nothing_of_the_zoomed_view_stays(tmp_path: Path, graph: str) -> None:
     config = tmp_path / "wall.yaml"

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from running import mpirun, panels, start, summary, wall, write_config
 
+pytestmark = pytest.mark.clock
 STOP_LIMIT_S = 3.0
 START_LIMIT_S = 60.0
 

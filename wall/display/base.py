@@ -7,7 +7,7 @@ panels are their bezels.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,3 +100,11 @@ class Sink(Protocol):
 
     def dropped(self) -> dict[str, int]:
         """Counts of what was dropped so far, by name."""
+
+
+@runtime_checkable
+class Steered(Sink, Protocol):
+    """A sink through which its viewers steer."""
+
+    def commands(self) -> list[dict[str, Any]]:
+        """What viewers asked for since the last call."""

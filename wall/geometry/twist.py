@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wall.core.data import Camera, Float64
+from wall.geometry.rotations import matrices_of, quaternions_of
 
 NEARLY_STRAIGHT = 1e-4  # radians; below it the series' next term is under 1e-13 of the first
 
@@ -35,7 +35,7 @@ def moved(camera: Camera, twist: Float64) -> Camera:
 
 def rotation_by(turn: Float64) -> Float64:
     """(3, 3) rotation by a turn (3,), axis times radians: counterclockwise seen from the axis' tip."""
-    return np.asarray(Rotation.from_rotvec(turn).as_matrix())
+    return matrices_of(quaternions_of(turn))
 
 
 def _mean_turn(turn: Float64) -> Float64:

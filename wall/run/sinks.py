@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
-from wall.display.base import Sink
-from wall.display.browser import Browser
+from wall.display.base import Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
 from wall.packets.control import MAX_COMMANDS, WindowInput
 from wall.roles.plan import Plan, window_panels
+
+if TYPE_CHECKING:
+    from wall.display.browser import Browser
 
 
 def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[list[Sink | None], Browser | None]:
@@ -37,6 +40,8 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
         elif kind == "window":
             sink = windows
         elif kind == "browser" and not headless:
+            from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
+
             sink = browser = Browser(output.browser.host, output.browser.port, layout.wall)
         sinks.append(sink)
     return sinks, browser
@@ -66,7 +71,7 @@ def _folder(plan: Plan, step: Step, folder: Path) -> Path:
 
 def window_input_of(rank: int, sinks: list[Sink | None]) -> Callable[[], list[WindowInput]]:
     """Make a source of messages: what users did at the page and the windows of a rank since it was last asked."""
-    inputs = [sink for sink in distinct(sinks) if isinstance(sink, Browser | WindowSink)]
+    inputs = [sink for sink in distinct(sinks) if isinstance(sink, Steered)]
     windows = [sink for sink in inputs if isinstance(sink, WindowSink)]
     told = ("", False)  # how the run was ended, as last said
 

@@ -17,10 +17,10 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from wall.config.scene import KeyframesConfig, MotionConfig, OrbitConfig, SpinConfig
 from wall.core.data import Float64
+from wall.geometry.rotations import matrices_of, on_the_way, quaternions_of
 
 Vector: TypeAlias = tuple[float, float, float]
 AT_REST = (1.0, 0.0, 0.0, 0.0)
@@ -61,7 +61,7 @@ class Turns:
     def at(self, time: float) -> Float64:
         """(n, 4, 4) rigid matrices at a time in seconds. Whole turns are taken off first, so any time is exact."""
         angle = 2.0 * np.pi * np.fmod(time, self.periods) / self.periods
-        turn = Rotation.from_rotvec(angle[:, None] * self.axes).as_matrix()
+        turn = matrices_of(quaternions_of(angle[:, None] * self.axes))
         moved = (turn @ self.arms[:, :, None])[:, :, 0] - self.arms
         return _rigid(np.where(self.keeps[:, None, None], np.eye(3), turn), moved)
 
@@ -91,8 +91,7 @@ class Paths:
         start, end = self.times[each, left], self.times[each, right]
         held = ~np.isfinite(end)  # past a short row's last key
         share = np.where(held, 0.0, (local - start) / np.where(held, 1.0, end - start))[:, None]
-        begin, target = (Rotation.from_quat(self.rotations[each, k], scalar_first=True) for k in (left, right))
-        rotation = (begin * Rotation.from_rotvec(share * (begin.inv() * target).as_rotvec())).as_matrix()
+        rotation = matrices_of(on_the_way(self.rotations[each, left], self.rotations[each, right], share))
         position = (1.0 - share) * self.positions[each, left] + share * self.positions[each, right]
         return _rigid(rotation, position - (rotation @ self.center[:, :, None])[:, :, 0])
 
@@ -134,7 +133,7 @@ def compile_tracks(motions: Sequence[Moving]) -> Tracks:
 def quaternion(axis: Vector, degrees: float) -> tuple[float, float, float, float]:
     """Unit quaternion (w, x, y, z) of a turn about an axis (any length but zero), right-handed."""
     unit = np.asarray(axis, np.float64) / np.linalg.norm(axis)
-    w, x, y, z = Rotation.from_rotvec(degrees * unit, degrees=True).as_quat(scalar_first=True).tolist()
+    w, x, y, z = quaternions_of(np.radians(degrees) * unit).tolist()
     return (w, x, y, z)
 
 

@@ -230,7 +230,8 @@ def mip_levels(texels: NDArray[np.uint8], *, linear: bool = False) -> NDArray[np
 
     A level's texel is the mean of what it covers in the level before; of sRGB texels, those not `linear`, in light.
     """
-    levels, values = [texels.reshape(-1, 3)], texels / 255.0 if linear else srgb_decoded(texels / 255.0)
+    of_byte = np.arange(256) / 255.0
+    levels, values = [texels.reshape(-1, 3)], (of_byte if linear else srgb_decoded(of_byte))[texels]
     while values.shape[:2] != (1, 1):
         values = _halved(_halved(values).swapaxes(0, 1)).swapaxes(0, 1)
         level = values if linear else srgb_encoded(values)

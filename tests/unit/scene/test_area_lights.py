@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_scenes import BLACK_SKY, instance, keyframes, quad, traced_image, view
+from small_scenes import BLACK_SKY, instance, keyframes, quad, traced_image, view, with_every_feature
 
 from wall.config.scene import SceneConfig
 from wall.core.data import Float64
@@ -54,7 +54,7 @@ def floor_under(*lights: Light, depth: int | None = 1, **more: Any) -> Scene:
 def floor_light(scene: Scene, sweeps: int = 16) -> Float64:
     """Mean radiance of the floor at the origin."""
     seen = view((0.0, 0.3, 0.001), (0.0, 0.0, 0.0), pixels=(64, 64), fov=0.1)
-    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
+    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), seen.panel, seen.eye, coherent=False)
     tracer.set_event(seen.event)
     xy = np.stack(np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5), axis=-1).reshape(-1, 2).astype(np.float32)
     got = [tracer.trace(xy, 0.0, number)[0]["radiance"].astype(np.float64) for number in range(sweeps)]

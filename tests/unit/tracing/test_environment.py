@@ -9,7 +9,18 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from small_scenes import View, directions, instance, quad, scene_of, sphere_mesh, traced_image, view
+from small_scenes import (
+    TracedImage,
+    View,
+    directions,
+    instance,
+    quad,
+    scene_of,
+    sphere_mesh,
+    traced_image,
+    view,
+    with_every_feature,
+)
 
 from wall.core.colour import LUMINANCE
 from wall.core.data import Float64
@@ -45,6 +56,11 @@ def in_environment(scene: Scene, environment: Environment, depth: int | None = N
     return replace(scene, environment=environment, path_depth=depth)
 
 
+def image_of(scene: Scene, seen: View) -> TracedImage:
+    """By one tracer that has every feature, as all of these tests."""
+    return traced_image(with_every_feature(scene), seen)
+
+
 def mean(scene: Scene, seen: View, sweeps: int) -> Float64:
     """Mean radiance, RGB, of so many samples of every pixel."""
     return np.asarray(values(scene, seen, sweeps).mean(axis=(0, 1)), np.float64)
@@ -52,7 +68,7 @@ def mean(scene: Scene, seen: View, sweeps: int) -> Float64:
 
 def values(scene: Scene, seen: View, sweeps: int) -> Float64:
     """(sweeps, pixels, 3) radiance."""
-    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
+    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), seen.panel, seen.eye, coherent=False)
     tracer.set_event(seen.event)
     xy = np.stack(np.meshgrid(np.arange(EDGE) + 0.5, np.arange(EDGE) + 0.5), axis=-1).reshape(-1, 2)
     batches = [tracer.trace(xy.astype(np.float32), 0.0, number)[0]["radiance"] for number in range(sweeps)]
@@ -79,7 +95,7 @@ def test_rays_that_leave_see_the_image_as_it_is_turned(rotation: float) -> None:
     scene = in_environment(scene_of([quad(0.01, 0.01)], [instance(0, at=(0.0, -50.0, 0.0))]), environment)
     for target in ((0.0, 0.0, -1.0), (1.0, 0.7, 0.1), (-0.4, -0.5, 1.0)):
         seen = view((0.0, 0.0, 0.0), target, pixels=(12, 8), fov=60.0)
-        image = traced_image(scene, seen)
+        image = image_of(scene, seen)
         expected = looked_up(environment, directions(seen).reshape(-1, 3)).reshape(8, 12, 3)
         np.testing.assert_allclose(image.radiance, expected, rtol=2e-4, atol=2e-4)
 
@@ -89,7 +105,7 @@ def test_a_layer_of_sky_shows_the_same_environment() -> None:
     seen = view((0.0, 0.0, 0.0), (1.0, 0.4, 0.3), pixels=(16, 12), fov=60.0)
     layer = blank_framelet(seen.panel, frozenset({"colour"}), encoded=False, order=0)
     show_sky(scene.sky, scene.environment, ray_frame(seen.panel, seen.eye, seen.event.camera), np.zeros(2), layer)
-    np.testing.assert_allclose(layer.colour, traced_image(scene, seen).radiance, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(layer.colour, image_of(scene, seen).radiance, rtol=1e-3, atol=1e-3)
 
 
 def test_the_middle_lies_ahead_and_the_right_half_to_the_right() -> None:
@@ -123,7 +139,7 @@ def test_irradiance_of_a_constant_environment_is_pi_times_its_radiance(turn: tup
     scene = scene_of([quad(9.0, 9.0)], [instance(0, turn=turn)])
     toward = {("x", 90.0): (0.0, -4.0, 0.001), ("x", -90.0): (0.0, 4.0, 0.001)}.get(turn, (0.0, 0.0, 4.0))
     seen = view(toward, (0.0, 0.0, 0.0), pixels=(4, 4), fov=1.0)
-    image = traced_image(in_environment(scene, constant(1.0, 2.0, 3.0)), seen)
+    image = image_of(in_environment(scene, constant(1.0, 2.0, 3.0)), seen)
     np.testing.assert_allclose(image.radiance, np.broadcast_to(0.5 * np.array([1.0, 2.0, 3.0]), (4, 4, 3)), rtol=1e-3)
 
 
@@ -236,7 +252,7 @@ def test_aiming_at_an_environment_leaves_the_mean_and_takes_noise(metallic: floa
         normal = np.array([0.0, math.sin(math.radians(70.0)), math.cos(math.radians(70.0))])
         expected = 0.8 * irradiance(environment, normal) / math.pi
         np.testing.assert_allclose(got.mean(axis=(0, 1)), expected, rtol=0.01)
-    flat = make_tracer_scene(lit)
+    flat = make_tracer_scene(with_every_feature(lit))
     assert flat.environment is not None
     rows, columns = tables.chances(np.zeros_like(environment.texels))
     even = replace(flat, environment=flat.environment._replace(row_sums=rows, column_sums=columns))
@@ -260,7 +276,7 @@ def test_a_mirror_shows_the_environment_as_paths_and_direct_light_see_it() -> No
     mirror = Material(name="mirror", base_color=WHITE, mirror=1.0)
     seen = view((0.0, 0.3, 3.0), (0.0, 0.0, 0.0), pixels=(16, 12), fov=30.0)
     scene = scene_of([sphere_mesh(segments=12)], materials=[mirror])
-    direct, path = (traced_image(in_environment(scene, environment, depth), seen) for depth in (None, 2))
+    direct, path = (image_of(in_environment(scene, environment, depth), seen) for depth in (None, 2))
     np.testing.assert_allclose(path.radiance, direct.radiance, rtol=1e-3, atol=1e-4)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_scenes import BLACK_SKY, instance, quad, scene_of, view
+from small_scenes import BLACK_SKY, instance, quad, scene_of, view, with_every_feature
 
 from wall.config.loading import load
 from wall.core.data import Float64, Samples
@@ -31,7 +31,7 @@ def samples_of(z: float, edge: float, lens: Lens | None, sweeps: int, step: int 
     scene = replace(
         scene_of([quad(edge, edge)], [instance(0, at=(0.0, 0.0, z))], materials=[SHINING], sky=BLACK_SKY), path_depth=1
     )
-    tracer = Tracer(make_tracer_scene(scene), SEEN.panel, SEEN.eye, coherent=False, lens=lens)
+    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), SEEN.panel, SEEN.eye, coherent=False, lens=lens)
     tracer.set_event(SEEN.event)
     xy = (
         np.stack(np.meshgrid(np.arange(0, EDGE, step) + 0.4, np.arange(0, EDGE, step) + 0.6), axis=-1)

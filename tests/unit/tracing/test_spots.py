@@ -7,7 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_scenes import directions, instance, keyframes, quad, scene_of, sphere_mesh, traced_image, view
+from small_scenes import (
+    directions,
+    instance,
+    keyframes,
+    quad,
+    scene_of,
+    sphere_mesh,
+    traced_image,
+    view,
+    with_every_feature,
+)
 
 from wall.config.scene import SceneConfig
 from wall.core.errors import ConfigError
@@ -33,7 +43,8 @@ def khr_share(angle: float, inner: float, outer: float) -> float:
 def test_spots_fade_as_gltf_says(inner: float, outer: float, depth: int | None) -> None:
     """L = albedo / pi * I share(angle) cos / r^2 on a plane, at every pixel's own point; no light outside the cone."""
     spot = replace(SPOT, inner_angle=inner, outer_angle=outer)
-    got = traced_image(replace(scene_of([quad(50.0, 50.0)], lights=[spot]), path_depth=depth), SEEN)
+    scene = replace(scene_of([quad(50.0, 50.0)], lights=[spot]), path_depth=depth)
+    got = traced_image(with_every_feature(scene), SEEN)
     rays = directions(SEEN)
     hit = np.array([0.0, 0.0, 5.0]) + rays * (5.0 / -rays[..., 2:3])
     away = hit - spot.position
@@ -54,9 +65,10 @@ def test_a_spot_casts_the_shadow_of_a_point_and_paths_agree() -> None:
     wide = replace(SPOT, direction=(0.0, 0.0, -1.0), inner_angle=80.0, outer_angle=85.0)
     point = PointLight(position=wide.position, intensity=wide.intensity)
     meshes, placed = [quad(6.0, 6.0), sphere_mesh()], [instance(0), instance(1, at=(0.0, 0.0, 0.8), scale=0.3)]
-    direct = [traced_image(scene_of(meshes, placed, lights=[light]), SEEN).radiance for light in (wide, point)]
+    scenes = [with_every_feature(scene_of(meshes, placed, lights=[light])) for light in (wide, point)]
+    direct = [traced_image(scene, SEEN).radiance for scene in scenes]
     np.testing.assert_allclose(direct[0], direct[1], rtol=1e-6)
-    path = traced_image(replace(scene_of(meshes, placed, lights=[wide]), path_depth=1), SEEN)
+    path = traced_image(replace(scenes[0], path_depth=1), SEEN)
     np.testing.assert_allclose(path.radiance, direct[0], rtol=2e-5, atol=1e-6)
 
 

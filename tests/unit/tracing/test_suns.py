@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_scenes import instance, quad, scene_of, traced_image, view
+from small_scenes import instance, quad, scene_of, traced_image, view, with_every_feature
 
 from wall.core.data import Float64
 from wall.scene.build import Scene
@@ -26,7 +26,7 @@ def sun(diameter: float, *, up: tuple[float, float, float] = (0.0, 1.0, 0.0)) ->
 def mean_at(scene: Scene, x: float, sweeps: int) -> Float64:
     """Mean radiance of the floor at (x, 0, 0), seen from low beside it."""
     seen = view((x, 0.05, 3.0), (x, 0.0, 0.0), pixels=(EDGE, EDGE), fov=0.001)
-    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
+    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), seen.panel, seen.eye, coherent=False)
     tracer.set_event(seen.event)
     xy = np.stack(np.meshgrid(np.arange(EDGE) + 0.5, np.arange(EDGE) + 0.5), axis=-1).reshape(-1, 2).astype(np.float32)
     got = [tracer.trace(xy, 0.0, n)[0]["radiance"].astype(np.float64) for n in range(sweeps)]
@@ -75,10 +75,11 @@ def test_direct_light_takes_a_disc_for_a_direction_and_paths_of_both_add_up() ->
     def floor(*lights: DirectionalLight, depth: int | None) -> Scene:
         return replace(scene_of([quad(5.0, 5.0)], [instance(0, turn=("x", -90.0))], lights=lights), path_depth=depth)
 
-    soft, sharp = (traced_image(floor(sun(size), sun(0.0), depth=None), seen).radiance for size in (10.0, 0.0))
+    scenes = [with_every_feature(floor(sun(size), sun(0.0), depth=None)) for size in (10.0, 0.0)]
+    soft, sharp = (traced_image(scene, seen).radiance for scene in scenes)
     np.testing.assert_array_equal(soft, sharp)
     assert not needs(floor(sun(10.0), depth=None)).suns
     assert needs(floor(sun(10.0), depth=1)).suns
-    both = traced_image(floor(sun(10.0), sun(0.0), depth=1), seen)
-    apart = [traced_image(floor(light, depth=1), seen).radiance for light in (sun(10.0), sun(0.0))]
+    both = traced_image(with_every_feature(floor(sun(10.0), sun(0.0), depth=1)), seen)
+    apart = [traced_image(with_every_feature(floor(light, depth=1)), seen).radiance for light in (sun(10.0), sun(0.0))]
     np.testing.assert_allclose(both.radiance, apart[0] + apart[1], rtol=1e-5)

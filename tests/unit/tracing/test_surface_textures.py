@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import small_scenes
 from numpy.typing import NDArray
-from small_scenes import BLACK_SKY, View, instance, quad, traced_image, view
+from small_scenes import BLACK_SKY, View, instance, quad, traced_image, view, with_every_feature
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
@@ -47,22 +47,9 @@ def scene_of(
     lights: Sequence[Light] = (),
     sky: Sky = BLACK_SKY,
 ) -> Scene:
-    """A scene with an object out of sight that has every texture, and a light without light: one kernel for all."""
-    first = len(textures)
-    more = [Texture(name="more", texels=plain(9, 9, 9), linear=k % 2 == 1, wrap=("clamp", "mirror")) for k in range(4)]
-    all_of_it = Material(
-        name="all", base_color=BLACK, emission=(1e-9, 0.0, 0.0), metallic=0.5,
-        textures=TextureSet(*range(first, first + 4)),
-    )  # fmt: skip
-    behind = instance(len(meshes), at=(0.0, -500.0, 90.0), scale=0.1)
-    dark = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=BLACK)
-    return small_scenes.scene_of(
-        [*meshes, replace(SQUARE, material=len(materials))],
-        [*([instance(k) for k in range(len(meshes))] if placed is None else placed), behind],
-        materials=[*materials, all_of_it],
-        textures=[*textures, *more],
-        lights=[dark, *lights],
-        sky=sky,
+    """A scene for the tracer that has every feature: one kernel for all of these tests."""
+    return with_every_feature(
+        small_scenes.scene_of(meshes, placed, materials=materials, textures=textures, lights=lights, sky=sky)
     )
 
 

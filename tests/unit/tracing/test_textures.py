@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from small_scenes import Triple, View, instance, material, quad, scene_of, view
+from small_scenes import Triple, View, instance, material, quad, scene_of, view, with_every_feature
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
@@ -120,6 +120,7 @@ def test_a_mirror_carries_footprints_on() -> None:
     )  # fmt: skip
     seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(24, 24), fov=30.0)
     xy = np.random.default_rng(2).uniform(0.0, 24.0, (256, 2))
+    shown, behind = with_every_feature(shown), with_every_feature(behind)
     through, straight = traced(shown, seen, xy, 1.0), traced(behind, seen, xy, 1.0)
     np.testing.assert_allclose(through, straight, atol=2e-3)
     assert rmse(straight - traced(behind, seen, xy, 0.0)) > 0.05
