@@ -108,7 +108,7 @@ class Reconstruction:
         self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
-        last = LONGEST_FILTERED if noisy else MEAN_ALONE
+        last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
         self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE, last=last)
         self.refreshes = 0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
