@@ -110,7 +110,7 @@ class Reconstruction:
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
         self._schedule = RestSchedule(self.buffer.history.arrived, TILE * TILE, last=last)
-        self.refreshes = 0
+        self.refreshes, self._moved_at = 0, 0.0
         self.radiance: Float32 = np.zeros((height, width, 3), np.float32)  # with the accumulation: the image shown
 
     def insert(self, samples: Samples, base_time: float, event: Posed) -> None:
@@ -126,11 +126,15 @@ class Reconstruction:
         self.poses.show(event)
         self.refreshes += 1
         if not self.nothing_moves:
+            self._moved_at = now
             self._reconstruct(self._schedule.take_due(now), self.buffer.seconds(now))
         elif not stood:
             come_to_rest(self.poses, history)
         elif self.count:
-            self._splat(self.poses.moved(), self._schedule.take_due(now), self.buffer.seconds(now))
+            due, seconds = self._schedule.take_due(now), self.buffer.seconds(now)
+            if self._lighting is not None:  # which shows stored samples for long, and few new ones come: none are to age
+                seconds = np.float32(self._moved_at - self.buffer.epoch)
+            self._splat(self.poses.moved(), due, seconds)
         if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
             history.clear_accumulation()
         if history.dirty.any() and self._lighting is not None:
