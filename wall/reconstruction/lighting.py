@@ -44,26 +44,26 @@ class Lighting:
         kernels_change.probe_light(store, first, last, self.field, self._probes)
 
     def correct(self, store: SampleStore, count: int, now: np.float32) -> None:
-        """Bring older samples to the light that newer ones found, whenever the light is filtered anew."""
-        if self._is_due(now) and kernels_change.find_changes(self._probes, self._changes):
+        """Bring older samples to the light that newer ones found. To be called before weights are found."""
+        if kernels_change.find_changes(self._probes, self._changes):
             kernels_change.correct_light(store, count, self._changes, now)
 
-    def _is_due(self, now: np.float32) -> bool:
+    def is_due(self, now: np.float32) -> bool:
+        """Whether light is to be filtered anew: not at every refresh while something moves."""
         return not 0.0 <= now - self._filtered < self._interval
 
-    def show(
+    def show_new(self, store: SampleStore, count: int, weight: Float32) -> None:
+        """Show new samples in the light that was filtered last; older ones keep what they show, wherever they move."""
+        kernels.show_light(store, weight, count, self._filtered, self.field)
+
+    def filter(
         self, store: SampleStore, count: int, weight: Float32, history: PixelHistory, now: np.float32
     ) -> None:  # fmt: skip
-        """Bring the samples' radiance to the filtered light; weights and nearest samples are known.
+        """Filter the light of all samples anew and show them in it; weights and nearest samples are known.
 
-        now : float32 seconds of the store's clock. Light is filtered anew now and then: meanwhile older samples
-        keep what they show, wherever they move, and only new ones take the light of their pixels.
+        now : float32 seconds of the store's clock
         """
-        field = self.field
-        if not self._is_due(now):
-            kernels.show_light(store, weight, count, self._filtered, field)
-            return
-        self._filtered = now
+        field, self._filtered = self.field, now
         kernels.gather_light(store, weight, count, history.nearest, field)
         kernels.resolve_light(store, history, field)
         kernels_filter.pool_variance(self._padded)

@@ -132,7 +132,7 @@ class Reconstruction:
             come_to_rest(self.poses, history)
         elif self.count:
             due, seconds = self._schedule.take_due(now), self.buffer.seconds(now)
-            if self._lighting is not None:  # which shows stored samples for long, and few new ones come: none are to age
+            if self._lighting is not None:  # which shows stored samples for long: they are not to age
                 seconds = np.float32(self._moved_at - self.buffer.epoch)
             self._splat(self.poses.moved(), due, seconds)
         if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
@@ -262,12 +262,16 @@ class Reconstruction:
         decay = np.float32(SLOW_DECAY) * ageing * (1.0 + DECAY_PER_GRADIENT * history.temporal_gradient)
         silhouette = kernels_visibility.SILHOUETTE_PER_S * ageing
         kernels_visibility.bound_depths(history.nearest, moved, decay, silhouette, self.splat_sums, tiles, self._bounds)
-        if self._lighting is not None and self._with.change_test:
-            self._lighting.correct(store, count, now)
+        lighting = self._lighting
+        filters = lighting is not None and (self.nothing_moves or lighting.is_due(now))
+        if lighting is not None and filters and self._with.change_test:
+            lighting.correct(store, count, now)
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visibility.weigh(store, count, history.nearest, self._bounds, now, young, self._weight, self._untested)
-        if self._lighting is not None:
-            self._lighting.show(store, count, self._weight, history, now)
+        if lighting is not None and filters:
+            lighting.filter(store, count, self._weight, history, now)
+        elif lighting is not None:
+            lighting.show_new(store, count, self._weight)
         kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
 
     def _in_parts(self) -> bool:
