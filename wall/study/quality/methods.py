@@ -14,6 +14,7 @@ from wall.study.quality import (
     methods_reduced,
     methods_render_cache,
     methods_streams,
+    methods_svgf,
     methods_taa,
 )
 from wall.study.quality.method import Method, Setup
@@ -24,6 +25,7 @@ FACTORIES: dict[str, Callable[[Setup], Method]] = {
     **methods_progressive.METHODS,
     **methods_reduced.METHODS,
     **methods_taa.METHODS,
+    **methods_svgf.METHODS,
     **methods_render_cache.METHODS,
     **methods_afr.METHODS,
     **methods_streams.METHODS,

@@ -1,7 +1,11 @@
-"""What converges when everything stands still: the yardstick of images at rest, no way to show motion.
+"""What converges when everything stands still.
 
-While anything moves it keeps its last image. From the first step on in which nothing did it starts empty, and adds
-whole sweeps of samples, spread over each pixel, to a mean; pixels that have none yet show what was there before.
+`progressive`: the yardstick of images at rest, no way to show motion. While anything moves it keeps its last image.
+From the first step on in which nothing did it starts empty, and adds whole sweeps of samples, spread over each pixel,
+to a mean; pixels that have none yet show what was there before.
+
+`accumulating`: what viewports do. Frames of one jittered sample a pixel, double-buffered; while nothing moves it shows
+their mean, and the newest one else.
 """
 
 from __future__ import annotations
@@ -10,9 +14,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wall.core.data import Event, Float32
+from wall.core.data import Event, Float32, Samples
 from wall.packets.samples import MAX_SAMPLES
 from wall.sampling.pixel_means import PixelMeans, footprint_of
+from wall.study.quality.baseline import FramedMethod
 from wall.study.quality.method import Inputs, MeteredTracer, Method, Setup, centres, steps
 
 
@@ -69,4 +74,32 @@ class ProgressiveMethod:
         return PixelMeans(self._setup.rect, seed=self._setup.seed)
 
 
-METHODS: dict[str, Callable[[Setup], Method]] = {"progressive": ProgressiveMethod}
+class AccumulatingDisplay:
+    """Mean of the frames of the newest event."""
+
+    jittered = True
+
+    def __init__(self) -> None:
+        self._event: Event | None = None
+        self._mean: Float32 = np.zeros((0, 0, 3), np.float32)
+        self._frames = 0
+
+    def take(self, raster: Samples, event: Event) -> None:
+        """Adds a frame, (h, w) samples, to those of its event."""
+        if self._event is None or event.number != self._event.number:
+            self._mean, self._frames = np.zeros_like(raster["radiance"]), 0
+        self._frames += 1
+        self._mean += (raster["radiance"] - self._mean) / np.float32(self._frames)
+        self._event = event
+
+    def image(self, event: Event) -> Float32:
+        """Returns the mean, (h, w, 3) linear RGB; of whatever event it is."""
+        return self._mean
+
+
+def accumulating(setup: Setup) -> FramedMethod:
+    """Frames of one sample a pixel."""
+    return FramedMethod(setup, setup.size, AccumulatingDisplay())
+
+
+METHODS: dict[str, Callable[[Setup], Method]] = {"progressive": ProgressiveMethod, "accumulating": accumulating}

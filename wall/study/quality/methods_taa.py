@@ -31,13 +31,14 @@ ALPHA = 0.1
 class TemporalDisplay:
     """History, and its warp to the moment of display. With `alpha` = 1 there is no history."""
 
-    def __init__(self, setup: Setup, *, alpha: float, warp: bool, jittered: bool = True) -> None:
+    def __init__(self, setup: Setup, *, alpha: float, warp: bool, jittered: bool = True, behind: bool = False) -> None:
+        """`behind`: what is uncovered shows what is behind, else whatever is around."""
         width, height = setup.size
         self.jittered = jittered
-        self._setup, self._warp = setup, warp
+        self._setup, self._warp, self._behind = setup, warp, behind
         self._limit = np.float32(1.0 / alpha - 1.0)
         self._keep = alpha < 1.0
-        self._shown = np.zeros((height, width, 4), np.float32)
+        self.shown = np.zeros((height, width, 4), np.float32)  # radiance and the samples that it stands for
         self._found = np.zeros((height, width, 5), np.float32)
         self._moved = np.zeros((height, width, 3), np.float32)
         self._nearest, self._fallback = np.zeros((2, height, width), np.float32)
@@ -57,22 +58,28 @@ class TemporalDisplay:
         kernels_taa.locate_samples(frame, pose)
         then = pose if self._pose is None else self._pose
         surface = np.ascontiguousarray(self._found[:, :, 3:])
-        history = kernels_taa.History(self._shown * np.float32(self._keep), surface)
+        history = kernels_taa.History(self.shown * np.float32(self._keep), surface)
         kernels_taa.accumulate(
-            frame, pose, then.panel_from_object, still, history, self._limit, GAMMA, self._shown, self._found
+            frame, pose, then.panel_from_object, still, history, self._limit, GAMMA, self.shown, self._found
         )
         self._event, self._pose = event, pose
 
     def image(self, event: Event) -> Float32:
         """Returns the history, warped to `event` where asked for, (h, w, 3) linear RGB."""
         if not self._warp or self._event is None or event.number == self._event.number:
-            return self._shown[:, :, :3]
+            return self.shown[:, :, :3]
         table = object_maps(self._setup, event).panel_from_object
         kernels_warp.move_surfaces(self._found, table, self._moved, self._nearest, self._fallback)
         kernels_warp.sources(self._moved, self._nearest, self._fallback, self._origin)
-        if kernels_warp.gather(self._shown, self._origin, self._warped):
-            fill_holes(self._warped)
+        if kernels_warp.gather(self.shown, self._origin, self._warped):
+            self._fill()
         return self._warped[:, :, :3]
+
+    def _fill(self) -> None:
+        if self._behind:
+            kernels_warp.fill_from_behind(self._warped, np.minimum(self._nearest, self._fallback))
+        else:
+            fill_holes(self._warped)
 
 
 def temporal(divisor: int, alpha: float, warp: bool, setup: Setup) -> FramedMethod:

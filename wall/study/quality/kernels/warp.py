@@ -16,6 +16,8 @@ from wall.deepbuffer.kernels.reproject import pixel_of
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
 SAME_DEPTH = np.float32(1.05)  # ratio of depths up to which two pixels are one surface
+LONE = np.float32(1 / 64)  # weight of what is met where there is nothing opposite: it may as well be before the hole
+RIM = 2  # pixels beside an edge that resampling mixes with what is on its other side
 
 
 @inline_kernel
@@ -179,3 +181,73 @@ def push(coarse, fine):
                 )
                 fine[i, j, c] = weight * fine[i, j, c] + (ONE - weight) * mixed
             fine[i, j, 3] = ONE
+
+
+@kernel
+def fill_from_behind(image, depth):
+    """Fill holes with what is met in eight directions, near ones first; of two opposite ones the one that is further.
+
+    What borders on a hole on its far side goes too: resampling has mixed it with what was before it.
+
+    image : (h, w, 4) float32 colour and weight, 0 in holes, which are filled in place
+    depth : (h, w) float32, of what is no hole
+    """
+    height, width = depth.shape
+    for i in range(height):
+        for j in range(width):
+            for axis in range(4 if image[i, j, 3] <= ZERO else 0):
+                down, right = (0, 1) if axis == 0 else (1, axis - 2)
+                a, b = first_known(image, i, j, -down, -right)
+                c, d = first_known(image, i, j, down, right)
+                if a < 0 or c < 0:
+                    continue
+                if depth[c, d] > depth[a, b] * SAME_DEPTH:
+                    open_rim(image, depth, c, d, down, right)
+                elif depth[a, b] > depth[c, d] * SAME_DEPTH:
+                    open_rim(image, depth, a, b, -down, -right)
+    for i in range(height):
+        for j in range(width):
+            if image[i, j, 3] < ONE:
+                image[i, j, :] = ZERO
+    for i in range(height):
+        for j in range(width):
+            total = ZERO
+            for axis in range(4 if image[i, j, 3] <= ZERO else 0):
+                down, right = (0, 1) if axis == 0 else (1, axis - 2)
+                k, m = first_known(image, i, j, -down, -right)
+                c, d = first_known(image, i, j, down, right)
+                lone = k < 0 or c < 0
+                if k < 0 or (c >= 0 and depth[c, d] > depth[k, m]):
+                    k, m = c, d
+                if k < 0:
+                    continue
+                weight = (LONE if lone else ONE) / np.float32((k - i) ** 2 + (m - j) ** 2)
+                total += weight
+                for channel in range(3):
+                    image[i, j, channel] += weight * image[k, m, channel]
+            if total > ZERO:
+                for channel in range(3):
+                    image[i, j, channel] /= total
+
+
+@inline_kernel
+def first_known(image, i, j, down, right):
+    """Row and column of the first pixel from (i, j) on that is no hole; -1 where the image ends before."""
+    while i >= 0 and j >= 0 and i < image.shape[0] and j < image.shape[1]:
+        if image[i, j, 3] > ZERO:
+            return i, j
+        i, j = i + down, j + right
+    return -1, -1
+
+
+@inline_kernel
+def open_rim(image, depth, i, j, down, right):
+    """Mark RIM pixels of a surface from (i, j) on as no longer known: their weight becomes 1/2."""
+    far = depth[i, j]
+    for _ in range(RIM):
+        if i < 0 or j < 0 or i >= image.shape[0] or j >= image.shape[1] or image[i, j, 3] <= ZERO:
+            return
+        if depth[i, j] * SAME_DEPTH < far:
+            return
+        image[i, j, 3] = HALF
+        i, j = i + down, j + right
