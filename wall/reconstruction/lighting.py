@@ -10,14 +10,15 @@ from wall.reconstruction.kernels import edge_filter as kernels_filter
 from wall.reconstruction.kernels import light_change as kernels_change
 from wall.reconstruction.kernels import light_field as kernels
 
-PIXEL_S = 4e-7  # seconds from one filtering to the next, for each pixel: so its share of a core stays the same
+SAMPLE_EVERY = 20  # pixels: with so many new samples light is filtered anew,
+PIXEL_S = 2e-6  # or after so many seconds for each pixel: so its share of a core is bounded
 EVERY_SAMPLE = np.float32(-np.inf)
 
 
 class Lighting:
     """Filters the light of samples over their surfaces, at every refresh."""
 
-    def __init__(self, height: int, width: int) -> None:
+    def __init__(self, height: int, width: int, objects: int) -> None:
         def zeros(rows: int) -> Float32:
             return np.zeros((rows, *kernels_filter.padded(height, width)), np.float32)
 
@@ -34,14 +35,16 @@ class Lighting:
             filtered=self._padded.filtered[inside],
         )  # fmt: skip
         tiles = -(-height // kernels_change.LIGHT_TILE), -(-width // kernels_change.LIGHT_TILE)
-        self._interval = PIXEL_S * height * width
-        self._filtered = EVERY_SAMPLE  # when light was filtered last
+        self._enough, self._longest = height * width // SAMPLE_EVERY, PIXEL_S * height * width
+        self._new = 0  # samples since the light was filtered last,
+        self._filtered, self._table = EVERY_SAMPLE, np.zeros((objects + 1, 12), np.float32)  # when, and from where
         self._probes = np.zeros((*tiles, kernels_change.COLUMNS), np.float32)
         self._changes = np.ones((*tiles, 4), np.float32)
 
     def probe(self, store: SampleStore, first: int, last: int) -> None:
         """Compare new samples, first..last of the store, with the light that is shown."""
-        kernels_change.probe_light(store, first, last, self.field, self._probes)
+        self._new += last - first
+        kernels_change.probe_light(store, first, last, self._table, self.field, self._probes)
 
     def correct(self, store: SampleStore, count: int, now: np.float32) -> None:
         """Bring older samples to the light that newer ones found. To be called before weights are found."""
@@ -49,27 +52,27 @@ class Lighting:
             kernels_change.correct_light(store, count, self._changes, now)
 
     def is_due(self, now: np.float32) -> bool:
-        """Whether light is to be filtered anew: not at every refresh while something moves."""
-        return not 0.0 <= now - self._filtered < self._interval
+        """Whether light is to be filtered anew while something moves: enough samples came, or it was long ago."""
+        return self._new >= self._enough or not 0.0 <= now - self._filtered < self._longest
 
     def show_new(self, store: SampleStore, count: int, weight: Float32) -> None:
         """Show new samples in the light that was filtered last; older ones keep what they show, wherever they move."""
-        kernels.show_light(store, weight, count, self._filtered, self.field)
+        kernels.show_light(store, weight, count, self._filtered, self._table, self.field)
 
     def filter(
-        self, store: SampleStore, count: int, weight: Float32, history: PixelHistory, now: np.float32
+        self, store: SampleStore, count: int, weight: Float32, history: PixelHistory, now: np.float32, table: Float32
     ) -> None:  # fmt: skip
         """Filter the light of all samples anew and show them in it; weights and nearest samples are known.
 
-        now : float32 seconds of the store's clock
+        now : float32 seconds of the store's clock; table : (objects + 1, 12) float32, panel_from_object
         """
-        field, self._filtered = self.field, now
+        field, self._filtered, self._table, self._new = self.field, now, table, 0
         kernels.gather_light(store, weight, count, history.nearest, field)
         kernels.resolve_light(store, history, field)
         kernels_filter.pool_variance(self._padded)
         kernels_filter.filter_light(self._padded, kernels_filter.LEVELS)
         kernels.estimate_bias(history, field)
-        kernels.show_light(store, weight, count, EVERY_SAMPLE, field)
+        kernels.show_light(store, weight, count, EVERY_SAMPLE, table, field)
 
     def mix(self, resolved: Float32, history: PixelHistory, shown: Float32) -> None:
         """Mix what pixels accumulated at rest into the filtered image: the dirty tiles of `shown` are redone."""

@@ -45,7 +45,7 @@ def test_an_albedo_comes_back_within_half_a_code() -> None:
 
 def lighting(light: Float32, *, variance: float, count: float = 1.0) -> Lighting:
     """Of pixels of object 1 in the plane z = 0, a unit apart, their light (SIZE, SIZE) grey."""
-    made = Lighting(SIZE, SIZE)
+    made = Lighting(SIZE, SIZE, 2)
     pixels = made.field.pixels
     pixels[fields.OBJECT], pixels[fields.NORMAL_Z], pixels[fields.VARIANCE] = 1.0, 1.0, variance
     pixels[fields.POSITION_Y], pixels[fields.POSITION_X] = np.mgrid[:SIZE, :SIZE]

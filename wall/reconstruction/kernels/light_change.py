@@ -14,7 +14,7 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import luminance
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y
-from wall.reconstruction.kernels.light_field import L_COUNT, OBJECT, VARIANCE
+from wall.reconstruction.kernels.light_field import L_COUNT, VARIANCE, find_surface
 
 uint32 = np.uint32
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
@@ -32,25 +32,26 @@ TINY = np.float32(1e-20)
 
 
 @kernel
-def probe_light(store, first, last, field, probes):
+def probe_light(store, first, last, table, field, probes):
     """Compare samples first..last of the store with the filtered light of their pixels.
 
-    store : SampleStore; field : LightField, as filtered last; probes : (rows, columns, COLUMNS) float32, updated
+    store : SampleStore; field : LightField, as filtered last; table : see show_light
+    probes : (rows, columns, COLUMNS) float32, updated
     """
-    screen, filtered, pixels = store.screen_position, field.filtered, field.pixels
+    screen, filtered = store.screen_position, field.filtered
     for k in range(first, last):
         if not screen[DEPTH, k] > ZERO:
             continue
-        i, j = uint32(screen[Y, k]), uint32(screen[X, k])
+        found, i, j = find_surface(store, k, table, field.pixels)
         count = filtered[L_COUNT, i, j]
-        if pixels[OBJECT, i, j] != np.float32(store.object_id[k]) or not count > ZERO or store.object_id[k] == 0:
+        if not found or not count > ZERO or store.object_id[k] == 0:
             continue
         a, b, c = filtered[0, i, j], filtered[1, i, j], filtered[2, i, j]
         x, y, z = store.light[k, 0] - a, store.light[k, 1] - b, store.light[k, 2] - c
-        variance = pixels[VARIANCE, i, j]
+        variance = field.pixels[VARIANCE, i, j]
         own, limit = abs(luminance(x, y, z)), CLIP * math.sqrt(variance)
         share = limit / own if own > limit else ONE
-        tile = probes[i // uint32(LIGHT_TILE), j // uint32(LIGHT_TILE)]
+        tile = probes[uint32(screen[Y, k]) // uint32(LIGHT_TILE), uint32(screen[X, k]) // uint32(LIGHT_TILE)]
         tile[DIFFERENCE] += share * x
         tile[DIFFERENCE + 1] += share * y
         tile[DIFFERENCE + 2] += share * z

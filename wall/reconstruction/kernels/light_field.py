@@ -13,9 +13,10 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import luminance
-from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y
+from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y, Z
 from wall.deepbuffer.kernels.lights import BYTE, NORMAL_STEPS
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.deepbuffer.kernels.reproject import pixel_of
 
 uint32 = np.uint32
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -133,35 +134,41 @@ def resolve_light(store, history, field):
 
 
 @kernel
-def show_light(store, weight, count, since, field):
+def show_light(store, weight, count, since, table, field):
     """Show the samples in the filtered light of their pixel: `radiance` becomes albedo times that.
 
-    A sample whose pixel speaks for another object takes the light of the first of 3x3 that shows its own, or keeps
-    the light that it found.
+    A sample whose surface the field does not show keeps the light that it found.
 
     store : SampleStore; weight : (capacity,) float32, only samples with weight are shown; count : int, samples stored
     since : float32 seconds of the store's clock, only later samples are shown anew
+    table : (n + 1, 12) float32, panel_from_object when the light was filtered
     """
-    screen, pixels, light = store.screen_position, field.pixels, field.filtered
     for k in range(count):
         if not weight[k] > ZERO or store.time[k] < since:
             continue
-        i, j, object_id = int(screen[Y, k]), int(screen[X, k]), np.float32(store.object_id[k])
-        found = pixels[OBJECT, i, j] == object_id
-        if not found:
-            found, i, j = find_object(pixels, i, j, object_id)
+        found, i, j = find_surface(store, k, table, field.pixels)
         for c in range(3):
-            store.radiance[k, c] = store.albedo[c, k] * (light[c, i, j] if found else store.light[k, c])
+            store.radiance[k, c] = store.albedo[c, k] * (field.filtered[c, i, j] if found else store.light[k, c])
 
 
 @inline_kernel
-def find_object(pixels, i, j, object_id):
-    """Whether one of the pixels around (i, j) shows an object, and which."""
+def find_surface(store, k, table, pixels):
+    """Whether the field shows the surface of sample k where that was when the light was filtered, and in which pixel.
+
+    That is its own or one of the eight around.
+    """
+    object_id = np.int64(store.object_id[k])
+    x, y, depth = pixel_of(store.position[X, k], store.position[Y, k], store.position[Z, k], object_id, table)
+    if not (depth > ZERO and x >= ZERO and y >= ZERO and x < pixels.shape[2] and y < pixels.shape[1]):
+        return False, 0, 0
+    i, j, wanted = int(y), int(x), np.float32(object_id)
+    if pixels[OBJECT, i, j] == wanted:
+        return True, i, j
     for di in range(max(i - 1, 0), min(i + 2, pixels.shape[1])):
         for dj in range(max(j - 1, 0), min(j + 2, pixels.shape[2])):
-            if pixels[OBJECT, di, dj] == object_id:
+            if pixels[OBJECT, di, dj] == wanted:
                 return True, di, dj
-    return False, i, j
+    return False, 0, 0
 
 
 @kernel
