@@ -79,27 +79,32 @@ def run(
 @app.command(name="set")
 def set_command(
     assignments: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME=VALUE...", help="Parameters and what they are to be")
+        list[str] | None,
+        typer.Argument(metavar="NAME=VALUE...", help="Parameters and what they are to be; of --list: names"),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of results of the running wall: its --out")] = Path("OUT"),
-    listed: Annotated[bool, typer.Option("--list", help="Show all parameters, their values and ranges")] = False,
+    listed: Annotated[
+        bool, typer.Option("--list", help="Show parameters, their values and ranges: all, or those named")
+    ] = False,
 ) -> None:
     """Change parameters of a running wall: all that are named, or, if one is refused, none.
 
     A value is a number, numbers with commas between, a colour #rrggbb, or `default`.
 
-    [bold]wall set --list[/]
+    [bold]wall set --list[/], [bold]wall set --list 'lights.*'[/]
 
     [bold]wall set exposure=1 lights.0.intensity=8,7,5[/]
     """
-    from wall.commands.set import lines_of, set_parameters
+    from wall.commands.set import lines_of, note_of, set_parameters
 
     if not assignments and not listed:
         raise EditError("nothing to set: want NAME=VALUE, or --list")
     answer = set_parameters(out, assignments or [], listed=listed)
     if listed:
         print("\n".join(lines_of(answer.parameters)))
-    if assignments:
+        if note := note_of(answer):
+            errors.print(f"note: {note}", markup=False)
+    if any("=" in text for text in assignments or ()):
         console.print(f"set by edit {answer.edit}", markup=False)
 
 

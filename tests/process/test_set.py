@@ -18,6 +18,7 @@ from PIL import Image
 from running import page_of, start, wall, write_config
 
 PATIENCE_S = 20.0
+LIGHT = {"lights.2.direction", "lights.2.irradiance"}
 
 
 @pytest.fixture
@@ -76,6 +77,10 @@ def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Pa
     rows = {line.split()[0]: line for line in listed.stdout.splitlines() if line.split()}
     assert rows["exposure"].split()[1] == "1"
     assert rows["lights.2.irradiance"].split()[1] == "0,0,9"
+    some = wall("set", "--list", "lights.2.*", "exposure", "--out", out)
+    assert [line.split()[0] for line in some.stdout.splitlines()] == ["exposure", *sorted(rows.keys() & LIGHT)]
+    none = wall("set", "--list", "nothing", "--out", out)
+    assert (none.returncode, "no parameter is named like nothing" in none.stderr) == (2, True)
     assert np.array_equal(shown(address), blue)
 
     assert wall("set", "lights.2.irradiance=default", "exposure=default", "--out", out).returncode == 0

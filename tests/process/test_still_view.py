@@ -62,9 +62,15 @@ class Viewer:
             error = await self.error()
 
 
+async def listen(page: aiohttp.ClientWebSocketResponse) -> None:
+    """Read all that comes: pings are answered as they are read, and a viewer that answers none is taken for gone."""
+    async for _ in page:
+        pass
+
+
 async def zoom_and_return(address: str, reference: NDArray[np.float64]) -> None:
     async with aiohttp.ClientSession() as session, session.ws_connect(address + "stream") as page:
-        viewer = Viewer(session, address, reference)
+        viewer, listening = Viewer(session, address, reference), asyncio.create_task(listen(page))
         await viewer.until(0.0, ALIKE, "at first")
         for _ in range(3):
             await page.send_json({"kind": "zoom", "x": WHEEL})
@@ -72,6 +78,7 @@ async def zoom_and_return(address: str, reference: NDArray[np.float64]) -> None:
         await asyncio.sleep(5.0)  # plain surfaces of the zoomed view are complete
         await page.send_json({"kind": "reset"})
         await viewer.until(0.0, ALIKE, "back")
+        listening.cancel()
 
 
 @pytest.mark.clock

@@ -27,20 +27,25 @@ ASK_AGAIN_S = 1.0  # a request that found no wall yet, or whose answer was lost,
 def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool) -> EditAnswer:
     """Ask the wall that writes its results to `folder`, within ANSWER_S seconds.
 
-    assignments : "NAME=VALUE" each. Raises EditError where it is refused, RunError where no wall answers.
+    assignments : "NAME=VALUE" each, where `listed` also patterns of the names to be listed; without one, all are.
+        Raises EditError where it is refused, RunError where no wall answers.
     """
-    pairs = [list(parse_assignment(text)) for text in assignments]
-    if len(pairs) > MAX_COMMANDS:
-        raise EditError(f"{len(pairs)} parameters at once; at most {MAX_COMMANDS}")
+    patterns = [text for text in assignments if listed and "=" not in text]
+    pairs = [list(parse_assignment(text)) for text in assignments if text not in patterns]
+    if max(len(pairs), len(patterns)) > MAX_COMMANDS:
+        raise EditError(f"{max(len(pairs), len(patterns))} parameters at once; at most {MAX_COMMANDS}")
+    names = (patterns or ["*"]) if listed else []
     control = control_file.read(folder)
     client = FIRST_CLIENT + secrets.randbelow(FIRST_CLIENT)
     try:
-        request = serialise(EditRequest(client=client, key=control.key, assignments=pairs, listed=listed))
+        request = serialise(EditRequest(client=client, key=control.key, assignments=pairs, listed=names))
     except LocalProtocolError as error:
         raise EditError(f"the request is too long: {error}") from error
     answer = _asked(control, request, client)
     if answer.refused:
         raise EditError(answer.refused)
+    if listed and not answer.parameters and not answer.left_out:
+        raise EditError(f"no parameter is named like {', '.join(names)}; wall set --list names them all")
     return answer
 
 
@@ -106,6 +111,16 @@ def lines_of(parameters: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         )
         configured = "" if value == default else f"; configured: {default}"
         yield f"{p['name']:{width}}  {value:24} {p['unit']:11} {kind}{configured}"
+
+
+def note_of(answer: EditAnswer) -> str:
+    """What a list leaves out, in words; "" for nothing."""
+    if not answer.left_out:
+        return ""
+    return (
+        f"{answer.left_out} more parameters have no room in one answer and are not listed; "
+        "name those that you want, with * and ?, as in wall set --list 'lights.*'"
+    )
 
 
 def numbers_of(value: Sequence[float]) -> str:

@@ -7,7 +7,19 @@ from typing import Annotated, Literal
 from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
-from wall.core.fields import LARGEST_IOR, SMALLEST_IOR, Color, Depth, Model, Number, Share, Text, check_one_named
+from wall.core.fields import (
+    LARGEST_IOR,
+    SMALLEST_IOR,
+    Color,
+    Depth,
+    Flag,
+    Model,
+    Number,
+    Positive,
+    Share,
+    Text,
+    check_one_named,
+)
 
 Reflectance = tuple[Share, Share, Share]
 Ior = Annotated[Number, Ge(SMALLEST_IOR), Le(LARGEST_IOR)]
@@ -96,4 +108,12 @@ class PathConfig(Model):
     depth: Depth = Field(default=6, description="most surfaces that scatter a path")
 
 
-IntegratorConfig = Annotated[DirectConfig | PathConfig, Field(discriminator="method")]
+class AmbientOcclusionConfig(Model):
+    """An even white light that only hides behind what is near."""
+
+    method: Literal["ambient_occlusion"] = Field(description="even light that what is near hides; no lights")
+    distance: Positive = Field(default=2.0, description="as far as surfaces hide light, world units")
+    colors: Flag = Field(default=True, description="surfaces have their colours; false = all are white")
+
+
+IntegratorConfig = Annotated[DirectConfig | PathConfig | AmbientOcclusionConfig, Field(discriminator="method")]

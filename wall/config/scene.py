@@ -196,7 +196,7 @@ class KeyframesConfig(_MovesObjectOrLight):
 
     @model_validator(mode="after")
     def _times_grow(self) -> KeyframesConfig:
-        check_times([k.time for k in self.keyframes], loop=self.loop)
+        check_times([k.time for k in self.keyframes])
         if self.light is not None:
             for i, keyframe in enumerate(self.keyframes):
                 if keyframe.rotation is not None:
@@ -225,7 +225,7 @@ class ParameterConfig(Model):
 
     @model_validator(mode="after")
     def _times_grow(self) -> ParameterConfig:
-        check_times([k.time for k in self.keyframes], loop=self.loop and len(self.keyframes) > 1)
+        check_times([k.time for k in self.keyframes])
         counts = [len(k.value) if isinstance(k.value, tuple) else 1 for k in self.keyframes]
         for i, count in enumerate(counts):
             if count != counts[0]:

@@ -105,7 +105,7 @@ class KeyframesPathConfig(Model):
 
     @model_validator(mode="after")
     def _times_grow(self) -> KeyframesPathConfig:
-        check_times([k.time for k in self.keyframes], loop=self.loop)
+        check_times([k.time for k in self.keyframes])
         return self
 
 

@@ -66,8 +66,8 @@ def check_one_named(first: str, one: object, second: str, other: object) -> None
         raise refusal(came, accepted=f"exactly one of {first}, {second}")
 
 
-def check_times(times: list[float], *, loop: bool) -> None:
-    """Refuse keyframe times that do not grow, and a loop that takes no time."""
+def check_times(times: list[float]) -> None:
+    """Refuse keyframe times that do not grow."""
     for i in range(1, len(times)):
         if times[i] <= times[i - 1]:
             raise refusal(
@@ -75,9 +75,3 @@ def check_times(times: list[float], *, loop: bool) -> None:
                 accepted=f"a time above {times[i - 1]:g}",
                 at=("keyframes", i, "time"),
             )
-    if loop and len(times) < 2:
-        raise refusal(
-            "a single keyframe cannot loop",
-            accepted="two keyframes or more, or loop: false",
-            at=("keyframes",),
-        )

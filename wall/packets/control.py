@@ -22,7 +22,7 @@ from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 8
+MAGIC, VERSION = b"WALL", 9
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER = 14, 15
@@ -132,7 +132,7 @@ class EditRequest:
     client: int  # a number of its own, above all ranks
     key: str  # the run's, from its control file
     assignments: list[Any] = field(default_factory=list)  # [name path, value]; at most MAX_COMMANDS
-    listed: bool = False  # the answer is to hold the parameters
+    listed: list[Any] = field(default_factory=list)  # patterns of names: the answer is to hold these parameters
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,6 +143,7 @@ class EditAnswer:
     refused: str  # why nothing was changed; "" where all was
     edit: int  # number of the newest edits
     parameters: list[dict[str, Any]] = field(default_factory=list)
+    left_out: int = 0  # parameters that were asked for and have no room
 
 
 Message: TypeAlias = (

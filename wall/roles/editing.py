@@ -7,18 +7,22 @@ or further prefixes of name paths.
 from __future__ import annotations
 
 import hmac
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from fnmatch import fnmatchcase
 from typing import Any
 
 from wall.core.data import NO_EDITS, Edits
 from wall.core.errors import EditError
 from wall.display.base import ParameterState
-from wall.packets.control import EditAnswer, EditRequest
+from wall.packets.control import MAX_ANSWER_BYTES, EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.roles.plan import Plan, exposure_at
 from wall.scene.parameters import EXPOSURE, Parameter, named, parameters_of
+
+ROWS_BYTES = MAX_ANSWER_BYTES - 16384  # of the parameters that an answer lists
 
 
 class Editor:
@@ -75,9 +79,11 @@ class Editor:
         except EditError as error:
             self.counters["refused_edit"] += 1
             refused = str(error)
-        listed = self.states(scene_time) if request.listed else ()
-        rows = [asdict(state) for state in listed]
-        return EditAnswer(client=request.client, refused=refused, edit=self._count, parameters=rows)
+        wanted = [] if refused or not request.listed else _named_like(request.listed, self.states(scene_time))
+        rows = _with_room([asdict(state) for state in wanted])
+        return EditAnswer(
+            client=request.client, refused=refused, edit=self._count, parameters=rows, left_out=len(wanted) - len(rows)
+        )
 
     def states(self, scene_time: float) -> tuple[ParameterState, ...]:
         """Every parameter as it is at a scene time in seconds."""
@@ -102,6 +108,22 @@ def states_of(
         )
         for p in parameters.values()
     )  # fmt: skip
+
+
+def _named_like(patterns: Sequence[Any], states: Sequence[ParameterState]) -> list[ParameterState]:
+    """Those whose names match one of some patterns with * and ?; what is no text matches none."""
+    texts = [pattern for pattern in patterns if isinstance(pattern, str)]
+    return [state for state in states if any(state.name == text or fnmatchcase(state.name, text) for text in texts)]
+
+
+def _with_room(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The first of some rows, as many as an answer has room for."""
+    room = ROWS_BYTES
+    for k, row in enumerate(rows):
+        room -= len(json.dumps(row)) + len(", ")
+        if room < 0:
+            return rows[:k]
+    return rows
 
 
 def _assignment(each: Any) -> tuple[str, object]:

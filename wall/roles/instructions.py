@@ -134,6 +134,7 @@ class Restart:
 
     sampler: str
     compare: str
+    depth: int | None = None  # most surfaces of the progressive sampler's paths; None: of direct light, or not wanted
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,6 +35,7 @@ from wall.sampling.tiles import Measured
 
 LOOK_AGAIN_S = 0.05  # a resting worker looks this often whether something is missing: samples grow old
 CREDIT_POLL_S = 0.002  # how often a renderer without credit looks for some
+PROGRESSIVE = "progressive"  # the sampler whose stages depend on how long paths get
 RATE_SPAN_S = 0.2  # rates are averages over at least so long
 
 
@@ -49,7 +50,9 @@ class Renderer:
         self.complete = False  # nothing is missing under the newest event
         self._target, self._workers = layout.target_of(hello.rank), layout.sampling.threads
         self._configured: str = layout.sampling.method
-        self._samplers: tuple[str, str] = (self._configured, "")  # the second is compared with the first
+        self._scene = plan.scene
+        depth = plan.scene.path_depth if self._configured == PROGRESSIVE else None
+        self._samplers: tuple[str, str, int | None] = (self._configured, "", depth)  # the second is compared
         targets = {self._target} if image is None else target_ranks(layout.graph, hello.rank) | {HEAD}
         self._standing = Standing(hello, targets, layout.config.transport)
         self._running: set[int] = set()  # workers that trace
@@ -106,8 +109,8 @@ class Renderer:
         yield from self._tell_completeness(now)
 
     def _give_work(self, event: Event, now: float) -> Iterator[Instruction]:
-        wanted = (event.sampler or self._configured, event.compare)
-        if wanted != self._samplers:  # the viewer chose another sampler, or two: all workers start over
+        wanted = self._wanted(event)
+        if wanted != self._samplers:  # another sampler, or two, or stages of other paths: all workers start over
             if self._running:
                 return
             self._samplers = wanted
@@ -129,6 +132,13 @@ class Renderer:
             yield Trace(worker, event, lost=lost, keep=keep, measure=measure)
         idle = [worker for worker in range(self._workers) if worker not in self._running]
         self.due = min((self._resting.get(worker, (NEVER, now))[1] for worker in idle), default=self.due)
+
+    def _wanted(self, event: Event) -> tuple[str, str, int | None]:
+        """The event's sampler, the one compared with it, and the most surfaces of progressive paths, else None."""
+        methods = (event.sampler or self._configured, event.compare)
+        if PROGRESSIVE not in methods:
+            return *methods, None
+        return *methods, self._scene.shading(event.scene_time, event.edits).path_depth
 
     def _rests(self, worker: int, event: Event, now: float) -> bool:
         number, again = self._resting.get(worker, (NEVER, now))

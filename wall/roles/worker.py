@@ -149,13 +149,15 @@ def make_samplers(
     *,
     compare: str = "",
     shown: RendererImage | None = None,
+    depth: int | None = None,
 ) -> list[Sampler]:
     """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty.
 
-    `compare`: another method that gets half of the rays, unless empty; `shown`: see AdaptiveRenderer.
+    `compare`: another method that gets half of the rays, unless empty; `shown`: see AdaptiveRenderer; `depth`: most
+    surfaces of the progressive sampler's paths, None: those of the scene as configured.
     """
     if compare:
-        both = (make_samplers(plan, each, region, clock, shown=shown) for each in (method, compare))
+        both = (make_samplers(plan, each, region, clock, shown=shown, depth=depth) for each in (method, compare))
         return [SplitSampler(first, second) for first, second in zip(*both, strict=True)]
     sampling = plan.layout.sampling
     if method:
@@ -168,7 +170,7 @@ def make_samplers(
         counter = FrameCounter(workers)
         return [FramedSampler(region.rect, counter, batch=batch, worker=k, workers=workers) for k in range(workers)]
     if isinstance(sampling, ProgressiveSampling):
-        longest = plan.scene.path_depth or 0
+        longest = depth or plan.scene.path_depth or 0
         schedule = Schedule(
             first_stage=sampling.first_stage,
             samples_per_pixel=sampling.samples_per_pixel,

@@ -6,9 +6,10 @@ import sys
 import time
 from collections import Counter, deque
 from collections.abc import Iterator
+from dataclasses import replace
 
-from wall.core.errors import RemoteProtocolError, RunError
-from wall.packets.control import EditRequest, Message, Ping, Pong, parse_control, serialise
+from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
+from wall.packets.control import EditAnswer, EditRequest, Message, Ping, Pong, parse_control, serialise
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.run.clock import HeadClock
 from wall.transport.base import MAX_CONTROL, Hub, Link
@@ -17,6 +18,7 @@ from wall.transport.factory import connect
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
 SYNCHRONISE_S = 30.0  # for the manager's first answer: its host may be slow to start
 FIRST_CLIENT = 1 << 32  # processes beside the run have numbers from here on, ranks below
+MAX_REASON = 1000  # characters of why an answer could not be sent
 FIRST_PING_S = 0.1  # between pings until one is answered
 
 
@@ -65,9 +67,10 @@ class Ports:
         if to == MANAGER and self._manager is not None:
             self._manager.send(serialise(message))
         elif self._hub is not None and to in self._peers:
-            self._hub.send(self._peers[to], serialise(message))
-            if to >= FIRST_CLIENT:  # it asked once
-                del self._peers[to]
+            if to < FIRST_CLIENT:
+                self._hub.send(self._peers[to], serialise(message))
+                return
+            self._hub.send(self._peers.pop(to), self._answer(message))  # it asked once
 
     def broadcast(self, message: Message) -> None:
         """Send a message to every rank that has spoken."""
@@ -150,6 +153,17 @@ class Ports:
                 if (who := _sender(message)) is not None:
                     self._peers[who] = peer
                 yield message
+
+    def _answer(self, message: Message) -> bytes:
+        """An answer to a process beside the run, or why it has none: what it asked for must not end the run."""
+        try:
+            return serialise(message)
+        except LocalProtocolError as error:
+            self._counters["answer_without_format"] += 1
+            if not isinstance(message, EditAnswer):
+                raise
+            why = f"edit {message.edit} holds, but the answer cannot be sent: {error}"[:MAX_REASON]
+            return serialise(replace(message, refused=why, parameters=[]))
 
     def _parsed(self, data: bytes) -> Message | None:
         try:

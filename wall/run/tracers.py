@@ -66,9 +66,11 @@ class Tracers:
         """Sleep until a thread is done, or the time is over."""
         wait(self._running, timeout=seconds, return_when=FIRST_COMPLETED)
 
-    def restart(self, sampler: str, compare: str) -> None:
-        """Make all samplers anew. Only while no thread is at work."""
-        samplers = make_samplers(self._plan, sampler, self._region, self._clock, compare=compare, shown=self._image)
+    def restart(self, sampler: str, compare: str, depth: int | None = None) -> None:
+        """Make all samplers anew; `depth` as in make_samplers. Only while no thread is at work."""
+        samplers = make_samplers(
+            self._plan, sampler, self._region, self._clock, compare=compare, shown=self._image, depth=depth
+        )
         for worker, own in zip(self.workers, samplers, strict=True):
             worker.sampler = own
 

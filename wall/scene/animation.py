@@ -37,13 +37,14 @@ class Moving:
     def scaled(self, factor: float) -> Moving:
         """A keyframed motion in a world scaled about its origin."""
         assert isinstance(self.motion, KeyframesConfig)
-        keys = tuple(key.model_copy(update={"position": _times(factor, key.position)}) for key in self.motion.keyframes)
+        keys = tuple(key.model_copy(update={"position": times(factor, key.position)}) for key in self.motion.keyframes)
         return replace(
-            self, motion=self.motion.model_copy(update={"keyframes": keys}), center=_times(factor, self.center)
+            self, motion=self.motion.model_copy(update={"keyframes": keys}), center=times(factor, self.center)
         )
 
 
-def _times(factor: float, point: Vector) -> Vector:
+def times(factor: float, point: Vector) -> Vector:
+    """A vector made longer by a factor."""
     x, y, z = point
     return (factor * x, factor * y, factor * z)
 

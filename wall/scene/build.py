@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.config.materials import PathConfig
+from wall.config.materials import AmbientOcclusionConfig, IntegratorConfig, PathConfig
 from wall.config.scene import (
     DirectionalLightConfig,
     LightConfig,
@@ -36,6 +36,7 @@ from wall.scene.environment import read_environment
 from wall.scene.lights import STUDIO_SKY, default_lights, unit
 from wall.scene.materials import described, with_materials
 from wall.scene.model import (
+    AmbientOcclusion,
     AreaLight,
     DirectionalLight,
     Environment,
@@ -87,6 +88,7 @@ class Scene:
     cameras: tuple[NamedCamera, ...]  # that the source brings
     center: Float64  # (3,) world, middle of the bounding box at rest
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
+    occlusion: AmbientOcclusion | None  # paths of one surface, and no light that is followed
     radius: float  # world units, of the smallest sphere about `center`
     rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
     light_order: tuple[int, ...] = ()  # of each light as named: its row in Shading.lights; -1: it has an area
@@ -248,8 +250,8 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
     """The source with everything that the configuration says; what it leaves out stays the source's."""
     source = with_materials(source, config.materials)
     if config.integrator is not None:
-        depth = config.integrator.depth if isinstance(config.integrator, PathConfig) else None
-        source = replace(source, path_depth=depth)
+        depth, occlusion = _integrated(config.integrator)
+        source = replace(source, path_depth=depth, occlusion=occlusion)
     if config.lights is not None:
         source = replace(source, lights=tuple(_light(light) for light in config.lights))
     if config.sky is not None:
@@ -264,6 +266,13 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
     if config.animation is not None:
         source = replace(source, animation=config.animation, motions=())
     return source
+
+
+def _integrated(config: IntegratorConfig) -> tuple[int | None, AmbientOcclusion | None]:
+    """Path depth and occlusion of a Source."""
+    if isinstance(config, AmbientOcclusionConfig):
+        return 1, AmbientOcclusion(distance=config.distance, colors=config.colors)
+    return config.depth if isinstance(config, PathConfig) else None, None
 
 
 def _light(config: LightConfig) -> Light:
@@ -310,6 +319,7 @@ def assemble(source: Source) -> Scene:
         cameras=source.cameras,
         center=center,
         path_depth=source.path_depth,
+        occlusion=source.occlusion,
         radius=radius,
         rest=_rest(instances, bodies),
         light_order=_order(lights, bodies),

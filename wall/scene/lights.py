@@ -8,9 +8,10 @@ up and 0.36 where it faces down; 0.85 where it faces the key light (nothing blow
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from wall.scene.animation import Vector
-from wall.scene.model import DirectionalLight, Sky
+from wall.scene.animation import Vector, times
+from wall.scene.model import AreaLight, DirectionalLight, Light, Sky
 
 KEY_DIRECTION = (0.45, 0.75, 0.48)  # right, above, towards a viewer who looks along -z
 KEY_SHARE = (0.66, 0.63, 0.58)  # irradiance / pi: slightly warm against the cool sky
@@ -29,6 +30,16 @@ def directional_light(direction: Vector, share: Vector) -> DirectionalLight:
     """A light from a direction of any length; `share`: its irradiance / pi."""
     r, g, b = (math.pi * part for part in share)
     return DirectionalLight(direction=unit(direction), irradiance=(r, g, b))
+
+
+def scaled(light: Light, factor: float) -> Light:
+    """A light in a world scaled about its origin, which it lights as before: irradiance and radiance stay."""
+    if isinstance(light, DirectionalLight):
+        return light
+    position = times(factor, light.position)
+    if isinstance(light, AreaLight):
+        return replace(light, position=position, corners=factor * light.corners)
+    return replace(light, position=position, intensity=times(factor**2, light.intensity))
 
 
 def default_lights() -> tuple[DirectionalLight, ...]:

@@ -30,6 +30,7 @@ from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere, world_boxes
 from wall.scene.gltf import MALFORMED, cameras_of, lights_of, renamed, unread
 from wall.scene.gltf_animation import motions_of
+from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
 
@@ -253,6 +254,7 @@ def _comfortable(source: Source, notes: list[str]) -> Source:
         nearer[:3, 3] = 1.0 / radius  # a camera stays as large as it is
         cameras = (replace(c, world_from_camera=nearer * c.world_from_camera) for c in source.cameras)
         motions = (moving.scaled(1.0 / radius) for moving in source.motions)
-        source = replace(source, instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras))
+        lights = None if source.lights is None else tuple(scaled(light, 1.0 / radius) for light in source.lights)
+        source = replace(source, instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras), lights=lights)
         notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
     return replace(source, notes=tuple(notes))

@@ -168,6 +168,14 @@ class Environment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AmbientOcclusion:
+    """An even white light in place of all others, which only hides behind what is near."""
+
+    distance: float  # world units, as far as surfaces hide it
+    colors: bool = True  # surfaces have their own; else they are white
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """What a file or a scene function gives, before the configuration adds to it; None = does not say."""
 
@@ -182,6 +190,7 @@ class Source:
     motions: tuple[Moving, ...] = ()  # of instances by their numbers, beside `animation`
     cameras: tuple[NamedCamera, ...] = ()
     path_depth: int | None = None  # most surfaces that scatter a path; None: direct light alone
+    occlusion: AmbientOcclusion | None = None  # paths of one surface, and no light that is followed
     notes: tuple[str, ...] = ()  # each repair or assumption, for a reader
 
 

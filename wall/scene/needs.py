@@ -31,7 +31,8 @@ class Needs:
     animation: bool
     emission: bool
     change_detection: bool  # a surface may look different from one moment, or one place of the eye, to the next
-    paths: bool  # light comes over several surfaces
+    paths: bool  # light comes by random ways: samples are noisy
+    occlusion: bool  # by one way that nothing near is in; no light is followed
     interfaces: bool  # metal or a coat over diffuse light, on paths
     emitters: bool  # surfaces that light others, on paths
     relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
@@ -44,8 +45,11 @@ def needs(scene: Scene) -> Needs:
     mapped = [scene.materials[mesh.material] for mesh in meshes if mesh.uvs is not None]
     slots = [[m.textures[slot] for m in mapped if m.textures[slot] is not None] for slot in range(4)]
     edges = any(scene.textures[k].wrap != ("repeat", "repeat") for slot in slots for k in slot if k is not None)
-    mirrors = any(material.mirror > 0.0 for material in materials)
-    paths, emission = scene.path_depth is not None, any(max(material.emission) > 0.0 for material in materials)
+    lit = scene.occlusion is None
+    mirrors = lit and any(material.mirror > 0.0 for material in materials)
+    emission = lit and any(max(material.emission) > 0.0 for material in materials)
+    noisy = scene.path_depth is not None
+    paths = lit and noisy
     lights = len(scene.point_lights) + len(scene.directional_lights)
     return Needs(
         textures=any(slots),
@@ -65,13 +69,14 @@ def needs(scene: Scene) -> Needs:
         instancing=len(meshes) < len(scene.instances),
         animation=scene.animated,
         emission=emission,
-        change_detection=(scene.animated or mirrors) and not paths,  # which would take noise for change
-        paths=paths,
+        change_detection=(scene.animated or mirrors) and not noisy,  # which would take noise for change
+        paths=noisy,
+        occlusion=not lit,
         interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
         emitters=paths and emission,
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS
-        and not paths
+        and not noisy
         and not scene.spot_lights  # objects know where lights are and which way is up, not how they are turned
         and scene.environment is None,
     )

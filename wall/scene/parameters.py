@@ -83,11 +83,11 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
     wanted = needs(scene)
     found = [
         Parameter(name=EXPOSURE, kind="number", low=-MOST_STOPS, high=MOST_STOPS, unit="stops", default=(exposure,)),
-        *_lights(scene),
+        *(_lights(scene) if scene.occlusion is None else ()),
         *(_sky(scene) if scene.environment is None else ()),
-        *_materials(scene, wanted),
+        *(_materials(scene, wanted) if scene.occlusion is None or scene.occlusion.colors else ()),
     ]
-    if scene.path_depth is not None:
+    if scene.path_depth is not None and scene.occlusion is None:
         depth = (float(scene.path_depth),)
         found.append(
             Parameter(name="integrator.depth", kind="whole", low=1, high=MOST_DEPTH, unit="surfaces", default=depth)
@@ -126,7 +126,7 @@ def _materials(scene: Scene, wanted: Needs) -> Iterator[Parameter]:
 
 def _of_material(material: Material, path: str, wanted: Needs) -> Iterator[Parameter]:
     """What kernels read of a material in this scene, and were compiled to."""
-    clear = wanted.paths and material.transmission > 0.0
+    clear = wanted.paths and material.transmission > 0.0 and not wanted.occlusion
     share: dict[str, Any] = {"kind": "number", "high": 1.0}
     yield Parameter(name=f"{path}.color", kind="color", high=1.0, default=material.base_color)
     if wanted.interfaces or clear:
@@ -135,6 +135,8 @@ def _of_material(material: Material, path: str, wanted: Needs) -> Iterator[Param
         yield Parameter(name=f"{path}.ior", kind="number", low=SMALLEST_IOR, high=LARGEST_IOR, default=ior)
     if wanted.interfaces:
         yield Parameter(name=f"{path}.metallic", default=(material.metallic,), **share)
+    if wanted.occlusion:
+        return
     if max(material.emission) > 0.0:
         lit = material.emission
         yield Parameter(name=f"{path}.emission", kind="light", high=BRIGHTEST, unit="W/(sr m²)", default=lit)

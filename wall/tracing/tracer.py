@@ -16,11 +16,12 @@ from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.geometry.cameras import Lens
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
-from wall.scene.model import Moment, Shading
+from wall.scene.model import AmbientOcclusion, Moment, Shading
 from wall.scene.sky import sky_irradiance
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels import trace as kernels
+from wall.tracing.kernels.ambient import trace_ambient
 from wall.tracing.kernels.path import trace_paths
 from wall.tracing.kernels.placement import place_instances
 from wall.tracing.kernels.values import (
@@ -31,6 +32,7 @@ from wall.tracing.kernels.values import (
     UNSEEN,
     Lights,
     Materials,
+    Occlusion,
     Paths,
     RayFrame,
     Surfaces,
@@ -144,6 +146,7 @@ class Tracer:
         self._depth = tracer_scene.scene.path_depth
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
+        self._occlusion = _occlusion(tracer_scene.scene.occlusion)
         self._path_room, self._traced = path_room(0, 0), 0
         self.seed = 1  # of paths
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
@@ -229,6 +232,8 @@ class Tracer:
         arguments = self.arguments(xy, samples)
         if self._depth is None:
             kept = kernels.trace(*arguments)
+        elif self._occlusion is not None:
+            kept = trace_ambient(*arguments, self._paths(len(xy), number, depth), self._occlusion)
         else:
             kept = trace_paths(*arguments, self._paths(len(xy), number, depth))
         primary, shadow, secondary, bad = (int(count) for count in work.counts)
@@ -249,6 +254,13 @@ class Tracer:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""
         materials, lights = self._materials, self._lights
         return Arguments(self._scene, self._ray_frame, xy, samples, self._surfaces, materials, lights, self._work)
+
+
+def _occlusion(wanted: AmbientOcclusion | None) -> Occlusion | None:
+    """What kernels.ambient takes; None for light that is followed."""
+    if wanted is None:
+        return None
+    return Occlusion(distance=np.float32(wanted.distance), white=None if wanted.colors else True)
 
 
 def _light_rows(directions: Float64, colours: list[tuple[float, float, float]]) -> Float32:

@@ -148,7 +148,6 @@ def test_wrong_part_is_refused_with_its_position(line: str, expected: str) -> No
             "{type: orbit, light: 0, center: [0, 0, 0], axis: [0, 0, 0], period_s: 1}",
             "axis = [0, 0, 0]: has no direction",
         ),
-        ("{type: keyframes, object: a, keyframes: [{time: 1, position: [0, 0, 0]}]}", "a single keyframe cannot loop"),
         (
             "{type: keyframes, object: a, keyframes: [{time: 1, position: [0, 0, 0]}, {time: 1, position: [0, 0, 0]}]}",
             "keyframes[1].time = 1: does not come after the keyframe before it (1 s)",

@@ -177,6 +177,14 @@ def test_keyframes_without_loop_hold_at_both_ends() -> None:
     assert view.camera_at(99.0).position == (9, 0, 0)
 
 
+@pytest.mark.parametrize("loop", ["false", "true"])
+def test_a_camera_of_one_keyframe_stays_there(loop: str) -> None:
+    frames = "{time: 1, position: [0, 0, 9], target: [0, 1, 0]}"
+    view = resolved(f"path: {{type: keyframes, loop: {loop}, keyframes: [{frames}]}}")
+
+    assert [view.camera_at(time).position for time in (0.0, 1.0, 7.5)] == [(0, 0, 9)] * 3
+
+
 def test_spline_has_no_jump_in_place_or_speed() -> None:
     times, points = [0.0, 1.0, 1.5, 4.0], np.array([[0.0, 0, 0], [3, 1, 0], [2, 2, 2], [0, 0, 0]])
     step = 1e-6

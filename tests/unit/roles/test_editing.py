@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from running import write_config
 
+from wall.commands.set import note_of
 from wall.config.loading import load
 from wall.core.data import NO_EDITS, Batch, Edits, Event, Rect
 from wall.core.errors import EditError
-from wall.packets.control import EditAnswer, EditRequest, WindowInput
+from wall.packets.control import EditAnswer, EditRequest, WindowInput, parse_control, serialise
 from wall.roles.edit_history import REMEMBERED, EditHistory
 from wall.roles.editing import Editor
 from wall.roles.instructions import Broadcast, Send
@@ -26,8 +28,9 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
     return make_plan(make_layout(load(config)))
 
 
-def request(*assignments: tuple[str, object], key: str = KEY, listed: bool = False) -> EditRequest:
-    return EditRequest(client=CLIENT, key=key, assignments=[list(each) for each in assignments], listed=listed)
+def request(*assignments: tuple[str, object], key: str = KEY, listed: str = "") -> EditRequest:
+    pairs, names = [list(each) for each in assignments], [listed] if listed else []
+    return EditRequest(client=CLIENT, key=key, assignments=pairs, listed=names)
 
 
 def test_edits_are_numbered_and_hold_all_that_differs_from_the_configuration(plan: Plan) -> None:
@@ -68,17 +71,39 @@ def test_exposure_is_no_edit_of_the_scene(plan: Plan) -> None:
 
 def test_without_the_run_s_key_nothing_is_changed_or_told(plan: Plan) -> None:
     for editor, key in ((Editor(plan, key=KEY), "other"), (Editor(plan, key=KEY), ""), (Editor(plan), "")):
-        answer = editor.answer(request(("sky.strength", 2), key=key, listed=True), 0.0)
+        answer = editor.answer(request(("sky.strength", 2), key=key, listed="*"), 0.0)
         assert answer.refused
         assert answer.parameters == []
         assert editor.edits is NO_EDITS
 
 
 def test_a_list_tells_values_and_what_is_configured(plan: Plan) -> None:
-    answer = Editor(plan, key=KEY).answer(request(("sky.strength", 2), listed=True), 0.0)
+    answer = Editor(plan, key=KEY).answer(request(("sky.strength", 2), listed="*"), 0.0)
     rows = {row["name"]: row for row in answer.parameters}
     assert (rows["sky.strength"]["value"], rows["sky.strength"]["default"]) == ((2.0,), (1.0,))
     assert rows["exposure"]["unit"] == "stops"
+
+
+def test_a_list_can_be_of_some_names_alone(plan: Plan) -> None:
+    editor = Editor(plan, key=KEY)
+    answer = editor.answer(EditRequest(client=CLIENT, key=KEY, listed=["exposure", "sky.z*", "nothing", 7]), 0.0)
+    assert [row["name"] for row in answer.parameters] == ["exposure", "sky.zenith"]
+    assert answer.left_out == 0
+
+
+def test_a_list_that_no_answer_has_room_for_is_cut_and_says_so(plan: Plan) -> None:
+    editor = Editor(plan, key=KEY)
+    long = "m" * 240
+    editor.parameters |= {
+        name: replace(editor.parameters["sky.strength"], name=name) for name in (f"{long}.{k}" for k in range(20000))
+    }
+    answer = editor.answer(request(("exposure", 2), listed="*"), 0.0)
+    assert parse_control(serialise(answer)) is not None
+    assert len(answer.parameters) + answer.left_out == len(editor.parameters)
+    assert answer.parameters[0]["name"] == "exposure"
+    assert answer.left_out > 5000
+    assert str(answer.left_out) in note_of(answer)
+    assert note_of(editor.answer(request(listed="sky.*"), 0.0)) == ""
 
 
 @pytest.mark.parametrize("assignments", [["x"], [["x"]], [[1, 2]], [{"a": 1}], [["x", 1, 2]], [None]])

@@ -8,10 +8,20 @@ from collections.abc import Callable
 
 import pytest
 
-from wall.packets.control import Heartbeat, Ping, Pong, Stop, parse_control, serialise
+from wall.packets.control import (
+    MAX_ANSWER_BYTES,
+    EditAnswer,
+    EditRequest,
+    Heartbeat,
+    Ping,
+    Pong,
+    Stop,
+    parse_control,
+    serialise,
+)
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
-from wall.run.ports import Ports
+from wall.run.ports import FIRST_CLIENT, Ports
 from wall.transport.base import Hub
 from wall.transport.factory import connect, open_hub
 from wall.transport.loopback import LoopbackHub, LoopbackLink
@@ -78,6 +88,20 @@ def test_a_stray_packet_at_the_control_hub_is_taken_and_its_owner_sleeps_again(k
     assert came == [Packet(b"stray")]
     assert sleeps(ports)
     close(stray, ports)
+
+
+@pytest.mark.parametrize("value", [float("inf"), "x" * MAX_ANSWER_BYTES])
+def test_an_answer_that_does_not_fit_its_message_ends_nothing(value: object) -> None:
+    control = LoopbackHub(credit_bytes=1)
+    ports, link = Ports(MANAGER, HeadClock(), hub=control), LoopbackLink(control.endpoint)
+    link.send(serialise(EditRequest(client=FIRST_CLIENT, key="k")))
+    assert len(list(ports.receive())) == 1
+    ports.send(FIRST_CLIENT, EditAnswer(client=FIRST_CLIENT, refused="", edit=3, parameters=[{"value": value}]))
+    (answer,) = map(parse_control, link.receive())
+    assert isinstance(answer, EditAnswer)
+    assert "edit 3 holds, but the answer cannot be sent" in answer.refused
+    assert ports.drops() == {"answer_without_format": 1}
+    close(link, ports)
 
 
 def test_the_manager_answers_whoever_spoke_by_its_rank() -> None:

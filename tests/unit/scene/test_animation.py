@@ -91,6 +91,13 @@ def test_looped_keyframes_begin_again_after_the_last() -> None:
         np.testing.assert_allclose(once, later, atol=1e-9)  # time 3000 s has 5e-13 of rounding
 
 
+@pytest.mark.parametrize("time", [0.0, 1.0, 2.5, 1e5])
+def test_a_single_keyframe_stays_whether_it_loops_or_not(time: float) -> None:
+    for loop in (False, True):
+        still = keyframes((4, 5, 6), times=(1.0,), loop=loop)
+        np.testing.assert_allclose(moved([1.0, 2.0, 3.0], time, still)[:3], [4.0, 5.0, 6.0], atol=EXACT)
+
+
 def test_slerp_takes_the_shorter_way_round() -> None:
     keys = keyframes((0, 0, 0), (0, 0, 0), degrees=(10.0, 350.0))
     off = (moved([2.0, 2.0, 3.0], 0.5, keys) - moved([1.0, 2.0, 3.0], 0.5, keys))[:3]

@@ -14,6 +14,7 @@ from wall.config.scene import SceneConfig
 from wall.core.data import Float64
 from wall.scene.area_lights import area_light
 from wall.scene.build import Scene, assemble, build
+from wall.scene.lights import scaled
 from wall.scene.model import AreaLight, Light, Material, PointLight, Source
 from wall.scene.needs import needs
 from wall.tracing.tracer import Tracer
@@ -139,3 +140,11 @@ def test_an_animation_names_lights_by_their_number_and_moves_those_with_an_area(
 def test_wrong_area_lights_are_refused(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         light_of(wrong)
+
+
+def test_an_area_light_in_a_scaled_world_grows_with_it_and_keeps_its_radiance() -> None:
+    before = light_of(RECTANGLE)
+    after = scaled(before, 3.0)
+    assert isinstance(after, AreaLight)
+    np.testing.assert_allclose(after.corners + after.position, 3.0 * (before.corners + before.position))
+    assert after.radiance == before.radiance

@@ -99,6 +99,32 @@ def test_lights_stand_where_their_nodes_do(tmp_path: Path) -> None:
     assert not any("'torch'" in note for note in source.notes)
 
 
+@pytest.mark.parametrize("scale", [7e-7, 4e9])
+def test_a_model_of_extreme_size_keeps_its_lights_about_it(tmp_path: Path, scale: float) -> None:
+    """Irradiance is intensity over distance squared: what stands k times as far away shines k^2 as brightly."""
+    kinds = [{"type": "point", "intensity": 40.0}, {"type": "spot", "intensity": 9.0}, {"type": "directional"}]
+    found = document([{"name": "plain"}])
+    found["extensions"] = {"KHR_lights_punctual": {"lights": kinds}}
+    found["nodes"][0]["scale"] = [scale] * 3
+    for k in range(3):
+        lamp = {"extensions": {"KHR_lights_punctual": {"light": k}}, "translation": [0, 0, (k + 2) * scale]}
+        found["nodes"].append(lamp)
+        found["scenes"][0]["nodes"].append(k + 1)
+    source = loaded(tmp_path, found)
+    assert any("everything is scaled" in note for note in source.notes)
+    larger = source.instances[0].world_from_object[0, 0] / scale
+    assert source.lights is not None
+    by_kind = {type(light): light for light in source.lights}
+    point, spot, sun = by_kind[PointLight], by_kind[SpotLight], by_kind[DirectionalLight]
+    assert isinstance(point, PointLight)
+    assert isinstance(spot, SpotLight)
+    np.testing.assert_allclose(point.position, (0.0, 0.0, 2.0 * scale * larger))
+    np.testing.assert_allclose(spot.position, (0.0, 0.0, 3.0 * scale * larger))
+    np.testing.assert_allclose(point.intensity, 40.0 * larger**2)
+    np.testing.assert_allclose(spot.intensity, 9.0 * larger**2)
+    assert sun == DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(1.0, 1.0, 1.0))
+
+
 @pytest.mark.parametrize(
     ("written", "angles", "noted"),
     [

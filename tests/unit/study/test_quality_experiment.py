@@ -117,6 +117,23 @@ def test_reference_images_of_another_scene_have_another_name(config: Path, setup
     assert len(keys) == 2
 
 
+def test_reference_images_of_another_lens_have_another_name(config: Path, setup: Setup) -> None:
+    def key(lens: str) -> str:
+        text = MOVING.replace("courtyard}", "courtyard, integrator: {method: path}}").replace(
+            "views: [{", f"views: [{{{lens}"
+        )
+        plan = make_plan(make_layout(on_one_panel(loads(text), SIZE)))
+        return Reference(plan, setup.tracer_scene, [0.0], spp=2).key
+
+    lenses = (
+        "",
+        "lens: {aperture: 0.1, focus: 8}, ",
+        "lens: {aperture: 0.2, focus: 8}, ",
+        "lens: {aperture: 0.1, focus: 9}, ",
+    )
+    assert len({key(lens) for lens in lenses}) == len(lenses)
+
+
 def test_frame_is_shown_from_its_last_ray_on_with_the_inputs_of_its_beginning(setup: Setup) -> None:
     # 768 pixels at 10 k/s: a frame takes 76.8 ms, so that of the first input is there at the fifth refresh
     method = make_method("framed", setup)

@@ -25,8 +25,10 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
     mi : the module, its variant chosen
     """
     scene, depth = plan.scene, plan.scene.path_depth
-    if depth is None:
-        raise RunError("scene.integrator: direct light has no equal in Mitsuba; wanted {method: path}")
+    if depth is None or scene.occlusion is not None:
+        raise RunError(
+            "scene.integrator: direct light and ambient occlusion have no equal in Mitsuba; wanted {method: path}"
+        )
     if scene.spot_lights:
         raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
     if any(light.angular_diameter > 0.0 for light in scene.directional_lights):

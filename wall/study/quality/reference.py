@@ -140,6 +140,10 @@ def _key(plan: Plan, panel: Panel, events: tuple[Event, ...], spp: int) -> str:
     )
     if panel.index:  # where it lies in the plane, and the eye that sees it
         _feed(digest, (panel.screen, PanelView(plan.view, panel).eye))
+    if scene.occlusion is not None:
+        _feed(digest, scene.occlusion)
+    if plan.view.lens is not None:
+        _feed(digest, plan.view.lens)
     for event in dict.fromkeys(events):
         _feed(digest, (event.camera, scene.at(event.scene_time)))
     _feed(digest, [event.number for event in events])

@@ -127,6 +127,13 @@ class Paths(NamedTuple):
     seed: np.uint32
 
 
+class Occlusion(NamedTuple):
+    """What ambient occlusion looks for."""
+
+    distance: np.float32  # world units, as far as surfaces hide light
+    white: bool | None  # None: surfaces have their colours
+
+
 class Environment(NamedTuple):
     """A lat-long image (h, 2 h) in place of the sky; what the integrator does not read has no entries."""
 
