@@ -45,7 +45,7 @@ class Coverage:
     def __init__(self, panel: Panel, eye: Float64, scene: Scene, *, samples_per_pixel: float) -> None:
         self._image = Reconstruction(
             panel, eye, scene, detects_change=False, samples_per_pixel=samples_per_pixel,
-            ingredients=Ingredients(relighting=False),
+            ingredients=Ingredients(relighting=False, filtering=False),  # coverage has no noise
         )  # fmt: skip
 
     def split(self, samples: Samples) -> tuple[Samples, Samples]:

@@ -41,6 +41,21 @@ class Lighting:
         self._probes = np.zeros((*tiles, kernels_change.COLUMNS), np.float32)
         self._changes = np.ones((*tiles, 4), np.float32)
 
+    def compile(self, store: SampleStore) -> None:
+        """Compile what is not needed at once: no image is to wait for it."""
+        kernels_change.correct_light(store, 0, self._changes, np.float32(0.0))
+
+    def clear(self) -> None:
+        """Forget the light of every surface."""
+        self.field.pixels[kernels.OBJECT] = kernels_filter.NOWHERE
+        self._probes[:] = 0.0
+        self._filtered = EVERY_SAMPLE
+
+    @property
+    def bytes(self) -> int:
+        """Memory of all its arrays."""
+        return sum(array.nbytes for array in (*self._padded, self._probes, self._changes, self._table))
+
     def probe(self, store: SampleStore, first: int, last: int) -> None:
         """Compare new samples, first..last of the store, with the light that is shown."""
         self._new += last - first

@@ -100,6 +100,8 @@ class Reconstruction:
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
         self._lighting = Lighting(height, width, len(scene.instances)) if noisy else None
+        if self._lighting is not None:
+            self._lighting.compile(self.buffer.store)
         self._bounds = np.ones((3, height, width), np.float32)
         self._untested = np.zeros(self.buffer.store.capacity, np.uint32)
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
@@ -161,6 +163,8 @@ class Reconstruction:
         """Forget every sample."""
         self.buffer.clear()
         self.splat_sums[:] = 0.0
+        if self._lighting is not None:
+            self._lighting.clear()
 
     @property
     def nothing_moves(self) -> bool:
@@ -176,7 +180,8 @@ class Reconstruction:
     def bytes(self) -> int:
         """Memory of all its arrays; it never grows."""
         own = [*vars(self).values(), *self._levels]
-        return self.buffer.bytes + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
+        more = self._lighting.bytes if self._lighting is not None else 0
+        return self.buffer.bytes + more + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
 
     def take_dirty(self) -> NDArray[np.bool_]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
