@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.scene.builtin import museum as built
@@ -112,8 +113,7 @@ def test_the_window_lets_the_sun_in_between_its_bars(source: Source) -> None:
     origins = np.stack([np.full(y.size, built.LEFT + 0.01), y.ravel(), z.ravel()], 1)
     stopped = np.zeros(len(origins), bool)
     for instance in source.instances:
-        matrix = instance.world_from_object
-        points = source.meshes[instance.mesh].vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        points = world(source, instance.name)
         if points[:, 0].min() > built.LEFT + 0.01:
             continue
         hit = hits(origins, towards, points[source.meshes[instance.mesh].triangles])
@@ -123,7 +123,13 @@ def test_the_window_lets_the_sun_in_between_its_bars(source: Source) -> None:
     assert 0.02 < stopped.mean() < 0.2
 
 
-def hits(origins: Float64, direction: Float64, triangles: Float64) -> np.ndarray:
+def test_the_polished_knot_stands_in_the_shade_of_the_window_wall(source: Source) -> None:
+    pier = next(mesh for mesh in source.meshes if mesh.name == "window wall")
+
+    assert hits(world(source, "knot")[::16], np.array(built.SUN_DIRECTION), corners(pier)).all()
+
+
+def hits(origins: Float64, direction: Float64, triangles: Float64) -> NDArray[np.bool_]:
     """(n,) bool: which rays meet any of the triangles (t, 3, 3); Moeller and Trumbore 1997."""
     a, e, f = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     p = np.cross(direction, f)

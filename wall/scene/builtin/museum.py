@@ -32,7 +32,7 @@ SUN: Vector = (15.0, 11.8, 7.8)  # W m^-2
 SUN_DEGREES = 0.53
 AFTERNOON = Sky(zenith=(0.40, 0.72, 1.50), horizon=(0.74, 0.85, 1.00), ground=(0.50, 0.48, 0.36))
 LAYLIGHT: Vector = (0.80, 0.86, 0.95)  # W sr^-1 m^-2, of the glass in the ceiling
-LAMP: Vector = (1.20, 0.90, 0.55)  # W sr^-1 m^-2, of the globes
+LAMP: Vector = (1.15, 0.80, 0.46)  # W sr^-1 m^-2, of the globes
 
 SAGE: Vector = (0.30, 0.37, 0.34)
 CHALK: Vector = (0.78, 0.75, 0.69)
@@ -94,7 +94,7 @@ def _room(parts: Assembly) -> None:
     x, z = floor.vertices[:, 0], floor.vertices[:, 2]
     uvs = np.stack([x + z, x - z], 1) / math.sqrt(2.0) / 4.0  # planks at 45 degrees, 0.1 m wide
     parts.put(
-        "floor", replace(floor, uvs=uvs), _coated(parts, "parquet", parquet(24, OAK), roughness=0.42, specular=0.5)
+        "floor", replace(floor, uvs=uvs), _coated(parts, "parquet", parquet(24, OAK), roughness=0.45, specular=0.5)
     )
     out = LEFT - WALL
     _ceiling(parts, chalk)
@@ -213,7 +213,7 @@ def _paintings(parts: Assembly) -> None:
     dawn = fields(320, 400, (0.30, 0.03, 0.02), ((0.07, 0.50, (0.80, 0.30, 0.03)), (0.55, 0.93, (0.10, 0.02, 0.04))))
     sea = fields(320, 400, (0.04, 0.09, 0.16), ((0.08, 0.36, (0.75, 0.66, 0.48)), (0.42, 0.92, (0.02, 0.16, 0.24))))
     back = BACK + 0.001
-    _painting(parts, "hills", hills(720, 448), height=1.5, world=placed(-1.5, 2.15, back))
+    _painting(parts, "hills", hills(720, 448), height=1.5, world=placed(-1.68, 2.15, back))
     _painting(parts, "sea", sea, height=1.0, world=placed(2.4, 2.15, back))
     right = RIGHT - 0.001
     _painting(parts, "discs", discs(512), height=1.3, world=placed(right, 2.1, -3.2, turn_degrees=-90.0))
@@ -221,10 +221,10 @@ def _paintings(parts: Assembly) -> None:
 
 
 def _sculpture(parts: Assembly) -> None:
-    """A golden knot on a plinth of pale stone."""
+    """A polished golden knot on a plinth, between two beams of the sun: caustics in its light would be noise."""
     stone = parts.material("stone", (0.66, 0.62, 0.55))
-    gold = parts.material("gold", GOLD, metallic=1.0, roughness=0.3)
-    x, z = 0.85, -1.9
+    gold = parts.material("gold", GOLD, metallic=1.0, roughness=0.14)
+    x, z = 0.85, -0.6
     parts.put(
         "plinth",
         join([box(0.50, 0.76, 0.50), moved(box(0.56, 0.06, 0.56), placed(0.0, 0.76, 0.0))]),
@@ -245,7 +245,7 @@ def _table(parts: Assembly) -> None:
     """A round table under a linen cloth, with a vase and a ball of clear glass."""
     linen = parts.textured("linen", weave(128, (0.92, 0.88, 0.79), (0.84, 0.79, 0.70), 32))
     glass = parts.material("glass", (1.0, 1.0, 1.0), transmission=1.0, roughness=0.0)
-    x, z = 1.75, -0.35
+    x, z = 2.1, 0.1
     parts.put("tablecloth", _tablecloth(0.52, 0.76), linen, (x, 0.0, z))
     vase = lathe(_rounded([(0.0, 0.0), *VASE_OUTSIDE, *VASE_INSIDE, (0.0, 0.05)]), 96)
     parts.place("vase", parts.mesh("vase", vase, glass), placed(x - 0.16, 0.762, z - 0.12, scale=1.25))
@@ -282,9 +282,9 @@ def _tablecloth(radius: float, height: float) -> RawMesh:
 
 
 def _bench(parts: Assembly) -> None:
-    """Leather cushions on a steel frame, before the large painting."""
+    """Leather cushions on a frame of dark wood, before the large painting."""
     leather = _coated(parts, "leather", (0.30, 0.115, 0.045), roughness=0.42)
-    steel = parts.material("steel", (0.62, 0.61, 0.60), metallic=1.0, roughness=0.35)
+    walnut = parts.material("walnut", (0.10, 0.06, 0.04))
     x, z, cushion, depth = -0.85, 0.75, 0.60, 0.56
     pads = [moved(_cushion(cushion, 0.12, depth), placed((k - 1) * cushion, 0.40, 0.0)) for k in range(3)]
     parts.put("cushions", join(pads), leather, (x, 0.0, z))
@@ -293,7 +293,7 @@ def _bench(parts: Assembly) -> None:
     rails = [moved(box(2 * w - 0.035, 0.03, 0.035), placed(0.0, 0.28, b * d)) for b in (-1, 1)]
     ends = [moved(box(0.035, 0.03, 2 * d - 0.035), placed(a * w, 0.28, 0.0)) for a in (-1, 1)]
     deck = moved(box(3 * cushion, 0.03, depth), placed(0.0, 0.311, 0.0))
-    parts.put("bench frame", join([*legs, *rails, *ends, deck]), steel, (x, 0.0, z))
+    parts.put("bench frame", join([*legs, *rails, *ends, deck]), walnut, (x, 0.0, z))
 
 
 def _cushion(width: float, height: float, depth: float) -> RawMesh:
@@ -308,7 +308,7 @@ def _lamps(parts: Assembly) -> None:
     opal = parts.material("opal", (0.8, 0.76, 0.68), emission=LAMP, emits_behind=False)
     brass = _number(parts, "brass")
     for k, (x, y, z, radius) in enumerate(
-        ((1.55, 2.35, -0.55, 0.15), (1.95, 2.75, -0.25, 0.12), (2.15, 2.15, -0.75, 0.10))
+        ((1.9, 2.35, -0.15, 0.15), (2.3, 2.75, 0.15, 0.12), (2.5, 2.15, -0.35, 0.10))
     ):
         parts.put(f"globe {k}", sphere(radius, segments=32), opal, (x, y, z))
         cord = lathe(
@@ -326,10 +326,9 @@ def _lamps(parts: Assembly) -> None:
 
 
 def _spots() -> tuple[SpotLight, ...]:
-    """Warm light from the ceiling on the large painting, the knot and the pictures on the right."""
+    """Warm light from the ceiling on the large painting and the pictures on the right."""
     aims: tuple[tuple[Vector, Vector, Vector, float], ...] = (
-        ((-1.5, 4.3, -3.4), (-1.5, 2.1, -5.6), (13.0, 9.4, 5.6), 26.0),
-        ((1.8, 4.3, -0.6), (0.85, 1.4, -1.9), (9.0, 6.2, 3.4), 16.0),
+        ((-1.68, 4.3, -3.4), (-1.68, 2.1, -5.6), (13.0, 9.4, 5.6), 26.0),
         ((1.9, 4.3, -2.4), (3.6, 2.0, -2.6), (9.0, 6.4, 3.7), 30.0),
     )
     return tuple(_spot(place, target, intensity, angle) for place, target, intensity, angle in aims)
