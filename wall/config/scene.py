@@ -245,8 +245,8 @@ class SceneConfig(Model):
     """What is rendered."""
 
     source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] = Field(
-        description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors, spheres), a .glb, "
-        ".gltf, .obj, .ply or .stl file relative to this one, or a list of them, in one world"
+        description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors, museum, spheres), "
+        "a .glb, .gltf, .obj, .ply or .stl file relative to this one, or a list of them, in one world"
     )
     materials: Annotated[tuple[MaterialConfig, ...], Field(max_length=10000)] = Field(
         default=(), description="materials by name of object or material; later ones win"

@@ -31,6 +31,7 @@ from wall.scene.builtin.cornell import cornell
 from wall.scene.builtin.courtyard import courtyard
 from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
+from wall.scene.builtin.museum import museum
 from wall.scene.builtin.spheres import spheres
 from wall.scene.environment import read_environment
 from wall.scene.lights import STUDIO_SKY, default_lights, unit
@@ -63,6 +64,7 @@ BUILT_IN = {
     "forest": forest,
     "gallery": gallery,
     "gallery_mirrors": gallery_mirrors,
+    "museum": museum,
     "spheres": spheres,
 }
 MOMENTS = 4  # kept: a tracer and its renderer's deep buffer ask for two in turn

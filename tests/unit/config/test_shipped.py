@@ -45,6 +45,7 @@ RANKS = {
     "measure/orbit": 5,
     "measure/shadows": 5,
     "measure/walk": 5,
+    "museum": 3,
     "one_panel": 2,
     "sampler_adaptive": 2,
     "sampler_framed": 3,

@@ -1,1 +1,1 @@
-"""Scenes made by code: courtyard, forest and gallery."""
+"""Scenes made by code: courtyard, forest, gallery, museum and smaller ones."""
