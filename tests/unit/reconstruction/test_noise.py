@@ -78,7 +78,7 @@ def test_light_does_not_cross_the_edge_of_a_surface(apart: str) -> None:
         made.field.pixels[fields.NORMAL_Z][beyond], made.field.pixels[fields.NORMAL_X][beyond] = 0.0, 1.0
     else:
         made.field.pixels[fields.POSITION_Z][beyond] = 50.0
-    assert np.abs(filtered(made) - light).max() < (1e-6 if apart != "plane" else 0.1)
+    assert np.abs(filtered(made) - light).max() < (3e-6 if apart != "plane" else 0.1)
 
 
 def test_the_filter_closes_as_light_becomes_known(compiled_only: None) -> None:

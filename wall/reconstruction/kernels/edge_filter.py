@@ -26,8 +26,12 @@ from wall.reconstruction.kernels.light_field import (
 )
 
 ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
-LEVELS = 5  # of four taps each, twice as far apart as those before
+# Rows and columns to a level's first tap; the other three are quarter turns on. They are the powers of 2 + i, to which
+# 0, 1, -1, i, -i are a complete set of digits: so the taps of all levels reach each of 5^levels pixels just once.
+STEPS = ((1, 0), (2, 1), (3, 4), (2, 11))
+LEVELS = len(STEPS)
 POOLS = 3  # levels over which the variance is pooled
+TAP = np.float32(0.8)  # share of a tap, of the pixel itself 1
 KNOWN = np.float32(0.25)  # samples from which a pixel's luminance says what its light is
 ERRORS = np.float32(2.0)  # standard errors of a difference at which a neighbour's share falls
 PLANE = np.float32(50.0)  # squared sine of the angle between the surface and the way to a neighbour, times this
@@ -35,7 +39,7 @@ FEW = np.float32(1.0)  # degrees of freedom: with fewer, the variance is drawn t
 TINY = np.float32(1e-20)
 NOWHERE = np.float32(-2.0)  # object of the border
 CHUNK = 64  # pixels of a row at once
-BORDER = 1 << LEVELS - 1  # pixels: the farthest tap
+BORDER = 11  # pixels: the farthest tap
 # first of a row's floats in the scratch array: of a pixel, its surface, variance and light, then of a neighbour
 OBJ, NX, NY, NZ, PX, PY, PZ, VAR, RED, GREEN, BLUE, NUMBER = range(0, 12 * CHUNK, CHUNK)
 OTHER = 12 * CHUNK
@@ -120,21 +124,22 @@ def filter_light(field, levels):
     source, target = field.light, field.filtered if levels % 2 == 1 else field.scratch
     other = field.scratch if levels % 2 == 1 else field.filtered
     for level in range(levels):
-        filter_level(field.pixels, source, 1 << level, rows, target)
+        filter_level(field.pixels, source, STEPS[level], rows, target)
         source, target, other = target, other, target
 
 
 @inline_kernel
 def filter_level(pixels, light, step, rows, out):
-    """One level: the four nearest taps, `step` pixels apart. rows : scratch"""
+    """One level: a pixel and four taps around it. rows : scratch"""
+    down, right = step
     for i in range(BORDER, light.shape[1] - BORDER):
         for first in range(BORDER, light.shape[2] - BORDER, CHUNK):
             load(pixels, light, i, first, rows, OBJ)
             begin(rows)
-            for tap in range(4):
-                di, dj = (tap - 1) * step if tap % 2 == 0 else 0, (tap - 2) * step if tap % 2 == 1 else 0
-                load(pixels, light, i + di, first + dj, rows, OTHER)
+            for _ in range(4):
+                load(pixels, light, i + down, first + right, rows, OTHER)
                 add_neighbours(rows)
+                down, right = -right, down
             finish(rows)
             for c in range(LIGHTS):
                 give(rows, RED + c * CHUNK, out[c], i, first)
@@ -175,7 +180,7 @@ def add_neighbours(rows):
         turn *= turn
         turn *= turn
         same = (rows[OBJ + k] == rows[OTHER + OBJ + k]) & (rows[OBJ + k] > ZERO)
-        rows[SHARE + k] = HALF * turn * turn if same else ZERO
+        rows[SHARE + k] = TAP * turn * turn if same else ZERO
     for k in range(CHUNK):
         dx, dy = rows[OTHER + PX + k] - rows[PX + k], rows[OTHER + PY + k] - rows[PY + k]
         dz = rows[OTHER + PZ + k] - rows[PZ + k]
