@@ -74,6 +74,7 @@ CONTROL = [
 SAMPLES = [encode(batch_of(plain_samples(n)), codec) for n in (0, 1, 5) for codec in Codec]
 COMPACT = [encode(batch_of(plain_samples(n), adaptive=True)) for n in (0, 1, 5, 40)]
 RELIGHTABLE = [encode(batch_of(relightable_samples(n), adaptive=True, relightable=True)) for n in (0, 1, 5, 40)]
+NOISY = [encode(batch_of(relightable_samples(n), adaptive=True, noisy=True)) for n in (0, 1, 5, 40)]
 
 
 def resealed_control(data: bytes) -> bytes:
@@ -147,7 +148,9 @@ def test_random_bytes_are_refused(parse: Callable[[bytes], Parsed]) -> None:
         assert not survives(parse, b"WALL\x01" + data)
 
 
-@pytest.mark.parametrize("packets", [SAMPLES, COMPACT, RELIGHTABLE], ids=["plain", "compact", "relightable"])
+@pytest.mark.parametrize(
+    "packets", [SAMPLES, COMPACT, RELIGHTABLE, NOISY], ids=["plain", "compact", "relightable", "noisy"]
+)
 def test_mutated_sample_packets_are_refused_or_harmless(packets: list[bytes]) -> None:
     rng, accepted = np.random.default_rng(2), 0
     for k in range(ROUNDS):
@@ -168,5 +171,5 @@ def test_mutated_control_messages_are_refused_or_harmless() -> None:
 
 
 def test_messages_of_one_kind_are_refused_by_the_other_parser() -> None:
-    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + RELIGHTABLE)
+    assert not any(survives(parse_control, data) for data in SAMPLES + COMPACT + RELIGHTABLE + NOISY)
     assert not any(survives(decode, data) for data in CONTROL)

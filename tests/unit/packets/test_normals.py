@@ -67,6 +67,19 @@ def test_normals_come_back_within_two_steps_and_masks_exactly(n: int) -> None:
     check_normals(samples, came.samples)
 
 
+@pytest.mark.parametrize("n", [0, 1, 300])
+def test_noisy_samples_bring_normals_and_albedos_and_no_masks(n: int) -> None:
+    samples = relightable_samples(n)
+    samples["albedo"] = np.random.default_rng(2).integers(0, 2**24, n)
+    came = decode(encode(batch_of(samples, rect=RECT, adaptive=True, noisy=True)))
+    assert came.noisy
+    assert not came.relightable
+    a, b = placed(samples), placed(came.samples)
+    assert np.abs(np.maximum(a["normal"].astype(int), -127) - b["normal"]).max(initial=0) <= 2
+    assert (a["albedo"] == b["albedo"]).all()
+    assert not b["light_visibility"].any()
+
+
 @given(batch=batches(), data=st.data())
 @settings(max_examples=60, deadline=None)
 def test_any_batch_brings_its_normals_and_masks(batch: Batch, data: st.DataObject) -> None:

@@ -50,6 +50,17 @@ def test_flicker_counts_changes_that_the_reference_does_not_have() -> None:
     assert (steady.flicker, blinking.flicker, following.flicker) == (0.0, pytest.approx(1.0), 0.0)
 
 
+def test_the_noise_of_two_independent_references_cancels(random_numbers: np.random.Generator) -> None:
+    """An error of 0.1 under references whose own noise is as large: one of them reads 0.14."""
+    truth = np.full((128, 128, 3), 0.5, np.float32)
+    one, other = (truth + random_numbers.normal(0.0, 0.1, truth.shape).astype(np.float32) for _ in range(2))
+    both, single = (Score(judged=frozenset()) for _ in range(2))
+    both.add(truth + np.float32(0.1), one, other)
+    single.add(truth + np.float32(0.1), one)
+    assert both.rmse == pytest.approx(0.1, rel=0.01)
+    assert single.rmse == pytest.approx(0.1414, rel=0.01)
+
+
 def test_flip_and_ssim_know_equal_images_and_order_worse_ones(random_numbers: np.random.Generator) -> None:
     reference = random_numbers.random((64, 64, 3)).astype(np.float32)
     noise = random_numbers.normal(size=reference.shape).astype(np.float32)
