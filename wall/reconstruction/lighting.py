@@ -16,7 +16,7 @@ EVERY_SAMPLE = np.float32(-np.inf)
 
 
 class Lighting:
-    """Filters the light of samples over their surfaces, at every refresh."""
+    """Filters the light of samples over their surfaces, whenever enough of them are new."""
 
     def __init__(self, height: int, width: int, objects: int) -> None:
         def zeros(rows: int) -> Float32:
