@@ -19,6 +19,11 @@ def srgb_encoded(linear: NDArray[Real]) -> NDArray[Real]:
     return np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055).astype(linear.dtype, copy=False)
 
 
+def srgb_codes(linear: NDArray[Real]) -> NDArray[np.uint8]:
+    """The nearest 8-bit codes of linear light, which is clipped to [0, 1]; the same shape."""
+    return np.round(srgb_encoded(linear) * 255).astype(np.uint8)
+
+
 def srgb_decoded(values: NDArray[Real]) -> NDArray[Real]:
     """Linear light of display values in [0, 1]; the same shape and float type."""
     light = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
@@ -31,4 +36,4 @@ def srgb_curve() -> NDArray[np.uint8]:
     Looking up the nearest k is at most one code from the exact rounding: the curve moves 0.08 codes a step at most.
     """
     linear = (np.arange(CURVE_STEPS + 1) / CURVE_STEPS) ** 2
-    return np.round(srgb_encoded(linear) * 255).astype(np.uint8)
+    return srgb_codes(linear)

@@ -49,7 +49,7 @@ SAMPLE = np.dtype(
             "normal",
             np.int8,
             (2,),
-        ),  # of the surface, in the object's frame, octahedral; only if lighting changes, and of paths
+        ),  # of the surface, in the object's frame, octahedral; if light changes, and of paths
         ("light_visibility", np.uint32),  # light visibility mask, bit k: nothing hides light k from the point
         ("albedo", np.uint32),  # of paths: what radiance is divided by to be light, see core.kernels.albedo
         ("change", np.float32),  # 0..1, how much it contradicts what was shown at its pixel

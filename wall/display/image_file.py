@@ -9,7 +9,7 @@ import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
-from wall.core.colour import srgb_encoded
+from wall.core.colour import srgb_codes
 from wall.core.data import Float32
 from wall.display.files import check_target, replaced
 
@@ -23,7 +23,7 @@ def check_suffix(path: Path) -> None:
 
 def display_values(linear: Float32, *, stops: float = 0.0) -> NDArray[np.uint8]:
     """8-bit sRGB (IEC 61966-2-1) of linear light, exposed by so many stops and clipped to 0..1; the same shape."""
-    return np.round(srgb_encoded(2.0**stops * linear.astype(np.float64)) * 255).astype(np.uint8)
+    return srgb_codes(2.0**stops * linear.astype(np.float64))
 
 
 def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:

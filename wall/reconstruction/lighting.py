@@ -85,7 +85,7 @@ class Lighting:
         kernels.gather_light(store, weight, count, history.nearest, field)
         kernels.resolve_light(store, history, field)
         kernels_filter.pool_variance(self._padded)
-        kernels_filter.filter_light(self._padded, kernels_filter.LEVELS)
+        kernels_filter.filter_light(self._padded)
         kernels.estimate_bias(history, field)
         kernels.show_light(store, weight, count, EVERY_SAMPLE, table, field)
 

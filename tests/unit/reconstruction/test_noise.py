@@ -55,7 +55,7 @@ def lighting(light: Float32, *, variance: float, count: float = 1.0) -> Lighting
 
 
 def filtered(made: Lighting) -> Float32:
-    filters.filter_light(made._padded, filters.LEVELS)
+    filters.filter_light(made._padded)
     return np.array(made.field.filtered[fields.L_RED])
 
 

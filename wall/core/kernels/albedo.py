@@ -43,3 +43,10 @@ def share_of(code):
     """One channel of a code; of codes that pack_albedo never gives, at least 1/255 squared."""
     root = np.float32(max(code, np.uint32(1))) * np.float32(1.0 / 255.0)
     return root * root
+
+
+@inline_kernel
+def light_of(sample):
+    """Radiance over albedo of a SAMPLE of paths, red, green and blue, float32."""
+    r, g, b = unpack_albedo(sample["albedo"])
+    return sample["radiance"][0] / r, sample["radiance"][1] / g, sample["radiance"][2] / b

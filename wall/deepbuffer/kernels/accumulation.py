@@ -10,7 +10,7 @@ import numpy as np
 
 from wall.core.colour import LUMINANCE
 from wall.core.jit import inline_kernel, kernel
-from wall.core.kernels.albedo import unpack_albedo
+from wall.core.kernels.albedo import light_of
 from wall.deepbuffer.kernels.columns import (
     AMOUNT,
     BLUE,
@@ -62,13 +62,8 @@ def accumulate_light(mean, count, sample):
     """Add a sample, the `count`-th, to a pixel's mean light and the squared deviations of its luminance."""
     if count == ONE:
         mean[:] = ZERO
-    albedo, share = unpack_albedo(sample["albedo"]), ONE / count
+    share, (red, green, blue) = ONE / count, light_of(sample)
     before = luminance(mean[RED], mean[GREEN], mean[BLUE])
-    red, green, blue = (
-        sample["radiance"][0] / albedo[0],
-        sample["radiance"][1] / albedo[1],
-        sample["radiance"][2] / albedo[2],
-    )
     mean[RED] += share * (red - mean[RED])
     mean[GREEN] += share * (green - mean[GREEN])
     mean[BLUE] += share * (blue - mean[BLUE])

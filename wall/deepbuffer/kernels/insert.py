@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.core.kernels.albedo import unpack_albedo
+from wall.core.kernels.albedo import light_of, unpack_albedo
 from wall.deepbuffer.kernels.accumulation import accumulate
 from wall.deepbuffer.kernels.change import TRUSTED, change_of, mark_contradicted
 from wall.deepbuffer.kernels.columns import COUNT, DEPTH, IRRADIANCE, NEAREST_OBJECT, SQRT_IRRADIANCE, WEIGHT, X, Y, Z
@@ -131,16 +131,15 @@ def store_sample(sample, time, rows, r, lights, diffuse, store, k):
     for c in range(3):
         store.radiance[k, c] = sample["radiance"][c]
     store.radiance[k, SQRT_IRRADIANCE] = sample["sqrt_irradiance"]
-    if store.light_visibility.shape[0] > 0:
+    if store.normal.shape[0] > 0:
         store.normal[k] = pack_normal(sample["normal"][0], sample["normal"][1])
+    if store.light_visibility.shape[0] > 0:
         store.light_visibility[k] = sample["light_visibility"]
         demodulate(sample, lights, diffuse, store, k)
     if store.light.shape[0] > 0:
-        store.normal[k] = pack_normal(sample["normal"][0], sample["normal"][1])
-        albedo = unpack_albedo(sample["albedo"])
+        albedo, light = unpack_albedo(sample["albedo"]), light_of(sample)
         for c in range(3):
-            store.albedo[c, k] = albedo[c]
-            store.light[k, c] = sample["radiance"][c] / albedo[c]
+            store.albedo[c, k], store.light[k, c] = albedo[c], light[c]
     store.time[k], store.confidence[k] = time, ONE
     store.screen_position[X, k] = rows[SCREEN_X, r]
     store.screen_position[Y, k] = rows[SCREEN_Y, r]

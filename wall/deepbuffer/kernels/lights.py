@@ -78,14 +78,7 @@ def reflected_light(px, py, pz, normal, visibility, lights, object_id, irradianc
     lights : ObjectLights, the rows of `object_id`; irradiance : (k, 3) float32, of the sky, by the normal's height
     """
     rows, up, directional = lights.rows[object_id], lights.up[object_id], lights.directional
-    u = np.float32(np.int8(normal & BYTE)) * (ONE / NORMAL_STEPS)
-    v = np.float32(np.int8((normal >> 8) & BYTE)) * (ONE / NORMAL_STEPS)
-    z = ONE - abs(u) - abs(v)
-    fold = max(-z, ZERO)
-    x = u - (fold if u >= ZERO else -fold)
-    y = v - (fold if v >= ZERO else -fold)
-    size = ONE / math.sqrt(x * x + y * y + z * z)
-    x, y, z = x * size, y * size, z * size
+    x, y, z = unpack_normal(normal)
     steps = irradiance.shape[0] - 1
     height = (x * up[X] + y * up[Y] + z * up[Z] + ONE) * np.float32(0.5) * np.float32(steps)
     i = min(max(int(height), 0), steps - 1)
@@ -113,6 +106,20 @@ def reflected_light(px, py, pz, normal, visibility, lights, object_id, irradianc
 def pack_normal(u, v):
     """Two int8 of an octahedral normal as one uint16, u in the low byte."""
     return np.uint16((np.int32(u) & BYTE) | ((np.int32(v) & BYTE) << 8))
+
+
+@inline_kernel
+def unpack_normal(normal):
+    """The unit vector of an octahedral uint16, see pack_normal."""
+    low, high = np.int32(normal) & BYTE, (np.int32(normal) >> 8) & BYTE
+    u = np.float32(low - ((low >> 7) << 8)) * (ONE / NORMAL_STEPS)
+    v = np.float32(high - ((high >> 7) << 8)) * (ONE / NORMAL_STEPS)
+    z = ONE - abs(u) - abs(v)
+    fold = max(-z, ZERO)
+    x = u - (fold if u >= ZERO else -fold)
+    y = v - (fold if v >= ZERO else -fold)
+    size = ONE / math.sqrt(x * x + y * y + z * z)
+    return x * size, y * size, z * size
 
 
 @inline_kernel

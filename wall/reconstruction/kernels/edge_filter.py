@@ -118,12 +118,11 @@ def give(rows, start, image, y, x):
 
 
 @kernel
-def filter_light(field, levels):
-    """Filter `light` to `filtered` in so many levels. field : LightField, with borders"""
+def filter_light(field):
+    """Filter `light` to `filtered`. field : LightField, with borders"""
     rows = np.empty(ROOM, np.float32)
-    source, target = field.light, field.filtered if levels % 2 == 1 else field.scratch
-    other = field.scratch if levels % 2 == 1 else field.filtered
-    for level in range(levels):
+    source, target, other = field.light, field.scratch, field.filtered  # an even number of levels ends in `filtered`
+    for level in range(LEVELS):
         filter_level(field.pixels, source, STEPS[level], rows, target)
         source, target, other = target, other, target
 

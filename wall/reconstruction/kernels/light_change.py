@@ -14,6 +14,7 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import luminance
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y
+from wall.reconstruction.kernels.edge_filter import tap_share
 from wall.reconstruction.kernels.light_field import L_COUNT, VARIANCE, find_surface
 
 uint32 = np.uint32
@@ -82,7 +83,7 @@ def find_changes(probes, changes):
             sums[:] = ZERO
             for y in range(max(i - 1, 0), min(i + 2, rows)):
                 for x in range(max(j - 1, 0), min(j + 2, columns)):
-                    share = (ONE if y == i else HALF) * (ONE if x == j else HALF)
+                    share = tap_share(y - i, x - j)
                     for c in range(COLUMNS):
                         sums[c] += share * probes[y, x, c]
             changes[i, j] = ONE

@@ -6,7 +6,6 @@ speaks for the object of its nearest sample alone. The samples are shown in the 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.accumulation import luminance
 from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y, Z
-from wall.deepbuffer.kernels.lights import BYTE, NORMAL_STEPS
+from wall.deepbuffer.kernels.lights import unpack_normal
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.deepbuffer.kernels.reproject import pixel_of
 
@@ -73,20 +72,6 @@ def gather_light(store, weight, count, nearest, field):
         pixel[LIGHT + 2] += w * blue
         pixel[LUMINANCE_SQUARES] += w * own * own
         surface[i, j] = k
-
-
-@inline_kernel
-def unpack_normal(normal):
-    """The unit vector of an octahedral uint16, see pack_normal."""
-    low, high = np.int32(normal) & BYTE, (np.int32(normal) >> 8) & BYTE
-    u = np.float32(low - ((low >> 7) << 8)) * (ONE / NORMAL_STEPS)
-    v = np.float32(high - ((high >> 7) << 8)) * (ONE / NORMAL_STEPS)
-    z = ONE - abs(u) - abs(v)
-    fold = max(-z, ZERO)
-    x = u - (fold if u >= ZERO else -fold)
-    y = v - (fold if v >= ZERO else -fold)
-    size = ONE / math.sqrt(x * x + y * y + z * z)
-    return x * size, y * size, z * size
 
 
 @kernel

@@ -8,7 +8,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import SQRT_IRRADIANCE, X, Y, Z
-from wall.deepbuffer.kernels.lights import BYTE, LEAST_SQUARE, LIGHT_RED, NORMAL_STEPS
+from wall.deepbuffer.kernels.lights import LEAST_SQUARE, LIGHT_RED, unpack_normal
 
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -51,16 +51,7 @@ def unpack_normals(normals, rows):
     """Write rows NX to NZ."""
     nx, ny, nz = rows[NX], rows[NY], rows[NZ]
     for k in range(normals.shape[0]):
-        normal = np.int32(normals[k])
-        low, high = normal & BYTE, (normal >> 8) & BYTE
-        u = np.float32(low - ((low >> 7) << 8)) * (ONE / NORMAL_STEPS)
-        v = np.float32(high - ((high >> 7) << 8)) * (ONE / NORMAL_STEPS)
-        z = ONE - abs(u) - abs(v)
-        fold = max(-z, ZERO)
-        x = u - (fold if u >= ZERO else -fold)
-        y = v - (fold if v >= ZERO else -fold)
-        size = ONE / math.sqrt(x * x + y * y + z * z)
-        nx[k], ny[k], nz[k] = x * size, y * size, z * size
+        nx[k], ny[k], nz[k] = unpack_normal(normals[k])
 
 
 @inline_kernel

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.colour import srgb_encoded
+from wall.core.colour import srgb_codes
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import box, lathe, placed
 from wall.scene.lights import directional_light
@@ -59,5 +59,4 @@ def _tiles(size: int) -> NDArray[np.uint8]:
     at = np.arange(size) * count / size
     joint = np.minimum.outer(at % 1, at % 1) < 0.07
     shown = tiles[np.ix_(at.astype(int), at.astype(int))]
-    codes: NDArray[np.uint8] = np.round(srgb_encoded(np.where(joint[..., None], 0.62, shown)) * 255).astype(np.uint8)
-    return codes
+    return srgb_codes(np.where(joint[..., None], 0.62, shown))

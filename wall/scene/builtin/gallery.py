@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.colour import srgb_encoded
+from wall.core.colour import srgb_codes
 from wall.scene.animation import Vector
 from wall.scene.builtin.assembly import Assembly
 from wall.scene.builtin.shapes import box, join, lathe, moved, placed, sphere, torus, torus_knot
@@ -77,11 +77,6 @@ def _fixtures(parts: Assembly) -> None:
     parts.put("railing", join([*rods, *rails]), iron, (0.0, 0.0, -4.8))
 
 
-def _srgb(linear: NDArray[np.float64]) -> NDArray[np.uint8]:
-    codes: NDArray[np.uint8] = np.round(srgb_encoded(linear) * 255).astype(np.uint8)
-    return codes
-
-
 def _grid(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     y, x = np.mgrid[0:size, 0:size] / size
     return x, y
@@ -94,19 +89,19 @@ def _tiles(size: int) -> NDArray[np.uint8]:
     tone = np.random.default_rng(3).uniform(0.75, 1.15, (24, 24))[j, i][..., None]
     colour = np.where(((i + j) % 2 == 0)[..., None], [0.55, 0.50, 0.42], [0.16, 0.22, 0.24]) * tone
     joint = (np.minimum(24 * x % 1, 24 * y % 1) < 0.05)[..., None]
-    return _srgb(np.where(joint, [0.3, 0.29, 0.27], colour))
+    return srgb_codes(np.where(joint, [0.3, 0.29, 0.27], colour))
 
 
 def _stripes(size: int) -> NDArray[np.uint8]:
     x, y = _grid(size)
     wave = (0.5 + 0.5 * np.sin(2 * math.pi * (12 * x + 4 * y)))[..., None]
-    return _srgb(np.array([0.75, 0.42, 0.05]) * wave + np.array([0.08, 0.28, 0.3]) * (1 - wave))
+    return srgb_codes(np.array([0.75, 0.42, 0.05]) * wave + np.array([0.08, 0.28, 0.3]) * (1 - wave))
 
 
 def _dots(size: int) -> NDArray[np.uint8]:
     x, y = _grid(size)
     dot = (np.hypot(16 * x % 1 - 0.5, 8 * y % 1 - 0.5) < 0.3)[..., None]
-    return _srgb(np.where(dot, [0.8, 0.78, 0.7], [0.12, 0.3, 0.14]))
+    return srgb_codes(np.where(dot, [0.8, 0.78, 0.7], [0.12, 0.3, 0.14]))
 
 
 def _bricks(size: int) -> NDArray[np.uint8]:
@@ -115,4 +110,4 @@ def _bricks(size: int) -> NDArray[np.uint8]:
     along = 6 * x + 0.5 * (row % 2)
     joint = (np.minimum(along % 1, 8 * y % 1) < 0.1)[..., None]
     tone = np.random.default_rng(5).uniform(0.7, 1.2, (8, 8))[row.astype(int), np.floor(along).astype(int)][..., None]
-    return _srgb(np.where(joint, [0.5, 0.48, 0.44], np.array([0.5, 0.2, 0.12]) * tone))
+    return srgb_codes(np.where(joint, [0.5, 0.48, 0.44], np.array([0.5, 0.2, 0.12]) * tone))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.colour import srgb_encoded
+from wall.core.colour import srgb_codes
 from wall.core.data import Float64
 from wall.scene.animation import Vector
 
@@ -135,8 +135,7 @@ def _each(cells: NDArray[Any], size: int) -> NDArray[Any]:
 
 def encoded(linear: Float64) -> Texels:
     """Linear light as sRGB bytes."""
-    codes: Texels = np.round(srgb_encoded(np.asarray(linear, np.float32)) * 255).astype(np.uint8)
-    return codes
+    return srgb_codes(np.asarray(linear, np.float32))
 
 
 def _blend(at: Float64, colors: tuple[Vector, ...]) -> Float64:

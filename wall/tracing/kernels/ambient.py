@@ -8,15 +8,13 @@ records are those of paths of one surface.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import start_off_surface
-from wall.tracing.kernels.ggx import TWO_PI, frame_of
+from wall.tracing.kernels.ggx import by_cosine, frame_of, in_world
 from wall.tracing.kernels.lens import keep_distances
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.path import (
@@ -89,13 +87,9 @@ def aim_anywhere(first, count, distance, work, paths):
             r, g, b = xyz(p, rows.RADIANCE_R, lane)
             add_light(first + lane, r, g, b, paths)
             continue
-        u, turn = p[rows.LIGHT_U + lane], TWO_PI * p[rows.LIGHT_V + lane]
-        sine, cosine = math.sqrt(u), math.sqrt(ONE - u)  # Malley: evenly over the disc below
-        nx, ny, nz = xyz(p, rows.SHADING_NORMAL_X, lane)
-        s, t = frame_of(nx, ny, nz)
-        a, b = sine * math.cos(turn), sine * math.sin(turn)
-        dx, dy = a * s[0] + b * t[0] + cosine * nx, a * s[1] + b * t[1] + cosine * ny
-        dz = a * s[2] + b * t[2] + cosine * nz
+        normal = xyz(p, rows.SHADING_NORMAL_X, lane)
+        s, t = frame_of(normal[0], normal[1], normal[2])
+        dx, dy, dz = in_world(by_cosine(p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane]), s, t, normal)
         gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
         below = TWO * min(dx * gx + dy * gy + dz * gz, ZERO)
         set_xyz(p, SHADOW_DIRECTION, lane, dx - below * gx, dy - below * gy, dz - below * gz)

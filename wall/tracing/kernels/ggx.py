@@ -62,3 +62,21 @@ def frame_of(x, y, z):
     a = -ONE / (sign + z)
     b = x * y * a
     return (ONE + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+
+
+@inline_kernel
+def in_world(direction, s, t, n):
+    """A direction that is given in the frame of s, t and n."""
+    a, b, c = direction
+    return (
+        a * s[0] + b * t[0] + c * n[0],
+        a * s[1] + b * t[1] + c * n[1],
+        a * s[2] + b * t[2] + c * n[2],
+    )
+
+
+@inline_kernel
+def by_cosine(u, v):
+    """A direction about (0, 0, 1), with the density of its cosine, of two random numbers (Malley: even on the disc)."""
+    size, turn = math.sqrt(u), TWO_PI * v
+    return size * math.cos(turn), size * math.sin(turn), math.sqrt(ONE - u)

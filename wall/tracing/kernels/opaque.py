@@ -15,7 +15,7 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.tracing.kernels.ggx import (
     FLATTEST_ROUGHNESS,
-    TWO_PI,
+    by_cosine,
     facet_density,
     sample_facet,
     schlick,
@@ -128,8 +128,7 @@ def sample(look, out, choice, u, v):
         turn = TWO * (out[0] * hx + out[1] * hy + out[2] * hz)
         to = (turn * hx - out[0], turn * hy - out[1], turn * hz - out[2])
     else:
-        size = math.sqrt(u)
-        to = (size * math.cos(TWO_PI * v), size * math.sin(TWO_PI * v), math.sqrt(ONE - u))
+        to = by_cosine(u, v)
     if to[2] <= ZERO:
         return to, (ZERO, ZERO, ZERO), ZERO
     r, g, b, density = evaluate(look, out, to)

@@ -12,7 +12,7 @@ from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import glass, opaque, rows
 from wall.tracing.kernels.bsdf import mirrored
-from wall.tracing.kernels.ggx import frame_of
+from wall.tracing.kernels.ggx import frame_of, in_world
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.surface import material_of, seen_from_inside
 from wall.tracing.kernels.textures import roughness_of
@@ -75,9 +75,7 @@ def scatter(lane, surfaces, materials, work):
         to, weight, density = opaque.sample(look, out, (choice - through - mirror) / rest, u, v)
         density = density * rest if density > ZERO else density
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-    x = to[0] * s[0] + to[1] * t[0] + to[2] * n[0]
-    y = to[0] * s[1] + to[1] * t[1] + to[2] * n[1]
-    z = to[0] * s[2] + to[1] * t[2] + to[2] * n[2]
+    x, y, z = in_world(to, s, t, n)
     if (x * gx + y * gy + z * gz > ZERO) != (to[2] > ZERO):  # the shading normal sends it to the wrong side
         weight = (ZERO, ZERO, ZERO)
     return (x, y, z), weight, density

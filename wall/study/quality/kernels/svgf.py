@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
-from wall.core.kernels.albedo import unpack_albedo
+from wall.core.kernels.albedo import light_of, unpack_albedo
 from wall.deepbuffer.kernels.accumulation import luminance
-from wall.deepbuffer.kernels.lights import pack_normal
+from wall.deepbuffer.kernels.lights import pack_normal, unpack_normal
 from wall.deepbuffer.kernels.reproject import OUTSIDE, pixel_of
-from wall.reconstruction.kernels.light_field import unpack_normal
+from wall.reconstruction.kernels.edge_filter import tap_share
 
-ZERO, ONE, HALF = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
 SAME_DEPTH = np.float32(0.1)  # of the depth: a history pixel that differs by more shows another surface
 SAME_FACING = np.float32(0.9)  # cosine of normals: likewise
 ENOUGH = np.float32(4.0)  # frames, from which on the variance in time is known; before it is that over 7x7 pixels
@@ -50,10 +50,7 @@ def demodulate(raster, normal, light):
     for i in range(raster.shape[0]):
         for j in range(raster.shape[1]):
             sample = raster[i, j]
-            red, green, blue = unpack_albedo(sample["albedo"])
-            light[i, j, 0] = sample["radiance"][0] / red
-            light[i, j, 1] = sample["radiance"][1] / green
-            light[i, j, 2] = sample["radiance"][2] / blue
+            light[i, j, 0], light[i, j, 1], light[i, j, 2] = light_of(sample)
             x, y, z = unpack_normal(pack_normal(sample["normal"][0], sample["normal"][1]))
             normal[i, j, 0], normal[i, j, 1], normal[i, j, 2] = x, y, z
 
@@ -253,7 +250,7 @@ def smooth_variance(variance, i, j):
     total = weights = ZERO
     for k in range(max(i - 1, 0), min(i + 2, height)):
         for m in range(max(j - 1, 0), min(j + 2, width)):
-            weight = (ONE if k == i else HALF) * (ONE if m == j else HALF)
+            weight = tap_share(k - i, m - j)
             weights += weight
             total += weight * variance[k, m]
     return total / weights
@@ -307,7 +304,7 @@ def pool(surfaces, source, step, out):
                 for m in range(j - step, j + step + 1, step):
                     if k < 0 or m < 0 or k >= height or m >= width:
                         continue
-                    weight = (ONE if k == i else HALF) * (ONE if m == j else HALF) * likeness(surfaces, i, j, k, m)
+                    weight = tap_share(k - i, m - j) * likeness(surfaces, i, j, k, m)
                     weights += weight * source[k, m, 0]
                     squares += weight * weight * source[k, m, 1]
                     first += weight * source[k, m, 2]
