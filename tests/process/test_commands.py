@@ -15,22 +15,43 @@ from running import mpirun, panels, summary, wall, write_config
 from typer.testing import CliRunner
 
 from wall import cli
+from wall.config.loading import load
+from wall.run import launch
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs").rglob("*.yaml"))
 TOO_LARGE = {"large"}  # 90 processes and 307 million pixels: drawn, checked and expanded by other tests
 SHIPPED = [path for path in CONFIGS if path.parent.name != "measure" and path.stem not in TOO_LARGE]
+# The others run as threads of one process, at a quarter of the cost: imports and kernels are loaded once
+AS_PROCESSES = {"demo", "museum", "stereo", "two_compositors", "compositor_tree", "hybrid", "mixed_sinks"}
 
 
-@pytest.mark.parametrize("config", SHIPPED, ids=lambda path: path.stem)
-def test_every_shipped_configuration_runs(tmp_path: Path, config: Path) -> None:
+@pytest.mark.parametrize("config", [path for path in SHIPPED if path.stem in AS_PROCESSES], ids=lambda path: path.stem)
+def test_shipped_configurations_run_as_processes(tmp_path: Path, config: Path) -> None:
     done = wall("run", config, "--headless", "--seconds", 0.7, "--out", tmp_path)
 
     assert done.returncode == 0, done.stdout + done.stderr
-    found = summary(tmp_path)
+    check_results(tmp_path)
+
+
+@pytest.mark.parametrize("config", [path for path in SHIPPED if path.stem not in AS_PROCESSES], ids=lambda p: p.stem)
+def test_shipped_configurations_run_as_threads(tmp_path: Path, config: Path) -> None:
+    loaded = load(config)
+    threads = loaded.config.transport.model_copy(update={"kind": "loopback"})
+    loaded = loaded.with_config(loaded.config.model_copy(update={"transport": threads}))
+
+    outcome = launch.run(loaded, launch.Options(out=tmp_path, headless=True, seconds=0.7), say=print, opened=print)
+
+    assert outcome is not None
+    assert outcome.failed == ""
+    check_results(tmp_path)
+
+
+def check_results(folder: Path) -> None:
+    found = summary(folder)
     assert found["samples_shown"] > 0
     assert found["lost"] == {}
-    if (tmp_path / "wall.png").exists():
-        assert np.asarray(Image.open(tmp_path / "wall.png")).std() > 10
+    if (folder / "wall.png").exists():
+        assert np.asarray(Image.open(folder / "wall.png")).std() > 10
 
 
 @pytest.mark.parametrize("suffix", ["glb", "obj", "ply", "stl"])

@@ -26,6 +26,9 @@ from numba.core.event import Event, Listener, register
 PACKAGE = Path(__file__).resolve().parents[1]
 IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
+# of all kernels; C calls none of them
+OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+
 _used: set[Path] = set()  # cache folders of this process
 _kernels: list[Any] = []  # of this process
 _scalar: set[Any] = set()  # of those, bit_kernels
@@ -69,7 +72,17 @@ def inline_kernel(function: Callable[..., Any]) -> Any:
     Without numba's runtime (`_nrt`) no references are counted: otherwise every array that is handed on costs two atomic
     additions a call, 5 ns each, some 250 of them for a packet of 16 rays.
     """
-    return _compiled(function, forceinline=True, _nrt=False)
+    compiled = _compiled(function, forceinline=True, _nrt=False, no_cpython_wrapper=True)
+    if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        compiled._insert = lambda *_: None  # of what Python may call: without a wrapper nothing
+        compiled._compile_for_args = lambda *_: _from_python(function)
+    return compiled
+
+
+@cache
+def _from_python(function: Callable[..., Any]) -> Any:
+    """An inline kernel that Python can call, for tests: the wrapper takes a quarter of the time of compiling."""
+    return numba.njit(**OPTIONS)(function)
 
 
 def c_callback(signature: Any, function: Callable[..., Any]) -> Any:
@@ -80,7 +93,7 @@ def c_callback(signature: Any, function: Callable[..., Any]) -> Any:
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     _choose_cache(function)
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
+    compiled = numba.njit(cache=True, **OPTIONS, **options)(function)
     _kernels.append(compiled)
     if not numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
         file = compiled._cache._cache_file

@@ -73,7 +73,7 @@ def pool_variance(field):
             variance[i, j] = known / max(a[FREEDOM, i, j] + guess, TINY)
 
 
-@inline_kernel
+@kernel
 def pool_level(objects, spread, step, rows, out):
     """Sums over 3x3 taps of the same object, `step` pixels apart. rows : scratch"""
     own, other, deviations, freedom = 0, CHUNK, 2 * CHUNK, 3 * CHUNK
@@ -127,7 +127,7 @@ def filter_light(field):
         source, target, other = target, other, target
 
 
-@inline_kernel
+@kernel
 def filter_level(pixels, light, step, rows, out):
     """One level: a pixel and four taps around it. rows : scratch"""
     down, right = step
@@ -144,7 +144,7 @@ def filter_level(pixels, light, step, rows, out):
                 give(rows, RED + c * CHUNK, out[c], i, first)
 
 
-@inline_kernel
+@kernel
 def load(pixels, light, y, x, rows, to):
     """Copy all that is known of CHUNK pixels of row y from x on to rows[to:]."""
     for row in range(SURFACE):
@@ -168,7 +168,7 @@ def begin(rows):
         rows[LUMINANCE + k] = luminance(rows[RED + k], rows[GREEN + k], rows[BLUE + k])
 
 
-@inline_kernel
+@kernel
 def add_neighbours(rows):
     """Add a neighbour's light to each pixel, as far as it lies on the same surface, in the same light."""
     for k in range(CHUNK):
