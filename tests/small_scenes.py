@@ -114,13 +114,15 @@ def with_every_feature(scene: Scene) -> Scene:
     """A still scene that looks the same, for a tracer that has every feature: numba compiles one for each set of them.
 
     Far below lies a small dark object with every texture, vertex colours and smooth normals that shines a little, away
-    from all else; every kind of light is there, black. The sky stays a sky, and an environment an environment.
+    from all else, and is in part glass that absorbs; every kind of light is there, black. The sky stays a sky, and an
+    environment an environment.
     """
     first, texel = len(scene.textures), np.full((2, 2, 3), 9, np.uint8)
     more = [Texture(name="more", texels=texel, linear=k % 2 == 1, wrap=("clamp", "mirror")) for k in range(4)]
     dark = Material(
         name="every feature", base_color=BLACK, emission=(1e-9, 0.0, 0.0), emits_behind=False,
-        metallic=0.5, mirror=0.5, textures=TextureSet(*range(first, first + 4)),
+        metallic=0.5, mirror=0.5, transmission=0.1, attenuation_color=(0.1, 0.2, 0.3), attenuation_distance=1.0,
+        textures=TextureSet(*range(first, first + 4)),
     )  # fmt: skip
     square = quad(2.0, 2.0, material=len(scene.materials), uvs=True, colors=np.zeros((4, 3)))
     square = replace(square, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))

@@ -62,6 +62,13 @@ class MetalConfig(_Coloured):
     roughness: Share = Field(default=0.3, description="0 = polished")
 
 
+class AttenuationConfig(Model):
+    """What glass absorbs."""
+
+    color: Reflectance = Field(description="linear RGB, what is left of white light after the distance, 0..1")
+    distance: Positive = Field(description="of way inside, world units")
+
+
 class GlassConfig(_Coloured):
     """Glass, smooth or frosted; the order of its triangles' corners says where the outside is."""
 
@@ -70,6 +77,9 @@ class GlassConfig(_Coloured):
     )
     roughness: Share = Field(default=0.0, description="0 = clear")
     ior: Ior = Field(default=1.5, description="index of refraction")
+    attenuation: AttenuationConfig | None = Field(
+        default=None, description="what it absorbs inside, by the way that light goes there; absent = nothing"
+    )
 
 
 class MirrorConfig(_OfSurfaces):

@@ -2,7 +2,8 @@
 
 trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
 unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions
-KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit; KHR_texture_transform.
+KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit, _volume;
+KHR_texture_transform.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 MALFORMED = ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError  # that wrong JSON raises
 KNOWN = {
     "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
-    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_texture_transform",
-    "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
+    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
+    "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
 }  # fmt: skip
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # OpenGL's numbers
 ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
@@ -83,6 +84,8 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         return _finite(extensions.get(f"KHR_materials_{extension}", {}).get(name, default))
 
     strength = of("emissive_strength", "emissiveStrength", 1.0)
+    left = [_share(c) for c in extensions.get("KHR_materials_volume", {}).get("attenuationColor", (1.0, 1.0, 1.0))]
+    distance = of("volume", "attenuationDistance", 0.0)
     r, g, b = material.emission
     old = extensions.get("KHR_materials_pbrSpecularGlossiness")
     if old is not None:  # trimesh has turned its colours into base colour
@@ -99,6 +102,8 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         specular=_share(of("specular", "specularFactor", 1.0)),
         ior=min(max(1.0, of("ior", "ior", 1.5)), LARGEST_IOR),
         transmission=(1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0)),
+        attenuation_color=(left[0], left[1], left[2]),
+        attenuation_distance=distance if distance > 0.0 else math.inf,  # 0: some exporters' word for none
         emission=(r * strength, g * strength, b * strength),
         emits_behind=bool(found.get("doubleSided", False)),
         normal_scale=_finite(found.get("normalTexture", {}).get("scale", 1.0)),

@@ -255,6 +255,11 @@ def _comfortable(source: Source, notes: list[str]) -> Source:
         cameras = (replace(c, world_from_camera=nearer * c.world_from_camera) for c in source.cameras)
         motions = (moving.scaled(1.0 / radius) for moving in source.motions)
         lights = None if source.lights is None else tuple(scaled(light, 1.0 / radius) for light in source.lights)
-        source = replace(source, instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras), lights=lights)
+        materials = (replace(m, attenuation_distance=m.attenuation_distance / radius) for m in source.materials)
+        source = replace(
+            source,
+            instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras), lights=lights,
+            materials=tuple(materials),
+        )  # fmt: skip
         notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
     return replace(source, notes=tuple(notes))

@@ -33,6 +33,7 @@ class Needs:
     change_detection: bool  # a surface may look different from one moment, or one place of the eye, to the next
     paths: bool  # light comes by random ways: samples are noisy
     occlusion: bool  # by one way that nothing near is in; no light is followed
+    absorption: bool  # inside glass, on paths
     interfaces: bool  # metal or a coat over diffuse light, on paths
     emitters: bool  # surfaces that light others, on paths
     relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
@@ -72,6 +73,7 @@ def needs(scene: Scene) -> Needs:
         change_detection=(scene.animated or mirrors) and not noisy,  # which would take noise for change
         paths=noisy,
         occlusion=not lit,
+        absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
         interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
         emitters=paths and emission,
         relighting=scene.animated

@@ -109,6 +109,22 @@ def test_clear_glass_keeps_what_falls_on_it(roughness: float) -> None:
 
 
 @pytest.mark.usefixtures("compiled_only")
+def test_a_slab_of_glass_absorbs_by_the_way_inside() -> None:
+    """Seen straight on, R of each interface and t = color^(thickness / distance) of each way through, reflections
+    between both added up: T = (1 - R)^2 t / (1 - R^2 t^2) of the light behind and R (1 + T t) of that before it."""
+    thickness, distance, color = 0.75, 0.5, (0.9, 0.5, 0.04)
+    glass = replace(
+        PLAIN, transmission=1.0, roughness=0.0, ior=2.0, attenuation_color=color, attenuation_distance=distance
+    )
+    placed = [instance(0), instance(0, at=(0.0, 0.0, -thickness), turn=("y", 180.0))]
+    scene = paths_of([quad(90.0, 90.0)], [glass], depth=40, placed=placed, sky=WHITE_SKY)
+    left = np.array(color) ** (thickness / distance)
+    one = ((glass.ior - 1.0) / (glass.ior + 1.0)) ** 2
+    through = (1.0 - one) ** 2 * left / (1.0 - (one * left) ** 2)
+    np.testing.assert_allclose(mean(scene, AHEAD, 16), one * (1.0 + through * left) + through, atol=0.005)
+
+
+@pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("depth", [1, 2, 5, 12])
 def test_a_closed_room_of_shining_grey_walls_is_a_geometric_series(depth: int) -> None:
     """Radiance 1 on every wall, albedo a: the sum of a^k over k = 0..depth, whatever the room's shape."""

@@ -38,6 +38,9 @@ def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
         textures = [None if number is None else scene.textures[number] for number in material.textures]
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(mi, material, textures, called))
+    if (most := max(material.absorption)) > 0.0:
+        shares = rgb(tuple(part / most for part in material.absorption))
+        properties["interior"] = mi.load_dict({"type": "homogeneous", "albedo": 0.0, "sigma_t": shares, "scale": most})
     if max(material.emission) > 0.0:
         if material.emits_behind:
             raise RunError(f"object {called!r}: emits on both sides; wanted sides: front, as Mitsuba's surfaces do")

@@ -55,6 +55,7 @@ MATERIAL = np.dtype(
         ("specular", np.float32),
         ("ior", np.float32),
         ("transmission", np.float32),
+        ("absorption", np.float32, (3,)),  # 1 / world units
         ("normal_scale", np.float32),
         # textures, by the numbers BASE_COLOR ... NORMAL
         ("first_texel", np.int32, (4,)),  # row of Materials.texels, of the finest level; coarser ones follow it
@@ -102,6 +103,7 @@ class Materials(NamedTuple):
     texture_edges: bool | None  # None: all textures repeat
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
+    absorbs: bool | None  # None: no glass absorbs, or no path goes through it
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
 
 
