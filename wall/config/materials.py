@@ -19,6 +19,7 @@ from wall.core.fields import (
     Share,
     Text,
     check_one_named,
+    refusal,
 )
 
 Reflectance = tuple[Share, Share, Share]
@@ -77,9 +78,16 @@ class GlassConfig(_Coloured):
     )
     roughness: Share = Field(default=0.0, description="0 = clear")
     ior: Ior = Field(default=1.5, description="index of refraction")
+    thin: Flag = Field(default=False, description="a sheet: light goes straight on, and the mesh need not be closed")
     attenuation: AttenuationConfig | None = Field(
         default=None, description="what it absorbs inside, by the way that light goes there; absent = nothing"
     )
+
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> GlassConfig:
+        if self.thin and self.attenuation is not None:
+            raise refusal("thin glass has no inside", accepted="color, or thin: false", at=("attenuation",))
+        return self
 
 
 class MirrorConfig(_OfSurfaces):

@@ -92,6 +92,7 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         surface = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - _share(old.get("glossinessFactor", 1.0))}
         surface["baseColorFactor"] = [*material.base_color, old.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0))[3]]
     metallic = _share(surface.get("metallicFactor", 1.0))
+    transmission = (1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0))
     red, green, blue, alpha = (_share(c) for c in surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
     return replace(
         material,
@@ -101,7 +102,8 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         roughness=_share(surface.get("roughnessFactor", 1.0)),
         specular=_share(of("specular", "specularFactor", 1.0)),
         ior=min(max(1.0, of("ior", "ior", 1.5)), LARGEST_IOR),
-        transmission=(1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0)),
+        transmission=transmission,
+        thin=transmission > 0.0 and of("volume", "thicknessFactor", 0.0) <= 0.0,
         attenuation_color=(left[0], left[1], left[2]),
         attenuation_distance=distance if distance > 0.0 else math.inf,  # 0: some exporters' word for none
         emission=(r * strength, g * strength, b * strength),
@@ -141,6 +143,8 @@ def texture_uses(header: dict[str, Any], number: int) -> TextureUses:
     first = transforms[0][1] if transforms else np.eye(3)
     other = [name for name, transform in transforms if not np.array_equal(transform, first)]
     notes += [f"its {name} texture is transformed as the first one is" for name in other]
+    if "transmissionTexture" in found.get("extensions", {}).get("KHR_materials_transmission", {}):
+        notes.append("its transmission texture is not read; its factor holds everywhere")
     wraps = tuple(_wrap_of(header, info) for info in named.values())
     return TextureUses(wraps, None if np.array_equal(first, np.eye(3)) else first, tuple(notes))
 

@@ -101,7 +101,9 @@ def changed(material: Material, config: MaterialConfig) -> Material:
             return replace(plain, metallic=1.0, roughness=config.roughness)
         case GlassConfig():
             color = plain.base_color if config.color is not None else (1.0, 1.0, 1.0)
-            glass = replace(plain, base_color=color, transmission=1.0, roughness=config.roughness, ior=config.ior)
+            glass = replace(
+                plain, base_color=color, transmission=1.0, roughness=config.roughness, ior=config.ior, thin=config.thin
+            )
             if config.attenuation is None:
                 return glass
             absorbed = config.attenuation

@@ -64,8 +64,9 @@ class Material:
     specular: float = 0.0  # 0..1, how much of an interface lies over diffuse light; 0: none
     ior: float = 1.5  # index of refraction, of glass and of the interface
     transmission: float = 0.0  # share that is glass, 0..1
+    thin: bool = False  # glass is a sheet: light goes straight on
     attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # 0..1, of white light after attenuation_distance
-    attenuation_distance: float = math.inf  # world units of way inside glass
+    attenuation_distance: float = math.inf  # world units of way inside glass that is not thin
     textures: TextureSet = NO_TEXTURES
     normal_scale: float = 1.0  # of the parts along u and v of the normals of textures
     alpha_mode: AlphaMode = "opaque"  # mask: not there where alpha < alpha_cutoff; blend: there with probability alpha
@@ -75,7 +76,7 @@ class Material:
     @property
     def absorption(self) -> tuple[float, float, float]:
         """What glass takes of light, RGB per world unit of way inside it: exp(-absorption d) is left (Beer-Lambert)."""
-        if self.transmission <= 0.0:
+        if self.transmission <= 0.0 or self.thin:
             return 0.0, 0.0, 0.0
         distance = max(self.attenuation_distance, SHORTEST_WAY)
         r, g, b = (-math.log(max(c, DARKEST_LEFT)) / distance for c in self.attenuation_color)

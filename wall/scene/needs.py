@@ -33,8 +33,9 @@ class Needs:
     change_detection: bool  # a surface may look different from one moment, or one place of the eye, to the next
     paths: bool  # light comes by random ways: samples are noisy
     occlusion: bool  # by one way that nothing near is in; no light is followed
+    thin_glass: bool  # on paths
     absorption: bool  # inside glass, on paths
-    interfaces: bool  # metal or a coat over diffuse light, on paths
+    interfaces: bool  # metal, a coat over diffuse light, or thin glass, on paths
     emitters: bool  # surfaces that light others, on paths
     relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
 
@@ -51,6 +52,7 @@ def needs(scene: Scene) -> Needs:
     emission = lit and any(max(material.emission) > 0.0 for material in materials)
     noisy = scene.path_depth is not None
     paths = lit and noisy
+    thin = paths and any(material.thin and material.transmission > 0.0 for material in materials)
     lights = len(scene.point_lights) + len(scene.directional_lights)
     return Needs(
         textures=any(slots),
@@ -73,8 +75,9 @@ def needs(scene: Scene) -> Needs:
         change_detection=(scene.animated or mirrors) and not noisy,  # which would take noise for change
         paths=noisy,
         occlusion=not lit,
+        thin_glass=thin,
         absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
-        interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
+        interfaces=thin or (paths and any(max(material.metallic, material.specular) > 0.0 for material in materials)),
         emitters=paths and emission,
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS

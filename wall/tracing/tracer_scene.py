@@ -188,6 +188,7 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
         texture_edges=True if wanted.texture_edges else None,
         emits=True if wanted.emission else None,
         mirrors=True if wanted.mirrors else None,
+        thin_glass=True if wanted.thin_glass else None,
         absorbs=True if wanted.absorption else None,
         interface=interface_table() if wanted.interfaces else None,
     )

@@ -52,7 +52,8 @@ def test_scalars_of_materials_and_their_extensions_are_read(tmp_path: Path, bina
     assert (other.metallic, other.roughness, other.emits_behind) == (0.5, 1.0, True)
     assert material(source, "lamp").emission == (8.0, 4.0, 2.0)
     window = material(source, "window")
-    assert (window.transmission, window.ior, window.specular) == (0.9, 1.33, 0.5)
+    assert (window.transmission, window.ior, window.specular, window.thin) == (0.9, 1.33, 0.5, True)
+    assert not plain.thin
 
 
 @pytest.mark.parametrize(
@@ -74,7 +75,14 @@ def test_volumes_absorb(tmp_path: Path, volume: dict[str, Any], absorption: tupl
     }
     source = loaded(tmp_path, document([found], extensionsUsed=["KHR_materials_volume"]))
     np.testing.assert_allclose(source.materials[0].absorption, np.multiply(absorption, math.log(2.0)), atol=1e-12)
+    assert not source.materials[0].thin
     assert source.notes == ()
+    found["extensions"]["KHR_materials_volume"]["thicknessFactor"] = 0.0
+    found["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = {"index": 0}
+    source = loaded(tmp_path, document([{"name": "pane", **found}]))
+    assert source.materials[0].thin
+    assert source.materials[0].absorption == (0.0, 0.0, 0.0)
+    assert source.notes == ("material 'pane': its transmission texture is not read; its factor holds everywhere",)
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e9])

@@ -49,7 +49,8 @@ def test_what_glass_absorbs_is_its_colour_after_the_distance() -> None:
     small, large = look(scene, "small box"), look(scene, "large box")
     assert small.absorption == (0.0, 0.0, 0.0)
     assert large.absorption == pytest.approx((0.0, math.log(2.0) / 2.0, math.log(2.0)))
-    assert needs(scene).absorption
+    assert (needs(scene).absorption, needs(scene).thin_glass) == (True, False)
+    assert needs(scene_with("{object: small box, type: glass, thin: true}")).thin_glass
     assert not needs(scene_with(f"{{object: '* box', {glass}}}", more=", integrator: {method: direct}")).absorption
 
 
@@ -93,6 +94,7 @@ def test_names_that_fit_nothing_are_refused_with_the_nearest(entry: str, said: s
         "{object: a, type: glas}",
         "{object: a, type: glass, ior: 0.5}",
         "{object: a, type: metal, roughness: 2}",
+        "{object: a, type: glass, thin: true, attenuation: {color: [0.5, 0.5, 0.5], distance: 1}}",
         "{object: a, type: glass, attenuation: {color: [0.5, 0.5, 0.5]}}",
         "{object: a, type: glass, attenuation: {color: [0.5, 0.5, 1.5], distance: 1}}",
         "{object: a, type: glass, attenuation: {color: [0.5, 0.5, 0.5], distance: 0}}",

@@ -176,6 +176,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         change_detection=True,
         paths=False,
         occlusion=False,
+        thin_glass=False,
         absorption=False,
         interfaces=False,
         emitters=False,
@@ -185,8 +186,8 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, metallic roughness textures, emission textures, normal "
         "textures, texture edges, alpha, vertex colors, smooth normals, mirrors, point lights, spot lights, suns, "
-        "environment, instancing, animation, emission, change detection, paths, occlusion, absorption, interfaces, "
-        "emitters, relighting"
+        "environment, instancing, animation, emission, change detection, paths, occlusion, thin glass, absorption, "
+        "interfaces, emitters, relighting"
     )
 
 

@@ -1,9 +1,9 @@
 """Objects of a scene as Mitsuba 3 takes them: meshes, materials in its own models, textures.
 
 What has no equal there is refused: a coat over diffuse light, metal whose reflectance grows at grazing angles and is
-not white, coloured glass, surfaces that emit on both sides, textures of roughness and metalness, masks by a texture,
-textures that end otherwise along u than along v, vertex colours. Rough white metal differs by the light that goes from
-facet to facet, which Mitsuba's loses.
+not white, coloured glass that is not thin, rough thin glass, surfaces that emit on both sides, textures of roughness
+and metalness, masks by a texture, textures that end otherwise along u than along v, vertex colours. Rough white metal
+differs by the light that goes from facet to facet, which Mitsuba's loses.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def _bsdf(mi: Any, material: Material, textures: list[Texture | None], called: s
             "type": "normalmap", "normalmap": _bitmap(mi, turned, normal, called), "bsdf": found,
             "use_shadowing_function": False, "flip_invalid_normals": False,
         }  # fmt: skip
-    if found["type"] not in ("dielectric", "roughdielectric"):
+    if found["type"] not in ("dielectric", "roughdielectric", "thindielectric"):
         found = {"type": "twosided", "bsdf": found}
     if material.alpha_mode == "mask":
         raise RunError(f"object {called!r}: is cut out by a mask, which has no equal in Mitsuba; wanted blend")
@@ -93,8 +93,11 @@ def _plain_bsdf(mi: Any, material: Material, base: Texture | None, called: str) 
     """Mitsuba's material; alpha of GGX is the roughness squared."""
     smooth, alpha = material.roughness < float(FLATTEST_ROUGHNESS), material.roughness**2
     white = min(material.base_color) == 1.0 and base is None
-    if material.transmission == 1.0 and white:
-        index = {"int_ior": material.ior, "ext_ior": 1.0}
+    index = {"int_ior": material.ior, "ext_ior": 1.0}
+    if material.transmission == 1.0 and material.thin and smooth:
+        left = _colour(mi, material.base_color, base, called)
+        return {"type": "thindielectric", **index, "specular_transmittance": left}
+    if material.transmission == 1.0 and white and not material.thin:
         if smooth:
             return {"type": "dielectric", **index}
         return {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, **index}

@@ -55,6 +55,7 @@ MATERIAL = np.dtype(
         ("specular", np.float32),
         ("ior", np.float32),
         ("transmission", np.float32),
+        ("thin", np.float32),  # 1: glass is a sheet
         ("absorption", np.float32, (3,)),  # 1 / world units
         ("normal_scale", np.float32),
         # textures, by the numbers BASE_COLOR ... NORMAL
@@ -103,6 +104,7 @@ class Materials(NamedTuple):
     texture_edges: bool | None  # None: all textures repeat
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
+    thin_glass: bool | None  # None: there is none, or no path meets it
     absorbs: bool | None  # None: no glass absorbs, or no path goes through it
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
 
