@@ -31,6 +31,7 @@ from wall.scene.model import (
     SpotLight,
     Texture,
     TextureSet,
+    Wrap,
 )
 from wall.tracing.tracer import Traced, Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -118,14 +119,16 @@ def with_every_feature(scene: Scene) -> Scene:
     The sky stays a sky, and an environment an environment.
     """
     first, texel = len(scene.textures), np.full((2, 2, 3), 9, np.uint8)
-    more = [Texture(name="more", texels=texel, linear=k % 2 == 1, wrap=("clamp", "mirror")) for k in range(4)]
+    wrap: tuple[Wrap, Wrap] = ("clamp", "mirror")
+    more = [Texture(name="more", texels=texel, linear=k % 2 == 1, wrap=wrap, uv_set=k // 3) for k in range(4)]
     dark = Material(
         name="every feature", base_color=BLACK, emission=(1e-9, 0.0, 0.0), emits_behind=False,
         metallic=0.5, mirror=0.5, transmission=0.1, attenuation_color=(0.1, 0.2, 0.3), attenuation_distance=1.0,
         textures=TextureSet(*range(first, first + 4)),
     )  # fmt: skip
     square = quad(2.0, 2.0, material=len(scene.materials), uvs=True, colors=np.zeros((4, 3)))
-    square = replace(square, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))
+    uvs = np.tile(np.asarray(square.uvs), 2)
+    square = replace(square, uvs=uvs, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))
     pane = replace(square, material=square.material + 1, normals=None, uvs=None, colors=None)
     thin = Material(name="thin", base_color=BLACK, transmission=1.0, thin=True)
     up, below = (0.0, 1.0, 0.0), (0.0, -500.0, 0.0)

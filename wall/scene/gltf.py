@@ -1,7 +1,8 @@
 """What trimesh leaves out of a glTF file: scalars of materials with their extensions, and lights.
 
 trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
-unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions
+unique; so each gets its number as name before trimesh sees the file. It keeps one set of texture coordinates, and
+vertex attributes whose names begin with `_`; so each set gets such a name too. glTF 2.0 specification; extensions
 KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit, _volume;
 KHR_texture_transform.
 """
@@ -25,6 +26,7 @@ from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
+KEPT = "_"  # names of vertex attributes that trimesh keeps begin with it
 SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
@@ -35,6 +37,7 @@ KNOWN = {
     "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
 }  # fmt: skip
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # OpenGL's numbers
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
 
@@ -72,7 +75,19 @@ def binary_chunk(path: Path) -> bytes:
 
 def _numbered(header: dict[str, Any]) -> dict[str, Any]:
     materials = [{**material, "name": str(k)} for k, material in enumerate(header.get("materials", []))]
-    return {**header, "materials": materials} if materials else header
+    if not materials:
+        return header
+    meshes = [
+        {**mesh, "primitives": [_with_kept_uvs(primitive) for primitive in mesh["primitives"]]}
+        for mesh in header.get("meshes", [])
+    ]
+    return {**header, "materials": materials, "meshes": meshes}
+
+
+def _with_kept_uvs(primitive: dict[str, Any]) -> dict[str, Any]:
+    given = primitive["attributes"]
+    kept = {KEPT + name: number for name, number in given.items() if name.startswith("TEXCOORD_")}
+    return {**primitive, "attributes": {**given, **kept}}
 
 
 def completed(material: Material, header: dict[str, Any], number: int) -> Material:
@@ -115,11 +130,19 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
     )
 
 
+class UvSet(NamedTuple):
+    """Texture coordinates as textures are looked up by them: a set of the file's, and what changes them."""
+
+    number: int = 0  # of TEXCOORD_number
+    transform: tuple[float, ...] = IDENTITY  # (2 x 3), row major, of columns u, v down, 1
+
+
 class TextureUses(NamedTuple):
     """How a material's textures are looked up, in the order of model.TextureSet."""
 
     wraps: tuple[tuple[Wrap, Wrap], ...] = (("repeat", "repeat"),) * 4
-    transform: Float64 | None = None  # (3, 3) of texture coordinates with v down, of all textures
+    uv_sets: tuple[UvSet, ...] = (UvSet(),)  # that it needs of its meshes
+    uv_set: tuple[int, ...] = (0,) * 4  # which of them
     notes: tuple[str, ...] = ()  # what is drawn otherwise
 
 
@@ -127,35 +150,30 @@ def texture_uses(header: dict[str, Any], number: int) -> TextureUses:
     """How the file says that a material's textures are looked up."""
     found = header["materials"][number]
     surface = found.get("pbrMetallicRoughness", {})
-    named = {
-        "base colour": surface.get("baseColorTexture"),
-        "metallic-roughness": surface.get("metallicRoughnessTexture"),
-        "emissive": found.get("emissiveTexture"),
-        "normal": found.get("normalTexture"),
-    }
-    transforms, notes = [], []
-    for name, info in named.items():
-        if info is not None:
-            change = info.get("extensions", {}).get("KHR_texture_transform", {})
-            transforms.append((name, _texture_transform(change)))
-            if change.get("texCoord", info.get("texCoord", 0)) != 0:
-                notes.append(f"its {name} texture wants texture coordinates of another set; those of set 0 are used")
-    first = transforms[0][1] if transforms else np.eye(3)
-    other = [name for name, transform in transforms if not np.array_equal(transform, first)]
-    notes += [f"its {name} texture is transformed as the first one is" for name in other]
+    infos = (
+        surface.get("baseColorTexture"), surface.get("metallicRoughnessTexture"),
+        found.get("emissiveTexture"), found.get("normalTexture"),
+    )  # fmt: skip
+    wanted = [None if info is None else _uv_set(info) for info in infos]
+    uv_sets = list(dict.fromkeys(uv_set for uv_set in wanted if uv_set is not None)) or [UvSet()]
+    notes = []
     if "transmissionTexture" in found.get("extensions", {}).get("KHR_materials_transmission", {}):
         notes.append("its transmission texture is not read; its factor holds everywhere")
-    wraps = tuple(_wrap_of(header, info) for info in named.values())
-    return TextureUses(wraps, None if np.array_equal(first, np.eye(3)) else first, tuple(notes))
+    wraps = tuple(_wrap_of(header, info) for info in infos)
+    uv_set = tuple(0 if one is None else uv_sets.index(one) for one in wanted)
+    return TextureUses(wraps, tuple(uv_sets), uv_set, tuple(notes))
 
 
-def _texture_transform(change: dict[str, Any]) -> Float64:
-    """(3, 3) of KHR_texture_transform: scale, then rotation counterclockwise as seen with v down, then offset."""
+def _uv_set(info: dict[str, Any]) -> UvSet:
+    """The texture coordinates of a texture, with KHR_texture_transform: scale, then rotation counterclockwise as seen
+    with v down, then offset."""
+    change = info.get("extensions", {}).get("KHR_texture_transform", {})
     (dx, dy), (sx, sy) = change.get("offset", (0.0, 0.0)), change.get("scale", (1.0, 1.0))
     angle = _finite(change.get("rotation", 0.0))
     c, s = math.cos(angle), math.sin(angle)
     sx, sy = _finite(sx), _finite(sy)
-    return np.array([[c * sx, s * sy, _finite(dx)], [-s * sx, c * sy, _finite(dy)], [0.0, 0.0, 1.0]])
+    number = int(change.get("texCoord", info.get("texCoord", 0)))
+    return UvSet(number, (c * sx, s * sy, _finite(dx), -s * sx, c * sy, _finite(dy)))
 
 
 def _wrap_of(header: dict[str, Any], info: dict[str, Any] | None) -> tuple[Wrap, Wrap]:

@@ -33,6 +33,7 @@ class Texture:
     linear: bool = False
     alpha: NDArray[np.uint8] | None = None  # (h, w) as bytes; None: opaque
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # beyond its edges, along u and v
+    uv_set: int = 0  # which pair of a mesh's texture coordinates it is looked up by
 
 
 class TextureSet(NamedTuple):
@@ -93,7 +94,7 @@ class Mesh:
     material: int  # index in Scene.materials
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # add to vertices, object space; zero in a Scene
     normals: Float32 | None = None  # (v, 3) unit shading normals; None = flat
-    uvs: Float32 | None = None  # (v, 2), v up
+    uvs: Float32 | None = None  # (v, 2 n), n sets of u and v, v up
     colors: Float32 | None = None  # (v, 3) linear RGB, multiplies base_color
 
 

@@ -18,6 +18,7 @@ class Needs:
     emission_textures: bool
     normal_textures: bool
     texture_edges: bool  # some texture does not repeat
+    uv_sets: bool  # some texture is looked up by other texture coordinates than the first
     alpha: bool  # surfaces that are not there in places
     vertex_colors: bool
     smooth_normals: bool
@@ -46,7 +47,7 @@ def needs(scene: Scene) -> Needs:
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
     mapped = [scene.materials[mesh.material] for mesh in meshes if mesh.uvs is not None]
     slots = [[m.textures[slot] for m in mapped if m.textures[slot] is not None] for slot in range(4)]
-    edges = any(scene.textures[k].wrap != ("repeat", "repeat") for slot in slots for k in slot if k is not None)
+    textures = [scene.textures[k] for slot in slots for k in slot if k is not None]
     lit = scene.occlusion is None
     mirrors = lit and any(material.mirror > 0.0 for material in materials)
     emission = lit and any(max(material.emission) > 0.0 for material in materials)
@@ -55,11 +56,12 @@ def needs(scene: Scene) -> Needs:
     thin = paths and any(material.thin and material.transmission > 0.0 for material in materials)
     lights = len(scene.point_lights) + len(scene.directional_lights)
     return Needs(
-        textures=any(slots),
+        textures=bool(textures),
         metallic_roughness_textures=paths and bool(slots[1]),
         emission_textures=emission and bool(slots[2]),
         normal_textures=bool(slots[3]),
-        texture_edges=edges,
+        texture_edges=any(texture.wrap != ("repeat", "repeat") for texture in textures),
+        uv_sets=any(texture.uv_set > 0 for texture in textures),
         alpha=any(material.alpha_mode != "opaque" for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),

@@ -36,6 +36,8 @@ def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
         textures: list[Texture | None] = [None] * 4
     else:
         textures = [None if number is None else scene.textures[number] for number in material.textures]
+    if any(texture is not None and texture.uv_set > 0 for texture in textures):
+        raise RunError(f"object {called!r}: has several sets of texture coordinates; wanted one, as in Mitsuba")
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(mi, material, textures, called))
     if (most := max(material.absorption)) > 0.0:
