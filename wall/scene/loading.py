@@ -191,10 +191,10 @@ def _uvs(name: str, geometry: Any, wanted: tuple[UvSet, ...]) -> tuple[Float64 |
     """(v, 2 n) texture coordinates, v up, of a mesh that shows n sets, and notes of those that it lacks; None: it has
     none at all. A glTF's integers stand for 0..1.
     """
-    found, attributes = {0: geometry.visual.uv}, getattr(geometry, "vertex_attributes", {})
+    found, attributes = {0: getattr(geometry.visual, "uv", None)}, getattr(geometry, "vertex_attributes", {})
     for number in {0} | {uv_set.number for uv_set in wanted}:
         down = attributes.get(f"{KEPT}TEXCOORD_{number}")
-        if down is not None:
+        if down is not None and np.ndim(down) == 2 and np.shape(down)[1] == 2:
             whole = np.iinfo(down.dtype).max if np.issubdtype(down.dtype, np.integer) else 1
             found[number] = np.stack([down[:, 0] / whole, 1.0 - down[:, 1] / whole], 1)
     sets = {number: np.asarray(uvs, np.float64)[:, :2] for number, uvs in found.items() if uvs is not None}

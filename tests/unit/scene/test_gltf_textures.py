@@ -143,6 +143,15 @@ def test_a_set_that_a_mesh_lacks_is_noted(tmp_path: Path) -> None:
     np.testing.assert_array_equal(uvs_of(source), uvs_of(plain))
 
 
+def test_a_set_of_single_numbers_is_none(tmp_path: Path) -> None:
+    write_images(tmp_path)
+    sign = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}, "metallicFactor": 0}}
+    found = with_second_uvs(document([sign], **IMAGES), np.zeros(3, np.float32), 5126)
+    found["accessors"][2]["type"] = "SCALAR"
+    source = loaded(tmp_path, found)
+    assert source.notes == ("mesh 'GLTF' has no texture coordinates of set 1; those of another set are used",)
+
+
 @pytest.mark.parametrize("lookup", [{"texCoord": "one"}, {"extensions": {"KHR_texture_transform": {"rotation": "x"}}}])
 def test_a_lookup_that_cannot_be_read_is_noted(tmp_path: Path, lookup: dict[str, Any]) -> None:
     sign = {"name": "sign", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **lookup}, "metallicFactor": 0}}

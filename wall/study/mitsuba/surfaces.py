@@ -2,8 +2,9 @@
 
 What has no equal there is refused: a coat over diffuse light, metal whose reflectance grows at grazing angles and is
 not white, coloured glass that is not thin, rough thin glass, surfaces that emit on both sides, textures of roughness
-and metalness, masks by a texture, textures that end otherwise along u than along v, vertex colours. Rough white metal
-differs by the light that goes from facet to facet, which Mitsuba's loses.
+and metalness, masks by a texture, textures that end otherwise along u than along v, several sets of texture
+coordinates, vertex colours. Rough white metal differs by the light that goes from facet to facet, which Mitsuba's
+loses.
 """
 
 from __future__ import annotations
