@@ -31,6 +31,7 @@ from wall.scene.model import (
     SpotLight,
     Texture,
     TextureSet,
+    Wrap,
 )
 from wall.tracing.tracer import Traced, Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
@@ -113,18 +114,25 @@ def scene_of(
 def with_every_feature(scene: Scene) -> Scene:
     """A still scene that looks the same, for a tracer that has every feature: numba compiles one for each set of them.
 
-    Far below lies a small dark object with every texture, vertex colours and smooth normals that shines a little, away
-    from all else; every kind of light is there, black. The sky stays a sky, and an environment an environment.
+    Far below, away from all else, lie a small dark object with every texture, vertex colours and smooth normals, which
+    shines a little and is in part glass that absorbs, and a pane of thin glass; every kind of light is there, black.
+    The sky stays a sky, and an environment an environment.
     """
     first, texel = len(scene.textures), np.full((2, 2, 3), 9, np.uint8)
-    more = [Texture(name="more", texels=texel, linear=k % 2 == 1, wrap=("clamp", "mirror")) for k in range(4)]
+    wrap: tuple[Wrap, Wrap] = ("clamp", "mirror")
+    more = [Texture(name="more", texels=texel, linear=k % 2 == 1, wrap=wrap, uv_set=k // 3) for k in range(4)]
     dark = Material(
         name="every feature", base_color=BLACK, emission=(1e-9, 0.0, 0.0), emits_behind=False,
-        metallic=0.5, mirror=0.5, textures=TextureSet(*range(first, first + 4)),
+        metallic=0.5, mirror=0.5, transmission=0.1, attenuation_color=(0.1, 0.2, 0.3), attenuation_distance=1.0,
+        textures=TextureSet(*range(first, first + 4)),
     )  # fmt: skip
     square = quad(2.0, 2.0, material=len(scene.materials), uvs=True, colors=np.zeros((4, 3)))
-    square = replace(square, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))
+    uvs = np.tile(np.asarray(square.uvs), 2)
+    square = replace(square, uvs=uvs, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))
+    pane = replace(square, material=square.material + 1, normals=None, uvs=None, colors=None)
+    thin = Material(name="thin", base_color=BLACK, transmission=1.0, thin=True)
     up, below = (0.0, 1.0, 0.0), (0.0, -500.0, 0.0)
+    far = [instance(len(scene.meshes) + k, at=(k, -500.0, 0.0), turn=("x", 90.0), scale=0.1) for k in range(2)]
     lights = (
         PointLight(position=below, intensity=BLACK),
         SpotLight(position=below, direction=up, intensity=BLACK, inner_angle=10.0, outer_angle=20.0),
@@ -133,9 +141,9 @@ def with_every_feature(scene: Scene) -> Scene:
     )
     return assemble(
         Source(
-            meshes=(*scene.meshes, square),
-            materials=(*scene.materials, dark),
-            instances=(*scene.instances, instance(len(scene.meshes), at=below, turn=("x", 90.0), scale=0.1)),
+            meshes=(*scene.meshes, square, pane),
+            materials=(*scene.materials, dark, thin),
+            instances=(*scene.instances, *far),
             textures=(*scene.textures, *more),
             lights=(*scene.point_lights, *scene.spot_lights, *scene.directional_lights, *lights),
             sky=scene.sky,

@@ -19,6 +19,7 @@ from wall.core.fields import (
     Share,
     Text,
     check_one_named,
+    refusal,
 )
 
 Reflectance = tuple[Share, Share, Share]
@@ -62,6 +63,13 @@ class MetalConfig(_Coloured):
     roughness: Share = Field(default=0.3, description="0 = polished")
 
 
+class AttenuationConfig(Model):
+    """What glass absorbs."""
+
+    color: Reflectance = Field(description="linear RGB, what is left of white light after the distance, 0..1")
+    distance: Positive = Field(description="of way inside, world units")
+
+
 class GlassConfig(_Coloured):
     """Glass, smooth or frosted; the order of its triangles' corners says where the outside is."""
 
@@ -70,6 +78,16 @@ class GlassConfig(_Coloured):
     )
     roughness: Share = Field(default=0.0, description="0 = clear")
     ior: Ior = Field(default=1.5, description="index of refraction")
+    thin: Flag = Field(default=False, description="a sheet: light goes straight on, and the mesh need not be closed")
+    attenuation: AttenuationConfig | None = Field(
+        default=None, description="what it absorbs inside, by the way that light goes there; absent = nothing"
+    )
+
+    @model_validator(mode="after")
+    def _has_an_inside(self) -> GlassConfig:
+        if self.thin and self.attenuation is not None:
+            raise refusal("thin glass has no inside", accepted="color, or thin: false", at=("attenuation",))
+        return self
 
 
 class MirrorConfig(_OfSurfaces):

@@ -19,7 +19,7 @@ from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
 from wall.core.fields import LARGEST_IOR
 from wall.scene.animation import Vector
-from wall.scene.gltf import MALFORMED, TextureUses, completed, lit_evenly, texture_uses
+from wall.scene.gltf import MALFORMED, TextureUses, UvSet, completed, lit_evenly, texture_uses
 from wall.scene.images import Textures
 from wall.scene.model import Material, TextureSet
 
@@ -38,7 +38,7 @@ class Palette:
     images: Textures = field(default_factory=Textures)
     notes: list[str] = field(default_factory=list)
     metals: list[str] = field(default_factory=list)  # names of materials that are drawn diffuse
-    transforms: dict[int, Float64] = field(default_factory=dict)  # (3, 3) of a material's texture coordinates
+    uv_sets: dict[int, tuple[UvSet, ...]] = field(default_factory=dict)  # that a material needs of its meshes
     _materials: dict[int, int] = field(default_factory=dict)
     _kept: list[Any] = field(default_factory=list)  # what the ids above stand for, so that none is given twice
 
@@ -115,12 +115,13 @@ class Palette:
         )  # fmt: skip
         linear, alpha = (False, True, False, True), (material.alpha_mode != "opaque", False, False, False)
         numbers = [
-            self.images.number(image, material.name, linear=linear[k], alpha=alpha[k], wrap=uses.wraps[k])
+            self.images.number(
+                image, material.name, linear=linear[k], alpha=alpha[k], wrap=uses.wraps[k], uv_set=uses.uv_set[k]
+            )
             for k, image in enumerate(images)
         ]
         self.notes += [f"material {material.name!r}: {what}" for what in uses.notes]
-        if uses.transform is not None:
-            self.transforms[len(self.materials)] = uses.transform
+        self.uv_sets[len(self.materials)] = uses.uv_sets
         return lit_evenly(replace(material, textures=TextureSet(*numbers)), self.header["materials"][number])
 
     def _image_beside(self) -> Image.Image | None:

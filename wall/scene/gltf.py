@@ -1,8 +1,10 @@
 """What trimesh leaves out of a glTF file: scalars of materials with their extensions, and lights.
 
 trimesh reads geometry, instances and textures. It gives a material its name alone to be known by, which need not be
-unique; so each gets its number as name before trimesh sees the file. glTF 2.0 specification; extensions
-KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit; KHR_texture_transform.
+unique; so each gets its number as name before trimesh sees the file. It keeps one set of texture coordinates, and
+vertex attributes whose names begin with `_`; so each set gets such a name too. glTF 2.0 specification; extensions
+KHR_lights_punctual, KHR_materials_emissive_strength, _ior, _specular, _transmission, _unlit, _volume;
+KHR_texture_transform.
 """
 
 from __future__ import annotations
@@ -24,16 +26,18 @@ from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
+KEPT = "_"  # names of vertex attributes that trimesh keeps begin with it
 SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
 MALFORMED = ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError  # that wrong JSON raises
 KNOWN = {
     "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
-    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_texture_transform",
-    "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
+    "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
+    "KHR_texture_transform", "KHR_draco_mesh_compression", "EXT_texture_webp", "KHR_texture_basisu",
 }  # fmt: skip
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}  # OpenGL's numbers
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 
 
@@ -71,7 +75,19 @@ def binary_chunk(path: Path) -> bytes:
 
 def _numbered(header: dict[str, Any]) -> dict[str, Any]:
     materials = [{**material, "name": str(k)} for k, material in enumerate(header.get("materials", []))]
-    return {**header, "materials": materials} if materials else header
+    if not materials:
+        return header
+    meshes = [
+        {**mesh, "primitives": [_with_kept_uvs(primitive) for primitive in mesh["primitives"]]}
+        for mesh in header.get("meshes", [])
+    ]
+    return {**header, "materials": materials, "meshes": meshes}
+
+
+def _with_kept_uvs(primitive: dict[str, Any]) -> dict[str, Any]:
+    given = primitive["attributes"]
+    kept = {KEPT + name: number for name, number in given.items() if name.startswith("TEXCOORD_")}
+    return {**primitive, "attributes": {**given, **kept}}
 
 
 def completed(material: Material, header: dict[str, Any], number: int) -> Material:
@@ -83,12 +99,15 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         return _finite(extensions.get(f"KHR_materials_{extension}", {}).get(name, default))
 
     strength = of("emissive_strength", "emissiveStrength", 1.0)
+    left = [_share(c) for c in extensions.get("KHR_materials_volume", {}).get("attenuationColor", (1.0, 1.0, 1.0))]
+    distance = of("volume", "attenuationDistance", 0.0)
     r, g, b = material.emission
     old = extensions.get("KHR_materials_pbrSpecularGlossiness")
     if old is not None:  # trimesh has turned its colours into base colour
         surface = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - _share(old.get("glossinessFactor", 1.0))}
         surface["baseColorFactor"] = [*material.base_color, old.get("diffuseFactor", (1.0, 1.0, 1.0, 1.0))[3]]
     metallic = _share(surface.get("metallicFactor", 1.0))
+    transmission = (1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0))
     red, green, blue, alpha = (_share(c) for c in surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))
     return replace(
         material,
@@ -98,7 +117,10 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
         roughness=_share(surface.get("roughnessFactor", 1.0)),
         specular=_share(of("specular", "specularFactor", 1.0)),
         ior=min(max(1.0, of("ior", "ior", 1.5)), LARGEST_IOR),
-        transmission=(1.0 - metallic) * _share(of("transmission", "transmissionFactor", 0.0)),
+        transmission=transmission,
+        thin=transmission > 0.0 and of("volume", "thicknessFactor", 0.0) <= 0.0,
+        attenuation_color=(left[0], left[1], left[2]),
+        attenuation_distance=distance if distance > 0.0 else math.inf,  # 0: some exporters' word for none
         emission=(r * strength, g * strength, b * strength),
         emits_behind=bool(found.get("doubleSided", False)),
         normal_scale=_finite(found.get("normalTexture", {}).get("scale", 1.0)),
@@ -108,11 +130,19 @@ def completed(material: Material, header: dict[str, Any], number: int) -> Materi
     )
 
 
+class UvSet(NamedTuple):
+    """Texture coordinates as textures are looked up by them: a set of the file's, and what changes them."""
+
+    number: int = 0  # of TEXCOORD_number
+    transform: tuple[float, ...] = IDENTITY  # (2 x 3), row major, of columns u, v down, 1
+
+
 class TextureUses(NamedTuple):
     """How a material's textures are looked up, in the order of model.TextureSet."""
 
     wraps: tuple[tuple[Wrap, Wrap], ...] = (("repeat", "repeat"),) * 4
-    transform: Float64 | None = None  # (3, 3) of texture coordinates with v down, of all textures
+    uv_sets: tuple[UvSet, ...] = (UvSet(),)  # that it needs of its meshes
+    uv_set: tuple[int, ...] = (0,) * 4  # which of them
     notes: tuple[str, ...] = ()  # what is drawn otherwise
 
 
@@ -120,33 +150,30 @@ def texture_uses(header: dict[str, Any], number: int) -> TextureUses:
     """How the file says that a material's textures are looked up."""
     found = header["materials"][number]
     surface = found.get("pbrMetallicRoughness", {})
-    named = {
-        "base colour": surface.get("baseColorTexture"),
-        "metallic-roughness": surface.get("metallicRoughnessTexture"),
-        "emissive": found.get("emissiveTexture"),
-        "normal": found.get("normalTexture"),
-    }
-    transforms, notes = [], []
-    for name, info in named.items():
-        if info is not None:
-            change = info.get("extensions", {}).get("KHR_texture_transform", {})
-            transforms.append((name, _texture_transform(change)))
-            if change.get("texCoord", info.get("texCoord", 0)) != 0:
-                notes.append(f"its {name} texture wants texture coordinates of another set; those of set 0 are used")
-    first = transforms[0][1] if transforms else np.eye(3)
-    other = [name for name, transform in transforms if not np.array_equal(transform, first)]
-    notes += [f"its {name} texture is transformed as the first one is" for name in other]
-    wraps = tuple(_wrap_of(header, info) for info in named.values())
-    return TextureUses(wraps, None if np.array_equal(first, np.eye(3)) else first, tuple(notes))
+    infos = (
+        surface.get("baseColorTexture"), surface.get("metallicRoughnessTexture"),
+        found.get("emissiveTexture"), found.get("normalTexture"),
+    )  # fmt: skip
+    wanted = [None if info is None else _uv_set(info) for info in infos]
+    uv_sets = list(dict.fromkeys(uv_set for uv_set in wanted if uv_set is not None)) or [UvSet()]
+    notes = []
+    if "transmissionTexture" in found.get("extensions", {}).get("KHR_materials_transmission", {}):
+        notes.append("its transmission texture is not read; its factor holds everywhere")
+    wraps = tuple(_wrap_of(header, info) for info in infos)
+    uv_set = tuple(0 if one is None else uv_sets.index(one) for one in wanted)
+    return TextureUses(wraps, tuple(uv_sets), uv_set, tuple(notes))
 
 
-def _texture_transform(change: dict[str, Any]) -> Float64:
-    """(3, 3) of KHR_texture_transform: scale, then rotation counterclockwise as seen with v down, then offset."""
+def _uv_set(info: dict[str, Any]) -> UvSet:
+    """The texture coordinates of a texture, with KHR_texture_transform: scale, then rotation counterclockwise as seen
+    with v down, then offset."""
+    change = info.get("extensions", {}).get("KHR_texture_transform", {})
     (dx, dy), (sx, sy) = change.get("offset", (0.0, 0.0)), change.get("scale", (1.0, 1.0))
     angle = _finite(change.get("rotation", 0.0))
     c, s = math.cos(angle), math.sin(angle)
     sx, sy = _finite(sx), _finite(sy)
-    return np.array([[c * sx, s * sy, _finite(dx)], [-s * sx, c * sy, _finite(dy)], [0.0, 0.0, 1.0]])
+    number = int(change.get("texCoord", info.get("texCoord", 0)))
+    return UvSet(number, (c * sx, s * sy, _finite(dx), -s * sx, c * sy, _finite(dy)))
 
 
 def _wrap_of(header: dict[str, Any], info: dict[str, Any] | None) -> tuple[Wrap, Wrap]:

@@ -31,19 +31,20 @@ class Textures:
         linear: bool = False,
         alpha: bool = False,
         wrap: tuple[Wrap, Wrap] = REPEATING,
+        uv_set: int = 0,
     ) -> int | None:
         """Index of the texture of an image, None without one; called : the material, for notes.
 
-        linear : its bytes are values, not sRGB; alpha : keep its alpha; wrap : beyond its edges
+        linear : its bytes are values, not sRGB; alpha : keep its alpha; wrap : beyond its edges; uv_set : see Texture
         """
         if image is None:
             return None
-        key = (id(image), linear, alpha, wrap)
+        key = (id(image), linear, alpha, wrap, uv_set)
         if key not in self._numbers:
             texture = self._decoded(image, called, alpha=alpha)
             self._numbers[key] = None if texture is None else len(self.textures)
             self._kept.append(image)
-            self.textures += [] if texture is None else [replace(texture, linear=linear, wrap=wrap)]
+            self.textures += [] if texture is None else [replace(texture, linear=linear, wrap=wrap, uv_set=uv_set)]
         return self._numbers[key]
 
     def _decoded(self, image: Image.Image, called: str, *, alpha: bool) -> Texture | None:

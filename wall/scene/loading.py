@@ -28,7 +28,7 @@ from wall.core.errors import SceneError
 from wall.scene.animation import Moving
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere, world_boxes
-from wall.scene.gltf import MALFORMED, cameras_of, lights_of, renamed, unread
+from wall.scene.gltf import IDENTITY, KEPT, MALFORMED, UvSet, cameras_of, lights_of, renamed, unread
 from wall.scene.gltf_animation import motions_of
 from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
@@ -174,24 +174,46 @@ def _mesh(name: str, geometry: Any, palette: Palette) -> Repaired | tuple[str, .
     colors_or_none = palette.vertex_colors(visual, len(vertices))
     material = palette.material(visual) if colors_or_none is None or hasattr(visual, "material") else palette.plain()
     textured = any(k is not None for k in palette.materials[material].textures)
-    uvs = getattr(visual, "uv", None) if textured else None
+    uvs, notes = _uvs(name, geometry, palette.uv_sets.get(material, (UvSet(),))) if textured else (None, ())
     raw = RawMesh(
         name=name,
         vertices=vertices,
         triangles=triangles,
         normals=None if normals is None else np.asarray(normals, np.float64),
-        uvs=None if uvs is None else transformed(np.asarray(uvs, np.float64)[:, :2], palette.transforms.get(material)),
+        uvs=uvs,
         colors=colors_or_none,
     )
+    palette.notes += notes
     return repair(raw, material)
 
 
-def transformed(uvs: Float64, transform: Float64 | None) -> Float64:
-    """Texture coordinates (v, 2), v up, changed by a (3, 3) transform of those with v down; None: as they are."""
-    if transform is None:
+def _uvs(name: str, geometry: Any, wanted: tuple[UvSet, ...]) -> tuple[Float64 | None, tuple[str, ...]]:
+    """(v, 2 n) texture coordinates, v up, of a mesh that shows n sets, and notes of those that it lacks; None: it has
+    none at all. A glTF's integers stand for 0..1.
+    """
+    found, attributes = {0: getattr(geometry.visual, "uv", None)}, getattr(geometry, "vertex_attributes", {})
+    for number in {0} | {uv_set.number for uv_set in wanted}:
+        down = attributes.get(f"{KEPT}TEXCOORD_{number}")
+        if down is not None and np.ndim(down) == 2 and np.shape(down)[1] == 2:
+            whole = np.iinfo(down.dtype).max if np.issubdtype(down.dtype, np.integer) else 1
+            found[number] = np.stack([down[:, 0] / whole, 1.0 - down[:, 1] / whole], 1)
+    sets = {number: np.asarray(uvs, np.float64)[:, :2] for number, uvs in found.items() if uvs is not None}
+    sets = {number: uvs for number, uvs in sets.items() if len(uvs) == len(geometry.vertices)}
+    if not sets:
+        return None, ()
+    missing = sorted({uv_set.number for uv_set in wanted} - sets.keys())
+    notes = (f"mesh {name!r} has no texture coordinates of set {k}; those of another set are used" for k in missing)
+    spare = next(iter(sets.values()))
+    columns = [transformed(sets.get(uv_set.number, spare), uv_set.transform) for uv_set in wanted]
+    return np.concatenate(columns, axis=1), tuple(notes)
+
+
+def transformed(uvs: Float64, transform: tuple[float, ...]) -> Float64:
+    """Texture coordinates (v, 2), v up, changed as UvSet says."""
+    if transform == IDENTITY:
         return uvs
     u, v = uvs[:, 0], 1.0 - uvs[:, 1]
-    moved = np.stack([u, v, np.ones_like(u)], 1) @ transform.T
+    moved = np.stack([u, v, np.ones_like(u)], 1) @ np.reshape(transform, (2, 3)).T
     return np.stack([moved[:, 0], 1.0 - moved[:, 1]], 1)
 
 
@@ -255,6 +277,11 @@ def _comfortable(source: Source, notes: list[str]) -> Source:
         cameras = (replace(c, world_from_camera=nearer * c.world_from_camera) for c in source.cameras)
         motions = (moving.scaled(1.0 / radius) for moving in source.motions)
         lights = None if source.lights is None else tuple(scaled(light, 1.0 / radius) for light in source.lights)
-        source = replace(source, instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras), lights=lights)
+        materials = (replace(m, attenuation_distance=m.attenuation_distance / radius) for m in source.materials)
+        source = replace(
+            source,
+            instances=tuple(placed), motions=tuple(motions), cameras=tuple(cameras), lights=lights,
+            materials=tuple(materials),
+        )  # fmt: skip
         notes = [*notes, f"the model's radius is {radius:.3g}; everything is scaled by {1.0 / radius:.3g} to radius 1"]
     return replace(source, notes=tuple(notes))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from difflib import get_close_matches
@@ -86,7 +87,7 @@ def changed(material: Material, config: MaterialConfig) -> Material:
         return replace(material, mirror=config.share, transmission=left * material.transmission)
     plain = replace(
         material,
-        mirror=0.0, metallic=0.0, specular=0.0, transmission=0.0, emission=BLACK,
+        mirror=0.0, metallic=0.0, specular=0.0, transmission=0.0, emission=BLACK, attenuation_distance=math.inf,
         textures=material.textures._replace(metallic_roughness=None, emission=None),
     )  # fmt: skip
     if config.color is not None:
@@ -100,7 +101,13 @@ def changed(material: Material, config: MaterialConfig) -> Material:
             return replace(plain, metallic=1.0, roughness=config.roughness)
         case GlassConfig():
             color = plain.base_color if config.color is not None else (1.0, 1.0, 1.0)
-            return replace(plain, base_color=color, transmission=1.0, roughness=config.roughness, ior=config.ior)
+            glass = replace(
+                plain, base_color=color, transmission=1.0, roughness=config.roughness, ior=config.ior, thin=config.thin
+            )
+            if config.attenuation is None:
+                return glass
+            absorbed = config.attenuation
+            return replace(glass, attenuation_color=absorbed.color, attenuation_distance=absorbed.distance)
 
 
 def described(wanted: str, known: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from wall.core.data import Float32, Float64
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Moving
 
+DARKEST_LEFT, SHORTEST_WAY = 1e-6, 1e-9  # that absorption is known by: a colour, world units; less counts as this
 SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
 Wrap: TypeAlias = Literal["repeat", "clamp", "mirror"]
 AlphaMode: TypeAlias = Literal["opaque", "mask", "blend"]
@@ -32,6 +33,7 @@ class Texture:
     linear: bool = False
     alpha: NDArray[np.uint8] | None = None  # (h, w) as bytes; None: opaque
     wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")  # beyond its edges, along u and v
+    uv_set: int = 0  # which pair of a mesh's texture coordinates it is looked up by
 
 
 class TextureSet(NamedTuple):
@@ -63,11 +65,23 @@ class Material:
     specular: float = 0.0  # 0..1, how much of an interface lies over diffuse light; 0: none
     ior: float = 1.5  # index of refraction, of glass and of the interface
     transmission: float = 0.0  # share that is glass, 0..1
+    thin: bool = False  # glass is a sheet: light goes straight on
+    attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)  # 0..1, of white light after attenuation_distance
+    attenuation_distance: float = math.inf  # world units of way inside glass that is not thin
     textures: TextureSet = NO_TEXTURES
     normal_scale: float = 1.0  # of the parts along u and v of the normals of textures
     alpha_mode: AlphaMode = "opaque"  # mask: not there where alpha < alpha_cutoff; blend: there with probability alpha
     alpha: float = 1.0  # 0..1; times the alpha of the texture of base colour
     alpha_cutoff: float = 0.5
+
+    @property
+    def absorption(self) -> tuple[float, float, float]:
+        """What glass takes of light, RGB per world unit of way inside it: exp(-absorption d) is left (Beer-Lambert)."""
+        if self.transmission <= 0.0 or self.thin:
+            return 0.0, 0.0, 0.0
+        distance = max(self.attenuation_distance, SHORTEST_WAY)
+        r, g, b = (-math.log(max(c, DARKEST_LEFT)) / distance for c in self.attenuation_color)
+        return r, g, b
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +94,7 @@ class Mesh:
     material: int  # index in Scene.materials
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # add to vertices, object space; zero in a Scene
     normals: Float32 | None = None  # (v, 3) unit shading normals; None = flat
-    uvs: Float32 | None = None  # (v, 2), v up
+    uvs: Float32 | None = None  # (v, 2 n), n sets of u and v, v up
     colors: Float32 | None = None  # (v, 3) linear RGB, multiplies base_color
 
 

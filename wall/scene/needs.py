@@ -18,6 +18,7 @@ class Needs:
     emission_textures: bool
     normal_textures: bool
     texture_edges: bool  # some texture does not repeat
+    uv_sets: bool  # some texture is looked up by other texture coordinates than the first
     alpha: bool  # surfaces that are not there in places
     vertex_colors: bool
     smooth_normals: bool
@@ -33,7 +34,9 @@ class Needs:
     change_detection: bool  # a surface may look different from one moment, or one place of the eye, to the next
     paths: bool  # light comes by random ways: samples are noisy
     occlusion: bool  # by one way that nothing near is in; no light is followed
-    interfaces: bool  # metal or a coat over diffuse light, on paths
+    thin_glass: bool  # on paths
+    absorption: bool  # inside glass, on paths
+    interfaces: bool  # metal, a coat over diffuse light, or thin glass, on paths
     emitters: bool  # surfaces that light others, on paths
     relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
 
@@ -44,19 +47,21 @@ def needs(scene: Scene) -> Needs:
     materials = [scene.materials[k] for k in {mesh.material for mesh in meshes}]
     mapped = [scene.materials[mesh.material] for mesh in meshes if mesh.uvs is not None]
     slots = [[m.textures[slot] for m in mapped if m.textures[slot] is not None] for slot in range(4)]
-    edges = any(scene.textures[k].wrap != ("repeat", "repeat") for slot in slots for k in slot if k is not None)
+    textures = [scene.textures[k] for slot in slots for k in slot if k is not None]
     lit = scene.occlusion is None
     mirrors = lit and any(material.mirror > 0.0 for material in materials)
     emission = lit and any(max(material.emission) > 0.0 for material in materials)
     noisy = scene.path_depth is not None
     paths = lit and noisy
+    thin = paths and any(material.thin and material.transmission > 0.0 for material in materials)
     lights = len(scene.point_lights) + len(scene.directional_lights)
     return Needs(
-        textures=any(slots),
+        textures=bool(textures),
         metallic_roughness_textures=paths and bool(slots[1]),
         emission_textures=emission and bool(slots[2]),
         normal_textures=bool(slots[3]),
-        texture_edges=edges,
+        texture_edges=any(texture.wrap != ("repeat", "repeat") for texture in textures),
+        uv_sets=any(texture.uv_set > 0 for texture in textures),
         alpha=any(material.alpha_mode != "opaque" for material in materials),
         vertex_colors=any(mesh.colors is not None for mesh in meshes),
         smooth_normals=any(mesh.normals is not None for mesh in meshes),
@@ -72,7 +77,9 @@ def needs(scene: Scene) -> Needs:
         change_detection=(scene.animated or mirrors) and not noisy,  # which would take noise for change
         paths=noisy,
         occlusion=not lit,
-        interfaces=paths and any(max(material.metallic, material.specular) > 0.0 for material in materials),
+        thin_glass=thin,
+        absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
+        interfaces=thin or (paths and any(max(material.metallic, material.specular) > 0.0 for material in materials)),
         emitters=paths and emission,
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS

@@ -133,6 +133,10 @@ def _of_material(material: Material, path: str, wanted: Needs) -> Iterator[Param
         yield Parameter(name=f"{path}.roughness", default=(material.roughness,), **share)
         ior = (material.ior,)
         yield Parameter(name=f"{path}.ior", kind="number", low=SMALLEST_IOR, high=LARGEST_IOR, default=ior)
+    if clear and max(material.absorption) > 0.0:
+        yield Parameter(name=f"{path}.attenuation_color", kind="color", high=1.0, default=material.attenuation_color)
+        name, distance = f"{path}.attenuation_distance", (material.attenuation_distance,)
+        yield Parameter(name=name, kind="number", high=FARTHEST, unit="world units", default=distance)
     if wanted.interfaces:
         yield Parameter(name=f"{path}.metallic", default=(material.metallic,), **share)
     if wanted.occlusion:

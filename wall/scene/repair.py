@@ -31,7 +31,7 @@ class RawMesh:
     vertices: Float64  # (v, 3) object space
     triangles: NDArray[np.integer]  # (t, 3)
     normals: Float64 | None = None  # (v, 3)
-    uvs: Float64 | None = None  # (v, 2), v up
+    uvs: Float64 | None = None  # (v, 2 n), n sets of u and v, v up
     colors: Float32 | None = None  # (v, 3) linear RGB
 
     def taken(self, rows: NDArray[np.integer], triangles: NDArray[np.integer]) -> RawMesh:

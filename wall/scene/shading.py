@@ -23,6 +23,8 @@ MATERIAL_FIELDS = {  # name in a path: field of Material
     "roughness": "roughness",
     "metallic": "metallic",
     "ior": "ior",
+    "attenuation_color": "attenuation_color",
+    "attenuation_distance": "attenuation_distance",
     "emission": "emission",
     "mirror": "mirror",
 }

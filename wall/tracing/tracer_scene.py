@@ -36,7 +36,7 @@ from wall.tracing.kernels.values import (
 )
 
 DARKEST_MEAN = 1e-3  # of a texture: a dark one is still aimed at where it shines
-OF_TEXTURES = {"first_texel", "texture_width", "texture_height", "wrap_u", "wrap_v"}
+OF_TEXTURES = {"first_texel", "texture_width", "texture_height", "wrap_u", "wrap_v", "uv_set"}
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
 
 
@@ -102,7 +102,7 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
             placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
             normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
             colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
-            uvs=_attribute(scene.meshes, "uvs", 2) if wanted.textures else None,
+            uvs=_attribute(scene.meshes, "uvs", _uv_columns(scene, wanted)) if wanted.textures else None,
             vertices=vertices if wanted.textures or wanted.emitters else None,
             eye_from_object=np.zeros((0, 12), np.float32),
             relit=True if wanted.relighting else None,
@@ -127,12 +127,13 @@ def _transparency(scene: Scene, mesh: Mesh, triangles: NDArray[np.uint32]) -> Pa
         return None
     from wall.tracing.kernels import alpha
 
-    uvs = None if texels is None else np.ascontiguousarray(mesh.uvs, np.float32)
+    uvs = None
     numbers = np.zeros(alpha.MESH_NUMBERS, np.int64)
     numbers[alpha.BLENDS] = material.alpha_mode == "blend"
     values = numbers.view(np.float32)
     values[2 * alpha.ALPHA], values[2 * alpha.CUTOFF] = material.alpha, material.alpha_cutoff
-    if texture is not None and texels is not None and uvs is not None:
+    if texture is not None and texels is not None and mesh.uvs is not None:
+        uvs = np.ascontiguousarray(mesh.uvs[:, 2 * texture.uv_set :][:, :2], np.float32)
         numbers[: alpha.WIDTH] = triangles.ctypes.data, uvs.ctypes.data, texels.ctypes.data
         numbers[alpha.WIDTH], numbers[alpha.HEIGHT] = texels.shape[1], texels.shape[0]
         numbers[alpha.WRAP_U], numbers[alpha.WRAP_V] = (WRAPS[way] for way in texture.wrap)
@@ -159,9 +160,16 @@ def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
 
 def _attribute(meshes: tuple[Mesh, ...], name: str, width: int) -> Float32:
     """(v, width) float32 of all meshes' vertices, zero where a mesh does not have the attribute."""
-    parts = [getattr(mesh, name) for mesh in meshes]
-    blank = [np.zeros((len(mesh.vertices), width), np.float32) for mesh in meshes]
-    return np.concatenate([b if p is None else p for p, b in zip(parts, blank, strict=True)]).astype(np.float32)
+    parts = [np.zeros((len(mesh.vertices), width), np.float32) for mesh in meshes]
+    for part, mesh in zip(parts, meshes, strict=True):
+        if (own := getattr(mesh, name)) is not None:
+            part[:, : own.shape[1]] = own[:, :width]
+    return np.concatenate(parts)
+
+
+def _uv_columns(scene: Scene, wanted: Needs) -> int:
+    """Columns of Surfaces.uvs: a pair of each set that textures are looked up by."""
+    return 2 * (1 + max(texture.uv_set for texture in scene.textures)) if wanted.uv_sets else 2
 
 
 def _materials(scene: Scene, wanted: Needs) -> Materials:
@@ -177,6 +185,7 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
                 row["first_texel"][slot] = firsts[number]
                 row["texture_height"][slot], row["texture_width"][slot] = texture.texels.shape[:2]
                 row["wrap_u"][slot], row["wrap_v"][slot] = (WRAPS[way] for way in texture.wrap)
+                row["uv_set"][slot] = texture.uv_set
     return Materials(
         rows=rows,
         texels=np.concatenate(texels) if wanted.textures else None,
@@ -186,8 +195,11 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
         emission_textures=True if wanted.emission_textures else None,
         normal_textures=True if wanted.normal_textures else None,
         texture_edges=True if wanted.texture_edges else None,
+        uv_sets=True if wanted.uv_sets else None,
         emits=True if wanted.emission else None,
         mirrors=True if wanted.mirrors else None,
+        thin_glass=True if wanted.thin_glass else None,
+        absorbs=True if wanted.absorption else None,
         interface=interface_table() if wanted.interfaces else None,
     )
 

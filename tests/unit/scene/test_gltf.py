@@ -52,7 +52,54 @@ def test_scalars_of_materials_and_their_extensions_are_read(tmp_path: Path, bina
     assert (other.metallic, other.roughness, other.emits_behind) == (0.5, 1.0, True)
     assert material(source, "lamp").emission == (8.0, 4.0, 2.0)
     window = material(source, "window")
-    assert (window.transmission, window.ior, window.specular) == (0.9, 1.33, 0.5)
+    assert (window.transmission, window.ior, window.specular, window.thin) == (0.9, 1.33, 0.5, True)
+    assert not plain.thin
+
+
+@pytest.mark.parametrize(
+    ("volume", "absorption"),
+    [
+        ({"attenuationColor": [1.0, 0.5, 0.25], "attenuationDistance": 0.5}, (0.0, 2.0, 4.0)),
+        ({"attenuationColor": [1.0, 0.5, 0.25]}, (0.0, 0.0, 0.0)),
+        ({"attenuationColor": [1.0, 0.5, 0.25], "attenuationDistance": 0.0}, (0.0, 0.0, 0.0)),
+        ({"attenuationDistance": 3.0}, (0.0, 0.0, 0.0)),
+    ],
+)
+def test_volumes_absorb(tmp_path: Path, volume: dict[str, Any], absorption: tuple[float, ...]) -> None:
+    found = {
+        "pbrMetallicRoughness": {"metallicFactor": 0.0},
+        "extensions": {
+            "KHR_materials_transmission": {"transmissionFactor": 1.0},
+            "KHR_materials_volume": {"thicknessFactor": 1.0, **volume},
+        },
+    }
+    source = loaded(tmp_path, document([found], extensionsUsed=["KHR_materials_volume"]))
+    np.testing.assert_allclose(source.materials[0].absorption, np.multiply(absorption, math.log(2.0)), atol=1e-12)
+    assert not source.materials[0].thin
+    assert source.notes == ()
+    found["extensions"]["KHR_materials_volume"]["thicknessFactor"] = 0.0
+    found["extensions"]["KHR_materials_transmission"]["transmissionTexture"] = {"index": 0}
+    source = loaded(tmp_path, document([{"name": "pane", **found}]))
+    assert source.materials[0].thin
+    assert source.materials[0].absorption == (0.0, 0.0, 0.0)
+    assert source.notes == ("material 'pane': its transmission texture is not read; its factor holds everywhere",)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e9])
+def test_a_model_of_extreme_size_absorbs_as_before(tmp_path: Path, scale: float) -> None:
+    """Its attenuation distance, in world units, is scaled with it."""
+    found = document(
+        [
+            {
+                "extensions": {"KHR_materials_volume": {"attenuationDistance": 3.0 * scale}},
+            }
+        ]
+    )
+    found["nodes"][0]["scale"] = [scale] * 3
+    source = loaded(tmp_path, found)
+    smaller = source.instances[0].world_from_object[0, 0] / scale
+    assert source.materials[0].attenuation_distance == pytest.approx(3.0 * scale * smaller)
+    assert any("everything is scaled" in note for note in source.notes)
 
 
 def test_materials_of_one_name_are_told_apart(tmp_path: Path) -> None:

@@ -8,28 +8,32 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gltf_documents import document, loaded
+from gltf_documents import TRIANGLE, data_uri, document, loaded
+from numpy.typing import NDArray
 from PIL import Image
 
+from wall.core.data import Float32
 from wall.scene.model import NO_TEXTURES, Source, TextureSet
+
+IMAGES: dict[str, Any] = {
+    "images": [{"uri": "red.png"}, {"uri": "rust.png"}],
+    "samplers": [{"wrapS": 33071, "wrapT": 33648}],
+    "textures": [{"source": 0, "sampler": 0}, {"source": 1}],
+}
 
 
 def with_images(folder: Path, materials: list[dict[str, Any]], **more: Any) -> Source:
+    """The document with these materials, and with IMAGES."""
+    write_images(folder)
+    return loaded(folder, document(materials, **IMAGES, **more))
+
+
+def write_images(folder: Path) -> None:
     """Texture 0 is red with a half-transparent right side and looked up by the sampler; texture 1 is 0, 128, 64."""
     red = np.zeros((4, 4, 4), np.uint8)
     red[..., 0], red[..., 3] = 200, (255, 255, 128, 128)
     Image.fromarray(red).save(folder / "red.png")
     Image.fromarray(np.full((2, 2, 3), [0, 128, 64], np.uint8)).save(folder / "rust.png")
-    return loaded(
-        folder,
-        document(
-            materials,
-            images=[{"uri": "red.png"}, {"uri": "rust.png"}],
-            samplers=[{"wrapS": 33071, "wrapT": 33648}],
-            textures=[{"source": 0, "sampler": 0}, {"source": 1}],
-            **more,
-        ),
-    )
 
 
 def test_a_material_has_all_its_textures(tmp_path: Path) -> None:
@@ -89,22 +93,70 @@ def test_texture_transforms_change_texture_coordinates(tmp_path: Path) -> None:
     np.testing.assert_allclose(uvs, np.stack([down[:, 0], 1.0 - down[:, 1]], 1), atol=1e-6)
 
 
-def test_what_textures_want_otherwise_is_noted(tmp_path: Path) -> None:
-    moved = {"index": 0, "extensions": {"KHR_texture_transform": {"offset": [0.5, 0.0]}}}
-    source = with_images(
-        tmp_path,
-        [
-            {
-                "name": "sign",
-                "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}, "metallicFactor": 0},
-                "emissiveTexture": moved,
-            }
-        ],
-    )
-    assert source.notes == (
-        "material 'sign': its base colour texture wants texture coordinates of another set; those of set 0 are used",
-        "material 'sign': its emissive texture is transformed as the first one is",
-    )
+def with_second_uvs(found: dict[str, Any], uvs: NDArray[Any], kind: int, **more: Any) -> dict[str, Any]:
+    """A document whose meshes have a second set of texture coordinates, v down; kind: glTF's number of its dtype."""
+    found["buffers"].append({"byteLength": uvs.nbytes, "uri": data_uri(uvs.tobytes())})
+    found["bufferViews"].append({"buffer": 1, "byteLength": uvs.nbytes})
+    found["accessors"].append({"bufferView": 2, "componentType": kind, "count": len(uvs), "type": "VEC2", **more})
+    for mesh in found["meshes"]:
+        mesh["primitives"][0]["attributes"]["TEXCOORD_1"] = 2
+    return found
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_each_texture_has_its_own_set_and_transform(tmp_path: Path, binary: bool) -> None:
+    """The extension's texCoord wins. Equal ways to look textures up are one set; u and v of each set, v up."""
+    write_images(tmp_path)
+    moved = {"KHR_texture_transform": {"offset": [0.5, 0.25], "texCoord": 1}}
+    second = np.array([[0, 65535], [32768, 0], [65535, 16384]], np.uint16)
+    sign = {
+        "pbrMetallicRoughness": {
+            "baseColorTexture": {"index": 0}, "metallicFactor": 0,
+            "metallicRoughnessTexture": {"index": 1, "texCoord": 1},
+        },
+        "emissiveTexture": {"index": 0, "extensions": moved}, "emissiveFactor": [1, 1, 1],
+        "normalTexture": {"index": 1, "texCoord": 1},
+    }  # fmt: skip
+    found = with_second_uvs(document([sign], **IMAGES), second, 5123, normalized=True)
+    source = loaded(tmp_path, found, binary=binary)
+    textures = source.materials[0].textures
+    assert [None if k is None else source.textures[k].uv_set for k in textures] == [0, 1, 2, 1]
+    assert textures.metallic_roughness == textures.normal
+    down = second / 65535.0
+    parts = [TRIANGLE[1], down, down + np.array([0.5, 0.25])]
+    wanted = np.concatenate([np.stack([uv[:, 0], 1.0 - uv[:, 1]], 1) for uv in parts], axis=1)
+    np.testing.assert_allclose(uvs_of(source), wanted, atol=1e-6)
+    assert source.notes == ()
+
+
+def uvs_of(source: Source) -> Float32:
+    uvs = source.meshes[0].uvs
+    assert uvs is not None
+    return uvs
+
+
+def test_a_set_that_a_mesh_lacks_is_noted(tmp_path: Path) -> None:
+    sign = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 3}, "metallicFactor": 0}}
+    source = with_images(tmp_path, [sign])
+    assert source.notes == ("mesh 'GLTF' has no texture coordinates of set 3; those of another set are used",)
+    plain = with_images(tmp_path, [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])
+    np.testing.assert_array_equal(uvs_of(source), uvs_of(plain))
+
+
+def test_a_set_of_single_numbers_is_none(tmp_path: Path) -> None:
+    write_images(tmp_path)
+    sign = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}, "metallicFactor": 0}}
+    found = with_second_uvs(document([sign], **IMAGES), np.zeros(3, np.float32), 5126)
+    found["accessors"][2]["type"] = "SCALAR"
+    source = loaded(tmp_path, found)
+    assert source.notes == ("mesh 'GLTF' has no texture coordinates of set 1; those of another set are used",)
+
+
+@pytest.mark.parametrize("lookup", [{"texCoord": "one"}, {"extensions": {"KHR_texture_transform": {"rotation": "x"}}}])
+def test_a_lookup_that_cannot_be_read_is_noted(tmp_path: Path, lookup: dict[str, Any]) -> None:
+    sign = {"name": "sign", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **lookup}, "metallicFactor": 0}}
+    source = with_images(tmp_path, [sign])
+    assert any("'sign': its numbers cannot be read" in note for note in source.notes)
 
 
 def test_an_unlit_material_shows_its_colour_and_reflects_nothing(tmp_path: Path) -> None:

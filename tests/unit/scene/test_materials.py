@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from wall.config.loading import loads
 from wall.core.errors import ConfigError, SceneError
 from wall.scene.build import Scene, build
+from wall.scene.needs import needs
 
 HERE = Path(__file__).parent
 QUAD = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n"
@@ -39,6 +41,17 @@ def test_objects_get_materials_and_the_last_one_wins() -> None:
     assert (large.transmission, large.metallic, large.ior, large.base_color) == (1.0, 0.0, 1.5, (1.0, 1.0, 1.0))
     assert look(scene, "floor").metallic == 0.0
     assert look(scene, "lamp").emission[0] > 10.0
+
+
+def test_what_glass_absorbs_is_its_colour_after_the_distance() -> None:
+    glass = "type: glass, attenuation: {color: [1.0, 0.5, 0.25], distance: 2.0}"
+    scene = scene_with(f"{{object: '* box', {glass}}}", "{object: small box, type: glass}")
+    small, large = look(scene, "small box"), look(scene, "large box")
+    assert small.absorption == (0.0, 0.0, 0.0)
+    assert large.absorption == pytest.approx((0.0, math.log(2.0) / 2.0, math.log(2.0)))
+    assert (needs(scene).absorption, needs(scene).thin_glass) == (True, False)
+    assert needs(scene_with("{object: small box, type: glass, thin: true}")).thin_glass
+    assert not needs(scene_with(f"{{object: '* box', {glass}}}", more=", integrator: {method: direct}")).absorption
 
 
 def test_a_material_is_changed_wherever_it_is_worn() -> None:
@@ -81,6 +94,10 @@ def test_names_that_fit_nothing_are_refused_with_the_nearest(entry: str, said: s
         "{object: a, type: glas}",
         "{object: a, type: glass, ior: 0.5}",
         "{object: a, type: metal, roughness: 2}",
+        "{object: a, type: glass, thin: true, attenuation: {color: [0.5, 0.5, 0.5], distance: 1}}",
+        "{object: a, type: glass, attenuation: {color: [0.5, 0.5, 0.5]}}",
+        "{object: a, type: glass, attenuation: {color: [0.5, 0.5, 1.5], distance: 1}}",
+        "{object: a, type: glass, attenuation: {color: [0.5, 0.5, 0.5], distance: 0}}",
         "{object: a, type: emission}",
         "{object: a, type: diffuse, color: [255, 128, 0]}",
     ],

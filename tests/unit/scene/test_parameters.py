@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -48,6 +49,16 @@ def test_paths_offer_depth_and_what_interfaces_read_and_equal_names_are_told_apa
     both = {f"materials.{name}.{field}" for name in ("grey", "grey #2") for field in ("roughness", "ior", "metallic")}
     assert names == both | {"integrator.depth", "materials.grey #2.color"}
     assert parameters_of(scene(depth=5))["integrator.depth"].default == (5.0,)
+
+
+def test_glass_that_absorbs_offers_what_and_how_far() -> None:
+    glass = Material(name="grey", transmission=1.0, attenuation_color=(0.5, 1.0, 1.0), attenuation_distance=2.0)
+    before = scene(depth=5, materials=(glass, replace(glass, attenuation_distance=math.inf)))
+    offered = [name for name in parameters_of(before) if "attenuation" in name]
+    assert offered == ["materials.grey.attenuation_color", "materials.grey.attenuation_distance"]
+    assert parameters_of(before)["materials.grey.attenuation_distance"].checked(0.0) == (0.0,)
+    values = {"materials__grey__attenuation_color": (1.0, 0.25, 1.0), "materials__grey__attenuation_distance": (4.0,)}
+    assert_allclose(before.shading(0.0, edited(**values)).materials[0].absorption, [0.0, math.log(4.0) / 4.0, 0.0])
 
 
 @pytest.mark.parametrize(

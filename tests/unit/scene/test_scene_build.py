@@ -161,6 +161,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         emission_textures=False,
         normal_textures=False,
         texture_edges=False,
+        uv_sets=False,
         alpha=False,
         vertex_colors=True,
         smooth_normals=True,
@@ -176,6 +177,8 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         change_detection=True,
         paths=False,
         occlusion=False,
+        thin_glass=False,
+        absorption=False,
         interfaces=False,
         emitters=False,
         relighting=True,
@@ -183,9 +186,9 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (
         "compiled in: directional lights; left out: textures, metallic roughness textures, emission textures, normal "
-        "textures, texture edges, alpha, vertex colors, smooth normals, mirrors, point lights, spot lights, suns, "
-        "environment, instancing, animation, emission, change detection, paths, occlusion, interfaces, emitters, "
-        "relighting"
+        "textures, texture edges, uv sets, alpha, vertex colors, smooth normals, mirrors, point lights, spot lights, "
+        "suns, environment, instancing, animation, emission, change detection, paths, occlusion, thin glass, "
+        "absorption, interfaces, emitters, relighting"
     )
 
 

@@ -108,6 +108,46 @@ def test_a_textured_model_agrees(tmp_path: Path) -> None:
     assert row.ok, row
 
 
+ABSORBING = """\
+version: 1
+scene:
+  source: [cube.obj, pane.obj]
+  integrator: {method: path, depth: 12}
+  materials:
+    - {object: "cube*", type: glass, attenuation: {color: [0.2, 0.6, 0.9], distance: 1.5}}
+    - {object: "pane*", type: glass, thin: true, ior: 2.0, color: [0.9, 0.4, 0.6]}
+  lights: []
+  sky: {zenith: [1, 1, 1], horizon: [1, 1, 1], ground: [0.2, 0.2, 0.2]}
+wall: {grid: {columns: 1, rows: 1, pixels: [24, 24], size: [0.24, 0.24]}}
+views: [{camera: {position: [1.5, 2, 4], target: [0, 0, 0], fov: 32}}]
+"""
+CUBE = """\
+v -1 -1 -1
+v 1 -1 -1
+v 1 1 -1
+v -1 1 -1
+v -1 -1 1
+v 1 -1 1
+v 1 1 1
+v -1 1 1
+f 4 3 2 1
+f 5 6 7 8
+f 1 2 6 5
+f 3 4 8 7
+f 2 3 7 6
+f 4 1 5 8
+"""
+
+
+@pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
+def test_glass_that_absorbs_and_a_thin_pane_agree(tmp_path: Path) -> None:
+    (tmp_path / "cube.obj").write_text(CUBE, encoding="utf-8")
+    (tmp_path / "pane.obj").write_text("v -3 -1 1.5\nv 0 -1 2\nv 0 1 2\nf 1 2 3\n", encoding="utf-8")
+    (tmp_path / "absorbing.yaml").write_text(ABSORBING, encoding="utf-8")
+    row = compare(tmp_path / "absorbing.yaml", spp=1024, out=tmp_path, say=lambda _: None)
+    assert row.ok, row
+
+
 OPEN = """\
 version: 1
 scene:

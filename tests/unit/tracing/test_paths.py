@@ -109,6 +109,51 @@ def test_clear_glass_keeps_what_falls_on_it(roughness: float) -> None:
 
 
 @pytest.mark.usefixtures("compiled_only")
+def test_a_slab_of_glass_absorbs_by_the_way_inside() -> None:
+    """Seen straight on, R of each interface and t = color^(thickness / distance) of each way through, reflections
+    between both added up: T = (1 - R)^2 t / (1 - R^2 t^2) of the light behind and R (1 + T t) of that before it."""
+    thickness, distance, color = 0.75, 0.5, (0.9, 0.5, 0.04)
+    glass = replace(
+        PLAIN, transmission=1.0, roughness=0.0, ior=2.0, attenuation_color=color, attenuation_distance=distance
+    )
+    placed = [instance(0), instance(0, at=(0.0, 0.0, -thickness), turn=("y", 180.0))]
+    scene = paths_of([quad(90.0, 90.0)], [glass], depth=40, placed=placed, sky=WHITE_SKY)
+    left = np.array(color) ** (thickness / distance)
+    one = ((glass.ior - 1.0) / (glass.ior + 1.0)) ** 2
+    through = (1.0 - one) ** 2 * left / (1.0 - (one * left) ** 2)
+    np.testing.assert_allclose(mean(scene, AHEAD, 16), one * (1.0 + through * left) + through, atol=0.005)
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("roughness", [0.0, 0.1, 0.4, 1.0])
+def test_thin_glass_keeps_what_falls_on_it(roughness: float) -> None:
+    sheet = replace(PLAIN, transmission=1.0, thin=True, roughness=roughness)
+    for turn in (0.0, 50.0, 75.0, 130.0):
+        scene = paths_of([quad(90.0, 9.0)], [sheet], depth=2, placed=[instance(0, turn=("y", turn))], sky=WHITE_SKY)
+        np.testing.assert_allclose(mean(scene, AHEAD, 16), 1.0, atol=0.005)
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("degrees", [0.0, 40.0, 60.0, 80.0])
+def test_thin_glass_mirrors_what_both_its_surfaces_do_and_the_rest_goes_straight_on(degrees: float) -> None:
+    """A pane on the ground, seen at an angle a: the sky is red above and green below, as bright as cos(a) both ways.
+    Fresnel in the form of sines and tangents; each bound is five standard errors or more."""
+    color, ior = (0.2, 0.7, 0.4), 1.8
+    sheet = replace(PLAIN, base_color=color, transmission=1.0, thin=True, roughness=0.0, ior=ior)
+    sky = Sky(zenith=(1.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 1.0, 0.0))
+    for turn in (-90.0, 90.0):  # its front up, then its back
+        scene = paths_of([quad(90.0, 90.0)], [sheet], depth=2, placed=[instance(0, turn=("x", turn))], sky=sky)
+        a = math.radians(degrees) + 1e-4
+        b = math.asin(math.sin(a) / ior)
+        once = ((math.sin(a - b) / math.sin(a + b)) ** 2 + (math.tan(a - b) / math.tan(a + b)) ** 2) / 2
+        back = once + (1.0 - once) ** 2 * once / (1.0 - once**2)
+        eye = (9.0, 4.0 * math.cos(a), 4.0 * math.sin(a))  # beside what lies far below
+        seen = view(eye, (9.0, 0.0, 0.0), pixels=(EDGE, EDGE), fov=0.1, up=(0.0, 0.0, -1.0))
+        wanted = back, color[1] * (1.0 - back), 0.0
+        np.testing.assert_allclose(mean(scene, seen, 16) / math.cos(a), wanted, atol=0.01)
+
+
+@pytest.mark.usefixtures("compiled_only")
 @pytest.mark.parametrize("depth", [1, 2, 5, 12])
 def test_a_closed_room_of_shining_grey_walls_is_a_geometric_series(depth: int) -> None:
     """Radiance 1 on every wall, albedo a: the sum of a^k over k = 0..depth, whatever the room's shape."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.tracing.interface import interface_table
-from wall.tracing.kernels import glass, opaque
+from wall.tracing.kernels import glass, opaque, thin_glass
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.values import MATERIAL
 
@@ -140,6 +140,53 @@ def test_glass_reflects_as_fresnel_says_and_wholly_beyond_the_critical_angle() -
         inside = math.asin(math.sin(math.radians(degrees)) / 1.5)
         there, back = reflectance(math.cos(math.radians(degrees)), 1.5), reflectance(math.cos(inside), 1 / 1.5)
         assert there == pytest.approx(back, rel=1e-4)
+
+
+@numba.njit
+def sent(table: Any, roughness: Any, out: Any, numbers: Any, to: Any) -> None:
+    albedo = np.float32(0.8), np.float32(0.5), np.float32(0.3)
+    for k in range(len(numbers)):
+        way, weight = thin_glass.sample(
+            albedo, np.float32(1.7), np.float32(roughness), table, (out[0], out[1], out[2]),
+            numbers[k, 0], numbers[k, 1], numbers[k, 2],
+        )  # fmt: skip
+        to[k, 0], to[k, 1], to[k, 2], to[k, 3] = way[0], way[1], way[2], weight[0]
+
+
+@pytest.mark.parametrize("degrees", [0.0, 35.0, 70.0])
+@pytest.mark.parametrize("roughness", [0.35, 0.8])
+def test_rough_thin_glass_sends_light_where_its_lobes_are(roughness: float, degrees: float) -> None:
+    """Both lobes are that of rough reflection, the one behind seen through the sheet: D G / (4 cos) times what the
+    facet reflects, or lets pass in its colour; over what facets keep in all. Means of bins against integrals on a fine
+    grid, as in test_directions_are_drawn_with_their_density."""
+    out = seen_at(degrees)
+    to = np.zeros((COUNT, 4), np.float32)
+    sent(TABLE, roughness, out, np.random.default_rng(5).random((COUNT, 3)).astype(np.float32), to)
+    found = to.astype(np.float64)
+    fine, bins = 48, RINGS * SECTORS
+    heights, turns = ((np.arange(n * fine) + 0.5) / (n * fine) for n in (RINGS, SECTORS))
+    z, a = np.meshgrid(heights, 2 * np.pi * turns, indexing="ij")
+    grid = np.stack([np.sqrt(1.0 - z**2) * np.cos(a), np.sqrt(1.0 - z**2) * np.sin(a), z], axis=-1).reshape(-1, 3)
+    half = grid + out
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    alpha, facing = roughness**2, half @ out.astype(np.float64)
+    facets = alpha**2 / (np.pi * (half[:, 2] ** 2 * (alpha**2 - 1.0) + 1.0) ** 2)
+    loss = [(np.sqrt(1.0 + alpha**2 * (1.0 - c**2) / c**2) - 1.0) / 2.0 for c in (grid[:, 2], float(out[2]))]
+    lobe = facets / ((1.0 + loss[0] + loss[1]) * 4.0 * out[2])
+    lobe /= lobe.mean() * 2.0 * np.pi
+    behind = np.sqrt(1.0 - (1.0 - facing**2) / 1.7**2)
+    along, across = (1.7 * facing - behind) / (1.7 * facing + behind), (facing - 1.7 * behind) / (facing + 1.7 * behind)
+    once = (along**2 + across**2) / 2.0
+    mirrored = 2.0 * once / (1.0 + once)
+    for side, share in ((1.0, mirrored), (-1.0, 0.8 * (1.0 - mirrored))):
+        wanted = np.bincount(bins_of(grid), lobe * share * 2.0 * np.pi / len(grid), bins)
+        there = found[found[:, 2] * side > 0.0] * [1.0, 1.0, side, 1.0]
+        sums, squares = (np.bincount(bins_of(there), there[:, 3] ** power, bins) / COUNT for power in (1, 2))
+        used = np.bincount(bins_of(there), minlength=bins) > 50
+        spread = (squares - sums**2) / COUNT
+        chi = float((((sums - wanted) ** 2) / np.maximum(spread, 1e-30))[used].sum())
+        assert chi < used.sum() + 6.0 * math.sqrt(2.0 * used.sum())
+        assert abs((sums - wanted)[~used].sum()) < 1e-3
 
 
 @numba.njit

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import small_scenes
 from numpy.typing import NDArray
-from small_scenes import BLACK_SKY, View, instance, quad, traced_image, view, with_every_feature
+from small_scenes import BLACK_SKY, Triple, View, instance, quad, traced_image, view, with_every_feature
 
 from wall.core.colour import srgb_decoded
 from wall.core.data import Float32, Float64
@@ -207,6 +207,57 @@ def test_textures_of_metalness_and_roughness_are_factors() -> None:
         for look in (textured, numbers)
     )
     np.testing.assert_allclose(got, wanted, rtol=2e-4)
+
+
+FIRST, SECOND = (
+    (np.asarray(SQUARE.uvs) @ np.array(turn) + shift).astype(np.float32)
+    for turn, shift in (([[1.3, 0.4], [-0.2, 0.8]], 0.1), ([[-0.5, 9.0], [7.0, 2.0]], 0.3))
+)  # of the corners; the second is so dense that its texels are averaged
+
+
+def looked_up_by(slot: str, uvs: Float32, uv_set: int) -> Scene:
+    """The square with one texture in a slot, with alpha for base colour, and beside it a wall that it may light."""
+    chance, values = np.random.default_rng(8), slot in ("normal", "metallic_roughness")
+    texels = chance.integers(0, 256, (16, 16, 3)).astype(np.uint8)
+    texels[..., 2] |= 192 if slot == "normal" else 0
+    alpha = chance.integers(0, 256, (16, 16)).astype(np.uint8) if slot == "base_color" else None
+    texture = Texture(name="noise", texels=texels, alpha=alpha, linear=values, uv_set=uv_set)
+    look = Material(
+        name="noise", base_color=WHITE, emission=WHITE if slot == "emission" else BLACK, metallic=1.0,
+        alpha_mode="opaque" if alpha is None else "mask", textures=TextureSet(**{slot: 0}),
+    )  # fmt: skip
+    sun = DirectionalLight(direction=(0.6, 0.0, 0.8), irradiance=(3.0, 3.0, 3.0))
+    meshes = [replace(SQUARE, uvs=uvs), replace(SQUARE, material=1)]
+    placed = [instance(0), instance(1, at=(0.9, 0.0, 1.0), turn=("y", -90.0))]
+    return scene_of(meshes, placed, materials=[look, Material(name="wall")], textures=[texture], lights=[sun])
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("slot", TextureSet._fields)
+def test_a_texture_is_looked_up_by_its_own_texture_coordinates(slot: str) -> None:
+    """Footprints, tangents, holes, and emission where it is aimed at: all as if the mesh had that set alone."""
+    both = looked_up_by(slot, np.hstack([FIRST, SECOND]), 1)
+    alone, other = looked_up_by(slot, SECOND, 0), looked_up_by(slot, FIRST, 0)
+    got, wanted, unlike = (on_paths(scene, 2) for scene in (both, alone, other))
+    np.testing.assert_array_equal(got, wanted)
+    assert float(np.abs(got - unlike).mean()) > 0.01
+    np.testing.assert_array_equal(radiance(both), radiance(alone))  # with footprints
+
+
+def test_textures_of_one_material_have_each_its_set() -> None:
+    """Light that is reflected and light that is emitted add up."""
+    texels = np.random.default_rng(9).integers(0, 256, (2, 8, 8, 3)).astype(np.uint8)
+    textures = [Texture(name="noise", texels=texels[k], uv_set=k) for k in range(2)]
+    sun = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(math.pi,) * 3)
+    mesh = replace(SQUARE, uvs=np.hstack([FIRST, SECOND]))
+
+    def shown(base: Triple, glow: Triple) -> Float32:
+        look = Material(name="noise", base_color=base, emission=glow, textures=TextureSet(0, None, 1))
+        return radiance(scene_of([mesh], materials=[look], textures=textures, lights=[sun]))
+
+    base, glow = shown(WHITE, BLACK), shown(BLACK, WHITE)
+    np.testing.assert_allclose(shown(WHITE, WHITE), base + glow, atol=1e-6)
+    assert min(float(np.std(base)), float(np.std(glow))) > 0.05
 
 
 def holes() -> Texture:

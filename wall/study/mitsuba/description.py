@@ -33,11 +33,14 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
         raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
     if any(light.angular_diameter > 0.0 for light in scene.directional_lights):
         raise RunError("scene.lights: Mitsuba's directions have no angular diameter; wanted 0")
-    moment = scene.at(0.0)
-    blends = any(material.alpha_mode == "blend" for material in scene.materials)  # light for `path` stops there
+    moment, method = scene.at(0.0), "path"
+    if any(material.alpha_mode == "blend" for material in scene.materials):  # light for `path` stops there
+        method = "volpath"
+    if any(max(material.absorption) > 0.0 for material in scene.materials):
+        method = "volpathmis"  # `volpath` finds NaN in glass that absorbs one colour more than another
     found: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "volpath" if blends else "path", "max_depth": depth + 1, "rr_depth": 1000},
+        "integrator": {"type": method, "max_depth": depth + 1, "rr_depth": 1000},
         "sensor": sensor(mi, plan, spp=spp),
         "sky": _sky(mi, plan) if scene.environment is None else _environment(mi, scene.environment),
     }

@@ -1,9 +1,10 @@
 """Objects of a scene as Mitsuba 3 takes them: meshes, materials in its own models, textures.
 
 What has no equal there is refused: a coat over diffuse light, metal whose reflectance grows at grazing angles and is
-not white, coloured glass, surfaces that emit on both sides, textures of roughness and metalness, masks by a texture,
-textures that end otherwise along u than along v, vertex colours. Rough white metal differs by the light that goes from
-facet to facet, which Mitsuba's loses.
+not white, coloured glass that is not thin, rough thin glass, surfaces that emit on both sides, textures of roughness
+and metalness, masks by a texture, textures that end otherwise along u than along v, several sets of texture
+coordinates, vertex colours. Rough white metal differs by the light that goes from facet to facet, which Mitsuba's
+loses.
 """
 
 from __future__ import annotations
@@ -36,8 +37,13 @@ def shape_of(mi: Any, scene: Scene, k: int, pose: Float64) -> Any:
         textures: list[Texture | None] = [None] * 4
     else:
         textures = [None if number is None else scene.textures[number] for number in material.textures]
+    if any(texture is not None and texture.uv_set > 0 for texture in textures):
+        raise RunError(f"object {called!r}: has several sets of texture coordinates; wanted one, as in Mitsuba")
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(_bsdf(mi, material, textures, called))
+    if (most := max(material.absorption)) > 0.0:
+        shares = rgb(tuple(part / most for part in material.absorption))
+        properties["interior"] = mi.load_dict({"type": "homogeneous", "albedo": 0.0, "sigma_t": shares, "scale": most})
     if max(material.emission) > 0.0:
         if material.emits_behind:
             raise RunError(f"object {called!r}: emits on both sides; wanted sides: front, as Mitsuba's surfaces do")
@@ -74,7 +80,7 @@ def _bsdf(mi: Any, material: Material, textures: list[Texture | None], called: s
             "type": "normalmap", "normalmap": _bitmap(mi, turned, normal, called), "bsdf": found,
             "use_shadowing_function": False, "flip_invalid_normals": False,
         }  # fmt: skip
-    if found["type"] not in ("dielectric", "roughdielectric"):
+    if found["type"] not in ("dielectric", "roughdielectric", "thindielectric"):
         found = {"type": "twosided", "bsdf": found}
     if material.alpha_mode == "mask":
         raise RunError(f"object {called!r}: is cut out by a mask, which has no equal in Mitsuba; wanted blend")
@@ -90,8 +96,11 @@ def _plain_bsdf(mi: Any, material: Material, base: Texture | None, called: str) 
     """Mitsuba's material; alpha of GGX is the roughness squared."""
     smooth, alpha = material.roughness < float(FLATTEST_ROUGHNESS), material.roughness**2
     white = min(material.base_color) == 1.0 and base is None
-    if material.transmission == 1.0 and white:
-        index = {"int_ior": material.ior, "ext_ior": 1.0}
+    index = {"int_ior": material.ior, "ext_ior": 1.0}
+    if material.transmission == 1.0 and material.thin and smooth:
+        left = _colour(mi, material.base_color, base, called)
+        return {"type": "thindielectric", **index, "specular_transmittance": left}
+    if material.transmission == 1.0 and white and not material.thin:
         if smooth:
             return {"type": "dielectric", **index}
         return {"type": "roughdielectric", "distribution": "ggx", "alpha": alpha, **index}

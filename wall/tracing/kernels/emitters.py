@@ -10,7 +10,7 @@ from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.rows import xyz
-from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at
+from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at, uv_column
 from wall.tracing.kernels.values import EMISSION, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
 
 HALF = np.float32(0.5)
@@ -94,9 +94,9 @@ def emission_at(used, surfaces, materials, instance, corners, s, t):
         return r, g, b
     if material["texture_width"][EMISSION] == 0 or mesh[MESH_FLAGS] & UVS_FLAG == np.uint32(0):
         return r, g, b
-    uvs, rest = surfaces.uvs, ONE - s - t
-    u = rest * uvs[corners[0], 0] + s * uvs[corners[1], 0] + t * uvs[corners[2], 0]
-    v = rest * uvs[corners[0], 1] + s * uvs[corners[1], 1] + t * uvs[corners[2], 1]
+    uvs, rest, at = surfaces.uvs, ONE - s - t, uv_column(materials.uv_sets, material, EMISSION)
+    u = rest * uvs[corners[0], at] + s * uvs[corners[1], at] + t * uvs[corners[2], at]
+    v = rest * uvs[corners[0], at + 1] + s * uvs[corners[1], at + 1] + t * uvs[corners[2], at + 1]
     wrap = material["wrap_u"][EMISSION], material["wrap_v"][EMISSION]
     level = finest_level(material, EMISSION)
     tr, tg, tb = texel_at(materials.texels, level, materials.linear_of_srgb, materials.texture_edges, wrap, u, v)

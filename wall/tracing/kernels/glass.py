@@ -1,4 +1,5 @@
 """Glass: a rough or smooth interface between two media, which reflects and refracts; each path takes one of both ways.
+What lies behind an interface may absorb.
 
 B. Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007; facets are sampled as for metal.
 Radiance scales with the square of the refractive index, so what enters a denser medium is weighed by 1 / eta^2.
@@ -11,7 +12,10 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel
+from wall.tracing import embree
+from wall.tracing.kernels import rows
 from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, sample_facet, slope_loss
+from wall.tracing.kernels.surface import material_of, seen_from_inside
 from wall.tracing.kernels.values import ONE, ZERO
 
 HALF, TWO = np.float32(0.5), np.float32(2.0)
@@ -56,3 +60,21 @@ def sample(albedo, eta, roughness, out, choice, u, v):
         seen = slope_loss(out[2], alpha)
         weight *= (ONE + seen) / (ONE + seen + slope_loss(abs(to[2]), alpha))
     return to, (weight * albedo[0], weight * albedo[1], weight * albedo[2])
+
+
+@inline_kernel
+def absorb(used, surfaces, materials, work):
+    """Takes from each lane's path what glass absorbed on the way to where the ray hits it from inside (Beer-Lambert).
+
+    used : Materials.absorbs, None does nothing. Directions are unit vectors
+    """
+    if used is not None:
+        p = work.packet
+        for lane in range(16):
+            if p[rows.HIT + lane] == ZERO:
+                continue
+            taken, way = material_of(surfaces, materials, lane, work)["absorption"], p[embree.T_FAR + lane]
+            if max(taken[0], taken[1], taken[2]) > ZERO and seen_from_inside(surfaces, lane, work):
+                p[rows.THROUGHPUT_R + lane] *= math.exp(-taken[0] * way)
+                p[rows.THROUGHPUT_G + lane] *= math.exp(-taken[1] * way)
+                p[rows.THROUGHPUT_B + lane] *= math.exp(-taken[2] * way)

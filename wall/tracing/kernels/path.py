@@ -23,6 +23,7 @@ from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.emitters import density_of_emitter, way_to_emitter
 from wall.tracing.kernels.environment import density_of_environment, way_to_environment
+from wall.tracing.kernels.glass import absorb
 from wall.tracing.kernels.lens import keep_distances, open_lens
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.random_numbers import random_pair
@@ -76,6 +77,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
                 finish_surfaces(work)
                 colour_by_vertices(surfaces, surfaces.colors, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
+                absorb(materials.absorbs, surfaces, materials, work)
             if bounce == 0:
                 encode_normals(True, surfaces, materials, work)
                 record_first(xy, first, count, samples, work)

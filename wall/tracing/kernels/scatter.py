@@ -10,7 +10,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel
 from wall.tracing import embree
-from wall.tracing.kernels import glass, opaque, rows
+from wall.tracing.kernels import glass, opaque, rows, thin_glass
 from wall.tracing.kernels.bsdf import mirrored
 from wall.tracing.kernels.ggx import frame_of, in_world
 from wall.tracing.kernels.rows import xyz
@@ -66,8 +66,8 @@ def scatter(lane, surfaces, materials, work):
     if through <= choice < through + mirror:
         return mirrored(p, lane), (ONE, ONE, ONE), -ONE
     if choice < through:
-        eta = ONE / material["ior"] if seen_from_inside(surfaces, lane, work) else material["ior"]
-        to, weight = glass.sample(albedo, eta, rough, out, choice / through, u, v)
+        numbers = choice / through, u, v
+        to, weight = through_glass(materials.thin_glass, albedo, rough, out, numbers, lane, surfaces, materials, work)
         density = -ONE
     else:
         rest = ONE - through - mirror
@@ -79,3 +79,17 @@ def scatter(lane, surfaces, materials, work):
     if (x * gx + y * gy + z * gz > ZERO) != (to[2] > ZERO):  # the shading normal sends it to the wrong side
         weight = (ZERO, ZERO, ZERO)
     return (x, y, z), weight, density
+
+
+@inline_kernel
+def through_glass(thin, albedo, rough, out, numbers, lane, surfaces, materials, work):
+    """A direction in which a path goes on from glass and its weight, RGB; thin : Materials.thin_glass.
+
+    numbers : three in [0, 1)
+    """
+    material, (choice, u, v) = material_of(surfaces, materials, lane, work), numbers
+    if thin is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
+        if material["thin"] > ZERO:
+            return thin_glass.sample(albedo, material["ior"], rough, materials.interface, out, choice, u, v)
+    eta = ONE / material["ior"] if seen_from_inside(surfaces, lane, work) else material["ior"]
+    return glass.sample(albedo, eta, rough, out, choice, u, v)

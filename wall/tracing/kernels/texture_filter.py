@@ -87,7 +87,8 @@ def widen_footprints(texels, work):
 
 @inline_kernel
 def gather_mappings(surfaces, materials, uvs, work):
-    """Looks up how textured lanes' triangles are mapped: rows TEXTURED to MAPPING_V2. Returns how many are textured."""
+    """Looks up how textured lanes' triangles are mapped, by set 0 of texture coordinates: rows TEXTURED to MAPPING_V2.
+    Returns how many are textured."""
     p, bits, vertices = work.packet, work.bits, surfaces.vertices
     textured = 0
     for lane in range(16):
@@ -104,7 +105,6 @@ def gather_mappings(surfaces, materials, uvs, work):
         textured += 1
         p[rows.TEXTURED + lane] = ONE
         i0, i1, i2 = corners_of(surfaces, lane, work)
-        _, s, t = weights_of(lane, work)
         m = surfaces.eye_from_object[instance]
         for corner, edge in ((i1, rows.EDGE_1_X), (i2, rows.EDGE_2_X)):
             x = vertices[corner, 0] - vertices[i0, 0]
@@ -113,11 +113,40 @@ def gather_mappings(surfaces, materials, uvs, work):
             p[edge + lane] = m[0] * x + m[1] * y + m[2] * z
             p[edge + 16 + lane] = m[4] * x + m[5] * y + m[6] * z
             p[edge + 32 + lane] = m[8] * x + m[9] * y + m[10] * z
-        u0, v0 = uvs[i0, 0], uvs[i0, 1]
-        u1, v1, u2, v2 = uvs[i1, 0] - u0, uvs[i1, 1] - v0, uvs[i2, 0] - u0, uvs[i2, 1] - v0
-        set_xyz(p, rows.MAPPING_U0, lane, u0 + s * u1 + t * u2, u1, u2)
-        set_xyz(p, rows.MAPPING_V0, lane, v0 + s * v1 + t * v2, v1, v2)
+        map_triangle(uvs, 0, (i0, i1, i2), lane, work)
     return textured
+
+
+@inline_kernel
+def map_triangle(uvs, column, corners, lane, work):
+    """Writes how a lane's triangle is mapped, by u in a column of texture coordinates and v in the next one."""
+    p, (i0, i1, i2) = work.packet, corners
+    _, s, t = weights_of(lane, work)
+    u0, v0 = uvs[i0, column], uvs[i0, column + 1]
+    u1, v1 = uvs[i1, column] - u0, uvs[i1, column + 1] - v0
+    u2, v2 = uvs[i2, column] - u0, uvs[i2, column + 1] - v0
+    set_xyz(p, rows.MAPPING_U0, lane, u0 + s * u1 + t * u2, u1, u2)
+    set_xyz(p, rows.MAPPING_V0, lane, v0 + s * v1 + t * v2, v1, v2)
+
+
+@inline_kernel
+def uv_column(used, material, slot):
+    """Column of Surfaces.uvs where a texture of a material finds its u; used : Materials.uv_sets."""
+    if used is None:
+        return 0
+    return 2 * material["uv_set"][slot]
+
+
+@inline_kernel
+def choose_mappings(used, slot, surfaces, materials, work):
+    """Maps textured lanes by the texture coordinates of one texture of each lane's material, and projects footprints
+    again; used : Materials.uv_sets, None does nothing."""
+    if used is not None:
+        for lane in range(16):
+            if work.packet[rows.TEXTURED + lane] != ZERO:
+                column = uv_column(used, material_of(surfaces, materials, lane, work), slot)
+                map_triangle(surfaces.uvs, column, corners_of(surfaces, lane, work), lane, work)
+        project_footprints(work)
 
 
 @inline_kernel
@@ -155,6 +184,7 @@ def project_footprints(work):
 def measure_footprints(slot, surfaces, materials, work):
     """Measures footprints in the texels of one texture of each lane's material, BASE_COLOR to NORMAL: rows TEXELS_U and
     _V, LONG_U, LONG_V (texture coordinates), and the squares of both axes in texels."""
+    choose_mappings(materials.uv_sets, slot, surfaces, materials, work)
     p = work.packet
     for lane in range(16):
         width, height = 0, 0

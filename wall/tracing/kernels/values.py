@@ -55,6 +55,8 @@ MATERIAL = np.dtype(
         ("specular", np.float32),
         ("ior", np.float32),
         ("transmission", np.float32),
+        ("thin", np.float32),  # 1: glass is a sheet
+        ("absorption", np.float32, (3,)),  # 1 / world units
         ("normal_scale", np.float32),
         # textures, by the numbers BASE_COLOR ... NORMAL
         ("first_texel", np.int32, (4,)),  # row of Materials.texels, of the finest level; coarser ones follow it
@@ -62,6 +64,7 @@ MATERIAL = np.dtype(
         ("texture_height", np.int32, (4,)),
         ("wrap_u", np.int32, (4,)),  # REPEAT, CLAMP or MIRROR
         ("wrap_v", np.int32, (4,)),
+        ("uv_set", np.int32, (4,)),  # see scene.model.Texture
     ]
 )
 
@@ -83,7 +86,7 @@ class Surfaces(NamedTuple):
     placements: Float32  # (n, 12) normal_from_object (9, row major), then PLACEMENT_BASE, _SLOPE, _STRETCH
     normals: Float32 | None  # (v, 3) shading normals
     colors: Float32 | None  # (v, 3) linear RGB
-    uvs: Float32 | None  # (v, 2)
+    uvs: Float32 | None  # (v, 2 n), n sets
     vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures and emitters
     eye_from_object: Float32  # (n, 12) row major 3x4
     relit: bool | None  # None leaves normals and visible lights out of samples
@@ -100,8 +103,11 @@ class Materials(NamedTuple):
     emission_textures: bool | None
     normal_textures: bool | None
     texture_edges: bool | None  # None: all textures repeat
+    uv_sets: bool | None  # None: all textures are looked up by set 0
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
+    thin_glass: bool | None  # None: there is none, or no path meets it
+    absorbs: bool | None  # None: no glass absorbs, or no path goes through it
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
 
 
