@@ -1,7 +1,7 @@
-"""Which stored samples an edit of lights, sky or materials makes doubtful, where they cannot be lit anew exactly.
+"""Which stored samples an edit of the shading makes doubtful, where they cannot be lit anew exactly.
 
 Direct light: a surface's samples depend on the lights, the sky and its own material; a mirror's on everything. On paths
-every sample depends on everything.
+every sample depends on everything, the lens too: another one shows other surfaces in a pixel.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class ShadingChanges:
         pairs = zip(now.materials, was.materials, strict=True)
         materials = [k for k, (new, old) in enumerate(pairs) if new is not old and new != old]
         sky, light = now.sky != was.sky, now.lights != was.lights
-        if not (materials or sky or light or now.path_depth != was.path_depth):
+        if not (materials or sky or light or (now.path_depth, now.lens) != (was.path_depth, was.lens)):
             return None
         if self._paths:
             return np.ones_like(doubted, np.uint8)

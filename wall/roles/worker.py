@@ -40,10 +40,10 @@ class Worker:
         self._codec = Codec[layout.config.transport.codec.upper()]
         share = layout.layer(rank).range
         seen = plan.scene.objects_in(share) if share is not None else None
-        panel, view = layout.panel(rank), plan.view_of(layout.panel(rank))
-        self._panel_view = PanelView(view, panel)
+        panel = layout.panel(rank)
+        self._panel_view = PanelView(plan.view_of(panel), panel)
         self._tracers = {
-            coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen, lens=view.lens)
+            coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
         }
         self._relightable, self._noisy = tracer_scene.needs.relighting, tracer_scene.needs.paths

@@ -22,7 +22,7 @@ from wall.config.scene import (
 )
 from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
-from wall.geometry.cameras import NamedCamera
+from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.area_lights import area_light, emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
@@ -95,6 +95,7 @@ class Scene:
     rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
     light_order: tuple[int, ...] = ()  # of each light as named: its row in Shading.lights; -1: it has an area
     parameter_tracks: tuple[ParameterTrack, ...] = ()
+    lens: Lens | None = None  # of the view that shows it; None: a pinhole
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
 
@@ -135,6 +136,7 @@ class Scene:
             sky=self.sky,
             materials=self.materials,
             path_depth=self.path_depth,
+            lens=self.lens,
         )
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:

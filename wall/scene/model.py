@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
-from wall.geometry.cameras import NamedCamera
+from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving
 
 SHARPEST_SPOT = 1e-3  # between the cosines of a spot's angles, as glTF says
@@ -196,7 +196,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shading:
-    """How the scene is lit and what surfaces look like: all that parameters change (scene.parameters).
+    """How the scene is lit, looks and is seen: all that parameters change (scene.parameters).
 
     What an edit leaves as it was stays the same object.
     """
@@ -207,6 +207,7 @@ class Shading:
     sky: Sky
     materials: tuple[Material, ...]
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
+    lens: Lens | None = None  # that it is seen through; None: a pinhole
 
     @property
     def lights(self) -> tuple[PointLight | SpotLight | DirectionalLight, ...]:

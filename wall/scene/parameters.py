@@ -24,9 +24,10 @@ from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position"]
 Numbers: TypeAlias = tuple[float, ...]
 
-EXPOSURE = "exposure"
+EXPOSURE, FOCUS = "exposure", "lens.focus"
 WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
 NAMES_SHOWN = 8
+NEAREST_FOCUS = 1e-6  # world units
 SHORTEST = 1e-9  # length of a direction
 
 
@@ -83,6 +84,7 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
     wanted = needs(scene)
     found = [
         Parameter(name=EXPOSURE, kind="number", low=-MOST_STOPS, high=MOST_STOPS, unit="stops", default=(exposure,)),
+        *_lens(scene),
         *(_lights(scene) if scene.occlusion is None else ()),
         *(_sky(scene) if scene.environment is None else ()),
         *(_materials(scene, wanted) if scene.occlusion is None or scene.occlusion.colors else ()),
@@ -93,6 +95,13 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
             Parameter(name="integrator.depth", kind="whole", low=1, high=MOST_DEPTH, unit="surfaces", default=depth)
         )
     return {parameter.name: parameter for parameter in found}
+
+
+def _lens(scene: Scene) -> Iterator[Parameter]:
+    if scene.lens is not None:
+        width: dict[str, Any] = {"kind": "number", "high": FARTHEST, "unit": "world units"}
+        yield Parameter(name="lens.aperture", default=(scene.lens.aperture,), **width)
+        yield Parameter(name=FOCUS, low=NEAREST_FOCUS, default=(scene.lens.focus,), **width)
 
 
 def _lights(scene: Scene) -> Iterator[Parameter]:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias, TypeVar, cast
 
+from wall.geometry.cameras import Lens
 from wall.scene.lights import unit
 from wall.scene.model import Light, Material, Shading, Sky
 
@@ -52,6 +53,7 @@ def shaded(base: Shading, lights: Sequence[Light | None], values: Values) -> Sha
         sky=_sky(base.sky, values),
         materials=_materials(base.materials, values),
         path_depth=_depth(base.path_depth, values),
+        lens=_lens(base.lens, values),
     )
 
 
@@ -63,6 +65,13 @@ def _edited(lights: tuple[AnyLight, ...], new: Mapping[int, Light]) -> tuple[Any
 
 def _depth(depth: int | None, values: Values) -> int | None:
     return depth if depth is None else int(values.get("integrator.depth", (depth,))[0])
+
+
+def _lens(lens: Lens | None, values: Values) -> Lens | None:
+    if lens is None:
+        return None
+    (aperture,), (focus,) = (values.get(f"lens.{name}", (getattr(lens, name),)) for name in ("aperture", "focus"))
+    return Lens(radius=aperture / 2, focus=focus)
 
 
 def _light(light: Light, number: int, values: Values) -> Light:
