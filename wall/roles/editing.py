@@ -14,7 +14,8 @@ from dataclasses import asdict
 from fnmatch import fnmatchcase
 from typing import Any
 
-from wall.core.data import NO_EDITS, Edits, Event
+from wall.config.sampling import LARGEST_STAGE, ProgressiveSampling
+from wall.core.data import MOST_SAMPLES, NO_EDITS, Edits, Event
 from wall.core.errors import EditError
 from wall.display.base import ParameterState
 from wall.packets.control import MAX_ANSWER_BYTES, EditAnswer, EditRequest
@@ -100,6 +101,11 @@ class Editor:
 def editable(plan: Plan) -> dict[str, Parameter]:
     """The parameters of a plan whose names fit a message."""
     found = parameters_of(plan.scene, exposure=plan.layout.config.views[0].exposure)
+    if isinstance(sampling := plan.layout.sampling, ProgressiveSampling):
+        most = (float(sampling.samples_per_pixel),)
+        found[MOST_SAMPLES] = Parameter(
+            name=MOST_SAMPLES, kind="whole", low=1, high=LARGEST_STAGE, unit="samples", default=most
+        )
     return {name: parameter for name, parameter in found.items() if len(name.encode()) <= MAX_NAME_BYTES}
 
 

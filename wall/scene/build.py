@@ -137,6 +137,8 @@ class Scene:
             materials=self.materials,
             path_depth=self.path_depth,
             lens=self.lens,
+            environment_strength=1.0 if self.environment is None else self.environment.strength,
+            occlusion_distance=0.0 if self.occlusion is None else self.occlusion.distance,
         )
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:

@@ -160,11 +160,16 @@ class Environment:
     name: str
     texels: Float32  # (h, 2 h, 3) linear RGB, W sr^-1 m^-2; bilinear between texel centres
     rotation: float = 0.0  # degrees about +y, counterclockwise seen from above
+    strength: float = 1.0  # factor that the texels hold already
 
     @property
     def middle(self) -> np.float32:
         """Where the direction -z lies in the image, 0..1 from the left: what kernels know of the rotation."""
         return np.float32((0.5 + self.rotation / 360.0) % 1.0)
+
+    def gain(self, strength: float) -> np.float32:
+        """By what the texels are to be multiplied for another strength."""
+        return np.float32(strength / self.strength if self.strength > 0.0 else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -208,6 +213,8 @@ class Shading:
     materials: tuple[Material, ...]
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
     lens: Lens | None = None  # that it is seen through; None: a pinhole
+    environment_strength: float = 1.0  # of the scene's environment, where there is one
+    occlusion_distance: float = 0.0  # world units, of ambient occlusion, where that is the light
 
     @property
     def lights(self) -> tuple[PointLight | SpotLight | DirectionalLight, ...]:

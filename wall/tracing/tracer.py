@@ -202,7 +202,7 @@ class Tracer:
         self._lights = self._lights._replace(directional=rest, suns=np.ascontiguousarray(suns))
 
     def _shade(self, shading: Shading) -> None:
-        """Take over the sky, the materials and the depth of a shading; arrays of the same types and shapes."""
+        """Take over a shading, but for its lights and its lens; arrays of the same types and shapes."""
         if shading is self._shading:
             return
         if self._shading is None or shading.sky is not self._shading.sky:
@@ -210,6 +210,12 @@ class Tracer:
             self._lights = self._lights._replace(sky=sky_rows(sky), sky_irradiance=sky_irradiance(sky))
         if self._shading is None or shading.materials is not self._shading.materials:
             self._materials = self._tracer_scene.materials_of(shading)
+        environment = self._tracer_scene.scene.environment
+        if environment is not None and self._lights.environment is not None:
+            gain = environment.gain(shading.environment_strength)
+            self._lights = self._lights._replace(environment=self._lights.environment._replace(strength=gain))
+        if self._occlusion is not None:
+            self._occlusion = self._occlusion._replace(distance=np.float32(shading.occlusion_distance))
         self._shading, self._depth = shading, shading.path_depth
 
     def trace(

@@ -156,7 +156,7 @@ function controlsOf(parameter, value, change) {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
     }));
   }
-  const one = { of: (v) => v[0], to: (x) => change([x]) };
+  const one = { of: (v) => v[0], to: (x) => change([kind === "whole" ? Math.round(x) : x]) };
   if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one, parameter.low)];
   const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
   return [slider(name, [low, high, kind === "whole" ? 1 : (high - low) / 960], one)];
