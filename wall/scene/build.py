@@ -130,16 +130,11 @@ class Scene:
     def unedited(self) -> Shading:
         """The shading as configured."""
         return Shading(
-            point_lights=self.point_lights,
-            spot_lights=self.spot_lights,
-            directional_lights=self.directional_lights,
-            sky=self.sky,
-            materials=self.materials,
-            path_depth=self.path_depth,
-            lens=self.lens,
+            point_lights=self.point_lights, spot_lights=self.spot_lights, directional_lights=self.directional_lights,
+            sky=self.sky, materials=self.materials, path_depth=self.path_depth, lens=self.lens,
             environment_strength=1.0 if self.environment is None else self.environment.strength,
             occlusion_distance=0.0 if self.occlusion is None else self.occlusion.distance,
-        )
+        )  # fmt: skip
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:
         """Everything that moves or was edited, at a scene time in seconds.
