@@ -133,6 +133,34 @@ def live(
 
 
 @measure.command()
+def response(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Configurations of walls to run here", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive,progressive",
+    edits: Annotated[int, typer.Option(min=2, max=64, help="Of one parameter, to and fro")] = 24,
+    parameter: Annotated[
+        str, typer.Option(help="That is edited; a light's or the sky's if left out", show_default=False)
+    ] = "",
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/response"),
+) -> None:
+    """Measure how soon a wall answers: from a parameter's edit to the first changed pixel, from an input to its rays.
+
+    [bold]wall measure response configs/demo.yaml[/]
+    """
+    from wall.study.live import command, response
+
+    wanted, found = command.configs_of(configs), []
+    with errors.status("measuring") as status:
+        for config in wanted:
+            for method in command.methods_of(methods):
+                status.update(f"measuring {config.stem}, {method}")
+                found.append(response.measure(config, method, edits=edits, name=parameter, out=out))
+    for item in response.report(found, out):
+        console.print(item)
+
+
+@measure.command()
 def reference(
     configs: Annotated[
         list[Path], typer.Argument(metavar="CONFIG...", help="Walls of one panel, paths traced", show_default=False)

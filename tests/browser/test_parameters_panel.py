@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from page_input import eventually
+from page_input import drag, eventually, middle
 
 from wall.display.base import ParameterState
 
@@ -23,6 +23,8 @@ OFFERED = (
     offer("materials.oak .001.color", "color", 0.5, 0.2, 0.1),
     offer("integrator.depth", "whole", 6.0, low=1, high=64, unit="surfaces"),
 )
+
+LENS = (offer("lens.focus", "number", 3.0, low=1e-6, high=1e12, unit="world units"),)
 
 
 @pytest.fixture
@@ -122,3 +124,43 @@ def test_every_control_of_the_panel_has_a_name(panel):
     unnamed = panel.evaluate("""() => [...document.querySelectorAll('#parameters input, #parameters button')]
       .filter((e) => !(e.getAttribute('aria-label') || e.innerText?.trim())).map((e) => e.outerHTML)""")
     assert unnamed == []
+
+
+def clicks(source):
+    return [c for c in source.received if c["kind"] != "statistics"]
+
+
+def test_alt_and_a_click_focuses_there_where_there_is_a_lens(page, source):
+    x, y, height = middle(page)
+    page.keyboard.down("Alt")
+    page.mouse.click(x - height / 4, y - height / 4)
+    page.wait_for_timeout(100)
+    assert clicks(source) == []  # no lens: nothing to focus
+    source.offered = LENS
+    page.wait_for_selector("#focus:not([hidden])")
+    page.mouse.click(x, y)  # between four panels
+    page.mouse.click(x - height / 4, y - height / 4)
+    page.keyboard.up("Alt")
+    eventually(page, lambda: clicks(source), "the click was heard")
+    (click,) = clicks(source)
+    assert click == {
+        "kind": "focus",
+        "x": pytest.approx(0.5 - 0.25 * 136 / 240, abs=0.03),
+        "y": pytest.approx(0.25, abs=0.03),
+    }
+    drag(page, 0.2, 0.0)
+    eventually(page, lambda: clicks(source)[-1]["kind"] == "orbit", "without alt the scene turns")
+
+
+def test_the_button_aims_the_next_click_alone(page, source):
+    source.offered = LENS
+    page.wait_for_selector("#focus:not([hidden])")
+    page.click("#focus")
+    assert page.get_attribute("#focus", "aria-pressed") == "true"
+    x, y, height = middle(page)
+    page.mouse.click(x + height / 4, y + height / 4)
+    eventually(page, lambda: clicks(source), "the click was heard")
+    assert page.get_attribute("#focus", "aria-pressed") == "false"
+    page.mouse.click(x + height / 4, y + height / 4)
+    page.wait_for_timeout(100)
+    assert [c["kind"] for c in clicks(source)] == ["focus"]

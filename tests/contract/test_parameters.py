@@ -71,6 +71,8 @@ def test_edits_of_a_running_wall_give_the_bits_of_a_wall_that_began_with_them(
         assert (after != before).any(-1).mean() > 0.002, f"{values} changed nothing"
         assert_array_equal(after, finished(SingleProcess(*courtyard), 1, values))
     assert_array_equal(finished(running, len(EDITS) + 1, {}), before)
+    for worker in running.workers:  # each input was answered once, and the first is none
+        assert len(worker.work.answers) == len(EDITS) + 1
 
 
 def test_edits_build_no_tree_and_compile_no_kernel(

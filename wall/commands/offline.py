@@ -163,9 +163,7 @@ class OfflineRenderer:
             return local.tracer  # type: ignore[no-any-return]
         panel_view = PanelView(self._plan.view, tile.panel)
         if not hasattr(local, "tracer"):
-            local.tracer = Tracer(
-                self._tracer_scene, tile.panel, panel_view.eye, coherent=True, lens=self._plan.view.lens
-            )
+            local.tracer = Tracer(self._tracer_scene, tile.panel, panel_view.eye, coherent=True)
         local.tracer.look_through(tile.panel, panel_view.eye, panel_view(self.event))
         local.tile, local.event, local.tracer.seed = tile, self.event, tile.seed
         return local.tracer  # type: ignore[no-any-return]

@@ -9,6 +9,8 @@ from pydantic import BeforeValidator, Field
 
 from wall.core.fields import Depth, Model, Number, Whole
 
+LARGEST_STAGE = 65536  # samples a pixel of the progressive method
+
 
 class _Common(Model):
     threads: Annotated[Whole, Ge(1), Le(256)] = Field(
@@ -74,7 +76,7 @@ class ProgressiveSampling(_Common):
     first_stage: Annotated[Whole, Ge(1), Le(1024)] = Field(
         default=8, description="samples a pixel of the first stage; each one has twice as many as the one before"
     )
-    samples_per_pixel: Annotated[Whole, Ge(1), Le(65536)] = Field(
+    samples_per_pixel: Annotated[Whole, Ge(1), Le(LARGEST_STAGE)] = Field(
         default=4096, description="samples a pixel at which it ends"
     )
     rest_s: Annotated[Number, Ge(0.0), Le(60.0)] = Field(default=0.5, description="seconds between stages")

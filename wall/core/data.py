@@ -161,6 +161,9 @@ class Camera:
         return np.array(self.position, dtype=np.float64)
 
 
+MOST_SAMPLES = "sampling.samples_per_pixel"  # the parameter that no sample depends on
+
+
 @dataclass(frozen=True, slots=True)
 class Edits:
     """All edits of the scene since the run began, as a whole: values that replace those of the configuration.
@@ -170,6 +173,15 @@ class Edits:
 
     number: int = 0
     values: tuple[tuple[str, tuple[float, ...]], ...] = ()  # name path and numbers, by name; see scene.parameters
+
+    @property
+    def of_scene(self) -> tuple[tuple[str, tuple[float, ...]], ...]:
+        """Those values on which samples depend, not only how many there are."""
+        return tuple(each for each in self.values if each[0] != MOST_SAMPLES)
+
+    def most_samples(self, otherwise: int) -> int:
+        """Samples a pixel at which a sampler ends, where it does."""
+        return next((int(numbers[0]) for name, numbers in self.values if name == MOST_SAMPLES), otherwise)
 
 
 NO_EDITS = Edits()

@@ -1,7 +1,7 @@
-"""Which stored samples an edit of lights, sky or materials makes doubtful, where they cannot be lit anew exactly.
+"""Which stored samples an edit of the shading makes doubtful, where they cannot be lit anew exactly.
 
 Direct light: a surface's samples depend on the lights, the sky and its own material; a mirror's on everything. On paths
-every sample depends on everything.
+every sample depends on everything, the lens too: another one shows other surfaces in a pixel.
 """
 
 from __future__ import annotations
@@ -32,8 +32,10 @@ class ShadingChanges:
         doubted = np.zeros(len(self._material), np.bool_)
         pairs = zip(now.materials, was.materials, strict=True)
         materials = [k for k, (new, old) in enumerate(pairs) if new is not old and new != old]
-        sky, light = now.sky != was.sky, now.lights != was.lights
-        if not (materials or sky or light or now.path_depth != was.path_depth):
+        sky = (now.sky, now.environment_strength) != (was.sky, was.environment_strength)
+        light = now.lights != was.lights
+        way = [(of.path_depth, of.lens, of.occlusion_distance) for of in (now, was)]
+        if not (materials or sky or light or way[0] != way[1]):
             return None
         if self._paths:
             return np.ones_like(doubted, np.uint8)

@@ -41,6 +41,11 @@ class Lens:
     radius: float  # world units
     focus: float  # world units from the eye to the plane in focus
 
+    @property
+    def aperture(self) -> float:
+        """Its diameter, world units."""
+        return 2 * self.radius
+
     def rows(self, rotation: Float64) -> Float32:
         """(3, 3) float32, what tracing.kernels.lens wants, for a camera's rotation (3, 3)."""
         right, up, back = rotation.T
@@ -63,7 +68,6 @@ class View:
     display_delay_s: float  # from a refresh to its light
     eye_separation: float  # metres from the left eye to the right one
     scale: float  # world units a metre of the wall
-    lens: Lens | None  # None: a pinhole
 
     def camera_at(self, time: float) -> Camera:
         """The camera at a scene time (seconds). Pure: the same time gives the same camera.
@@ -195,7 +199,6 @@ def resolve_view(
         display_delay_s=1.0 / config.refresh_hz if config.display_delay_s is None else config.display_delay_s,
         eye_separation=config.eye_separation,
         scale=1.0 if config.scale is None else config.scale,
-        lens=None if config.lens is None else Lens(radius=config.lens.aperture / 2, focus=config.lens.focus),
     )
     if config.scale is None:
         return replace(made, scale=_scale(window, eye, made.camera_at(0.0), made.target_at(0.0)))

@@ -15,7 +15,9 @@ from wall.core.data import Camera, Float64
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
-Kind: TypeAlias = Literal["orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose"]
+Kind: TypeAlias = Literal[
+    "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus"
+]  # fmt: skip
 Vector: TypeAlias = tuple[float, float, float]
 
 STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the image would flip
@@ -24,7 +26,10 @@ MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
-NUMBERS: dict[str, tuple[str, ...]] = {"orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",)}
+NUMBERS: dict[str, tuple[str, ...]] = {
+    "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",),
+    "focus": ("x", "y"),
+}  # fmt: skip
 VALUES: dict[str, tuple[str, ...]] = {
     "sampler": METHODS,
     "compare": ("", *(method for method in METHODS if method != "adaptive")),
@@ -40,7 +45,8 @@ class Command:
     factor by which things grow. pause: stops or resumes. sampler: `value` is one of METHODS. reset: back to
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
-    expose: x is added to the exposure, stops.
+    expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
+    from its top left, is to be in focus.
     """
 
     kind: Kind

@@ -31,6 +31,7 @@ MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
+MAX_ANSWERS = 256  # of a Heartbeat
 MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
@@ -81,6 +82,7 @@ class Heartbeat:
     camera_event: int = -1
     scene_event: int = -1
     last: bool = False  # its last word
+    answers: list[float] = field(default_factory=list)  # of a renderer's last word: Work.answers, seconds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -295,6 +297,8 @@ def _fits(value: Any, kind: str) -> bool:
         return isinstance(value, tuple)
     if kind == "list[dict[str, Any]]":
         return isinstance(value, list) and all(isinstance(row, dict) for row in value)
+    if kind == "list[float]":
+        return isinstance(value, list) and len(value) <= MAX_ANSWERS and all(_fits(x, "float") for x in value)
     if kind == "list[Any]":
         return isinstance(value, list) and len(value) <= MAX_COMMANDS
     return (

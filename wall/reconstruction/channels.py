@@ -98,13 +98,17 @@ def show_sky(
     out: Framelet,
     *,
     stops: float = 0.0,
+    strength: float | None = None,
 ) -> None:
-    """Bring a framelet to the sky, or the environment, that its pixels see, exposed by so many stops."""
+    """Bring a framelet to the sky, or the environment, that its pixels see, exposed by so many stops.
+
+    strength : of the environment; None: as configured
+    """
     gain = 2.0**stops
     linear = out.colour if not out.encoded else np.empty(out.colour.shape, np.float32)
     if environment is not None:
         environment_of_panel(pose_frame, corner, environment.texels, environment.middle, linear)
-        linear *= gain
+        linear *= gain if strength is None else gain * float(environment.gain(strength))
     else:
         colours = [gain * np.array(c, np.float64) for c in (sky.zenith, sky.horizon, sky.ground)]
         kernels.sky_of_panel(pose_frame, corner, *colours, linear)

@@ -32,7 +32,8 @@ class Director:
     def update(self, commands: list[Command], now: float, edits: Edits = NO_EDITS, stops: float | None = None) -> bool:
         """Apply what came in until `now`, with the edits of the scene. Returns whether there is a new event.
 
-        `stops`: exposure; None leaves that to the configuration. It makes a new event of the same number.
+        `stops`: exposure; None leaves that to the configuration. It makes a new event of the same number, and so do
+        edits that are not of the scene.
         """
         if not self.paused:
             self._scene_time += now - self._last
@@ -46,11 +47,11 @@ class Director:
         sampler = COMPARED_WITH if self.compare else self.sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
         exposure = exposure_at(self._plan, scene_time, view=self._index) if stops is None else stops
-        moved = scene_time != old.scene_time or edits.number != old.edits.number
+        moved = scene_time != old.scene_time or edits.of_scene != old.edits.of_scene
         if self._plan.layout.graph.sync != "none":
             moved |= exposure != old.exposure  # every change is a frame
-        flags = self.paused, self.statistics, exposure
-        if not turned and not moved and flags == (old.paused, old.statistics, old.exposure):
+        flags = self.paused, self.statistics, exposure, edits.number
+        if not turned and not moved and flags == (old.paused, old.statistics, old.exposure, old.edits.number):
             return False
         self.event = Event(
             view=self._index,

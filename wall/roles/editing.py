@@ -14,13 +14,15 @@ from dataclasses import asdict
 from fnmatch import fnmatchcase
 from typing import Any
 
-from wall.core.data import NO_EDITS, Edits
+from wall.config.sampling import LARGEST_STAGE, ProgressiveSampling
+from wall.core.data import MOST_SAMPLES, NO_EDITS, Edits, Event
 from wall.core.errors import EditError
 from wall.display.base import ParameterState
 from wall.packets.control import MAX_ANSWER_BYTES, EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
+from wall.roles.focusing import Focusing
 from wall.roles.plan import Plan, exposure_at
-from wall.scene.parameters import EXPOSURE, Parameter, named, parameters_of
+from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of
 
 ROWS_BYTES = MAX_ANSWER_BYTES - 16384  # of the parameters that an answer lists
 
@@ -35,6 +37,7 @@ class Editor:
         self.edits = NO_EDITS
         self.stops: float | None = None  # of the picture; None: as configured
         self.counters = Counter[str]()
+        self._focusing = Focusing(plan)
         self._count = 0  # edits so far, of the scene or not
 
     def set(self, assignments: Sequence[tuple[str, object]]) -> None:
@@ -68,6 +71,11 @@ class Editor:
         stops = round(self.exposure(scene_time) + more, 6)
         self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))])
 
+    def focus(self, event: Event, x: float, y: float) -> None:
+        """Focus at what `event` shows at a place of the wall, see Focusing.distance; the sky is as far as can be."""
+        range_of = named(self.parameters, FOCUS)
+        self.set([(FOCUS, min(max(self._focusing.distance(event, x, y), range_of.low), range_of.high))])
+
     def answer(self, request: EditRequest, scene_time: float) -> EditAnswer:
         """Do what another process asks for."""
         if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):
@@ -93,6 +101,11 @@ class Editor:
 def editable(plan: Plan) -> dict[str, Parameter]:
     """The parameters of a plan whose names fit a message."""
     found = parameters_of(plan.scene, exposure=plan.layout.config.views[0].exposure)
+    if isinstance(sampling := plan.layout.sampling, ProgressiveSampling):
+        most = (float(sampling.samples_per_pixel),)
+        found[MOST_SAMPLES] = Parameter(
+            name=MOST_SAMPLES, kind="whole", low=1, high=LARGEST_STAGE, unit="samples", default=most
+        )
     return {name: parameter for name, parameter in found.items() if len(name.encode()) <= MAX_NAME_BYTES}
 
 

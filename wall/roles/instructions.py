@@ -50,6 +50,7 @@ class Work:
     bad_samples: int = 0  # their radiance was not finite
     samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown
     square_error: float = 0.0  # estimate of its mean squared error, display codes of 8 bits
+    answers: tuple[float, ...] = ()  # seconds from the newest inputs until it began to trace for them
 
 
 @dataclass(frozen=True, slots=True)

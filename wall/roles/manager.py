@@ -129,6 +129,9 @@ class Manager:
                 elif parsed.kind == "expose":
                     self.editor.expose(parsed.x, self._shown_event.scene_time)
                     self._edited = True
+                elif parsed.kind == "focus":
+                    self.editor.focus(self._shown_event, parsed.x, parsed.y)
+                    self._edited = True
                 else:
                     self._commands.append(parsed)
             except RemoteProtocolError:

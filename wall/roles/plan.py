@@ -18,7 +18,7 @@ from wall.config.sampling import AnySampling
 from wall.config.schema import Config
 from wall.core.data import NO_EDITS, Edits, Event, Region
 from wall.core.errors import ConfigError, SceneError
-from wall.geometry.cameras import View, resolve_view
+from wall.geometry.cameras import Lens, View, resolve_view
 from wall.geometry.checks import check_wall
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel, Wall
@@ -163,10 +163,17 @@ def make_plan(layout: Layout) -> Plan:
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
     try:
-        scene = with_checked_tracks(scene, exposure=layout.config.views[0].exposure)
+        scene = with_checked_tracks(seen_by(layout, scene), exposure=layout.config.views[0].exposure)
     except SceneError as error:
         raise layout.loaded.error(("scene", "animation"), str(error)) from error
     return aimed(layout, scene)
+
+
+def seen_by(layout: Layout, scene: Scene) -> Scene:
+    """The scene with the lens of the first view, the only one that panels show (Layout.view_index)."""
+    config = layout.config.views[0].lens
+    lens = None if config is None else Lens(radius=config.aperture / 2, focus=config.focus)
+    return scene if scene.lens == lens else replace(scene, lens=lens)
 
 
 def aimed(layout: Layout, scene: Scene) -> Plan:
@@ -180,7 +187,7 @@ def aimed(layout: Layout, scene: Scene) -> Plan:
         resolve_view(layout.loaded, layout.wall, scene.center, scene.radius, view=k, cameras=scene.cameras)
         for k in count
     )
-    return Plan(layout=layout, scene=scene, views=tuple(views))
+    return Plan(layout=layout, scene=seen_by(layout, scene), views=tuple(views))
 
 
 def on_one_rank(plan: Plan) -> Plan:

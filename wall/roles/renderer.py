@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 
 from wall.core.data import Batch, Event
-from wall.packets.control import Heartbeat, Hello, Membership, Stop, serialise
+from wall.packets.control import MAX_ANSWERS, Heartbeat, Hello, Membership, Stop, serialise
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import NEVER, Number, Sent, target_ranks
 from wall.roles.instructions import (
@@ -218,4 +218,5 @@ class Renderer:
             camera_event=number[0],
             scene_event=number[1],
             last=last,
+            answers=[seconds for w in work for seconds in w.answers][:MAX_ANSWERS] if last else [],
         )

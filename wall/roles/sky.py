@@ -21,16 +21,20 @@ class SkyLayer:
         assert isinstance(step.node, SkyNode)
         self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)
         self.framelet = blank_framelet(self._panel, step.channels, encoded=step.encoded, order=step.order)
-        self._shown: tuple[Camera, Sky, float] | None = None
+        self._shown: tuple[Camera, Sky, float, float] | None = None
 
     def refresh(self, event: Event, now: float) -> Regions:
         """Bring the framelet to what `event` sees. Returns what changed."""
-        sky, shown = self._plan.scene.shading(event.scene_time, event.edits).sky, self._shown
-        same = shown is not None and shown[1:] == (sky, event.exposure)
+        shading, shown = self._plan.scene.shading(event.scene_time, event.edits), self._shown
+        news = shading.sky, shading.environment_strength, event.exposure
+        same = shown is not None and shown[1:] == news
         if same and shown is not None and shown[0].world_from_wall == event.camera.world_from_wall:
             return []  # it is the same from everywhere
-        self._shown = event.camera, sky, event.exposure
+        self._shown = event.camera, *news
         frame = ray_frame(self._panel, self._plan.view_of(self._panel).eye_of(self._panel), event.camera)
         corner, environment = np.array(self._panel.screen, np.float64), self._plan.scene.environment
-        show_sky(sky, environment, frame, corner, self.framelet, stops=event.exposure)
+        show_sky(
+            shading.sky, environment, frame, corner, self.framelet,
+            stops=event.exposure, strength=shading.environment_strength,
+        )  # fmt: skip
         return [self.framelet.rect]

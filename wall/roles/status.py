@@ -184,4 +184,5 @@ def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Hel
         "bytes_per_s": round(beat.bytes * a_second),
         "peak_memory": beat.peak_memory,
         "cpu_s": round(beat.cpu_seconds, 3),
+        "answers_ms": [round(1e3 * seconds, 3) for seconds in beat.answers],  # to the newest inputs
     }

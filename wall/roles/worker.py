@@ -25,6 +25,8 @@ from wall.sampling.tiles import Measured
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
+MOST_ANSWERS = 64  # that are remembered
+
 
 class Worker:
     """Traces its own pixels of one region. `step(newest)` gives the next packet, or None when nothing is missing."""
@@ -40,14 +42,16 @@ class Worker:
         self._codec = Codec[layout.config.transport.codec.upper()]
         share = layout.layer(rank).range
         seen = plan.scene.objects_in(share) if share is not None else None
-        panel, view = layout.panel(rank), plan.view_of(layout.panel(rank))
-        self._panel_view = PanelView(view, panel)
+        panel = layout.panel(rank)
+        self._panel_view = PanelView(plan.view_of(panel), panel)
         self._tracers = {
-            coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen, lens=view.lens)
+            coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
         }
         self._relightable, self._noisy = tracer_scene.needs.relighting, tracer_scene.needs.paths
         self._placed: dict[bool, Event | None] = {False: None, True: None}
+        self._answered: tuple[int, int] | None = None  # number of the newest event that was traced
+        self._answers: tuple[float, ...] = ()
         self._sequence, self._workers = worker, len(samplers)
         self._lost: deque[Batch] = deque()
 
@@ -72,6 +76,7 @@ class Worker:
         event = self._panel_view(targets.event)
         tracer = self._tracer_at(event, self.sampler.coherent)
         began = self._clock.now()
+        self._answer(event, began)
         samples, cost = tracer.trace(targets.xy, targets.footprint, targets.number, targets.depth)
         step = max(0.0, self._clock.now() - began) / len(targets.xy)
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
@@ -87,6 +92,7 @@ class Worker:
             bad_samples=self.work.bad_samples + cost.bad,
             samples_per_pixel=chosen.samples_shown if isinstance(chosen, ProgressiveSampler) else 0,
             square_error=chosen.square_error if isinstance(chosen, ProgressiveSampler) else 0.0,
+            answers=self._answers,
         )
         self._sequence += self._workers
         return Batch(
@@ -110,6 +116,12 @@ class Worker:
             noisy=self._noisy,
             edits=event.edits,
         )
+
+    def _answer(self, event: Event, now: float) -> None:
+        """Note how long the input of an event waited for its first ray; not the first, which the start delayed."""
+        if self._answered is not None and event.number != self._answered:
+            self._answers = (*self._answers[1 - MOST_ANSWERS :], max(0.0, now - event.input_time))
+        self._answered = event.number
 
     def measure_tiles(self) -> Measured | None:
         """What the adaptive sampler knows of its tiles, None where there is none. Only between two steps."""

@@ -32,6 +32,7 @@ from wall.roles.sky import SkyLayer
 from wall.roles.timewarp import Timewarp
 from wall.roles.worker import Worker, make_samplers
 from wall.scene.needs import Needs
+from wall.scene.picking import Picking
 from wall.tracing.tracer_scene import TracerScene
 
 ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one may lack a few
@@ -184,13 +185,15 @@ def _operators(plan: Plan) -> None:
 
 
 def _between(plan: Plan) -> None:
-    """What stands between nodes: skies, light to display bytes, the way of a framelet to another process."""
+    """What stands beside nodes: skies, clicks, light to display bytes, the way of a framelet to another process."""
     graph = plan.layout.graph
     for step in graph.steps:
         if isinstance(step.node, SkyNode):
             SkyLayer(plan, step).refresh(first_event(plan, 0.0), 0.0)
             break
     few = Rect(x=0, y=0, width=8, height=8)
+    if plan.scene.lens is not None:  # what a click focuses by
+        Picking(plan.scene).distance(plan.scene.at(0.0), np.zeros(3), np.array([0.0, 0.0, -1.0]))
     light = Framelet.blank(few, frozenset({"colour", "depth"}))
     kernels.encode(light.colour, 0, 0, srgb_curve(), np.empty((8, 8, 3), np.uint8), 0, 0, 8, 8)
     if graph.compositors > 1 or any(layer.at_renderer for layer in graph.layers):

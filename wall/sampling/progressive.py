@@ -31,7 +31,7 @@ class Schedule:
     """What stages follow each other."""
 
     first_stage: int = 8  # samples a pixel of the first one
-    samples_per_pixel: int = 4096  # after which it ends
+    samples_per_pixel: int = 4096  # after which it ends, unless edits say otherwise
     rest_s: float = 0.5  # between stages
     target_hz: float = 15.0  # of coarse passes
     first_depth: int = 4  # surfaces of the first stage's paths
@@ -145,6 +145,8 @@ class ProgressiveSampler:
         if changed and (not self._moving or self._tile >= len(self._tiles)):
             self._answer(newest)
         assert self._event is not None
+        if newest.number == self._event.number and newest.edits.number != self._event.edits.number:
+            self._event = newest  # of the same image: it says how many samples there are to be
         self._count = 0
         if self._tile >= len(self._tiles) and not self._next_stage():
             return Targets(xy=np.empty((0, 2), np.float32), event=self._event) if self._done else None
@@ -217,13 +219,14 @@ class ProgressiveSampler:
             return True
         if self._rests_until is None:
             self._rests_until = self._now() + self._schedule.rest_s
-        if self.samples >= self._schedule.samples_per_pixel or self._now() < self._rests_until:
+        assert self._event is not None
+        most = self._event.edits.most_samples(self._schedule.samples_per_pixel)
+        if self.samples >= most or self._now() < self._rests_until:
             return False
         self._rests_until, before = None, self.depth
         self.stage += 1
         longer = self.depth > before
         added = self._schedule.first_stage << self.stage
-        most = self._schedule.samples_per_pixel
         self._begin(min(added if longer else self.samples + added, most), anew=longer)
         return True
 

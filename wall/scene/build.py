@@ -22,7 +22,7 @@ from wall.config.scene import (
 )
 from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
-from wall.geometry.cameras import NamedCamera
+from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
 from wall.scene.area_lights import area_light, emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
@@ -95,6 +95,7 @@ class Scene:
     rest: Float64  # (bodies, 4, 4): instances, point lights, spot lights, directional lights
     light_order: tuple[int, ...] = ()  # of each light as named: its row in Shading.lights; -1: it has an area
     parameter_tracks: tuple[ParameterTrack, ...] = ()
+    lens: Lens | None = None  # of the view that shows it; None: a pinhole
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
 
@@ -129,13 +130,11 @@ class Scene:
     def unedited(self) -> Shading:
         """The shading as configured."""
         return Shading(
-            point_lights=self.point_lights,
-            spot_lights=self.spot_lights,
-            directional_lights=self.directional_lights,
-            sky=self.sky,
-            materials=self.materials,
-            path_depth=self.path_depth,
-        )
+            point_lights=self.point_lights, spot_lights=self.spot_lights, directional_lights=self.directional_lights,
+            sky=self.sky, materials=self.materials, path_depth=self.path_depth, lens=self.lens,
+            environment_strength=1.0 if self.environment is None else self.environment.strength,
+            occlusion_distance=0.0 if self.occlusion is None else self.occlusion.distance,
+        )  # fmt: skip
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:
         """Everything that moves or was edited, at a scene time in seconds.

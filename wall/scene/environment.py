@@ -51,7 +51,7 @@ def read_environment(path: Path, *, rotation: float, strength: float) -> tuple[E
         light = _reduced(light, (WIDEST_PX, WIDEST_PX // 2))
         notes.append(f"{path.name}: its {width}x{height} pixels are reduced to {WIDEST_PX}x{WIDEST_PX // 2}")
     texels = np.ascontiguousarray(light * np.float32(strength), np.float32)
-    return Environment(name=path.name, texels=texels, rotation=rotation), notes
+    return Environment(name=path.name, texels=texels, rotation=rotation, strength=strength), notes
 
 
 def _reduced(light: Float32, size: tuple[int, int]) -> Float32:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from wall.config.scene import AnimationConfig
 from wall.core.data import Float32, Float64
-from wall.geometry.cameras import NamedCamera
+from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving
 
 DARKEST_LEFT, SHORTEST_WAY = 1e-6, 1e-9  # that absorption is known by: a colour, world units; less counts as this
@@ -174,11 +174,16 @@ class Environment:
     name: str
     texels: Float32  # (h, 2 h, 3) linear RGB, W sr^-1 m^-2; bilinear between texel centres
     rotation: float = 0.0  # degrees about +y, counterclockwise seen from above
+    strength: float = 1.0  # factor that the texels hold already
 
     @property
     def middle(self) -> np.float32:
         """Where the direction -z lies in the image, 0..1 from the left: what kernels know of the rotation."""
         return np.float32((0.5 + self.rotation / 360.0) % 1.0)
+
+    def gain(self, strength: float) -> np.float32:
+        """By what the texels are to be multiplied for another strength."""
+        return np.float32(strength / self.strength if self.strength > 0.0 else 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,7 +215,7 @@ class Source:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shading:
-    """How the scene is lit and what surfaces look like: all that parameters change (scene.parameters).
+    """How the scene is lit, looks and is seen: all that parameters change (scene.parameters).
 
     What an edit leaves as it was stays the same object.
     """
@@ -221,6 +226,9 @@ class Shading:
     sky: Sky
     materials: tuple[Material, ...]
     path_depth: int | None  # most surfaces that scatter a path; None: direct light alone
+    lens: Lens | None = None  # that it is seen through; None: a pinhole
+    environment_strength: float = 1.0  # of the scene's environment, where there is one
+    occlusion_distance: float = 0.0  # world units, of ambient occlusion, where that is the light
 
     @property
     def lights(self) -> tuple[PointLight | SpotLight | DirectionalLight, ...]:

@@ -17,16 +17,17 @@ from wall.config.views import MOST_STOPS
 from wall.core.errors import EditError, SceneError
 from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_STRENGTH, SMALLEST_IOR
 from wall.scene.build import Scene
-from wall.scene.model import Material
+from wall.scene.model import Environment, Material
 from wall.scene.needs import Needs, needs
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
 Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position"]
 Numbers: TypeAlias = tuple[float, ...]
 
-EXPOSURE = "exposure"
+EXPOSURE, FOCUS = "exposure", "lens.focus"
 WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
 NAMES_SHOWN = 8
+NEAREST = 1e-6  # world units
 SHORTEST = 1e-9  # length of a direction
 
 
@@ -83,16 +84,28 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
     wanted = needs(scene)
     found = [
         Parameter(name=EXPOSURE, kind="number", low=-MOST_STOPS, high=MOST_STOPS, unit="stops", default=(exposure,)),
+        *_lens(scene),
         *(_lights(scene) if scene.occlusion is None else ()),
-        *(_sky(scene) if scene.environment is None else ()),
+        *(_sky(scene) if scene.environment is None else _environment(scene.environment)),
         *(_materials(scene, wanted) if scene.occlusion is None or scene.occlusion.colors else ()),
     ]
-    if scene.path_depth is not None and scene.occlusion is None:
+    if scene.occlusion is not None:
+        distance: dict[str, Any] = {"low": NEAREST, "high": FARTHEST, "unit": "world units"}
+        default = (scene.occlusion.distance,)
+        found.append(Parameter(name="integrator.distance", kind="number", default=default, **distance))
+    elif scene.path_depth is not None:
         depth = (float(scene.path_depth),)
         found.append(
             Parameter(name="integrator.depth", kind="whole", low=1, high=MOST_DEPTH, unit="surfaces", default=depth)
         )
     return {parameter.name: parameter for parameter in found}
+
+
+def _lens(scene: Scene) -> Iterator[Parameter]:
+    if scene.lens is not None:
+        width: dict[str, Any] = {"kind": "number", "high": FARTHEST, "unit": "world units"}
+        yield Parameter(name="lens.aperture", default=(scene.lens.aperture,), **width)
+        yield Parameter(name=FOCUS, low=NEAREST, default=(scene.lens.focus,), **width)
 
 
 def _lights(scene: Scene) -> Iterator[Parameter]:
@@ -115,6 +128,12 @@ def _sky(scene: Scene) -> Iterator[Parameter]:
     for name in SKY_COLOURS:
         colour = getattr(scene.sky, name)
         yield Parameter(name=f"sky.{name}", kind="light", high=BRIGHTEST, unit="W/(sr m²)", default=colour)
+
+
+def _environment(environment: Environment) -> Iterator[Parameter]:
+    if environment.strength > 0.0:  # else there is no light to multiply
+        strength = (environment.strength,)
+        yield Parameter(name="environment.strength", kind="number", high=MOST_STRENGTH, default=strength)
 
 
 def _materials(scene: Scene, wanted: Needs) -> Iterator[Parameter]:

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeAlias, TypeVar, cast
 
+from wall.geometry.cameras import Lens
 from wall.scene.lights import unit
 from wall.scene.model import Light, Material, Shading, Sky
 
@@ -53,7 +54,10 @@ def shaded(base: Shading, lights: Sequence[Light | None], values: Values) -> Sha
         directional_lights=_edited(base.directional_lights, new),
         sky=_sky(base.sky, values),
         materials=_materials(base.materials, values),
-        path_depth=_depth(base.path_depth, values),
+        path_depth=None if base.path_depth is None else int(_number(values, "integrator.depth", base.path_depth)),
+        lens=_lens(base.lens, values),
+        environment_strength=_number(values, "environment.strength", base.environment_strength),
+        occlusion_distance=_number(values, "integrator.distance", base.occlusion_distance),
     )
 
 
@@ -63,8 +67,15 @@ def _edited(lights: tuple[AnyLight, ...], new: Mapping[int, Light]) -> tuple[Any
     return lights if now == lights else now
 
 
-def _depth(depth: int | None, values: Values) -> int | None:
-    return depth if depth is None else int(values.get("integrator.depth", (depth,))[0])
+def _number(values: Values, name: str, otherwise: float) -> float:
+    return values.get(name, (otherwise,))[0]
+
+
+def _lens(lens: Lens | None, values: Values) -> Lens | None:
+    if lens is None:
+        return None
+    aperture = _number(values, "lens.aperture", lens.aperture)
+    return Lens(radius=aperture / 2, focus=_number(values, "lens.focus", lens.focus))
 
 
 def _light(light: Light, number: int, values: Values) -> Light:
@@ -77,7 +88,7 @@ def _light(light: Light, number: int, values: Values) -> Light:
 
 def _sky(sky: Sky, values: Values) -> Sky:
     colours = {name: values.get(f"sky.{name}", getattr(sky, name)) for name in SKY_COLOURS}
-    (strength,) = values.get("sky.strength", (1.0,))
+    strength = _number(values, "sky.strength", 1.0)
     now = Sky(**{name: tuple(strength * part for part in colour) for name, colour in colours.items()})
     return sky if now == sky else now
 

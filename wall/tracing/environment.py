@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from wall.core.colour import LUMINANCE, Real
 from wall.core.data import Float32, Float64
 from wall.scene import model
-from wall.tracing.kernels.values import Environment
+from wall.tracing.kernels.values import ONE, Environment
 
 STEPS = 128  # of the octahedron that normals are unfolded to: irradiance within 1.5 % of a single distant light's
 COARSE = 64  # rows of cells that light is gathered in for irradiance, each at its own middle
@@ -24,9 +24,9 @@ def environment_tables(environment: model.Environment, *, paths: bool) -> Enviro
     texels, middle = environment.texels, environment.middle
     if paths:
         row_sums, column_sums = chances(texels)
-        return Environment(texels, middle, row_sums, column_sums, np.zeros((0, 0, 3), np.float32))
+        return Environment(texels, middle, row_sums, column_sums, np.zeros((0, 0, 3), np.float32), ONE)
     none = np.zeros(0, np.float32), np.zeros((0, 0), np.float32)
-    return Environment(texels, middle, *none, irradiance_by_normal(environment))
+    return Environment(texels, middle, *none, irradiance_by_normal(environment), ONE)
 
 
 def chances(texels: Float32) -> tuple[Float32, Float32]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
-from wall.geometry.cameras import Lens
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.model import AmbientOcclusion, Moment, Shading
@@ -114,17 +113,15 @@ class Tracer:
         *,
         coherent: bool,
         seen: NDArray[np.bool_] | None = None,
-        lens: Lens | None = None,
     ) -> None:
         """`eye` is (3,) float64 in the wall's frame, metres; `coherent` says that packets are small screen tiles.
 
         seen : (n,) bool, instances that primary rays may hit; the others only cast shadows and show in mirrors. None:
             all
-        lens : of the view, for paths; None: a pinhole
         """
         n = len(tracer_scene.meshes)
         masks = np.full(n, SEEN, np.uint32) if seen is None else np.where(seen, SEEN, UNSEEN).astype(np.uint32)
-        self._tracer_scene, self._panel, self._eye, self._lens = tracer_scene, panel, eye, lens
+        self._tracer_scene, self._panel, self._eye = tracer_scene, panel, eye
         self._scene, self._geometries = tracer_scene.device.instances(list(tracer_scene.meshes), masks)
         self._transforms = embree.aligned((n, 12), np.float32)
         self._surfaces = tracer_scene.surfaces._replace(
@@ -153,10 +150,12 @@ class Tracer:
 
     def set_event(self, event: Event) -> None:
         """Places everything for `event`: its camera, its scene time, its edits."""
-        self.place(event.camera.origin(), self._tracer_scene.scene.at(event.scene_time, event.edits))
+        moment = self._tracer_scene.scene.at(event.scene_time, event.edits)
+        self.place(event.camera.origin(), moment)
         frame = ray_frame(self._panel, self._eye, event.camera)
-        lens = None if self._lens is None else self._lens.rows(event.camera.rotation())
-        self._ray_frame = self._ray_frame._replace(frame=frame, lens=lens)
+        lens = moment.shading.lens
+        discs = None if lens is None else lens.rows(event.camera.rotation())
+        self._ray_frame = self._ray_frame._replace(frame=frame, lens=discs)
 
     def look_through(self, panel: Panel, eye: Float64, event: Event) -> None:
         """Trace for another panel from now on, under `event`: as a new Tracer would, without new trees."""
@@ -203,7 +202,7 @@ class Tracer:
         self._lights = self._lights._replace(directional=rest, suns=np.ascontiguousarray(suns))
 
     def _shade(self, shading: Shading) -> None:
-        """Take over the sky, the materials and the depth of a shading; arrays of the same types and shapes."""
+        """Take over a shading, but for its lights and its lens; arrays of the same types and shapes."""
         if shading is self._shading:
             return
         if self._shading is None or shading.sky is not self._shading.sky:
@@ -211,6 +210,12 @@ class Tracer:
             self._lights = self._lights._replace(sky=sky_rows(sky), sky_irradiance=sky_irradiance(sky))
         if self._shading is None or shading.materials is not self._shading.materials:
             self._materials = self._tracer_scene.materials_of(shading)
+        environment = self._tracer_scene.scene.environment
+        if environment is not None and self._lights.environment is not None:
+            gain = environment.gain(shading.environment_strength)
+            self._lights = self._lights._replace(environment=self._lights.environment._replace(strength=gain))
+        if self._occlusion is not None:
+            self._occlusion = self._occlusion._replace(distance=np.float32(shading.occlusion_distance))
         self._shading, self._depth = shading, shading.path_depth
 
     def trace(

@@ -12,6 +12,7 @@ from small_scenes import quad, scene_of
 from wall.deepbuffer.kernels.doubt import FRESH, KEPT, LEAST, doubt
 from wall.deepbuffer.shading import ShadingChanges
 from wall.deepbuffer.store import SampleStore
+from wall.geometry.cameras import Lens
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Material, Shading
 
@@ -79,9 +80,14 @@ def test_a_material_s_edit_doubts_its_objects_and_mirrors() -> None:
 
 def test_the_sky_s_edit_doubts_the_background() -> None:
     assert changes(scene(), sky=replace(scene().sky, zenith=(1.0, 1.0, 1.0)), relit=ALL) == [1, 0, 0, 0]
+    assert changes(scene(), environment_strength=2.0) == [1, 1, 1, 1]
 
 
 def test_on_paths_every_edit_doubts_everything_and_equal_shadings_nothing() -> None:
     assert changes(scene(depth=4), path_depth=2) == [1, 1, 1, 1]
+    through = Lens(radius=0.1, focus=3.0)
+    assert changes(scene(depth=4), lens=through) == [1, 1, 1, 1]
+    assert changes(replace(scene(depth=4), lens=through), lens=replace(through, focus=3.0)) is None
+    assert changes(scene(depth=1), occlusion_distance=3.0) == [1, 1, 1, 1]
     assert changes(scene(depth=4)) is None
     assert_array_equal(changes(scene(), materials=tuple(replace(m) for m in scene().materials)), None)

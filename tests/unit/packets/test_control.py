@@ -68,7 +68,7 @@ EXAMPLES: list[Message] = [
     Hello(rank=1, host="node7", endpoint="tcp://10.0.0.7:4711", incarnation=4711),
     Membership(),
     Membership(members=(Hello(rank=1, host="n", endpoint="tcp://a:1", incarnation=5),) * 2),
-    Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}),
+    Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}, last=True, answers=[0.25, 1.5]),
     Ping(sent=1.5),
     Statistics(fps=59.9, samples_per_s=1.25e6, latency_ms=12, ranks=4),
     Pong(sent=1.5, head_time=9.25),
@@ -137,6 +137,7 @@ def test_a_message_cut_anywhere_or_with_any_bit_flipped_is_refused(message: Mess
         Membership(members=(Hello(rank=1, host="\ud800", endpoint="", incarnation=1),)), Membership(members=(1,)),
         Heartbeat(rank=0, time=0.0, dropped={"a": -5}), Heartbeat(rank=0, time=0.0, samples_traced=1.5),  # type: ignore[arg-type]
         Heartbeat(rank=0, time=0.0, dropped={str(k): 1 for k in range(65)}),
+        Heartbeat(rank=0, time=0.0, answers=[0.5] * 257), Heartbeat(rank=0, time=0.0, answers=["x"]),  # type: ignore[list-item]
         replace(framelet(), rect=Rect(x=0, y=0, width=0, height=16)),
         replace(framelet(), rect=Rect(x=0, y=0, width=1 << 32, height=1)),
         replace(framelet(), rect=Rect(x=1 << 25, y=0, width=1, height=1)),

@@ -10,11 +10,11 @@ from running import write_config
 
 from wall.commands.set import note_of
 from wall.config.loading import load
-from wall.core.data import NO_EDITS, Batch, Edits, Event, Rect
+from wall.core.data import MOST_SAMPLES, NO_EDITS, Batch, Edits, Event, Rect
 from wall.core.errors import EditError
 from wall.packets.control import EditAnswer, EditRequest, WindowInput, parse_control, serialise
 from wall.roles.edit_history import REMEMBERED, EditHistory
-from wall.roles.editing import Editor
+from wall.roles.editing import Editor, editable
 from wall.roles.instructions import Broadcast, Send
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
@@ -67,6 +67,19 @@ def test_exposure_is_no_edit_of_the_scene(plan: Plan) -> None:
     assert editor.exposure(0.0) == 1.5
     editor.expose(100.0, 0.0)
     assert editor.exposure(0.0) == 20.0  # the end of its range
+
+
+def test_how_many_samples_there_are_is_no_new_scene(tmp_path: Path) -> None:
+    """It is edited and told as all else is, where the progressive sampler is configured; the image stays the same."""
+    assert MOST_SAMPLES not in editable(make_plan(make_layout(load(write_config(tmp_path)))))
+    plan = make_plan(make_layout(load(write_config(tmp_path, method="progressive"))))
+    manager = Manager(plan, 0.0, still=True, key=KEY)
+    list(manager.on_tick(0.0))
+    answers, (event,) = told(manager, request((MOST_SAMPLES, 64), listed=MOST_SAMPLES), 1e-4)
+    assert (event.number, event.edits.most_samples(4096)) == ((0, 0), 64)
+    assert [(row["value"], row["default"]) for row in answers[0].parameters] == [((64.0,), (4096.0,))]
+    _, (event,) = told(manager, request(("sky.strength", 2)), 2e-4)
+    assert (event.number, event.edits.number) == ((0, 1), 2)
 
 
 def test_without_the_run_s_key_nothing_is_changed_or_told(plan: Plan) -> None:

@@ -156,10 +156,13 @@ def test_at_the_end_running_workers_finish_before_the_last_word(plan: Plan) -> N
     rank, event = Rank(plan), first_event(plan, 0.0)
     first, second = traces(rank.tell(event))
     assert not traces(rank.tell(Stop(reason="end"), traced(first, packet_of(0))))
-    asked = rank.tell(traced(second, packet_of(1)))
+    assert not any(beat.answers for beat in said(rank.tell()))
+    last = replace(traced(second, packet_of(1)), work=Work(answers=(0.25, 0.5)))
+    asked = rank.tell(last)
     assert Offer(HEAD, packet_of(1)) in asked
     assert isinstance(asked[-1], Finish)
-    assert [beat.last for beat in said(asked)][-1]
+    *_, final = said(asked)
+    assert (final.last, final.answers) == (True, [0.25, 0.5])
 
 
 def test_it_says_hello_until_the_membership_lists_it_and_connects_by_it(plan: Plan) -> None:

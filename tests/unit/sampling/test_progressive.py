@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from wall.core.data import SAMPLE, Event, Float32, Rect, Samples
+from wall.core.data import MOST_SAMPLES, SAMPLE, Edits, Event, Float32, Rect, Samples
 from wall.sampling.base import Targets
 from wall.sampling.pixel_means import PixelMeans
 from wall.sampling.progressive import ProgressiveSampler, Schedule, tiles_of
@@ -77,6 +78,19 @@ def test_stages_double_with_a_rest_between_and_end(camera_path: Path) -> None:
     assert run.sampler.samples == 14
     run.now += 10.0
     assert run.step(camera_path(0)) is None
+
+
+def test_an_edited_end_begins_nothing_anew(camera_path: Path) -> None:
+    """Of the same image: more samples are added to those that are there, and fewer end it after its stage."""
+    run, event = Run(first_stage=2, samples_per_pixel=6, rest_s=0.0, first_depth=3, depth=3), camera_path(0)
+    run.until_rest(event)
+    assert run.sampler.samples == 6
+    more = replace(event, edits=Edits(1, ((MOST_SAMPLES, (20.0,)),)))
+    added = run.until_rest(more)
+    assert sum(len(t.xy) for t in added) == (20 - 6) * RECT.area
+    assert {t.event.edits.number for t in added} == {1}
+    assert run.until_rest(replace(event, edits=Edits(2, ((MOST_SAMPLES, (3.0,)),)))) == []
+    assert run.sampler.samples_shown == 20
 
 
 def test_each_pixel_shows_the_mean_of_its_samples(camera_path: Path) -> None:

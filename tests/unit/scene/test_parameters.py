@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from small_scenes import quad, scene_of
 from wall.config.scene import ParameterConfig
 from wall.core.data import Edits
 from wall.core.errors import EditError, SceneError
+from wall.geometry.cameras import Lens
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Material, PointLight
 from wall.scene.parameter_tracks import tracks_of
@@ -59,6 +61,18 @@ def test_glass_that_absorbs_offers_what_and_how_far() -> None:
     assert parameters_of(before)["materials.grey.attenuation_distance"].checked(0.0) == (0.0,)
     values = {"materials__grey__attenuation_color": (1.0, 0.25, 1.0), "materials__grey__attenuation_distance": (4.0,)}
     assert_allclose(before.shading(0.0, edited(**values)).materials[0].absorption, [0.0, math.log(4.0) / 4.0, 0.0])
+
+
+def test_a_lens_is_offered_and_edited_where_there_is_one_and_may_be_closed() -> None:
+    seen = replace(scene(depth=5), lens=Lens(radius=0.1, focus=3.0))
+    found = parameters_of(seen)
+    assert set(found) - set(parameters_of(scene(depth=5))) == {"lens.aperture", "lens.focus"}
+    assert (found["lens.aperture"].default, found["lens.focus"].default) == ((0.2,), (3.0,))
+    assert found["lens.aperture"].checked(0) == (0.0,)
+    assert seen.shading(0.0, edited(lens__aperture=(0.0,))).lens == Lens(radius=0.0, focus=3.0)
+    with pytest.raises(EditError, match=r"lens\.focus = 0: want a number from 1e-06 to 1e\+12 world units"):
+        found["lens.focus"].checked(0)
+    assert scene(depth=5).shading(0.0, edited(lens__focus=(4.0,))).lens is None
 
 
 @pytest.mark.parametrize(
@@ -131,10 +145,10 @@ def test_names_that_the_scene_does_not_have_change_nothing() -> None:
     assert shading == base
 
 
-def keyframed(name: str, *keys: tuple[float, object], loop: bool = False) -> Scene:
+def keyframed(name: str, *keys: tuple[float, object], loop: bool = False, **fields: Any) -> Scene:
     frames = [{"time": time, "value": value} for time, value in keys]
     config = ParameterConfig.model_validate({"type": "parameter", "name": name, "keyframes": frames, "loop": loop})
-    return replace(scene(), parameter_tracks=tracks_of([config]))
+    return replace(scene(), parameter_tracks=tracks_of([config]), **fields)
 
 
 def test_keyframes_are_joined_by_straight_lines_and_the_last_stays() -> None:
@@ -150,6 +164,12 @@ def test_keyframes_are_joined_by_straight_lines_and_the_last_stays() -> None:
 def test_keyframes_that_loop_begin_again(time: float, wanted: float) -> None:
     moving = keyframed("sky.strength", (0.0, 1.0), (2.0, 3.0), loop=True)
     assert_allclose(moving.at(time).shading.sky.zenith, wanted * np.array(moving.sky.zenith))
+
+
+def test_keyframes_pull_focus() -> None:
+    lens = Lens(radius=0.1, focus=3.0)
+    pulled = with_checked_tracks(keyframed("lens.focus", (0.0, 3.0), (2.0, 7.0), path_depth=5, lens=lens))
+    assert pulled.at(1.0).shading.lens == Lens(radius=0.1, focus=5.0)
 
 
 def test_an_edit_hides_keyframes() -> None:

@@ -12,7 +12,7 @@ import pytest
 from small_scenes import BLACK_SKY, View, instance, quad, scene_of, sphere_mesh, view
 
 from wall.config.loading import loads
-from wall.core.data import Float64, Samples
+from wall.core.data import Edits, Float64, Samples
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.scene.build import Scene
 from wall.scene.model import AmbientOcclusion, Instance, Material, Mesh
@@ -82,13 +82,24 @@ def test_at_the_foot_of_a_wall_half_is_free() -> None:
     np.testing.assert_allclose(got, 0.5, atol=FOUR_SIGMA + 0.0075 / 45.0)
 
 
-@pytest.mark.parametrize(("distance", "free"), [(1e4, 0.0), (25.0, 0.0), (5.0, 1.0)])
-def test_inside_a_closed_ball_all_or_nothing_is_free(distance: float, free: float) -> None:
-    """A ball of radius 10 about the floor: nothing is free as far as 10, all is below that."""
+def in_a_ball(distance: float) -> Scene:
+    """A ball of radius 10 about the floor."""
     ball = sphere_mesh()
     size = 10.0 / float(np.linalg.norm(ball.vertices, axis=1).max())
-    got = mean(occluded([FLOOR, ball], [instance(0), instance(1, scale=size)], distance=distance))
-    np.testing.assert_array_equal(got, free)
+    return occluded([FLOOR, ball], [instance(0), instance(1, scale=size)], distance=distance)
+
+
+@pytest.mark.parametrize(("distance", "free"), [(1e4, 0.0), (25.0, 0.0), (5.0, 1.0)])
+def test_inside_a_closed_ball_all_or_nothing_is_free(distance: float, free: float) -> None:
+    """Nothing is free as far as 10, all is below that."""
+    np.testing.assert_array_equal(mean(in_a_ball(distance)), free)
+
+
+def test_an_edited_distance_is_what_is_looked_through() -> None:
+    tracer = tracer_of(in_a_ball(25.0))
+    for distance, free in ((5.0, 1.0), (25.0, 0.0)):
+        tracer.set_event(replace(FROM_ABOVE.event, edits=Edits(1, (("integrator.distance", (distance,)),))))
+        np.testing.assert_array_equal(tracer.trace(positions(), 0.0, 0)[0]["radiance"], free)
 
 
 @pytest.mark.parametrize("radius", [0.25, 0.5, 1.0])
@@ -150,6 +161,8 @@ def test_a_configured_scene_is_noisy_and_has_no_lights_to_change() -> None:
     wanted = needs(scene)
     assert (wanted.paths, wanted.occlusion) == (True, True)
     assert not any((wanted.change_detection, wanted.relighting, wanted.mirrors, wanted.emitters, wanted.suns))
-    assert {name.split(".")[0] for name in parameters_of(scene)} == {"exposure", "sky"}
+    assert {name.split(".")[0] for name in parameters_of(scene)} == {"exposure", "sky", "integrator"}
+    assert parameters_of(scene)["integrator.distance"].default == (3.0,)
+    assert "integrator.depth" not in parameters_of(scene)
     coloured = plan_of("{method: ambient_occlusion}").scene
     assert {name.split(".")[-1] for name in parameters_of(coloured) if name.startswith("materials")} == {"color"}

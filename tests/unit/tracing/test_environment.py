@@ -23,12 +23,13 @@ from small_scenes import (
 )
 
 from wall.core.colour import LUMINANCE
-from wall.core.data import Float64
+from wall.core.data import NO_EDITS, Edits, Float64
 from wall.geometry.frusta import ray_frame
 from wall.reconstruction.channels import blank_framelet, show_sky
 from wall.scene.build import Scene
 from wall.scene.kernels.environment import image_position, radiance_at
 from wall.scene.model import Environment, Material
+from wall.scene.parameters import parameters_of
 from wall.tracing import environment as tables
 from wall.tracing.kernels.environment import aim_at_environment, density_of_environment
 from wall.tracing.tracer import Tracer
@@ -106,6 +107,33 @@ def test_a_layer_of_sky_shows_the_same_environment() -> None:
     layer = blank_framelet(seen.panel, frozenset({"colour"}), encoded=False, order=0)
     show_sky(scene.sky, scene.environment, ray_frame(seen.panel, seen.eye, seen.event.camera), np.zeros(2), layer)
     np.testing.assert_allclose(layer.colour, image_of(scene, seen).radiance, rtol=1e-3, atol=1e-3)
+
+
+@pytest.mark.parametrize("depth", [None, 3])
+def test_an_edited_strength_is_a_factor_of_all_of_its_light(depth: int | None) -> None:
+    """On surfaces and behind them, by the same rays: to the rounding of float32."""
+    environment = replace(spotted(8), strength=1.5)
+    scene = in_environment(scene_of([quad(1.0, 1.0)]), environment, depth)
+    assert parameters_of(scene)["environment.strength"].default == (1.5,)
+    assert "sky.strength" not in parameters_of(scene)
+    assert "environment.strength" not in parameters_of(in_environment(scene, replace(environment, strength=0.0)))
+    seen = view((0.0, 1.0, 2.0), (0.0, 0.0, 0.0), pixels=(16, 12), fov=60.0)
+    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), seen.panel, seen.eye, coherent=False)
+    xy = np.stack(np.meshgrid(np.arange(16) + 0.5, np.arange(12) + 0.5), axis=-1).reshape(-1, 2).astype(np.float32)
+
+    def light(edits: Edits) -> Float64:
+        tracer.set_event(replace(seen.event, edits=edits))
+        return tracer.trace(xy, 0.0, 0)[0]["radiance"].astype(np.float64)
+
+    before, edited = light(NO_EDITS), Edits(1, (("environment.strength", (4.5,)),))
+    assert before.mean() > 0.1
+    np.testing.assert_allclose(light(edited), 3.0 * before, rtol=1e-5)
+    np.testing.assert_array_equal(light(NO_EDITS), before)
+    layer, frame = blank_framelet(seen.panel, frozenset({"colour"}), encoded=False, order=0), np.eye(3)
+    show_sky(scene.sky, environment, frame, np.zeros(2), layer, strength=4.5)
+    sky = layer.colour.copy()
+    show_sky(scene.sky, environment, frame, np.zeros(2), layer)
+    np.testing.assert_allclose(sky, 3.0 * layer.colour, rtol=1e-6)
 
 
 def test_the_middle_lies_ahead_and_the_right_half_to_the_right() -> None:

@@ -11,7 +11,7 @@ import pytest
 from small_scenes import BLACK_SKY, instance, quad, scene_of, view, with_every_feature
 
 from wall.config.loading import load
-from wall.core.data import Float64, Samples
+from wall.core.data import Edits, Float64, Samples
 from wall.core.errors import ConfigError
 from wall.geometry.cameras import Lens
 from wall.roles.plan import make_layout, make_plan
@@ -23,6 +23,7 @@ EDGE = 64  # pixels
 SEEN = view(
     (0.0, 0.0, 10.0), (0.0, 0.0, 0.0), pixels=(EDGE, EDGE), fov=math.degrees(2 * math.atan(0.1))
 )  # 2 units at z 0
+LENS = Lens(radius=0.05, focus=3.0)  # as configured; every test edits it
 SHINING = Material(name="lamp", base_color=(0.0, 0.0, 0.0), emission=(1.0, 1.0, 1.0))
 
 
@@ -31,8 +32,10 @@ def samples_of(z: float, edge: float, lens: Lens | None, sweeps: int, step: int 
     scene = replace(
         scene_of([quad(edge, edge)], [instance(0, at=(0.0, 0.0, z))], materials=[SHINING], sky=BLACK_SKY), path_depth=1
     )
-    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), SEEN.panel, SEEN.eye, coherent=False, lens=lens)
-    tracer.set_event(SEEN.event)
+    scene = replace(with_every_feature(scene), lens=LENS if lens else None)
+    tracer = Tracer(make_tracer_scene(scene), SEEN.panel, SEEN.eye, coherent=False)
+    edits = {} if lens is None else {"lens.aperture": (lens.aperture,), "lens.focus": (lens.focus,)}
+    tracer.set_event(replace(SEEN.event, edits=Edits(1, tuple(edits.items()))))
     xy = (
         np.stack(np.meshgrid(np.arange(0, EDGE, step) + 0.4, np.arange(0, EDGE, step) + 0.6), axis=-1)
         .reshape(-1, 2)
@@ -68,6 +71,13 @@ def test_a_point_out_of_focus_is_an_even_disc(z: float, focus: float) -> None:
     assert inside.sum() > 50
     np.testing.assert_allclose(found[inside].mean(), edge**2 / (math.pi * radius**2), rtol=0.05)
     assert found[outside].max() == 0.0
+
+
+def test_a_lens_that_is_closed_is_a_pinhole() -> None:
+    """Aperture 0: the light is that without a lens, whatever is in focus."""
+    closed = image(-10.0, 1.01, Lens(radius=0.0, focus=7.0), 1)
+    np.testing.assert_allclose(closed, image(-10.0, 1.01, None, 1), atol=1e-6)
+    assert 0.0 < closed.mean() < 1.0
 
 
 def test_depth_is_the_distance_from_the_eye() -> None:

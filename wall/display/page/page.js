@@ -28,6 +28,7 @@ const compare = new Compare(wall, (command) => send(command), (name) => readout.
 const panel = document.getElementById("parameters");
 const groups = document.getElementById("parameter-groups");
 const parameters = new Parameters(panel, groups, (command) => send(command));
+const focusButton = document.getElementById("focus");
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -64,6 +65,7 @@ function take(message, pictures) {
     pictures.begin(message);
   } else if (message.kind === "parameters") {
     parameters.show(message.parameters);
+    focusButton.hidden = !message.parameters.some((p) => p.name === "lens.focus");
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
     readout.show(message);
@@ -122,6 +124,22 @@ class Pictures {
   }
 }
 
+// Alt and click, or the button and then a click, focuses at what is shown there. Returns whether the click was for that.
+function focusAt(event) {
+  const aiming = focusButton.getAttribute("aria-pressed") === "true";
+  if (focusButton.hidden || !(aiming || event.altKey)) return false;
+  const place = wall.at(event.clientX, event.clientY);
+  if (place) send({ kind: "focus", ...place });
+  if (aiming) toggleFocus();
+  return true;
+}
+
+function toggleFocus() {
+  const aims = focusButton.getAttribute("aria-pressed") !== "true";
+  focusButton.setAttribute("aria-pressed", aims);
+  document.getElementById("wall").classList.toggle("aiming", aims);
+}
+
 function toggleDetails() {
   document.body.classList.toggle("bare");
   wall.arrange();
@@ -155,11 +173,13 @@ steering.actions = {
   compare: () => compare.next(),
   overlay: () => overlay.next(),
   parameters: toggleParameters,
+  focus: focusAt,
 };
 readout.onpause = () => steering.pause();
 readout.onsampler = choose;
 document.getElementById("pause").onclick = () => steering.pause();
 document.getElementById("reset").onclick = () => steering.reset();
+focusButton.onclick = toggleFocus;
 document.getElementById("parameters-open").onclick = toggleParameters;
 document.getElementById("help-open").onclick = steering.actions.help;
 help.onclick = (event) => { if (event.target === help) help.close(); };

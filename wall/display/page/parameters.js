@@ -1,7 +1,7 @@
 // The panel of parameters: a row for each that the run offers, with sliders and colours; values follow others' edits.
 
 const TRUST_MS = 700;             // a control that was just moved shows its own value until the run says it
-const STOPS_BELOW = 8, STOPS_ABOVE = 6;   // of a strength slider, about the configured value; its left end is 0
+const STOPS_BELOW = 8, STOPS_ABOVE = 6;   // of a strength slider, about the configured value; its left end is the least
 const SOFT = { exposure: [-8, 8] };       // what the slider spans where the range is wider than anyone needs
 const WIDEST = 1000;              // a range above is spanned by stops
 const DEGREES = 180 / Math.PI;
@@ -156,8 +156,8 @@ function controlsOf(parameter, value, change) {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
     }));
   }
-  const one = { of: (v) => v[0], to: (x) => change([x]) };
-  if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one)];
+  const one = { of: (v) => v[0], to: (x) => change([kind === "whole" ? Math.round(x) : x]) };
+  if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one, parameter.low)];
   const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
   return [slider(name, [low, high, kind === "whole" ? 1 : (high - low) / 960], one)];
 }
@@ -183,12 +183,12 @@ function slider(name, [low, high, step], { of, to }) {
   return { input, take: (value) => { input.value = of(value); } };
 }
 
-// A slider of powers of two about the configured value; its left end is 0.
-function stops(name, configured, { of, to }) {
+// A slider of powers of two about the configured value; its left end is `low`.
+function stops(name, configured, { of, to }, low = 0) {
   const about = configured > 0 ? configured : 1;
   return slider(name, [-STOPS_BELOW, STOPS_ABOVE, 0.05], {
     of: (value) => (of(value) > 0 ? Math.log2(of(value) / about) : -STOPS_BELOW),
-    to: (x) => to(x <= -STOPS_BELOW ? 0 : about * 2 ** x),
+    to: (x) => to(x <= -STOPS_BELOW ? low : about * 2 ** x),
   });
 }
 

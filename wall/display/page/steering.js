@@ -90,6 +90,10 @@ export class Steering {
   #down(e) {
     if (e.pointerType === "mouse" && e.button !== 0 && e.button !== 2) return;
     this.#surface.focus({ preventScroll: true });
+    if (e.button === 0 && this.actions.focus?.(e)) {
+      e.preventDefault();
+      return;
+    }
     this.#surface.setPointerCapture(e.pointerId);
     this.#pointers.set(e.pointerId, { x: e.clientX, y: e.clientY, pan: e.button === 2 });
     this.#surface.classList.add("held");

@@ -69,6 +69,18 @@ export class Wall {
     }
   }
 
+  // Where a point of the page lies on the wall, in fractions of its width and height; undefined where no panel is.
+  at(clientX, clientY) {
+    for (const { rect, box } of this.#faces.flatMap((face) => (face.element.hidden ? [] : face.panels))) {
+      const own = box.getBoundingClientRect();
+      const x = (clientX - own.left) / own.width, y = (clientY - own.top) / own.height;
+      if (x >= 0 && x < 1 && y >= 0 && y < 1) {
+        return { x: (rect.x + x * rect.across) / this.#layout.width, y: (rect.y + y * rect.down) / this.#layout.height };
+      }
+    }
+    return undefined;
+  }
+
   // Outline one panel, or none.
   point(id) {
     for (const { rect, box } of this.#faces.flatMap((face) => face.panels)) {

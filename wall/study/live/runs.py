@@ -56,14 +56,14 @@ def busy_ticks(words: Sequence[str]) -> int:
     return user + nice + system + irq + softirq + steal
 
 
-def run_wall(config: Path, folder: Path, *, seconds: float, cores: float) -> Run:
+def run_wall(config: Path, folder: Path, *, seconds: float, cores: float, options: Sequence[str] = ()) -> Run:
     """Run a configuration for a while, and return what it showed. Raises RunError, ConfigError.
 
     Everything is kept in `folder`, what the run printed too. No process is left, however this ends.
     """
     recorded = folder / IMAGES
     command = [sys.executable, "-m", "wall", "run", str(config), "--headless", "--seconds", f"{seconds:g}"]
-    command += ["--out", str(folder), "--record", str(recorded)]
+    command += ["--out", str(folder), "--record", str(recorded), *options]
     limit_s = START_S / min(cores, 1.0) + seconds + END_S
     bystanders = Bystanders()
     with limited(cores) as launcher, (folder / OUTPUT).open("w", encoding="utf-8") as output:

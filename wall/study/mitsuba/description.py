@@ -69,7 +69,7 @@ def sensor(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
         origin.tolist(), (origin - rotation[:, 2]).tolist(), rotation[:, 1].tolist()
     )  # fmt: skip
     fov = float(2 * np.degrees(np.arctan2(height / 2, abs(float(eye[2])))))
-    lens = plan.view.lens
+    lens = plan.scene.shading(0.0).lens
     kind = {"type": "perspective"} if lens is None else {
         "type": "thinlens", "aperture_radius": lens.radius, "focus_distance": lens.focus
     }  # fmt: skip

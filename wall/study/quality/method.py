@@ -54,7 +54,7 @@ class Setup:
 
     def tracer(self, *, coherent: bool) -> Tracer:
         """Returns a tracer of the scene; `coherent` if the pixels of a batch lie close together."""
-        return Tracer(self.tracer_scene, self.panel, self.plan.view.eye, coherent=coherent, lens=self.plan.view.lens)
+        return Tracer(self.tracer_scene, self.panel, self.plan.view.eye, coherent=coherent)
 
 
 class Inputs:

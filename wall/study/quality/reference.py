@@ -142,8 +142,6 @@ def _key(plan: Plan, panel: Panel, events: tuple[Event, ...], spp: int) -> str:
         _feed(digest, (panel.screen, PanelView(plan.view, panel).eye))
     if scene.occlusion is not None:
         _feed(digest, scene.occlusion)
-    if plan.view.lens is not None:
-        _feed(digest, plan.view.lens)
     for event in dict.fromkeys(events):
         _feed(digest, (event.camera, scene.at(event.scene_time)))
     _feed(digest, [event.number for event in events])

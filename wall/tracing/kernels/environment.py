@@ -25,19 +25,20 @@ PER_AREA = np.float32(0.5 / math.pi**2)  # from density over the image to densit
 @inline_kernel
 def see_environment(environment, work):
     """Sets radiance to what rays see that hit nothing."""
-    p, bits = work.packet, work.bits
+    p, bits, strength = work.packet, work.bits, environment.strength
     for lane in range(16):
         if bits[embree.GEOMETRY + lane] == MISS:
             x, y, z = xyz(p, embree.DIRECTION_X, lane)
             u, v = image_position(x, y, z, environment.middle)
             r, g, b = radiance_at(environment.texels, u, v)
-            set_xyz(p, rows.RADIANCE_R, lane, r, g, b)
+            set_xyz(p, rows.RADIANCE_R, lane, strength * r, strength * g, strength * b)
 
 
 @inline_kernel
-def add_environment_light(table, work):
-    """Sets hits' radiance to albedo times irradiance over pi from `table` (n, n, 3), bilinear on an unfolded octahedron
+def add_environment_light(environment, work):
+    """Sets hits' radiance to albedo times irradiance over pi from a table (n, n, 3), bilinear on an unfolded octahedron
     whose middle is +y."""
+    table, strength = environment.irradiance, environment.strength
     p, steps = work.packet, np.float32(table.shape[0] - 1) * HALF
     for lane in range(16):
         if p[rows.HIT + lane] != ZERO:
@@ -53,7 +54,7 @@ def add_environment_light(table, work):
             for k in range(3):
                 light = a * table[j, i, k] + b * table[j, i + 1, k]
                 light += c * table[j + 1, i, k] + d * table[j + 1, i + 1, k]
-                p[rows.RADIANCE_R + 16 * k + lane] = light * p[rows.ALBEDO_R + 16 * k + lane]
+                p[rows.RADIANCE_R + 16 * k + lane] = strength * light * p[rows.ALBEDO_R + 16 * k + lane]
 
 
 @inline_kernel
@@ -76,9 +77,9 @@ def aim_at_environment(environment, pick, share):
 @inline_kernel
 def way_to_environment(environment, surfaces, materials, lane, work):
     """A direction of the environment by the random numbers LIGHT_U and LIGHT_V, as way_to_emitter gives a point."""
-    p = work.packet
+    p, strength = work.packet, environment.strength
     way, radiance, density = aim_at_environment(environment, p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane])
-    return way, radiance, density, INF
+    return way, (strength * radiance[0], strength * radiance[1], strength * radiance[2]), density, INF
 
 
 @inline_kernel

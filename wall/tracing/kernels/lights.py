@@ -49,7 +49,7 @@ def see_gradient(sky, work):
 def add_ambient(environment, lights, work):
     """Sets hits' radiance to light from the whole sky, or environment, unoccluded: albedo * E(normal) / pi."""
     if environment is not None:
-        add_environment_light(environment.irradiance, work)
+        add_environment_light(environment, work)
     else:
         add_gradient_light(lights.sky_irradiance, work)
 

@@ -148,6 +148,7 @@ class Environment(NamedTuple):
     row_sums: Float32  # (h + 1,) chance of all rows before each: 0 to 1
     column_sums: Float32  # (h, w + 1) of each row: chance of all its texels before each
     irradiance: Float32  # (n, n, 3) over pi, by the normal on an unfolded octahedron
+    strength: np.float32  # factor of all of its light, 1 as configured
 
 
 class Lights(NamedTuple):

@@ -1,0 +1,79 @@
+"""Focus by a click: the distance is that of the samples shown there, on every panel."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from running import write_config
+
+from wall.config.loading import load
+from wall.core.data import Camera
+from wall.core.errors import EditError
+from wall.geometry.cameras import Lens, PanelView
+from wall.packets.control import WindowInput
+from wall.roles.editing import Editor
+from wall.roles.focusing import Focusing
+from wall.roles.instructions import Broadcast
+from wall.roles.manager import Manager
+from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
+from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
+
+SKYWARD = Camera.of(np.array([0.0, 5.0, 0.0]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]).T)
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    """Two panels of 64 x 48 pixels beside each other; the lens is one that direct light would not have."""
+    made = make_plan(make_layout(load(write_config(tmp_path_factory.mktemp("focusing"), columns=2))))
+    return replace(made, scene=replace(made.scene, lens=Lens(radius=0.1, focus=3.0)))
+
+
+def test_the_distance_is_that_of_the_samples_there(plan: Plan) -> None:
+    """Along the direction of view, to 1e-4: rays of the tracer are float32."""
+    event, focusing = first_event(plan, 0.0), Focusing(plan)
+    scene, wall = make_tracer_scene(plan.scene), plan.layout.wall
+    xy = np.array([(x, y) for x in (0.5, 13.5, 40.5, 63.5) for y in (24.5, 36.5, 46.5)], np.float32)
+    for panel in wall.panels:
+        seen = PanelView(plan.view, panel)
+        tracer = Tracer(scene, panel, seen.eye, coherent=False)
+        tracer.set_event(seen(event))
+        depths = tracer.trace(xy, 0.0)[0]["depth"].astype(float)
+        places = [((panel.screen[0] + x) / wall.width, (panel.screen[1] + y) / wall.height) for x, y in xy.tolist()]
+        points = [panel.plane.point(panel.screen[0] + x, panel.screen[1] + y) - seen.eye for x, y in xy.tolist()]
+        cosines = [-point[2] / np.linalg.norm(point) for point in points]
+        wanted = np.where(np.isfinite(depths), depths, np.inf) * cosines
+        assert np.isfinite(wanted).sum() >= 4
+        np.testing.assert_allclose([focusing.distance(event, *place) for place in places], wanted, rtol=1e-4)
+
+
+def test_the_sky_is_as_far_as_can_be_and_between_panels_there_is_nothing(plan: Plan) -> None:
+    editor, event = Editor(plan), first_event(plan, 0.0)
+    editor.focus(replace(event, camera=SKYWARD), 0.2, 0.5)
+    assert dict(editor.edits.values)["lens.focus"] == (1e12,)
+    for x, y in ((0.5, 0.5), (1.5, 0.5), (0.2, -0.1)):
+        with pytest.raises(EditError, match="no panel is there"):
+            editor.focus(event, x, y)
+
+
+def test_without_a_lens_there_is_nothing_to_focus(plan: Plan) -> None:
+    bare = replace(plan, scene=replace(plan.scene, lens=None))
+    with pytest.raises(EditError, match=r"lens\.focus.*no such parameter"):
+        Editor(bare).focus(first_event(bare, 0.0), 0.2, 0.5)
+
+
+def test_a_click_is_an_edit_like_any_other(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True)
+    list(manager.on_tick(0.0))
+    clicks = [{"kind": "focus", "x": 0.35, "y": 0.9}, {"kind": "focus", "x": 0.5, "y": 0.5}]
+    told = [*manager.on_message(WindowInput(rank=HEAD, commands=clicks), 1e-4), *manager.on_tick(1e-4)]
+    (event,) = [i.message for i in told if isinstance(i, Broadcast)]
+    ((name, (value,)),) = event.edits.values  # type: ignore[union-attr]
+    assert name == "lens.focus"
+    assert math.isclose(value, Focusing(plan).distance(first_event(plan, 0.0), 0.35, 0.9))
+    (state,) = [state for state in manager.editor.states(0.0) if state.name == name]
+    assert state.value == (value,)
+    assert manager.dropped()["refused_edit"] == 1  # the second one, between the panels
