@@ -1,4 +1,4 @@
-"""The error of N samples a pixel by the tracer's points, and by independent ones.
+"""The error of N samples a pixel by the random numbers that paths have, and by independent ones.
 
 Errors need no reference: two images of equally many samples and different seeds differ by sqrt(2) times the error of
 either, since both have the same mean.
@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from wall.core.data import Float64
-from wall.sampling.pixel_means import PixelMeans, footprint_of
-from wall.study.quality.method import Inputs, Setup
+from wall.sampling.pixel_means import PixelMeans
+from wall.study.quality.method import Inputs, Setup, centres
 from wall.study.quality.trial import scene_of
 
 SEEDS = (1, 2)
@@ -62,24 +62,20 @@ def measure_points(
 def means(setup: Setup, counts: Sequence[int], seed: int, *, independent: bool) -> Iterator[Float64]:
     """(h, w, 3) float64 linear RGB, means of the first so many samples of each pixel at time 0.
 
-    independent : each sample is the first of a seed of its own, by position and by random numbers; so a pixel's samples
-        have nothing in common
+    independent : each sample takes the first random numbers of a seed of its own, so those of a pixel's samples have
+        nothing in common
+
+    All samples lie in the middle of their pixels: edges between them are not what is measured.
     """
-    tracer, event = setup.tracer(coherent=True), Inputs(setup.plan).event_at(0.0)
-    tracer.set_event(event)
-    tracer.seed, total = seed, np.zeros((setup.size[1], setup.size[0], 3))
-    sampler, footprint, last = PixelMeans(setup.rect, seed=seed), footprint_of(counts[-1]), 0
+    tracer, sampler = setup.tracer(coherent=True), PixelMeans(setup.rect, seed=seed)
+    tracer.set_event(Inputs(setup.plan).event_at(0.0))
+    xy, last = centres(setup), 0
     for spp in counts:
         for k in range(last, spp):
-            if independent:
-                tracer.seed = (INDEPENDENT * (k + 1) + seed) & 0xFFFFFFFF
-                sampler = PixelMeans(setup.rect, seed=tracer.seed)
-            number = 0 if independent else k
-            sampler.add(tracer.trace(sampler.positions(number), footprint, number)[0])
-            if independent:
-                total += sampler.mean()
+            tracer.seed = (seed + INDEPENDENT * (k + 1)) & 0xFFFFFFFF if independent else seed
+            sampler.add(tracer.trace(xy, number=0 if independent else k)[0])
         last = spp
-        yield total / spp if independent else sampler.mean()
+        yield sampler.mean()
 
 
 def error_of(first: Float64, second: Float64) -> float:
