@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from wall.core.data import Float64
 from wall.sampling.pixel_means import PixelMeans
 from wall.study.quality.method import Inputs, Setup, centres
