@@ -35,9 +35,11 @@ def random_framelet(
         "time": [-2.0, -1.0, -0.25, -np.inf],
         "object_id": [0, 1, 2, 70000],
         "variance": [0.01, 0.5, 2.0, np.inf],
+        "albedo": [0.0, 0.04, 0.3, 1.0],
+        "normal": [-1.0, 0.0, 0.25, 1.0],
     }
     for name in channels - {"colour"}:
-        made.channel(name)[...] = rng.choice(np.array(few[name]), size)
+        made.channel(name)[...] = rng.choice(np.array(few[name]), made.channel(name).shape)
     if made.alpha is not None and not encoded:
         made.colour *= made.alpha[..., None]
     return made

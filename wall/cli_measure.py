@@ -184,3 +184,36 @@ def reference(
     console.print(report(rows, out))
     if not all(row.ok for row in rows):
         fail(f"not the same: {', '.join(row.config for row in rows if not row.ok)}")
+
+
+@measure.command()
+def noise(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Scenes whose paths are traced", show_default=False)
+    ],
+    spp: Annotated[str, typer.Option(help="Samples a pixel, growing")] = "1,4,16,64,256",
+    size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the image, pixels")] = "128x128",
+    denoised: Annotated[bool, typer.Option("--denoised", help="Errors of images before and after `denoise`")] = False,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/noise"),
+) -> None:
+    """Measure how fast the noise of paths falls, against independent samples; or what `denoise` makes of it.
+
+    [bold]wall measure noise configs/paths/cornell.yaml --spp 1,4,16,64[/]
+    """
+    from wall.study import options
+    from wall.study.noise import denoising, points, report
+
+    options.check_installed("wall measure noise", {"scipy": "scipy", "flip_evaluator": "flip-evaluator"})
+    options.check_files(configs)
+    counts, pixels = options.counts_of("--spp", spp), parse_size(size) or (128, 128)
+    out.mkdir(parents=True, exist_ok=True)
+    with errors.status("measuring") as status:
+        if denoised:
+            images = [
+                denoising.measure_denoised(config, size=pixels, counts=counts, say=status.update) for config in configs
+            ]
+            table = report.report_denoised([row for rows in images for row in rows], out)
+        else:
+            found = [points.measure_points(config, size=pixels, counts=counts, say=status.update) for config in configs]
+            table = report.report_points([row for rows in found for row in rows], out)
+    console.print(table)

@@ -11,7 +11,8 @@ from wall.core.data import CHANNELS, Channels
 from wall.operators.base import Node, Operator
 
 COLOUR: Channels = frozenset({"colour"})
-RECONSTRUCTED: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
+TRANSPARENT: Channels = frozenset({"colour", "depth", "alpha", "time", "object_id"})
+OPAQUE: Channels = frozenset({"colour", "depth", "time", "object_id", "albedo", "normal"})  # with background: keep
 Interval = tuple[int, int]
 
 
@@ -26,7 +27,7 @@ def _given(order: Sequence[Node], refusals: Refusals) -> dict[str, Channels]:
     given: dict[str, Channels] = {}
     for node in order:
         if isinstance(node, ReconstructNode):
-            given[node.id] = RECONSTRUCTED - ({"alpha"} if node.background == "keep" else set())
+            given[node.id] = OPAQUE if node.background == "keep" else TRANSPARENT
         elif isinstance(node, SkyNode):
             given[node.id] = frozenset({"colour", "depth", "alpha"})
         elif isinstance(node, Operator):

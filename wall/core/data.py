@@ -18,13 +18,16 @@ Float64: TypeAlias = NDArray[np.float64]
 Samples: TypeAlias = NDArray[np.void]
 Channels: TypeAlias = frozenset[str]  # of CHANNELS
 
-CHANNELS = ("colour", "depth", "alpha", "time", "object_id", "variance")
+CHANNELS = ("colour", "depth", "alpha", "time", "object_id", "variance", "albedo", "normal")
+TRIPLES: Channels = frozenset({"colour", "albedo", "normal"})  # have three numbers a pixel
 BLANK: dict[str, tuple[float, Any]] = {  # what a channel holds where nothing is, and its type
     "depth": (np.inf, np.float32),
     "alpha": (0.0, np.float32),
     "time": (-np.inf, np.float32),
     "object_id": (0, np.uint32),
     "variance": (np.inf, np.float32),
+    "albedo": (0.0, np.float32),
+    "normal": (0.0, np.float32),
 }
 
 # Times of a framelet count from a multiple of this. Float32 steps by less than 4 us up to it. A sum of float32 and a
@@ -279,6 +282,8 @@ class Framelet:
     time: Float32 | None = None  # (h, w) seconds after `time_origin`, when it was traced; -inf: nothing has come yet
     object_id: NDArray[np.uint32] | None = None  # (h, w) object id
     variance: Float32 | None = None  # (h, w) of the mean that colour is, linear, mean of the three channels
+    albedo: Float32 | None = None  # (h, w, 3) mean share that what it shows reflects; 0 where that is not known
+    normal: Float32 | None = None  # (h, w, 3) mean of normals, in the world's axes; 0 of the sky and where not known
     order: int = 0  # for ordered operators: the smaller is the nearer
     event: Event | None = None  # whose camera and scene time it shows; None: an image that knows none
     refreshed_at: float = 0.0  # when it was last brought up to date, seconds of the head's clock
@@ -287,7 +292,9 @@ class Framelet:
     def blank(cls, rect: Rect, channels: Channels, *, encoded: bool = False, order: int = 0) -> Framelet:
         """Black, infinitely far, opaque nowhere, never traced."""
         size = (rect.height, rect.width)
-        made: dict[str, Any] = {name: np.full(size, *BLANK[name]) for name in channels - {"colour"}}
+        made: dict[str, Any] = {
+            name: np.full((*size, 3) if name in TRIPLES else size, *BLANK[name]) for name in channels - {"colour"}
+        }
         colour = np.zeros((*size, 3), np.uint8 if encoded else np.float32)
         return cls(rect=rect, colour=colour, order=order, **made)
 

@@ -19,15 +19,17 @@ Denoiser = Callable[..., Float32]
 
 
 class Denoise(Operator):
-    """A network estimates the image behind the noise, from its colour alone. Every pixel may depend on every other.
+    """A network estimates the image behind the noise, with albedos and normals where they are known.
 
-    Any change redoes the whole image, so it is for sinks that show few images a second.
+    Every pixel may depend on every other. Any change redoes the whole image, so it is for sinks that show few images a
+    second.
     """
 
     op: Literal["denoise"] = Field(description="Open Image Denoise")
     input: Input
     quality: Literal["fast", "balanced", "high"] = Field(default="balanced", description="the faster, the coarser")
 
+    USES: ClassVar[Channels] = frozenset({"albedo", "normal"})  # samples of paths bring them
     LOSES: ClassVar[Channels] = frozenset({"variance"})  # that of the estimate is unknown
 
     def touched(self, rect: Rect, inputs: Sequence[Rect], k: int) -> Rect:
@@ -49,7 +51,15 @@ class Denoise(Operator):
         source = inputs[0]
         copy(source, out, region, but=frozenset({"colour"}))
         try:
-            colour = prepared(np.maximum(source.colour, np.float32(0.0)), hdr=True, quality=self.quality)
+            noisy = np.maximum(source.colour, np.float32(0.0))
+            colour = prepared(noisy, hdr=True, quality=self.quality, **_surfaces(source))
         except RuntimeError as error:
             raise RunError(f"denoise '{self.id}': {error}") from error
         pixels_of(out, "colour", region)[...] = colour[region.inside(source.rect)]
+
+
+def _surfaces(source: Framelet) -> dict[str, Float32]:
+    """The framelet's albedo and normal; none where it has none, or they are blank: no sample brought any."""
+    if source.albedo is None or source.normal is None or not source.albedo.any():
+        return {}
+    return {"albedo": np.clip(source.albedo, np.float32(0.0), np.float32(1.0)), "normal": source.normal}

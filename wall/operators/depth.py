@@ -44,9 +44,9 @@ class Depth(Operator):
         return not any("alpha" in channels for channels in inputs)
 
     def gives(self, inputs: Sequence[Channels]) -> Channels:
-        """What all have. Alpha if any has, the others' is 1; then no times and variances: pixels are of several."""
+        """What all have. Alpha if any has, the others' is 1; then pixels are of several, and times are lost."""
         given = frozenset.intersection(*inputs)
-        return given if self.moves(inputs) else given - {"time", "variance"} | {"alpha"}
+        return given if self.moves(inputs) else given & frozenset(PICKED) | {"alpha"}
 
     def apply(self, inputs: Sequence[Framelet], out: Framelet, region: Rect, prepared: Any) -> None:
         """Write the nearest pixels of a region."""

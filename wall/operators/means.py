@@ -13,7 +13,7 @@ from wall.core.data import Channels, Float32, Framelet, Rect
 from wall.core.fields import Period
 from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.regions import WHOLE, bands, blank, corner_of, overlapping, pixels_of, values_for
+from wall.operators.regions import MIXED, WHOLE, bands, blank, corner_of, overlapping, pixels_of, values_for
 
 SMALLEST = np.float32(1e-15)  # variance: of a thousand inputs, the square of the sum of 1 / it is finite in float32
 
@@ -98,7 +98,7 @@ class WeightedInput:
 
 
 def write_mean(inputs: Sequence[WeightedInput], out: Framelet, band: Rect) -> None:
-    """Write the weighted means of one band: colour, alpha, and the variance of the mean.
+    """Write the weighted means of one band: colour, alpha, albedo, normal, and the variance of the mean.
 
     Depth, time and object are those of the heaviest input, the earlier of equals. Where no weight is above 0, the
     output is blank. Colours must be finite.
@@ -109,8 +109,8 @@ def write_mean(inputs: Sequence[WeightedInput], out: Framelet, band: Rect) -> No
     for each in inputs:
         here = each.rect.inside(band)
         before, total[here] = total[here].copy(), _add_to_means(each, "colour", out, total[here].copy())
-        if out.alpha is not None:
-            _add_to_means(each, "alpha", out, before)
+        for name in out.channels & MIXED - {"colour", "variance"}:
+            _add_to_means(each, name, out, before.copy())
         if out.variance is not None:
             squared = each.weight * each.weight
             there = pixels_of(each.framelet, "variance", each.rect)

@@ -14,7 +14,7 @@ from pydantic import Field
 from wall.core.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.regions import bands, blank, corner_of, overlapping, pixels_of, values_for
+from wall.operators.regions import bands, blank, copy_where, corner_of, overlapping, pixels_of, values_for
 
 
 class Over(Operator):
@@ -53,7 +53,7 @@ def _other_channels(framelet: Framelet, out: Framelet, rect: Rect) -> None:
     before, alpha = pixels_of(out, "alpha", rect), pixels_of(framelet, "alpha", rect)
     seen = (before == 0.0) & (alpha > 0.0)
     for name in out.channels - {"colour", "alpha", "variance"}:
-        np.copyto(pixels_of(out, name, rect), values_for(out, framelet, name, rect), where=seen)
+        copy_where(values_for(out, framelet, name, rect), pixels_of(out, name, rect), seen)
     if out.variance is not None:
         total, added = (pixels_of(f, "variance", rect) for f in (out, framelet))
         total[seen] = 0.0  # it was infinite: nothing

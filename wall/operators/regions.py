@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import BLANK, Channels, Framelet, Rect
 
-MIXED: Channels = frozenset({"colour", "alpha", "variance"})  # may be computed of several pixels
+MIXED: Channels = frozenset({"colour", "alpha", "variance", "albedo", "normal"})  # may be computed of several pixels
 WHOLE: Channels = frozenset({"depth", "time", "object_id"})  # not so: a mean of two surfaces would be of neither
 BAND_PIXELS = 1 << 15  # 512 kB of colour and depth: a band stays in a core's own cache while inputs are folded into it
 
@@ -58,6 +58,11 @@ def copy(source: Framelet, out: Framelet, rect: Rect, *, but: Channels = frozens
     """Copy the pixels of `rect`, inside both, in every channel that `out` has, except those of `but`."""
     for name in out.channels - but:
         pixels_of(out, name, rect)[...] = values_for(out, source, name, rect)
+
+
+def copy_where(values: NDArray[Any], out: NDArray[Any], where: NDArray[np.bool_]) -> None:
+    """Copy the pixels of a channel, of one or three numbers each, where the mask (h, w) says."""
+    np.copyto(out, values, where=where if out.ndim == where.ndim else where[..., None])
 
 
 def blank(out: Framelet, rect: Rect, where: NDArray[np.bool_] | None = None) -> None:

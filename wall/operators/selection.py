@@ -12,7 +12,7 @@ from pydantic import Field
 from wall.core.data import Channels, Framelet, Rect
 from wall.operators.base import Inputs, Operator
 from wall.operators.kernels import pixels as kernels
-from wall.operators.regions import bands, blank, corner_of, overlapping, pixels_of, time_shift, values_for
+from wall.operators.regions import bands, blank, copy_where, corner_of, overlapping, pixels_of, time_shift, values_for
 
 LOSES = np.float32(np.nan)  # a key that loses against any other
 
@@ -93,4 +93,4 @@ class _Selection:
     def _copy_others(self, framelet: Framelet, rect: Rect, where: NDArray[np.bool_]) -> None:
         """Copy the channels other than colour and key of the pixels that an input gives."""
         for name in self._out.channels - {"colour", self._key}:
-            np.copyto(pixels_of(self._out, name, rect), values_for(self._out, framelet, name, rect), where=where)
+            copy_where(values_for(self._out, framelet, name, rect), pixels_of(self._out, name, rect), where)

@@ -15,7 +15,7 @@ import lz4.block
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import CHANNELS, Camera, Channels, Event, Framelet, Rect
+from wall.core.data import CHANNELS, TRIPLES, Camera, Channels, Event, Framelet, Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.kernels import byte_planes as kernels_bytes
 
@@ -99,7 +99,8 @@ class FrameletPart:
 
 def bytes_a_pixel(channels: Channels, *, encoded: bool) -> int:
     """Bytes of a pixel's channels before compression."""
-    return (3 if encoded else 12) + 4 * len(channels - {"colour"})
+    rest = channels - {"colour"}
+    return (3 if encoded else 12) + 4 * len(rest - TRIPLES) + 12 * len(rest & TRIPLES)
 
 
 def bands(rect: Rect, channels: Channels, *, encoded: bool) -> list[Rect]:

@@ -85,6 +85,8 @@ def show_reprojected(
         kernels.channels_of_nearest(
             image.find_nearest(), pose.frame, pose.corner, covered, dirty, out.colour, out.alpha, depth, out.object_id
         )
+    if image.surfaces is not None and out.albedo is not None and out.normal is not None:
+        image.surfaces.write(out.albedo, out.normal)
     if out.time is not None:
         s = image.stored()
         kernels.newest_times(s.times, s.confidence, s.screen_position, s.in_use, s.epoch - out.time_origin, out.time)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -31,11 +30,12 @@ from wall.deepbuffer.pose import Pose, Posed
 from wall.deepbuffer.pose_tracker import PoseTracker
 from wall.deepbuffer.store import SampleStore
 from wall.geometry.panels import Panel
-from wall.reconstruction.kernels import fill as kernels_fill
 from wall.reconstruction.kernels import splat as kernels_splat
 from wall.reconstruction.kernels import visibility as kernels_visibility
 from wall.reconstruction.kernels.relight import relight
 from wall.reconstruction.lighting import Lighting
+from wall.reconstruction.pyramid import Pyramid
+from wall.reconstruction.surfaces import SurfaceImages
 from wall.scene.build import Scene
 from wall.scene.needs import needs
 
@@ -107,7 +107,8 @@ class Reconstruction:
         self._weight = np.zeros(self.buffer.store.capacity, np.float32)
         self.splat_sums: Float32 = np.zeros((height + 2, width + 2, 4), np.float32)
         self._part_sums = np.zeros_like(self.splat_sums)  # of the samples of some tiles
-        self._levels = [np.zeros((rows, columns, 4), np.float32) for rows, columns in pyramid_sizes(height, width)]
+        self._pyramid = Pyramid(height, width)
+        self.surfaces: SurfaceImages | None = None  # see describe_surfaces
         self.resolved: Float32 = np.zeros((height, width, 3), np.float32)  # splats alone
         kernels_splat.copy_tiles(self._part_sums, self.buffer.history.dirty, self.splat_sums)  # compiled now
         last = float(LONGEST_FILTERED if noisy else MEAN_ALONE)
@@ -139,7 +140,7 @@ class Reconstruction:
             self._splat(self.poses.moved(), due, seconds)
         if not self._with.accumulation or (self._lighting is not None and not self.nothing_moves):
             history.clear_accumulation()
-        if history.dirty.any() and self._lighting is not None:
+        if history.dirty.any() and self._lighting is not None and self.surfaces is None:
             self._lighting.mix(self.resolved, history, self.radiance)
         elif history.dirty.any():
             kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
@@ -179,9 +180,18 @@ class Reconstruction:
     @property
     def bytes(self) -> int:
         """Memory of all its arrays; it never grows."""
-        own = [*vars(self).values(), *self._levels]
-        more = self._lighting.bytes if self._lighting is not None else 0
+        own = [*vars(self).values(), *self._pyramid.levels]
+        more = sum(part.bytes for part in (self._lighting, self.surfaces) if part is not None)
         return self.buffer.bytes + more + sum(array.nbytes for array in own if isinstance(array, np.ndarray))
+
+    def describe_surfaces(self) -> None:
+        """Make images of albedos and normals from now on, where samples bring them: those of paths.
+
+        They are for a denoiser: at rest it gets the means of pixels' own samples, not the filtered image, whose noise
+        is no longer independent from pixel to pixel.
+        """
+        if self._lighting is not None and self.surfaces is None:
+            self.surfaces = SurfaceImages(self.rect.height, self.rect.width, self.buffer.store.capacity)
 
     def take_dirty(self) -> NDArray[np.bool_]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
@@ -254,7 +264,7 @@ class Reconstruction:
             buffer.give_back(count)
             kernels_splat.copy_tiles(self._part_sums, tiles, self.splat_sums)
         buffer.sort()
-        self._fill()
+        self._pyramid.resolve(self.splat_sums, self.resolved)
         buffer.history.dirty[with_neighbours(tiles)] = True
         return tiles
 
@@ -278,10 +288,12 @@ class Reconstruction:
         elif lighting is not None:
             lighting.show_new(store, count, self._weight)
         kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)
+        if self.surfaces is not None:
+            self.surfaces.splat(store, self._weight, count, tiles, self.pose.object_from_eye)
 
     def _in_parts(self) -> bool:
         """Whether tiles may be made anew alone: not while some have no sample, and are filled from afar."""
-        weight = self._levels[min(LEVEL_OF_TILES, len(self._levels) - 1)][..., 3]
+        weight = self._pyramid.levels[min(LEVEL_OF_TILES, len(self._pyramid.levels) - 1)][..., 3]
         return self._with.parts and self._lighting is None and bool((weight > 0.0).all())
 
     def _relight(self) -> NDArray[np.uint8]:
@@ -290,17 +302,6 @@ class Reconstruction:
         if self.poses.lit:
             relight(buffer.store, buffer.count, relit, self.pose.lights, self.pose.lights.sky)
         return relit
-
-    def _fill(self) -> None:
-        """Resolve the splat sums, and fill holes (push-pull)."""
-        kernels_fill.halve_splats(self.splat_sums, self._levels[0])
-        for fine, coarse in pairwise(self._levels):
-            kernels_fill.halve(fine, coarse)
-        filled = None
-        for level in reversed(self._levels):
-            kernels_fill.expand(level, filled)
-            filled = level
-        kernels_fill.resolve(self.splat_sums, self._levels[0], self.resolved)
 
 
 def with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -312,12 +313,3 @@ def with_neighbours(tiles: NDArray[np.bool_]) -> NDArray[np.bool_]:
     grown[1:] |= wide[:-1]
     grown[:-1] |= wide[1:]
     return grown
-
-
-def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:
-    """Rows and columns of a pyramid's levels: at least one, down to one pixel."""
-    sizes: list[tuple[int, int]] = []
-    while not sizes or width > 1 or height > 1:
-        height, width = -(-height // 2), -(-width // 2)
-        sizes.append((height, width))
-    return sizes

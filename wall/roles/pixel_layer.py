@@ -31,6 +31,9 @@ class PixelLayer:
         self._stops = stops
         if dirty.any():
             self.framelet.stamp(now)
+            for surfaces in (self.framelet.albedo, self.framelet.normal):
+                if surfaces is not None:
+                    surfaces[:] = 0.0  # of reprojected samples, which no longer show
             show_newest(self.buffer, dirty, self._transparent, self.framelet, stops=stops)
         return dirty
 

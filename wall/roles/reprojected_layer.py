@@ -95,6 +95,8 @@ class ReprojectedLayer:
         self.reconstruction, choice = make_reconstruction(self._wish, panel, eye, scene, samples_per_pixel=kept)
         why = Choice(on="cpu", why="the graph needs more of it than display bytes")
         self.choice = choice if self._display_bytes_only else why
+        if self._framelet.albedo is not None and isinstance(self.reconstruction, Reconstruction):
+            self.reconstruction.describe_surfaces()
         return self.reconstruction
 
     def _give_up(self, error: GpuError) -> None:

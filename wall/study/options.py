@@ -12,6 +12,7 @@ from wall.config.loading import nearest
 from wall.core.errors import ConfigError, RunError
 
 MOST_CORES = 1024.0
+MOST_COUNT = 1 << 20
 T = TypeVar("T")
 
 
@@ -70,3 +71,15 @@ def _cores(word: str) -> float:
     if not 0.0 < cores <= MOST_CORES:
         raise ValueError(word)
     return cores
+
+
+def counts_of(option: str, text: str) -> tuple[int, ...]:
+    """Whole numbers such as 1,4,16, from small to large. Raises ConfigError."""
+    return tuple(sorted(each(option, text, _count, f"whole numbers from 1 to {MOST_COUNT}")))
+
+
+def _count(word: str) -> int:
+    count = int(word)
+    if not 1 <= count <= MOST_COUNT:
+        raise ValueError(word)
+    return count

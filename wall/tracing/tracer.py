@@ -21,7 +21,7 @@ from wall.tracing import embree
 from wall.tracing.kernels import rows
 from wall.tracing.kernels import trace as kernels
 from wall.tracing.kernels.ambient import trace_ambient
-from wall.tracing.kernels.path import trace_paths
+from wall.tracing.kernels.path import count_samples, trace_paths
 from wall.tracing.kernels.placement import place_instances
 from wall.tracing.kernels.values import (
     COUNTS,
@@ -96,8 +96,7 @@ def path_room(count: int, depth: int) -> Paths:
         key=np.zeros(count, np.uint32),
         radiance=np.zeros((count, 3), np.float32),
         depth=depth,
-        number=np.uint32(0),
-        step=np.uint32(0),
+        number=np.zeros(count, np.uint32),
         seed=np.uint32(0),
     )
 
@@ -144,7 +143,8 @@ class Tracer:
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._occlusion = _occlusion(tracer_scene.scene.occlusion)
-        self._path_room, self._traced = path_room(0, 0), 0
+        self._path_room = path_room(0, 0)
+        self._counts = np.zeros((0, 0), np.uint32)  # samples of each pixel so far, where they are numbered here
         self.seed = 1  # of paths
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
 
@@ -224,8 +224,8 @@ class Tracer:
         """Samples at panel positions `xy` (n, 2) float32 under the newest event, times zero.
 
         footprint : pixels, edge of the square whose mean of a texture each sample shows; 0: the nearest texels alone
-        number : of the samples among those of their pixels, for the random numbers of paths; None: one that no other
-            sample of this tracer has
+        number : of the samples among those of their pixels, for the random numbers of paths; None: as many as this
+            tracer has numbered there
         depth : most surfaces of paths, if fewer than the scene's
 
         Non-finite radiance is dropped and counted in Traced.bad, so fewer than n samples may come back.
@@ -238,22 +238,27 @@ class Tracer:
         if self._depth is None:
             kept = kernels.trace(*arguments)
         elif self._occlusion is not None:
-            kept = trace_ambient(*arguments, self._paths(len(xy), number, depth), self._occlusion)
+            kept = trace_ambient(*arguments, self._paths(xy, number, depth), self._occlusion)
         else:
-            kept = trace_paths(*arguments, self._paths(len(xy), number, depth))
+            kept = trace_paths(*arguments, self._paths(xy, number, depth))
         primary, shadow, secondary, bad = (int(count) for count in work.counts)
         return samples[:kept], Traced(primary=primary, shadow=shadow, secondary=secondary, bad=bad)
 
-    def _paths(self, count: int, number: int | None, depth: int | None) -> Paths:
+    def _paths(self, xy: Float32, number: int | None, depth: int | None) -> Paths:
         """Room for so many paths, kept from batch to batch."""
+        count = len(xy)
         if len(self._path_room.sample) < count:
             self._path_room = path_room(count, 0)
-        step, number = (0, number) if number is not None else (1, self._traced)
-        self._traced += step * count
-        return self._path_room._replace(
-            number=np.uint32(number & NUMBERS), step=np.uint32(step), seed=np.uint32(self.seed & NUMBERS),
-            depth=min(self._depth or 0, depth or MOST_SURFACES),
-        )  # fmt: skip
+        room = self._path_room
+        if number is not None:
+            room.number[:count] = number & NUMBERS
+        else:
+            width, height = self._panel.pixels
+            if self._counts.shape != (height, width):
+                self._counts = np.zeros((height, width), np.uint32)
+            count_samples(xy, self._counts, room.number)
+        depth = min(self._depth or 0, depth or MOST_SURFACES)
+        return room._replace(seed=np.uint32(self.seed & NUMBERS), depth=depth)
 
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""

@@ -209,8 +209,8 @@ PIXELS = {
 CHANNELS = {
     "over without alpha": (
         nodes(*PANEL0, *PANEL1, "id: o, op: over, inputs: [p0, p1]", PNG + "o"),
-        "11:34: graph.nodes[4].inputs[0] = 'p0': over needs alpha, and p0 gives only colour, depth, time, object_id; "
-        "accepted: a framelet with colour, alpha; reconstruct has alpha with background: transparent",
+        "11:34: graph.nodes[4].inputs[0] = 'p0': over needs alpha, and p0 gives only colour, depth, time, object_id, "
+        "albedo, normal; accepted: a framelet with colour, alpha; reconstruct has alpha with background: transparent",
     ),
     "depth of a picture without one": (
         nodes(

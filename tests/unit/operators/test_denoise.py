@@ -41,3 +41,21 @@ def test_a_failure_of_the_library_names_the_node() -> None:
     source = Framelet.blank(rect(0, 0, 4, 4), frozenset())
     with pytest.raises(RunError, match=r"denoise 'it': .*out of memory"):
         DENOISE.apply([source], Framelet.blank(source.rect, frozenset()), source.rect, failing)
+
+
+def test_albedos_and_normals_keep_what_noise_would_hide(random_numbers: np.random.Generator) -> None:
+    """Stripes of albedo, two pixels wide, in light with noise of 100 %: by colour alone they are hardly seen."""
+    source = random_framelet(random_numbers, rect(0, 0, 96, 96), channels=frozenset({"albedo", "normal"}))
+    stripes = np.where(np.arange(96) // 2 % 2 == 0, 0.3, 0.6).astype(np.float32)
+    source.channel("albedo")[...], source.channel("normal")[...] = stripes[None, :, None], (0.0, 0.0, 1.0)
+    source.colour[...] = source.channel("albedo") * random_numbers.exponential(1.0, (96, 96, 1)).astype(np.float32)
+    alone = Framelet(rect=source.rect, colour=source.colour)
+    by_colour, informed = (applied(DENOISE, framelet).colour - stripes[None, :, None] for framelet in (alone, source))
+    assert np.sqrt((informed**2).mean()) < 0.5 * np.sqrt((by_colour**2).mean())
+
+
+def test_surfaces_that_no_sample_described_are_not_taken_for_black_ones(random_numbers: np.random.Generator) -> None:
+    source = random_framelet(random_numbers, rect(0, 0, 32, 32), channels=frozenset({"albedo", "normal"}))
+    source.channel("albedo")[...] = source.channel("normal")[...] = 0.0
+    alone = Framelet(rect=source.rect, colour=source.colour)
+    np.testing.assert_array_equal(applied(DENOISE, source).colour, applied(DENOISE, alone).colour)

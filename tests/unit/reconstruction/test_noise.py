@@ -13,9 +13,12 @@ from small_scenes import View, view
 
 from wall.core.data import Float32, Samples
 from wall.core.kernels.albedo import FLOOR, WHITE, pack_albedo, unpack_albedo
+from wall.deepbuffer.kernels.lights import unpack_normal
+from wall.deepbuffer.store import SampleStore
 from wall.reconstruction.kernels import edge_filter as filters
 from wall.reconstruction.kernels import light_change as changes
 from wall.reconstruction.kernels import light_field as fields
+from wall.reconstruction.kernels.surfaces import rows_of_surfaces
 from wall.reconstruction.lighting import Lighting
 from wall.reconstruction.reconstruction import Ingredients, Reconstruction
 from wall.scene.build import Scene, assemble
@@ -228,3 +231,53 @@ def test_light_that_changes_is_followed(room: tuple[Scene, Float32]) -> None:
                 squares.append(((shown.radiance - light * truth) ** 2).mean())
         errors[corrects] = math.sqrt(np.mean(squares))
     assert errors[True] < 0.6 * errors[False]
+
+
+# --- albedos and normals for a denoiser
+
+
+def test_normals_turn_with_their_objects(random_numbers: np.random.Generator) -> None:
+    """Against the transpose of a matrix that scales each axis otherwise; the sky has none."""
+    store, n = SampleStore.of(40, lit=False, noisy=True), 40
+    store.object_id[:] = random_numbers.integers(0, 3, n)
+    store.normal[:], store.albedo[:] = random_numbers.integers(0, 1 << 16, n), random_numbers.random((3, n))
+    table = random_numbers.normal(size=(3, 12)).astype(np.float32)
+    weight = random_numbers.choice(np.float32([0.0, 0.5]), n)
+    albedo, normal = np.full((2, n, 4), 7.0, np.float32)
+    rows_of_surfaces(store, weight, n, table, albedo, normal)
+    for k in range(n):
+        own = np.array(unpack_normal(store.normal[k])) @ table[store.object_id[k]].reshape(3, 4)[:, :3]
+        wanted = own / np.linalg.norm(own) if store.object_id[k] > 0 else np.zeros(3)
+        seen = bool(weight[k] > 0.0)
+        np.testing.assert_allclose(normal[k, :3], wanted if seen else 7.0, atol=1e-5)
+        np.testing.assert_array_equal(albedo[k, :3], store.albedo[:, k] if seen else 7.0)
+
+
+def test_images_of_albedos_and_normals_are_means_of_samples(room: tuple[Scene, Float32]) -> None:
+    """Where pixels show one surface; the image that a denoiser takes is then the mean of each pixel's own samples."""
+    scene, _ = room
+    plain, described = (Reconstruction(ROOM.panel, ROOM.eye, scene, detects_change=False) for _ in range(2))
+    described.describe_surfaces()
+    assert plain.bytes < described.bytes
+    for image in (plain, described, plain, described):
+        image.refresh(ROOM.event, 99.0)  # at rest
+    batches, now = rays(scene, ROOM, 5), 100.0
+    for samples in batches:
+        now += 0.2
+        for image in (plain, described):
+            image.insert(samples, now, ROOM.event)
+            image.refresh(ROOM.event, now)
+    assert plain.surfaces is None
+    assert described.surfaces is not None
+    albedo, normal = np.zeros((2, 32, 32, 3), np.float32)
+    described.surfaces.write(albedo, normal)
+    x, y = batches[0]["xy"].astype(int).T
+    codes = np.zeros((32, 32), np.uint32)
+    codes[y, x] = batches[0]["albedo"]
+    np.testing.assert_allclose(albedo, [[unpack_albedo(code) for code in row] for row in codes], atol=1e-5)
+    back, floor = albedo[10, 10], albedo[29, 16]
+    np.testing.assert_allclose(normal[10, 10], (0.0, 0.0, -1.0), atol=0.01)
+    np.testing.assert_allclose(normal[29, 16], (0.0, 1.0, 0.0), atol=0.01)
+    assert back == pytest.approx(floor)  # both are white
+    np.testing.assert_allclose(described.radiance, mean_of(batches), atol=1e-4)
+    assert np.abs(plain.radiance - mean_of(batches)).max() > 0.01  # filtered

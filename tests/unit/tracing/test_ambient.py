@@ -137,6 +137,20 @@ def test_a_sample_is_the_same_whatever_is_traced_beside_it() -> None:
     np.testing.assert_array_equal(traced(forwards)[some], traced(some))
 
 
+def test_samples_without_a_number_continue_those_of_their_pixels() -> None:
+    """In whatever order and batches they come: so the k-th sample of a pixel is the k-th point of its sequence."""
+    scene = occluded([FLOOR, disc(0.5)], [instance(0), instance(1, at=(0.0, 0.0, 1.0))])
+    numbered, counting, xy = tracer_of(scene, FROM_THE_SIDE), tracer_of(scene, FROM_THE_SIDE), positions()
+    third = np.arange(len(xy)) % 3 == 0
+    first = counting.trace(np.concatenate([xy, xy[third]]), 0.0)[0].copy()
+    second = counting.trace(xy[::-1], 0.0)[0][::-1].copy()
+    wanted = [numbered.trace(xy, 0.0, number)[0].copy() for number in range(3)]
+    np.testing.assert_array_equal(first[: len(xy)], wanted[0])
+    np.testing.assert_array_equal(first[len(xy) :], wanted[1][third])
+    np.testing.assert_array_equal(second, np.where(third, wanted[2], wanted[1]))
+    assert not np.array_equal(wanted[0]["radiance"], wanted[1]["radiance"])
+
+
 def test_a_sample_costs_two_rays_and_brings_albedo_and_normal() -> None:
     samples, cost = tracer_of(occluded([FLOOR], colors=True)).trace(positions(), 0.0, 0)
     assert (cost.primary, cost.shadow, cost.secondary) == (EDGE * EDGE, EDGE * EDGE, 0)

@@ -13,7 +13,7 @@ from wall.deepbuffer.kernels.change import TRUSTED
 from wall.deepbuffer.kernels.columns import COUNT
 from wall.reconstruction.gpu.device import OBJECT_WORDS, Device, GpuError
 from wall.reconstruction.gpu.store import GpuStore, reserve
-from wall.reconstruction.reconstruction import pyramid_sizes
+from wall.reconstruction.pyramid import pyramid_sizes
 
 CHANNELS = 4
 PIXELS_A_DISPLAY_ITEM = 4  # twelve codes, three words

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
@@ -27,8 +25,7 @@ def open_lens(lens, first, count, paths, work):
         p = work.packet
         for lane in range(16):
             k = first + min(lane, count - 1)
-            number = paths.number + paths.step * np.uint32(k)
-            u, v = random_pair(paths.key[k], number, LENS_PAIR)
+            u, v = random_pair(paths.key[k], paths.number[k], LENS_PAIR)
             size, turn = math.sqrt(u), TWO_PI * v
             a, b = size * math.cos(turn), size * math.sin(turn)
             ox, oy = a * lens[0, 0] + b * lens[1, 0], a * lens[0, 1] + b * lens[1, 1]

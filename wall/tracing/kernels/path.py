@@ -105,6 +105,18 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
     return finish_samples(xy.shape[0], samples, work, paths)
 
 
+@kernel
+def count_samples(xy, counts, number):
+    """Number samples among those of their pixels: each takes the count of its pixel and adds one to it.
+
+    xy : (n, 2) float32, panel pixels; counts : (h, w) uint32, updated; number : (n,) uint32 or more, written
+    """
+    for k in range(xy.shape[0]):
+        i, j = min(max(int(xy[k, 1]), 0), counts.shape[0] - 1), min(max(int(xy[k, 0]), 0), counts.shape[1] - 1)
+        number[k] = counts[i, j]
+        counts[i, j] += np.uint32(1)
+
+
 @inline_kernel
 def start_paths(camera, xy, materials, work, paths):
     """Writes the primary rays of all positions; returns their number."""
@@ -142,7 +154,7 @@ def load_rays(first, count, bounce, work, paths):
         set_xyz(p, rows.THROUGHPUT_R, lane, rays[k, 6], rays[k, 7], rays[k, 8])
         p[rows.DENSITY + lane] = rays[k, 9]
         bits[rows.KEY + lane] = paths.key[k]
-        number = paths.number + paths.step * np.uint32(paths.sample[k])
+        number = paths.number[paths.sample[k]]
         bits[rows.NUMBER + lane], bits[embree.RAY_ID + lane] = number, number
         p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane] = rays[k, 10], rays[k, 11]
         p[embree.T_FAR + lane] = INF

@@ -128,8 +128,7 @@ class Paths(NamedTuple):
     key: NDArray[np.uint32]  # (n,) of its pixel, for random numbers
     radiance: Float32  # (n, 3) of each sample
     depth: int  # most surfaces that scatter one path
-    number: np.uint32  # of the first sample among those of its pixel
-    step: np.uint32  # from a sample's number to the next one's; 0: each is another pixel's
+    number: NDArray[np.uint32]  # (n,) of each sample among those of its pixel
     seed: np.uint32
 
 

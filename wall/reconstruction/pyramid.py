@@ -1,0 +1,40 @@
+"""Resolve splat sums to an image without holes: a pyramid of ever coarser sums, kept from image to image."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from wall.core.data import Float32
+from wall.reconstruction.kernels import fill as kernels
+
+
+class Pyramid:
+    """The levels of one image size; `levels[k]` holds pixels of 2^(k + 1) on an edge, radiance and weight."""
+
+    def __init__(self, height: int, width: int) -> None:
+        self.levels: list[Float32] = [np.zeros((*size, 4), np.float32) for size in pyramid_sizes(height, width)]
+
+    def resolve(self, sums: Float32, resolved: Float32) -> None:
+        """Write means, and fill holes (push-pull).
+
+        sums : (h + 2, w + 2, 4) float32, see kernels.splat; resolved : (h, w, 3) float32, written
+        """
+        kernels.halve_splats(sums, self.levels[0])
+        for fine, coarse in pairwise(self.levels):
+            kernels.halve(fine, coarse)
+        filled = None
+        for level in reversed(self.levels):
+            kernels.expand(level, filled)
+            filled = level
+        kernels.resolve(sums, self.levels[0], resolved)
+
+
+def pyramid_sizes(height: int, width: int) -> list[tuple[int, int]]:
+    """Rows and columns of a pyramid's levels: at least one, down to one pixel."""
+    sizes: list[tuple[int, int]] = []
+    while not sizes or width > 1 or height > 1:
+        height, width = -(-height // 2), -(-width // 2)
+        sizes.append((height, width))
+    return sizes
