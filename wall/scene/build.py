@@ -330,7 +330,10 @@ def assemble(source: Source) -> Scene:
 
 def _order(lights: Sequence[Light], rows: Sequence[Light]) -> tuple[int, ...]:
     """Of each light in the order in which they are named: its row; -1 for lights with an area, which are objects."""
-    return tuple(next((row for row, body in enumerate(rows) if body is light), -1) for light in lights)
+    numbers = {
+        id(body): row for row, body in reversed(list(enumerate(rows)))
+    }  # the first of a light that is there twice
+    return tuple(numbers.get(id(light), -1) for light in lights)
 
 
 def _about_zero(instance: Instance, mesh: Mesh) -> Instance:

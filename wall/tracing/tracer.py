@@ -37,6 +37,7 @@ from wall.tracing.kernels.values import (
     Surfaces,
     Workspace,
 )
+from wall.tracing.light_trees import DeltaLights, EmitterTree
 from wall.tracing.tracer_scene import TracerScene, sky_rows
 
 MOST_SURFACES = 1 << 16  # of a path: no limit
@@ -88,13 +89,14 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT) -> Workspace:
     )
 
 
-def path_room(count: int, depth: int) -> Paths:
-    """Room for so many paths of so many surfaces."""
+def path_room(count: int, depth: int, *, normals: bool = False) -> Paths:
+    """Room for so many paths of so many surfaces; `normals`: a tree chooses among surfaces that emit."""
     return Paths(
         rays=np.zeros((count, 12), np.float32),
         sample=np.zeros(count, np.int64),
         key=np.zeros(count, np.uint32),
         radiance=np.zeros((count, 3), np.float32),
+        normals=np.zeros((count, 3), np.float32) if normals else None,
         depth=depth,
         number=np.zeros(count, np.uint32),
         seed=np.uint32(0),
@@ -131,19 +133,28 @@ class Tracer:
             directional=None,
             points=None,
             spots=None,
+            many_points=None,
+            many_spots=None,
             suns=None,
             emitters=tracer_scene.emitters,
             environment=tracer_scene.environment,
             sky=tracer_scene.sky,
             sky_irradiance=tracer_scene.sky_irradiance,
         )
+        center, emitters = tracer_scene.scene.center, tracer_scene.emitters
+        self._points = DeltaLights("point_lights", tracer_scene.point_tree, center)
+        self._spots = DeltaLights("spot_lights", tracer_scene.spot_tree, center)
+        self._emitter_tree: EmitterTree | None = None
+        if emitters is not None and emitters.tree is not None:
+            self._emitter_tree = EmitterTree(emitters, self._surfaces, tracer_scene.both_sides, center)
+            self._lights = self._lights._replace(emitters=self._emitter_tree.emitters)
         self._materials = tracer_scene.materials
         self._shading: Shading | None = None  # as last placed
         self._depth = tracer_scene.scene.path_depth
         self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._occlusion = _occlusion(tracer_scene.scene.occlusion)
-        self._path_room = path_room(0, 0)
+        self._path_room = path_room(0, 0, normals=self._emitter_tree is not None)
         self._counts = np.zeros((0, 0), np.uint32)  # samples of each pixel so far, where they are numbered here
         self.seed = 1  # of paths
         self.singular = 0  # instances whose placement cannot be inverted, at the newest event
@@ -177,15 +188,12 @@ class Tracer:
             tracer_scene.extents,
             OFFSET_ULPS,
         )
+        if self._emitter_tree is not None:
+            self._emitter_tree.place(moment.world_from_object, origin)
         shading = moment.shading
-        if shading.point_lights:
-            relative = moment.point_positions - origin
-            points = _light_rows(relative, [light.intensity for light in shading.point_lights])
-            self._lights = self._lights._replace(points=points)
-        if shading.spot_lights:
-            spots = _light_rows(moment.spot_positions - origin, [light.intensity for light in shading.spot_lights])
-            cones = np.array([(*light.direction, *light.falloff) for light in shading.spot_lights], np.float32)
-            self._lights = self._lights._replace(spots=np.hstack([spots, cones]))
+        points, many_points = self._points.place(moment.point_positions, shading, origin)
+        spots, many_spots = self._spots.place(moment.spot_positions, shading, origin)
+        self._lights = self._lights._replace(points=points, spots=spots, many_points=many_points, many_spots=many_spots)
         if shading.directional_lights:
             directional = _light_rows(moment.directions, [light.irradiance for light in shading.directional_lights])
             self._lights = self._lights._replace(directional=directional)
@@ -248,7 +256,7 @@ class Tracer:
         """Room for so many paths, kept from batch to batch."""
         count = len(xy)
         if len(self._path_room.sample) < count:
-            self._path_room = path_room(count, 0)
+            self._path_room = path_room(count, 0, normals=self._emitter_tree is not None)
         room = self._path_room
         if number is not None:
             room.number[:count] = number & NUMBERS

@@ -5,6 +5,7 @@ One copy serves all threads of a rank. Vertices and triangles are shared with Em
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from wall.core.colour import LUMINANCE, srgb_decoded, srgb_encoded
 from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
-from wall.scene.model import Material, Mesh, Shading, Sky
+from wall.scene.model import Material, Mesh, PointLight, Shading, Sky, SpotLight
 from wall.scene.needs import Needs, needs
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle, Passing
@@ -26,15 +27,20 @@ from wall.tracing.kernels.values import (
     HAS_NORMALS,
     HAS_UVS,
     MATERIAL,
+    MATERIAL_ROW,
     MIRROR,
     PLACEMENT_COLUMNS,
     REPEAT,
     Emitters,
     Environment,
+    LightTree,
     Materials,
     Surfaces,
 )
+from wall.tracing.light_trees import emitter_tree, make_tree
 
+LEAST_EMITTERS = 64  # triangles that a tree chooses from; fewer are chosen by power alone, docs/lab/light.md
+LEAST_POINTS, LEAST_SPOTS = 32, 128  # lights that a tree chooses from on paths; fewer are all looked at
 DARKEST_MEAN = 1e-3  # of a texture: a dark one is still aimed at where it shines
 OF_TEXTURES = {"first_texel", "texture_width", "texture_height", "wrap_u", "wrap_v", "uv_set"}
 WRAPS = {"repeat": REPEAT, "clamp": CLAMP, "mirror": MIRROR}
@@ -52,9 +58,17 @@ class TracerScene:
     surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
     materials: Materials
     emitters: Emitters | None
+    point_tree: LightTree | None  # over point lights at rest, and over spots; None: they are few, or light is direct
+    spot_tree: LightTree | None
     environment: Environment | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
+
+    @property
+    def both_sides(self) -> NDArray[np.bool_]:
+        """(n,) bool, whether each instance emits from behind as well."""
+        found: NDArray[np.bool_] = self.materials.rows["emits_behind"][self.surfaces.mesh_table[:, MATERIAL_ROW]] > 0.0
+        return found
 
     def materials_of(self, shading: Shading) -> Materials:
         """What surfaces look like under a shading of the scene: new rows for materials that were edited."""
@@ -69,13 +83,18 @@ class TracerScene:
     @property
     def bytes(self) -> int:
         """Memory of the arrays kept here (Embree's own trees come on top)."""
-        lights = *(self.emitters or ()), *(self.environment or ()), self.sky, self.sky_irradiance
+        trees = self.emitters.tree if self.emitters else None, self.point_tree, self.spot_tree
+        of_trees = [array for tree in trees if tree is not None for array in tree]
+        lights = *(self.emitters or ()), *of_trees, *(self.environment or ()), self.sky, self.sky_irradiance
         arrays = self.extents, *self.surfaces, *self.materials, *lights
         return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
 
 
-def make_tracer_scene(scene: Scene) -> TracerScene:
-    """Lays a scene out for tracing and builds its Embree meshes; only features that it needs get arrays."""
+def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
+    """Lays a scene out for tracing and builds its Embree meshes; only features that it needs get arrays.
+
+    trees : whether trees choose among many lights; without, as few lights are treated, to compare with
+    """
     wanted = needs(scene)
     vertex_counts = [len(mesh.vertices) for mesh in scene.meshes]
     vertices = np.zeros((sum(vertex_counts) + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
@@ -90,25 +109,28 @@ def make_tracer_scene(scene: Scene) -> TracerScene:
         handles.append(device.mesh(*own, _transparency(scene, mesh, own[1])))
     radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in scene.meshes]
     of_instance = np.array([instance.mesh for instance in scene.instances], np.uint32)
+    surfaces = Surfaces(
+        triangles=triangles,
+        mesh_table=table[of_instance],
+        placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
+        normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
+        colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
+        uvs=_attribute(scene.meshes, "uvs", _uv_columns(scene, wanted)) if wanted.textures else None,
+        vertices=vertices if wanted.textures or wanted.emitters else None,
+        eye_from_object=np.zeros((0, 12), np.float32),
+        relit=True if wanted.relighting else None,
+    )
     return TracerScene(
         scene=scene,
         needs=wanted,
         device=device,
         meshes=tuple(handles[k] for k in of_instance),
         extents=np.array(radii, np.float64)[of_instance],
-        surfaces=Surfaces(
-            triangles=triangles,
-            mesh_table=table[of_instance],
-            placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
-            normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
-            colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
-            uvs=_attribute(scene.meshes, "uvs", _uv_columns(scene, wanted)) if wanted.textures else None,
-            vertices=vertices if wanted.textures or wanted.emitters else None,
-            eye_from_object=np.zeros((0, 12), np.float32),
-            relit=True if wanted.relighting else None,
-        ),
+        surfaces=surfaces,
         materials=_materials(scene, wanted),
-        emitters=_emitters(scene) if wanted.emitters else None,
+        emitters=_emitters(scene, surfaces if trees else None) if wanted.emitters else None,
+        point_tree=_point_tree(scene, scene.point_lights if trees else (), LEAST_POINTS),
+        spot_tree=_point_tree(scene, scene.spot_lights if trees else (), LEAST_SPOTS),
         environment=None
         if scene.environment is None
         else environment_tables(scene.environment, paths=scene.path_depth is not None),
@@ -210,8 +232,8 @@ def _write(row: Any, material: Material) -> None:
         row[name] = getattr(material, name)
 
 
-def _emitters(scene: Scene) -> Emitters:
-    """Every triangle that emits, by its power at rest."""
+def _emitters(scene: Scene, surfaces: Surfaces | None) -> Emitters:
+    """Every triangle that emits, by its power at rest, and a tree of them where they are many; None: without it."""
     first, instances, powers, count = np.full(len(scene.instances), -1, np.int64), [], [], 0
     for k, instance in enumerate(scene.instances):
         mesh = scene.meshes[instance.mesh]
@@ -225,7 +247,17 @@ def _emitters(scene: Scene) -> Emitters:
         powers.append(areas * (emission * _mean_light(scene, mesh) @ LUMINANCE))
     power = np.concatenate(powers)
     chance = (power / power.sum()).astype(np.float32)
-    return Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64))
+    emitters = Emitters(first, np.concatenate(instances), chance, np.cumsum(chance, dtype=np.float64), None)
+    if surfaces is None or count < LEAST_EMITTERS:
+        return emitters
+    return emitters._replace(tree=emitter_tree(emitters, surfaces, scene.rest))
+
+
+def _point_tree(scene: Scene, lights: Sequence[PointLight | SpotLight], least: int) -> LightTree | None:
+    """A tree over lights at rest where paths meet at least so many; None elsewhere."""
+    if scene.path_depth is None or scene.occlusion is not None or len(lights) < least:
+        return None
+    return make_tree(np.array([light.position for light in lights], np.float64))
 
 
 def _mean_light(scene: Scene, mesh: Mesh) -> Float64:

@@ -14,6 +14,7 @@ from wall.study.speed import (
     adaptive_cost,
     compositing,
     compositor_tree,
+    many_lights,
     mitsuba_peer,
     reconstruction,
     runs,
@@ -39,6 +40,9 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("adaptive_overhead", "adaptive_rate"), lambda rounds, seconds: adaptive_cost.rank_side(rounds)),
     *(((name,), partial(_display_side, name)) for name in adaptive_cost.PANELS),
     (("trace_framed", "trace_hilbert"), lambda rounds, seconds: tracing.measure(rounds)),
+    (("many_lamps", "many_points"), lambda rounds, seconds: many_lights.costs(rounds)),
+    (("lamps_noise",), lambda rounds, seconds: many_lights.noise()),
+    (("light_tree", "light_tree_move"), lambda rounds, seconds: many_lights.upkeep(rounds)),
     (("mitsuba_llvm",), lambda rounds, seconds: mitsuba_peer.measure(rounds)),
     (("compositor_tree",), lambda rounds, seconds: compositor_tree.measure(rounds)),
     (("depth_tree",), lambda rounds, seconds: compositing.depth_tree(rounds)),
@@ -51,7 +55,8 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
     (("gpu_refresh",), lambda rounds, seconds: reconstruction.measure(rounds)),  # last: OpenGL and forks do not mix
 )
 METRICS = (
-    "trace_framed", "trace_hilbert", "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
+    "trace_framed", "trace_hilbert", "many_lamps", "many_points", "lamps_noise", "light_tree", "light_tree_move",
+    "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
     "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end",
     "depth_copy", "depth_covered", "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",

@@ -13,14 +13,12 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
+from wall.tracing.kernels.aiming import add_light, add_unshadowed, draw_light_numbers
 from wall.tracing.kernels.bsdf import start_off_surface
 from wall.tracing.kernels.ggx import by_cosine, frame_of, in_world
 from wall.tracing.kernels.lens import keep_distances
 from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
 from wall.tracing.kernels.path import (
-    add_light,
-    add_unshadowed,
-    draw_light_numbers,
     finish_samples,
     load_rays,
     record_first,

@@ -1,4 +1,5 @@
-"""Surfaces that emit, as light sources: triangles chosen in proportion to their power, points spread evenly on them."""
+"""Surfaces that emit, as light sources: triangles chosen in proportion to their power, or by a tree of what they bring
+to a point, and points spread evenly on them."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
+from wall.tracing.kernels.light_tree import chance_of_light, choose_light
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at, uv_column
 from wall.tracing.kernels.values import EMISSION, FIRST_TRIANGLE, FIRST_VERTEX, MATERIAL_ROW, MESH_FLAGS, ONE, ZERO
@@ -56,13 +58,36 @@ def determinant_of(m):
 
 
 @inline_kernel
+def choose_emitter(tree, emitters, lane, p):
+    """The row of a triangle chosen for a lane with the random number LIGHT_NUMBER, and its chance, which may be 0."""
+    pick = p[rows.LIGHT_NUMBER + lane]
+    if tree is not None:
+        point, normal = xyz(p, rows.POSITION_X, lane), xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        return choose_light(tree, pick, point, normal, p)
+    row = min(np.searchsorted(emitters.cumulated, pick, side="right"), len(emitters.chance) - 1)
+    return row, emitters.chance[row]
+
+
+@inline_kernel
+def chance_of_emitter(normals, emitters, row, k, lane, p):
+    """The chance with which choose_emitter finds a row where ray k of a lane starts.
+
+    normals : Paths.normals
+    """
+    if normals is not None:
+        point, normal = xyz(p, embree.ORIGIN_X, lane), (normals[k, 0], normals[k, 1], normals[k, 2])
+        return chance_of_light(emitters.tree, row, point, normal, p)
+    return emitters.chance[row]
+
+
+@inline_kernel
 def way_to_emitter(emitters, surfaces, materials, lane, work):
     """A point on an emitting triangle: the way to it from a lane's hit, its emission, RGB, the direction's density, 0
     where the point is seen from its edge, and where along the way its shadow ray ends.
     """
     p = work.packet
-    pick, u, v = p[rows.LIGHT_NUMBER + lane], p[rows.POINT_U + lane], p[rows.POINT_V + lane]
-    row = min(np.searchsorted(emitters.cumulated, pick, side="right"), len(emitters.chance) - 1)
+    u, v = p[rows.POINT_U + lane], p[rows.POINT_V + lane]
+    row, chance = choose_emitter(emitters.tree, emitters, lane, p)
     instance = emitters.instance[row]
     corners = corners_of_triangle(surfaces, instance, np.uint32(row - emitters.first[instance]))
     a, e, f, normal = spanned(surfaces, instance, corners)
@@ -75,7 +100,7 @@ def way_to_emitter(emitters, surfaces, materials, lane, work):
     facing = -HALF * (normal[0] * dx + normal[1] * dy + normal[2] * dz)  # area times cosine times distance
     facing = facing if determinant_of(surfaces.eye_from_object[instance]) > ZERO else -facing  # mirrored: corners turn
     facing = abs(facing) if material["emits_behind"] > ZERO else facing
-    density = emitters.chance[row] * square * math.sqrt(square) / facing if facing > ZERO else ZERO
+    density = chance * square * math.sqrt(square) / facing if facing > ZERO else ZERO
     emission = emission_at(materials.emission_textures, surfaces, materials, instance, corners, s, t)
     return (dx, dy, dz), emission, density, NEARLY
 
@@ -104,8 +129,11 @@ def emission_at(used, surfaces, materials, instance, corners, s, t):
 
 
 @inline_kernel
-def density_of_emitter(emitters, surfaces, lane, work):
-    """Density with which way_to_emitter, from the ray's start, finds the direction of a ray that hit an emitter."""
+def density_of_emitter(emitters, normals, surfaces, k, lane, work):
+    """Density with which way_to_emitter, from the start of ray k, finds the direction of the ray, that hit an emitter.
+
+    normals : Paths.normals
+    """
     p, bits = work.packet, work.bits
     instance, primitive = bits[embree.INSTANCE + lane], bits[embree.PRIMITIVE + lane]
     first = emitters.first[instance]
@@ -115,4 +143,6 @@ def density_of_emitter(emitters, surfaces, lane, work):
     dx, dy, dz = xyz(p, embree.DIRECTION_X, lane)
     facing = HALF * abs(normal[0] * dx + normal[1] * dy + normal[2] * dz)
     way = p[embree.T_FAR + lane]
-    return emitters.chance[first + np.int64(primitive)] * way * way / facing if facing > ZERO else ZERO
+    if not facing > ZERO:
+        return ZERO
+    return chance_of_emitter(normals, emitters, first + np.int64(primitive), k, lane, p) * way * way / facing

@@ -17,18 +17,18 @@ from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.albedo import WHITE, pack_albedo
 from wall.core.kernels.hashing import hash_uint32
 from wall.tracing import embree
-from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
-from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK, start_off_surface
+from wall.tracing.kernels.aiming import add_aimed, add_light
+from wall.tracing.kernels.bsdf import EVERY_OBJECT_MASK
 from wall.tracing.kernels.camera import make_rays
-from wall.tracing.kernels.emitters import density_of_emitter, way_to_emitter
-from wall.tracing.kernels.environment import density_of_environment, way_to_environment
+from wall.tracing.kernels.emitters import density_of_emitter
+from wall.tracing.kernels.environment import density_of_environment
 from wall.tracing.kernels.glass import absorb
 from wall.tracing.kernels.lens import keep_distances, open_lens
-from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, see_sky
+from wall.tracing.kernels.lights import see_sky
 from wall.tracing.kernels.random_numbers import random_pair
-from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
-from wall.tracing.kernels.scatter import lit_by, scatter
+from wall.tracing.kernels.rows import set_xyz, xyz
+from wall.tracing.kernels.scatter import scatter
 from wall.tracing.kernels.surface import (
     colour_by_vertices,
     finish_surfaces,
@@ -46,16 +46,12 @@ from wall.tracing.kernels.values import (
     ONE,
     PRIMARY_RAYS,
     SECONDARY_RAYS,
-    SHADOW_RAYS,
     ZERO,
 )
-from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot, way_to_sun
 
 ROULETTE_FROM = 3  # bounces
 LONGEST_ROULETTE = np.float32(0.95)  # highest chance to go on
 PAIRS = 4  # of random numbers a bounce: rows from CHOICE_NUMBER on
-ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16  # pairs of bounce 0, beyond those of all bounces
-PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
 
 
 @kernel
@@ -85,17 +81,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             add_seen(first, count, bounce, materials.emits, lights, surfaces, materials, samples, work, paths)
             if bounce < paths.depth:
                 draw_numbers(bounce, work)
-                add_deltas(
-                    lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths
-                )
-                add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
-                add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
-                add_suns(first, count, bounce, lights.suns, scene, surfaces, materials, work, paths)
-                draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
-                add_chosen(
-                    lights.environment, way_to_environment, first, count, scene, surfaces, materials, work, paths
-                )
-                add_chosen(lights.emitters, way_to_emitter, first, count, scene, surfaces, materials, work, paths)
+                add_aimed(first, count, bounce, lights, scene, surfaces, materials, work, paths)
                 widen_footprints(materials.texels, work)
                 going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
         alive = going
@@ -177,20 +163,6 @@ def draw_numbers(bounce, work):
 
 
 @inline_kernel
-def draw_light_numbers(light, pair, bounce, work):
-    """Draws the random numbers of a light that not every scene has, for all lanes; None does nothing.
-
-    pair : int, the light's pair of numbers at bounce 0; those of the next bounces follow
-    """
-    if light is not None:
-        p, bits = work.packet, work.bits
-        for lane in range(16):
-            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], pair + bounce)
-            p[rows.LIGHT_U + lane] = u
-            p[rows.LIGHT_V + lane] = v
-
-
-@inline_kernel
 def record_first(xy, first, count, samples, work):
     """Writes what samples keep of the first surface; the albedo's sum goes where the irradiance will be."""
     p, bits = work.packet, work.bits
@@ -204,15 +176,6 @@ def record_first(xy, first, count, samples, work):
         sample["change"] = ZERO
         sample["albedo"] = WHITE if missed else pack_albedo(r, g, b)
         write_normal(sample, lane, work)
-
-
-@inline_kernel
-def add_light(k, r, g, b, paths):
-    """Adds radiance to path k's sample."""
-    radiance, sample = paths.radiance, paths.sample[k]
-    radiance[sample, 0] += r
-    radiance[sample, 1] += g
-    radiance[sample, 2] += b
 
 
 @inline_kernel
@@ -233,7 +196,7 @@ def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, 
             if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
                 if bounce == 0:
                     samples[first + lane]["albedo"] = WHITE
-                weight = weight_of_seen(lights.emitters, surfaces, lane, work)
+                weight = weight_of_seen(lights.emitters, surfaces, first + lane, lane, work, paths)
                 r, g, b = weight * r, weight * g, weight * b
                 add_light(first + lane, r * emission[0], g * emission[1], b * emission[2], paths)
 
@@ -249,99 +212,14 @@ def weight_of_sky(environment, lane, work):
 
 
 @inline_kernel
-def weight_of_seen(emitters, surfaces, lane, work):
-    """The share of an emitter's light that counts where a ray found it; the rest counts where it is aimed at."""
+def weight_of_seen(emitters, surfaces, k, lane, work, paths):
+    """The share of an emitter's light that counts where ray k found it; the rest counts where it is aimed at."""
     if emitters is None:
         return ONE
     density = work.packet[rows.DENSITY + lane]
-    return density / (density + density_of_emitter(emitters, surfaces, lane, work)) if density > ZERO else ONE
-
-
-@inline_kernel
-def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, paths):
-    """Adds the light of each of `lights` (n, 6 or more), shadow rays only for lanes that face it; None does nothing.
-
-    way_to : a function of ways.py
-    """
-    if lights is not None:
-        for k in range(lights.shape[0]):
-            light, aimed = lights[k], 0
-            for lane in range(16):
-                work.shadow_valid[lane] = 0
-                if lane < count and work.packet[rows.HIT + lane] != ZERO:
-                    dx, dy, dz, scale, share, far = way_to(light, lane, work)
-                    if not share > ZERO:
-                        continue
-                    r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
-                    light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
-                    aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
-            add_unshadowed(first, aimed, scene, work, paths)
-
-
-@inline_kernel
-def add_suns(first, count, bounce, suns, scene, surfaces, materials, work, paths):
-    """Adds the light of one direction of each of `suns` (n, 7), chosen at random; None does nothing."""
-    if suns is not None:
-        for k in range(suns.shape[0]):
-            draw_light_numbers(suns, SUN_PAIR + PAIRS_APART * k, bounce, work)
-            add_deltas(suns[k : k + 1], way_to_sun, first, count, scene, surfaces, materials, work, paths)
-
-
-@inline_kernel
-def aim(dx, dy, dz, far, light, lane, work):
-    """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add."""
-    p = work.packet
-    if not light[0] + light[1] + light[2] > ZERO:
-        return 0
-    start_off_surface(p, SHADOW_ORIGIN, lane)
-    if far < INF:  # towards a point: the way is from the hit, the ray starts off the surface
-        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
-        offset = p[rows.RAY_OFFSET + lane]
-        dx, dy, dz = dx - offset * gx, dy - offset * gy, dz - offset * gz
-    set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
-    p[SHADOW_T_FAR + lane] = far
-    r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
-    set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
-    work.shadow_valid[lane] = -1
-    return 1
-
-
-@inline_kernel
-def add_chosen(lights, way_to, first, count, scene, surfaces, materials, work, paths):
-    """Adds the light from one direction to `lights`, chosen at random; None does nothing.
-
-    way_to : way_to_environment or way_to_emitter
-    """
-    if lights is not None:
-        aimed = 0
-        for lane in range(16):
-            work.shadow_valid[lane] = 0
-            if lane >= count or work.packet[rows.HIT + lane] == ZERO:
-                continue
-            (dx, dy, dz), radiance, density, far = way_to(lights, surfaces, materials, lane, work)
-            if not density > ZERO:
-                continue
-            scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz) if far < INF else ONE
-            r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
-            weight = ONE / (density + own)  # of aiming, over its density
-            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
-            aimed += aim(dx, dy, dz, far, light, lane, work)
-        add_unshadowed(first, aimed, scene, work, paths)
-
-
-@inline_kernel
-def add_unshadowed(first, aimed, scene, work, paths):
-    """Traces the shadow rays that were aimed, and adds the light of those that nothing stops."""
-    p = work.packet
-    if aimed == 0:
-        return
-    work.counts[SHADOW_RAYS] += aimed
-    valid = work.shadow_valid
-    occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
-    for lane in range(16):
-        if valid[lane] != 0 and p[SHADOW_T_FAR + lane] >= ZERO:
-            r, g, b = xyz(p, rows.LIGHT_R, lane)
-            add_light(first + lane, r, g, b, paths)
+    if not density > ZERO:
+        return ONE
+    return density / (density + density_of_emitter(emitters, paths.normals, surfaces, k, lane, work))
 
 
 @inline_kernel
@@ -371,8 +249,16 @@ def send_on(first, count, bounce, going, surfaces, materials, work, paths):
         ray[6], ray[7], ray[8] = share * r, share * g, share * b
         ray[9], ray[10], ray[11] = density, p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane]
         paths.sample[going], paths.key[going] = sample, key
+        keep_normal(paths.normals, going, gx, gy, gz)
         going += 1
     return going
+
+
+@inline_kernel
+def keep_normal(normals, k, x, y, z):
+    """Writes the normal where ray k starts; None does nothing."""
+    if normals is not None:
+        normals[k, 0], normals[k, 1], normals[k, 2] = x, y, z
 
 
 @inline_kernel

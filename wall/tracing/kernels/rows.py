@@ -49,8 +49,9 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 81 * PACKET, PACKET)  # fmt: skip
-PACKET_FLOATS = PRIMARY_MASK + PACKET
+    IMPORTANCE,  # of the slots of a light tree's node, not of lanes
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 82 * PACKET, PACKET)  # fmt: skip
+PACKET_FLOATS = IMPORTANCE + PACKET
 
 
 @inline_kernel

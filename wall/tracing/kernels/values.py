@@ -111,6 +111,23 @@ class Materials(NamedTuple):
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
 
 
+class LightTree(NamedTuple):
+    """A tree over m lights, see kernels.light_tree; its nodes level by level, the root first."""
+
+    nodes: Float32  # (nodes, COLUMNS)
+    first: NDArray[np.int64]  # (levels,) first node of each
+    order: NDArray[np.int64]  # (m,) row of the light at each place
+    place: NDArray[np.int64]  # (m,) of each row
+    offset: Float32  # (3,) the eye, from the tree's origin
+
+
+class ManyLights(NamedTuple):
+    """Lights of which a tree chooses one for each surface of a path."""
+
+    rows: Float32  # (p, 6) or (q, 11), as Lights.points or .spots
+    tree: LightTree
+
+
 class Emitters(NamedTuple):
     """Triangles that emit, instance by instance in the order of their meshes' triangles; m in all."""
 
@@ -118,6 +135,7 @@ class Emitters(NamedTuple):
     instance: NDArray[np.uint32]  # (m,)
     chance: Float32  # (m,) probability of being chosen, sums to 1
     cumulated: Float64  # (m,) sums of chance up to and with this row
+    tree: LightTree | None  # chooses in place of chance; None: there are few
 
 
 class Paths(NamedTuple):
@@ -127,6 +145,7 @@ class Paths(NamedTuple):
     sample: NDArray[np.int64]  # (n,) which of the batch's samples a ray belongs to
     key: NDArray[np.uint32]  # (n,) of its pixel, for random numbers
     radiance: Float32  # (n, 3) of each sample
+    normals: Float32 | None  # (n, 3) of the surfaces that rays start from, to their side; None: no tree of emitters
     depth: int  # most surfaces that scatter one path
     number: NDArray[np.uint32]  # (n,) of each sample among those of its pixel
     seed: np.uint32
@@ -156,6 +175,8 @@ class Lights(NamedTuple):
     directional: Float32 | None  # (s, 6) unit direction towards the light, irradiance
     points: Float32 | None  # (p, 6) position relative to the eye, intensity
     spots: Float32 | None  # (q, 11) as points, then unit direction of its light, and a, b of SpotLight.falloff
+    many_points: ManyLights | None  # in place of points
+    many_spots: ManyLights | None
     suns: Float32 | None  # (r, 7) directional lights that are discs: direction, irradiance, 1 - cosine of the radius
     emitters: Emitters | None  # None: light sources are not aimed at
     environment: Environment | None  # in place of the sky

@@ -1,0 +1,179 @@
+"""Light that paths aim at: each surface on a path sends shadow rays to lights of every kind.
+
+Lights are looked at one by one, chosen from many by a tree, or lie in one direction chosen at random.
+"""
+
+from __future__ import annotations
+
+import math
+
+from wall.core.jit import inline_kernel
+from wall.tracing.embree import occluded16
+from wall.tracing.kernels import rows
+from wall.tracing.kernels.bsdf import start_off_surface
+from wall.tracing.kernels.emitters import way_to_emitter
+from wall.tracing.kernels.environment import way_to_environment
+from wall.tracing.kernels.light_tree import choose_light
+from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR
+from wall.tracing.kernels.random_numbers import random_pair
+from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
+from wall.tracing.kernels.scatter import lit_by
+from wall.tracing.kernels.values import INF, ONE, SHADOW_RAYS, ZERO
+from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot, way_to_sun
+
+POINT_PAIR, SPOT_PAIR = 1 << 14, 1 << 15  # of random numbers at bounce 0, beyond those of all bounces
+ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16
+PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
+
+
+@inline_kernel
+def add_aimed(first, count, bounce, lights, scene, surfaces, materials, work, paths):
+    """Adds the light of every kind of lights on a packet's hits."""
+    add_deltas(lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths)
+    add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+    add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
+    draw_light_numbers(lights.many_points, POINT_PAIR, bounce, work)
+    add_one(lights.many_points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+    draw_light_numbers(lights.many_spots, SPOT_PAIR, bounce, work)
+    add_one(lights.many_spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
+    add_suns(first, count, bounce, lights.suns, scene, surfaces, materials, work, paths)
+    draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
+    add_chosen(lights.environment, way_to_environment, first, count, scene, surfaces, materials, work, paths)
+    add_chosen(lights.emitters, way_to_emitter, first, count, scene, surfaces, materials, work, paths)
+
+
+@inline_kernel
+def draw_light_numbers(light, pair, bounce, work):
+    """Draws the random numbers of a light that not every scene has, for all lanes; None does nothing.
+
+    pair : int, the light's pair of numbers at bounce 0; those of the next bounces follow
+    """
+    if light is not None:
+        p, bits = work.packet, work.bits
+        for lane in range(16):
+            u, v = random_pair(bits[rows.KEY + lane], bits[rows.NUMBER + lane], pair + bounce)
+            p[rows.LIGHT_U + lane] = u
+            p[rows.LIGHT_V + lane] = v
+
+
+@inline_kernel
+def add_light(k, r, g, b, paths):
+    """Adds radiance to path k's sample."""
+    radiance, sample = paths.radiance, paths.sample[k]
+    radiance[sample, 0] += r
+    radiance[sample, 1] += g
+    radiance[sample, 2] += b
+
+
+@inline_kernel
+def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, paths):
+    """Adds the light of each of `lights` (n, 6 or more), shadow rays only for lanes that face it; None does nothing.
+
+    way_to : a function of ways.py
+    """
+    if lights is not None:
+        for k in range(lights.shape[0]):
+            light, aimed = lights[k], 0
+            for lane in range(16):
+                work.shadow_valid[lane] = 0
+                if lane < count and work.packet[rows.HIT + lane] != ZERO:
+                    dx, dy, dz, scale, share, far = way_to(light, lane, work)
+                    if not share > ZERO:
+                        continue
+                    r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+                    light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
+                    aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
+            add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def add_one(many, way_to, first, count, scene, surfaces, materials, work, paths):
+    """Adds the light of one of many lights for each lane, chosen with the random number LIGHT_U; None does nothing.
+
+    many : ManyLights; way_to : way_to_point or way_to_spot
+    """
+    if many is not None:
+        aimed, p = 0, work.packet
+        for lane in range(16):
+            work.shadow_valid[lane] = 0
+            if lane >= count or p[rows.HIT + lane] == ZERO:
+                continue
+            point, normal = xyz(p, rows.POSITION_X, lane), xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+            row, chance = choose_light(many.tree, p[rows.LIGHT_U + lane], point, normal, p)
+            if not chance > ZERO:
+                continue
+            light = many.rows[row]
+            dx, dy, dz, scale, share, far = way_to(light, lane, work)
+            if not share > ZERO:
+                continue
+            r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+            share /= chance
+            light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
+            aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
+        add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def add_suns(first, count, bounce, suns, scene, surfaces, materials, work, paths):
+    """Adds the light of one direction of each of `suns` (n, 7), chosen at random; None does nothing."""
+    if suns is not None:
+        for k in range(suns.shape[0]):
+            draw_light_numbers(suns, SUN_PAIR + PAIRS_APART * k, bounce, work)
+            add_deltas(suns[k : k + 1], way_to_sun, first, count, scene, surfaces, materials, work, paths)
+
+
+@inline_kernel
+def aim(dx, dy, dz, far, light, lane, work):
+    """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add."""
+    p = work.packet
+    if not light[0] + light[1] + light[2] > ZERO:
+        return 0
+    start_off_surface(p, SHADOW_ORIGIN, lane)
+    if far < INF:  # towards a point: the way is from the hit, the ray starts off the surface
+        gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
+        offset = p[rows.RAY_OFFSET + lane]
+        dx, dy, dz = dx - offset * gx, dy - offset * gy, dz - offset * gz
+    set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
+    p[SHADOW_T_FAR + lane] = far
+    r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
+    set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
+    work.shadow_valid[lane] = -1
+    return 1
+
+
+@inline_kernel
+def add_chosen(lights, way_to, first, count, scene, surfaces, materials, work, paths):
+    """Adds the light from one direction to `lights`, chosen at random; None does nothing.
+
+    way_to : way_to_environment or way_to_emitter
+    """
+    if lights is not None:
+        aimed = 0
+        for lane in range(16):
+            work.shadow_valid[lane] = 0
+            if lane >= count or work.packet[rows.HIT + lane] == ZERO:
+                continue
+            (dx, dy, dz), radiance, density, far = way_to(lights, surfaces, materials, lane, work)
+            if not density > ZERO:
+                continue
+            scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz) if far < INF else ONE
+            r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+            weight = ONE / (density + own)  # of aiming, over its density
+            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
+            aimed += aim(dx, dy, dz, far, light, lane, work)
+        add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def add_unshadowed(first, aimed, scene, work, paths):
+    """Traces the shadow rays that were aimed, and adds the light of those that nothing stops."""
+    p = work.packet
+    if aimed == 0:
+        return
+    work.counts[SHADOW_RAYS] += aimed
+    valid = work.shadow_valid
+    occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
+    for lane in range(16):
+        if valid[lane] != 0 and p[SHADOW_T_FAR + lane] >= ZERO:
+            r, g, b = xyz(p, rows.LIGHT_R, lane)
+            add_light(first + lane, r, g, b, paths)
