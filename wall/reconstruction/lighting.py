@@ -91,4 +91,4 @@ class Lighting:
 
     def mix(self, resolved: Float32, history: PixelHistory, shown: Float32) -> None:
         """Mix what pixels accumulated at rest into the filtered image: the dirty tiles of `shown` are redone."""
-        kernels.mix_filtered(resolved, history, self.field.pixels, shown)
+        kernels.mix_filtered(resolved, history, self.field, shown)

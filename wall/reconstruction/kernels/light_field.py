@@ -30,7 +30,10 @@ DEVIATION_SUM, FREEDOM, SPREADS = 0, 1, 2
 
 BIAS_REACH = 2  # pixels around that tell of a filter's bias
 SURELY = np.float32(1.3)  # times the variance of a mean: what is beyond it counts as bias
-ENOUGH = np.float32(64.0)  # samples of which the mean counts at least half, however well the filter fits
+SAME_SURFACE = np.float32(0.9)  # cosine between neighbours' normals, about 26 degrees
+# samples of which the mean counts at least half, however well the filter fits, inside a surface and at its edge: there
+# the filtered image mixes what lies beside, as wide as a sample is shown
+ENOUGH, ENOUGH_AT_EDGES = np.float32(48.0), np.float32(4.0)
 
 
 class LightField(NamedTuple):
@@ -183,13 +186,13 @@ def estimate_bias(history, field):
 
 
 @kernel
-def mix_filtered(resolved, history, pixels, shown):
+def mix_filtered(resolved, history, field, shown):
     """Mix the accumulated means of a noisy image at rest into the filtered one, each by what it is expected to be off.
 
     resolved : (h, w, 3) float32, filtered; history : PixelHistory, its dirty tiles are redone
-    pixels : LightField.pixels; shown : (h, w, 3) float32, written
+    field : LightField, whose light the filtered image shows; shown : (h, w, 3) float32, written
     """
-    dirty, accumulation = history.dirty, history.accumulation
+    dirty, accumulation, pixels = history.dirty, history.accumulation, field.pixels
     height, width = resolved.shape[0], resolved.shape[1]
     for row in range(dirty.shape[0]):
         for column in range(dirty.shape[1]):
@@ -198,8 +201,21 @@ def mix_filtered(resolved, history, pixels, shown):
             for i in range(row * TILE, min((row + 1) * TILE, height)):
                 for j in range(column * TILE, min((column + 1) * TILE, width)):
                     n, bias = accumulation[i, j, COUNT], pixels[BIAS, i, j]
-                    own = n / (n + ENOUGH)
+                    enough = ENOUGH_AT_EDGES if at_edge(pixels, i, j) else ENOUGH
+                    own = n / (n + min(field.filtered[L_COUNT, i, j], enough)) if n > ZERO else ZERO
                     if n > ZERO and bias > ZERO:
                         own = max(own, bias / (bias + pixels[VARIANCE, i, j] / n))
                     for c in range(3):
                         shown[i, j, c] = resolved[i, j, c] + own * (accumulation[i, j, c] - resolved[i, j, c])
+
+
+@inline_kernel
+def at_edge(pixels, i, j):
+    """Whether one of the eight pixels around a pixel shows another object, or a surface that is turned away."""
+    nx, ny, nz = pixels[NORMAL_X, i, j], pixels[NORMAL_Y, i, j], pixels[NORMAL_Z, i, j]
+    edge = False
+    for y in range(max(i - 1, 0), min(i + 2, pixels.shape[1])):
+        for x in range(max(j - 1, 0), min(j + 2, pixels.shape[2])):
+            turn = nx * pixels[NORMAL_X, y, x] + ny * pixels[NORMAL_Y, y, x] + nz * pixels[NORMAL_Z, y, x]
+            edge |= (pixels[OBJECT, y, x] != pixels[OBJECT, i, j]) | (turn < SAME_SURFACE)
+    return edge
