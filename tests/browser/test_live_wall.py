@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from running import page_of, start, summary, wall
 
-pytestmark = pytest.mark.browser
+pytestmark = [pytest.mark.browser, pytest.mark.clock]
 
 CONFIG = """\
 version: 1
