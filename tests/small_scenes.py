@@ -228,6 +228,11 @@ def traced_image(scene: Scene | TracerScene, seen: View, *, coherent: bool = Tru
     return raster(samples, seen.panel.pixels, cost)
 
 
+def traced_with_every_feature(scene: Scene, seen: View) -> TracedImage:
+    """The image by a tracer that many tests share; see with_every_feature."""
+    return traced_image(with_every_feature(scene), seen)
+
+
 def raster(samples: Samples, size: tuple[int, int], cost: Traced) -> TracedImage:
     width, height = size
     radiance = np.full((height, width, 3), np.nan, np.float32)

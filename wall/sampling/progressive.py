@@ -117,7 +117,7 @@ class ProgressiveSampler:
         self._sample_s = 0.0  # time of one sample, a moving mean
         self._tile, self._sweep, self._at = len(self._tiles), 0, 0
         self._xy: Float32 = np.empty((0, 2), np.float32)
-        self._count = 0  # samples chosen last
+        self._count, self._chosen_at = 0, 0.0  # samples chosen last, and when
         self._done: list[Samples] = []  # records that are to be shown
         self._rests_until: float | None = None
 
@@ -141,6 +141,7 @@ class ProgressiveSampler:
 
     def choose(self, newest: Event) -> Targets | None:
         """The next positions; None between stages, and after the last one."""
+        self._measure()
         changed = self._event is None or newest.number != self._event.number
         if changed and (not self._moving or self._tile >= len(self._tiles)):
             self._answer(newest)
@@ -164,13 +165,19 @@ class ProgressiveSampler:
             depth=self.depth,
         )  # fmt: skip
 
+    def _measure(self) -> None:
+        """Take the time of the batch before: all of it, since what was done with its samples takes as long again."""
+        now = self._now()
+        if self._count > 0:
+            spent = max(now - self._chosen_at, 0.0) / self._count
+            self._sample_s += (spent - self._sample_s) * (NEWEST_SHARE if self._sample_s > 0.0 else 1.0)
+        self._chosen_at = now
+
     def observe(self, samples: Samples, base_time: float) -> None:
         """Add the samples to their tile's means; a tile whose stage is complete is shown."""
         if self._count == 0:
             return
         tile, count = self._tiles[self._tile], self._count
-        spent = max(self._now() - base_time, 0.0) / count
-        self._sample_s += (spent - self._sample_s) * (NEWEST_SHARE if self._sample_s > 0.0 else 1.0)
         tile.add(samples)
         self._at += count
         if self._at < len(self._xy):

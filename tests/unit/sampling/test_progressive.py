@@ -30,16 +30,17 @@ class Run:
         self.updates: list[NDArray[np.intp]] = []
 
     def step(self, event: Event) -> Targets | None:
-        """One batch; a sample's radiance is its x within its pixel."""
+        """One batch; a sample's radiance is its x within its pixel. Half of its time goes by while it is shown."""
         targets = self.sampler.choose(event)
         if targets is None:
             return None
         began = self.now
-        self.now += self.sample_s * len(targets.xy)
+        self.now += 0.5 * self.sample_s * len(targets.xy)
         samples = np.zeros(len(targets.xy), SAMPLE)
         samples["xy"], samples["radiance"] = targets.xy, (targets.xy[:, :1] % 1.0)
         self.sampler.observe(samples, began)
         self.show(self.sampler.resolve())
+        self.now += 0.5 * self.sample_s * len(targets.xy)
         return targets
 
     def show(self, records: Samples) -> None:
@@ -106,7 +107,9 @@ def test_each_pixel_shows_the_mean_of_its_samples(camera_path: Path) -> None:
     np.testing.assert_allclose(run.shown, wanted.mean()[:, :, 0], rtol=1e-6)
 
 
-def test_paths_get_longer_by_a_surface_a_stage_and_no_mean_is_of_two_lengths(camera_path: Path) -> None:
+def test_paths_get_longer_by_a_surface_a_stage_and_no_mean_is_of_two_lengths(
+    compiled_only: None, camera_path: Path
+) -> None:
     run = Run(first_stage=2, samples_per_pixel=64, rest_s=0.0, first_depth=2, depth=4)
     depths: dict[int | None, int] = {}
     for targets in run.until_rest(camera_path(0)):
@@ -182,7 +185,9 @@ def test_a_restart_answers_the_same_event_again(camera_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("depth", "samples"), [(3, 24), (9, 16)])
-def test_the_estimated_error_is_about_the_true_one(camera_path: Path, depth: int, samples: int) -> None:
+def test_the_estimated_error_is_about_the_true_one(
+    compiled_only: None, camera_path: Path, depth: int, samples: int
+) -> None:
     """Noise of 0.1 about 0.5: of all stages together, and of the last stage alone where paths get longer."""
     rect = Rect(x=0, y=0, width=64, height=48)
     run = Run(

@@ -16,7 +16,7 @@ from small_scenes import (
     quad,
     scene_of,
     sphere_mesh,
-    traced_image,
+    traced_with_every_feature,
     view,
 )
 
@@ -40,7 +40,7 @@ def test_quad_covers_exactly_the_pixels_whose_centres_it_is_before() -> None:
     fov = 2 atan(1/2) and d = 4 make 4 units an image, so 2 x 1 units are 32 x 16 of 64 pixels.
     """
     seen = view((0, 0, 4), (0, 0, 0), pixels=(64, 64), fov=2 * math.degrees(math.atan(0.5)))
-    got = traced_image(scene_of([quad(2.0, 1.0)]), seen)
+    got = traced_with_every_feature(scene_of([quad(2.0, 1.0)]), seen)
     expected = np.zeros((64, 64), np.uint32)
     expected[24:40, 16:48] = 1
     np.testing.assert_array_equal(got.objects, expected)
@@ -49,13 +49,13 @@ def test_quad_covers_exactly_the_pixels_whose_centres_it_is_before() -> None:
 def test_depth_is_the_distance_along_the_ray() -> None:
     """A plane at z = 0 seen from z = 4: a ray at angle a to the axis meets it at 4 / cos a."""
     seen = view((0, 0, 4), (0, 0, 0), pixels=(16, 16))
-    got = traced_image(scene_of([quad(50.0, 50.0)]), seen)
+    got = traced_with_every_feature(scene_of([quad(50.0, 50.0)]), seen)
     np.testing.assert_allclose(got.depth, 4.0 / -directions(seen)[..., 2], rtol=FLOAT32)
 
 
 def test_a_ray_that_leaves_the_scene_has_no_object_and_infinite_depth() -> None:
     seen = view((0, 0, 4), (0, 0, 9), pixels=(5, 3))
-    got = traced_image(scene_of([quad(1.0, 1.0)]), seen)
+    got = traced_with_every_feature(scene_of([quad(1.0, 1.0)]), seen)
     assert (got.objects == BACKGROUND).all()
     assert np.isposinf(got.depth).all()
     assert got.cost.shadow == 0
@@ -63,7 +63,9 @@ def test_a_ray_that_leaves_the_scene_has_no_object_and_infinite_depth() -> None:
 
 def test_object_k_is_the_kth_instance_counted_from_one() -> None:
     scene = scene_of([quad(1.0, 9.0)], [instance(0, at=(x, 0.0, 0.0)) for x in (-1.5, -0.5, 0.5, 1.5)])
-    got = traced_image(scene, view((0, 0, 4), (0, 0, 0), pixels=(4, 1), fov=2 * math.degrees(math.atan(0.125))))
+    got = traced_with_every_feature(
+        scene, view((0, 0, 4), (0, 0, 0), pixels=(4, 1), fov=2 * math.degrees(math.atan(0.125)))
+    )
     assert got.objects.tolist() == [[1, 2, 3, 4]]
 
 
@@ -73,13 +75,13 @@ def test_directional_light_gives_albedo_over_pi_times_irradiance_times_cosine(de
     light = directional(math.sin(math.radians(degrees)), 0.0, math.cos(math.radians(degrees)))
     light = replace(light, irradiance=(math.pi, 2 * math.pi, 3 * math.pi))
     scene = scene_of([quad(50.0, 50.0)], materials=[material(0.2, 0.4, 0.6)], lights=[light])
-    got = traced_image(scene, view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
+    got = traced_with_every_feature(scene, view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
     expected = math.cos(math.radians(degrees)) * np.array([0.2, 0.8, 1.8])
     np.testing.assert_allclose(got.radiance, np.broadcast_to(expected, (4, 4, 3)), rtol=1e-5, atol=1e-7)
 
 
 def test_a_light_behind_the_surface_lights_nothing_and_costs_no_shadow_ray() -> None:
-    got = traced_image(
+    got = traced_with_every_feature(
         scene_of([quad(50.0, 50.0)], lights=[directional(0.1, 0.0, -1.0)]), view((0, 0, 3), (0, 0, 0), pixels=(4, 4))
     )
     assert (got.radiance == 0.0).all()
@@ -88,7 +90,7 @@ def test_a_light_behind_the_surface_lights_nothing_and_costs_no_shadow_ray() -> 
 
 def test_both_sides_of_a_surface_are_lit_from_their_own_side() -> None:
     scene = scene_of([quad(50.0, 50.0)], lights=[directional(0.0, 0.0, -1.0)])
-    got = traced_image(scene, view((0, 0, -3), (0, 0, 0), pixels=(4, 4)))
+    got = traced_with_every_feature(scene, view((0, 0, -3), (0, 0, 0), pixels=(4, 4)))
     np.testing.assert_allclose(got.radiance, 0.5, rtol=FLOAT32)
 
 
@@ -97,7 +99,7 @@ def test_point_light_falls_off_with_the_square_of_the_distance(height: float) ->
     """L = albedo / pi * I cos / r^2; with r^2 = x^2 + y^2 + z^2 and cos = z / r, at each pixel's own point."""
     seen = view((0, 0, 5), (0, 0, 0), pixels=(8, 8))
     light = PointLight(position=(0.1, -0.2, height), intensity=(math.pi, math.pi, math.pi))
-    got = traced_image(scene_of([quad(50.0, 50.0)], lights=[light]), seen)
+    got = traced_with_every_feature(scene_of([quad(50.0, 50.0)], lights=[light]), seen)
     rays = directions(seen)
     hit = np.array([0.0, 0.0, 5.0]) + rays * (5.0 / -rays[..., 2:3])
     r = np.linalg.norm(hit - light.position, axis=-1)
@@ -112,8 +114,8 @@ def test_lights_add_up() -> None:
         PointLight(position=(0.0, 0.0, 2.0), intensity=(1.0, 2.0, 3.0)),
     ]
     seen = view((0, 0, 3), (0, 0, 0), pixels=(4, 4))
-    together = traced_image(scene_of([quad(50.0, 50.0)], lights=lights), seen)
-    apart = [traced_image(scene_of([quad(50.0, 50.0)], lights=[light]), seen).radiance for light in lights]
+    together = traced_with_every_feature(scene_of([quad(50.0, 50.0)], lights=lights), seen)
+    apart = [traced_with_every_feature(scene_of([quad(50.0, 50.0)], lights=[light]), seen).radiance for light in lights]
     np.testing.assert_allclose(together.radiance, np.sum(apart, axis=0), rtol=FLOAT32)
     assert together.cost.shadow == 3 * 16
 
@@ -121,7 +123,7 @@ def test_lights_add_up() -> None:
 def test_sky_is_linear_in_the_height_of_the_direction() -> None:
     sky = Sky(zenith=(0.1, 0.2, 0.9), horizon=(1.0, 0.8, 0.6), ground=(0.3, 0.2, 0.1))
     seen = view((0, 0, 0), (0.3, 0.1, -1.0), pixels=(12, 12), fov=140.0)
-    got = traced_image(scene_of([quad(1e-3, 1e-3)], [instance(0, at=(0, 0, 50))], sky=sky), seen)
+    got = traced_with_every_feature(scene_of([quad(1e-3, 1e-3)], [instance(0, at=(0, 0, 50))], sky=sky), seen)
     y = directions(seen)[..., 1:2]
     zenith, horizon, ground = (np.array(c) for c in (sky.zenith, sky.horizon, sky.ground))
     expected = np.where(y > 0, horizon + y * (zenith - horizon), horizon - y * (ground - horizon))
@@ -134,7 +136,7 @@ def test_furnace_a_white_sphere_under_a_white_sky_is_as_bright_as_the_sky() -> N
     """Under a constant sky of radiance 1 the irradiance is pi everywhere, so L = albedo / pi * pi = albedo = 1."""
     white = Sky(zenith=(1.0, 1.0, 1.0), horizon=(1.0, 1.0, 1.0), ground=(1.0, 1.0, 1.0))
     scene = scene_of([sphere_mesh()], materials=[material(1.0, 1.0, 1.0)], sky=white)
-    got = traced_image(scene, view((0, 0, 3), (0, 0, 0), pixels=(24, 24)))
+    got = traced_with_every_feature(scene, view((0, 0, 3), (0, 0, 0), pixels=(24, 24)))
     assert (got.objects == 1).sum() > 200
     np.testing.assert_allclose(got.radiance, 1.0, rtol=FLOAT32)
 
@@ -147,7 +149,7 @@ def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
     """
     above = instance(1, at=(0, 0, 1))
     scene = scene_of([quad(40.0, 40.0), quad(2.0, 2.0)], [instance(0), above], lights=[directional(1, 0, 1)])
-    got = traced_image(scene, view((0, 0, 4), (0, 0, 0), pixels=(64, 64), fov=90.0))
+    got = traced_with_every_feature(scene, view((0, 0, 4), (0, 0, 0), pixels=(64, 64), fov=90.0))
     x = np.broadcast_to((np.arange(64) + 0.5) / 8 - 4, (64, 64))
     y = -x.T
     floor = got.objects == 1
@@ -163,7 +165,9 @@ def test_vertex_colours_are_interpolated_linearly_and_multiply_the_base_colour()
     scene = scene_of(
         [quad(4.0, 4.0, colors=colors)], materials=[material(0.5, 1.0, 0.25)], lights=[directional(0, 0, 1)]
     )
-    got = traced_image(scene, view((0, 0, 2), (0, 0, 0), pixels=(16, 16), fov=2 * math.degrees(math.atan(0.5))))
+    got = traced_with_every_feature(
+        scene, view((0, 0, 2), (0, 0, 0), pixels=(16, 16), fov=2 * math.degrees(math.atan(0.5)))
+    )
     x = np.broadcast_to((np.arange(16) + 0.5) / 8 - 1, (16, 16))
     expected = np.stack([0.5 * (x / 4 + 0.5), -x.T / 4 + 0.5, np.full((16, 16), 0.25)], axis=-1)
     np.testing.assert_allclose(got.radiance, expected, rtol=1e-5)
@@ -172,7 +176,9 @@ def test_vertex_colours_are_interpolated_linearly_and_multiply_the_base_colour()
 def test_emission_is_seen_whatever_the_light_and_on_both_sides() -> None:
     emitter = Material(name="emitter", base_color=(0.0, 0.0, 0.0), emission=(3.0, 2.0, 1.0))
     for z in (3.0, -3.0):
-        got = traced_image(scene_of([quad(50.0, 50.0)], materials=[emitter]), view((0, 0, z), (0, 0, 0), pixels=(4, 4)))
+        got = traced_with_every_feature(
+            scene_of([quad(50.0, 50.0)], materials=[emitter]), view((0, 0, z), (0, 0, 0), pixels=(4, 4))
+        )
         np.testing.assert_array_equal(got.radiance, np.broadcast_to(np.float32([3, 2, 1]), (4, 4, 3)))
 
 
@@ -184,7 +190,7 @@ def test_smooth_normals_shade_a_coarse_sphere_like_a_round_one() -> None:
     """
     scene = scene_of([sphere_mesh(segments=48)], lights=[directional(0, 0, 1)])
     seen = view((0, 0, 400), (0, 0, 0), pixels=(32, 32), fov=2 * math.degrees(math.atan(1 / 400)))
-    got = traced_image(scene, seen)
+    got = traced_with_every_feature(scene, seen)
     x = np.broadcast_to((np.arange(32) + 0.5) / 16 - 1, (32, 32))
     square = x**2 + x.T**2
     inside = square < 0.9
@@ -192,7 +198,9 @@ def test_smooth_normals_shade_a_coarse_sphere_like_a_round_one() -> None:
 
 
 def test_black_sky_and_no_light_is_black() -> None:
-    got = traced_image(scene_of([quad(1.0, 1.0)], sky=BLACK_SKY), view((0, 0, 3), (0, 0, 0), pixels=(8, 8)))
+    got = traced_with_every_feature(
+        scene_of([quad(1.0, 1.0)], sky=BLACK_SKY), view((0, 0, 3), (0, 0, 0), pixels=(8, 8))
+    )
     assert (got.radiance == 0.0).all()
 
 

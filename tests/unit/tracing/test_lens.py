@@ -73,7 +73,7 @@ def test_a_point_out_of_focus_is_an_even_disc(z: float, focus: float) -> None:
     assert found[outside].max() == 0.0
 
 
-def test_a_lens_that_is_closed_is_a_pinhole() -> None:
+def test_a_lens_that_is_closed_is_a_pinhole(compiled_only: None) -> None:
     """Aperture 0: the light is that without a lens, whatever is in focus."""
     closed = image(-10.0, 1.01, Lens(radius=0.0, focus=7.0), 1)
     np.testing.assert_allclose(closed, image(-10.0, 1.01, None, 1), atol=1e-6)

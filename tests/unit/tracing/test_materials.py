@@ -16,7 +16,7 @@ from small_scenes import (
     quad,
     scene_of,
     sphere_mesh,
-    traced_image,
+    traced_with_every_feature,
     turned,
     view,
 )
@@ -59,7 +59,7 @@ def textured(texels: np.ndarray[tuple[int, ...], np.dtype[np.uint8]], *, scale: 
         textures=[Texture(name="t", texels=texels)],
         lights=[LIGHT],
     )
-    return traced_image(scene, view((0, 0, 4), (0, 0, 0), pixels=(12, 12), fov=FOUR_UNITS))
+    return traced_with_every_feature(scene, view((0, 0, 4), (0, 0, 0), pixels=(12, 12), fov=FOUR_UNITS))
 
 
 @pytest.mark.parametrize(("scale", "shift"), [(1.0, (0, 0, 0)), (2.5, (-0.7, 0.3, 0)), (1.0, (1000.25, -3.5, 0))])
@@ -96,11 +96,11 @@ def two_objects(middle: Mesh, mirror: float) -> Scene:
 def test_a_flat_mirror_shows_the_mirrored_scene() -> None:
     """What a mirror in z = 0 shows is what the scene mirrored to z = -6 shows without it."""
     seen = view((0, 0, 3), (0, 0, 0), pixels=(48, 48), fov=30.0)
-    mirrored = traced_image(two_objects(quad(50.0, 50.0), 1.0), seen)
+    mirrored = traced_with_every_feature(two_objects(quad(50.0, 50.0), 1.0), seen)
     red = Material(name="red", base_color=(0, 0, 0), emission=(1.0, 0.0, 0.0))
     blue = Sky(zenith=(0, 0, 1), horizon=(0, 0, 1), ground=(0, 0, 1))
     moved = scene_of([quad(2.0, 1.0)], [instance(0, at=(0.5, 0.25, -6.0))], materials=[red], sky=blue)
-    behind = traced_image(moved, seen)
+    behind = traced_with_every_feature(moved, seen)
     np.testing.assert_array_equal(mirrored.radiance, behind.radiance)
     assert 100 < (mirrored.radiance[..., 0] == 1.0).sum() < 2000
     assert (mirrored.objects == 1).all(), "the object of a sample is the mirror itself"
@@ -111,7 +111,7 @@ def test_a_mirrors_share_is_of_what_it_shows_and_the_rest_of_its_own_light(share
     """L = (1 - s) albedo E / pi + s L_sky, with albedo E / pi = 0.5 and a black-to-blue constant sky of (0, 0, 1)."""
     sky = Sky(zenith=(0, 0, 1), horizon=(0, 0, 1), ground=(0, 0, 1))
     scene = scene_of([quad(50.0, 50.0)], materials=[material(0.5, 0.5, 0.0, mirror=share)], lights=[LIGHT], sky=sky)
-    got = traced_image(scene, view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
+    got = traced_with_every_feature(scene, view((0, 0, 3), (0, 0, 0), pixels=(4, 4)))
     np.testing.assert_allclose(got.radiance, np.broadcast_to([0.5 * (1 - share)] * 2 + [share], (4, 4, 3)), rtol=1e-5)
     assert got.cost.secondary == 16
 
@@ -122,7 +122,7 @@ def test_two_parallel_mirrors_stop_at_the_depth_limit_with_a_geometric_series() 
     shining = Material(name="m", base_color=(0, 0, 0), mirror=share, emission=WHITE)
     mirrors = [instance(0), instance(0, at=(0, 0, 10), turn=("y", 180.0))]
     scene = scene_of([quad(90.0, 90.0)], mirrors, materials=[shining])
-    got = traced_image(scene, view((0, 0, 5), (0, 0, 0), pixels=(3, 3)))
+    got = traced_with_every_feature(scene, view((0, 0, 5), (0, 0, 0), pixels=(3, 3)))
     np.testing.assert_allclose(got.radiance, 1 - share**5, rtol=1e-6)
     assert got.cost.secondary == 9 * 4
 
@@ -131,7 +131,9 @@ def test_a_mirror_ball_shows_the_sky_of_the_mirrored_direction() -> None:
     """In the middle of its image a mirror ball sends the ray back to where it came from: here, the horizon."""
     sky = Sky(zenith=(0, 0, 1), horizon=(0, 1, 0), ground=(1, 0, 0))
     scene = scene_of([sphere_mesh(segments=64)], materials=[material(0, 0, 0, mirror=1.0)], sky=sky)
-    got = traced_image(scene, view((0, 0, 9), (0, 0, 0), pixels=(64, 64), fov=2 * math.degrees(math.asin(1 / 9))))
+    got = traced_with_every_feature(
+        scene, view((0, 0, 9), (0, 0, 0), pixels=(64, 64), fov=2 * math.degrees(math.asin(1 / 9)))
+    )
     np.testing.assert_allclose(got.radiance[31:33, 31:33, 1], 1.0, atol=0.08)
     assert got.radiance[12, 32, 2] > 0.6, "its upper part shows the zenith"
     assert got.radiance[52, 32, 0] > 0.6, "its lower part shows the ground"
@@ -164,8 +166,8 @@ def test_a_placed_mesh_looks_like_the_same_mesh_with_its_vertices_moved(placed: 
     size = float(np.abs(moved).max())
     seen = view((0.0, 0.0, 4 * size), (0, 0, 0), pixels=(24, 24), fov=32.0)
     lights = [DirectionalLight(direction=(0.6, 0.64, 0.48), irradiance=(math.pi, math.pi, math.pi))]
-    got = traced_image(scene_of([mesh], [placed], lights=lights), seen)
-    twin = traced_image(scene_of([replace(mesh, vertices=moved, normals=normals)], lights=lights), seen)
+    got = traced_with_every_feature(scene_of([mesh], [placed], lights=lights), seen)
+    twin = traced_with_every_feature(scene_of([replace(mesh, vertices=moved, normals=normals)], lights=lights), seen)
     agree = np.isclose(got.radiance, twin.radiance, rtol=1e-3, atol=1e-4).all(axis=-1)
     assert (got.objects == twin.objects).mean() > 0.99
     assert agree.mean() > 0.985, "all but silhouettes and facet edges"
@@ -175,8 +177,10 @@ def test_a_placed_mesh_looks_like_the_same_mesh_with_its_vertices_moved(placed: 
 def test_a_placement_that_flattens_to_nothing_is_counted_and_hurts_nothing_else() -> None:
     flat = instance(1, scale=(1.0, 0.0, 1.0))
     seen = view((0, 0, 3), (0, 0, 0), pixels=(8, 8))
-    got = traced_image(scene_of([quad(50.0, 50.0), sphere_mesh()], [instance(0), flat], lights=[LIGHT]), seen)
-    alone = traced_image(scene_of([quad(50.0, 50.0)], lights=[LIGHT]), seen)
+    got = traced_with_every_feature(
+        scene_of([quad(50.0, 50.0), sphere_mesh()], [instance(0), flat], lights=[LIGHT]), seen
+    )
+    alone = traced_with_every_feature(scene_of([quad(50.0, 50.0)], lights=[LIGHT]), seen)
     np.testing.assert_array_equal(got.radiance, alone.radiance)
 
 
@@ -184,7 +188,7 @@ def test_samples_of_broken_colours_are_left_out_and_counted() -> None:
     """The upper left vertex has no colour that is a number: its triangle is dropped, the other one is not."""
     colors = [[1, 1, 1], [1, 1, 1], [1, 1, 1], [math.nan, 1, 1]]
     scene = scene_of([quad(4.0, 4.0, colors=colors)], lights=[LIGHT])
-    got = traced_image(scene, view((0, 0, 4), (0, 0, 0), pixels=(16, 16), fov=FOUR_UNITS))
+    got = traced_with_every_feature(scene, view((0, 0, 4), (0, 0, 0), pixels=(16, 16), fov=FOUR_UNITS))
     dropped = np.isnan(got.radiance).any(axis=-1)
     assert got.cost.bad == dropped.sum()
     x, y = np.meshgrid(np.arange(16), 15 - np.arange(16))
@@ -213,7 +217,7 @@ def unused_features(scene: Scene, seen: View) -> tuple[TracedImage, TracedImage]
         lights=[*scene.point_lights, *scene.directional_lights],
         sky=scene.sky,
     )
-    return traced_image(scene, seen), traced_image(rich, seen)
+    return traced_with_every_feature(scene, seen), traced_with_every_feature(rich, seen)
 
 
 def test_features_left_out_give_the_same_image_as_features_unused(tiny_scene: Scene, tiny_view: View) -> None:
@@ -250,7 +254,7 @@ def test_turning_scene_sun_and_camera_together_changes_nothing_but_rounding(axis
         ball = Instance(name="ball", mesh=0, world_from_object=place)
         eye, up = rotation @ np.array([1.0, 1.0, 3.0]), rotation @ np.array([0.0, 1.0, 0.0])
         seen = view(tuple(eye.tolist()), (0, 0, 0), pixels=(24, 24), up=tuple(up.tolist()))
-        return traced_image(scene_of([sphere_mesh()], [ball], lights=[light]), seen)
+        return traced_with_every_feature(scene_of([sphere_mesh()], [ball], lights=[light]), seen)
 
     still, moved = seen_from(np.eye(3)), seen_from(matrix[:3, :3])
     assert (still.objects == moved.objects).mean() > 0.995

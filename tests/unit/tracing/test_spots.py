@@ -40,7 +40,7 @@ def khr_share(angle: float, inner: float, outer: float) -> float:
 
 @pytest.mark.parametrize(("inner", "outer"), [(15.0, 40.0), (0.0, 90.0), (0.0, 5.0), (30.0, 30.5)])
 @pytest.mark.parametrize("depth", [None, 1])
-def test_spots_fade_as_gltf_says(inner: float, outer: float, depth: int | None) -> None:
+def test_spots_fade_as_gltf_says(compiled_only: None, inner: float, outer: float, depth: int | None) -> None:
     """L = albedo / pi * I share(angle) cos / r^2 on a plane, at every pixel's own point; no light outside the cone."""
     spot = replace(SPOT, inner_angle=inner, outer_angle=outer)
     scene = replace(scene_of([quad(50.0, 50.0)], lights=[spot]), path_depth=depth)
@@ -60,7 +60,7 @@ def test_spots_fade_as_gltf_says(inner: float, outer: float, depth: int | None) 
         assert got.cost.shadow < 48 * 48  # none is traced to where it does not shine
 
 
-def test_a_spot_casts_the_shadow_of_a_point_and_paths_agree() -> None:
+def test_a_spot_casts_the_shadow_of_a_point_and_paths_agree(compiled_only: None) -> None:
     """Within its inner angle a spot is the point light; its shadows are the same ones."""
     wide = replace(SPOT, direction=(0.0, 0.0, -1.0), inner_angle=80.0, outer_angle=85.0)
     point = PointLight(position=wide.position, intensity=wide.intensity)
