@@ -288,5 +288,10 @@ def come_to_rest(poses: PoseTracker, history: PixelHistory) -> None:
     """
     if poses.spans_moments:
         poses.spans_moments = False
-        kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
-        history.dirty[:] = True
+        limit_means(history)
+
+
+def limit_means(history: PixelHistory) -> None:
+    """Let what pixels accumulated weigh too little for any of them to be complete."""
+    kernels_accumulation.limit_counts(history.accumulation, OTHER_MOMENTS)
+    history.dirty[:] = True

@@ -20,6 +20,7 @@ from wall.deepbuffer.deep_buffer import (
     DeepBuffer,
     RestSchedule,
     come_to_rest,
+    limit_means,
     take_dirty,
 )
 from wall.deepbuffer.feedback import Feedback
@@ -144,6 +145,10 @@ class Reconstruction:
             self._lighting.mix(self.resolved, history, self.radiance)
         elif history.dirty.any():
             kernels_splat.mix_accumulation(self.resolved, history, self.radiance)
+
+    def limit_means(self) -> None:
+        """Let what pixels accumulated weigh too little for any of them to be complete."""
+        limit_means(self.buffer.history)
 
     def feedback(self) -> Feedback:
         """What a sampler may read after a refresh."""

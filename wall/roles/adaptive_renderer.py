@@ -21,6 +21,8 @@ from wall.scene.needs import needs
 
 SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, which may lag behind the displayed one
 
+SURELY_SHOWN = 2  # refreshes after an event, by when displays elsewhere show it too: they accumulate only from there on
+
 
 class AdaptiveRenderer:
     """A Sampler: refreshes the renderer's deep buffer when that is due, then chooses.
@@ -52,7 +54,7 @@ class AdaptiveRenderer:
         )  # fmt: skip
         self._shown, self._refreshes = shown, 0
         self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
-        self._due = float("-inf")
+        self._due, self._rested = float("-inf"), 0  # refreshes since anything moved
         self._predictor = make_predictor(plan, plan.layout.view_index(panel))
         self._newest: Event | None = None
         self._event: Event | None = None  # that rays are traced under
@@ -69,6 +71,9 @@ class AdaptiveRenderer:
                 self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
         elif now >= self._due:
             self.reconstruction.refresh(self._panel_view(self._expected(newest, now)), now)
+            self._rested = self._rested + 1 if self.reconstruction.nothing_moves else 0
+            if self._rested == SURELY_SHOWN:
+                self.reconstruction.limit_means()
             self.sampler.replan(self.reconstruction.feedback())
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)

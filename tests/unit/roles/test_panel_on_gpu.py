@@ -82,7 +82,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
         assert str(chain.layers[0].reprojected.choice).startswith(wish)
     assert len(np.unique(shown["cpu"])) > 50
     apart = np.abs(shown["cpu"] - shown["gpu"]).max(axis=-1)
-    assert (apart > 1).mean() <= 0.008, "only where rounding decides which sample is hidden, see docs/guide/accuracy.md"
+    assert (apart > 1).mean() <= 0.01, "only where rounding decides which sample is hidden, see docs/guide/accuracy.md"
     assert apart.max() <= 8
 
 
