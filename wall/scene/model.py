@@ -97,6 +97,10 @@ class Mesh:
     uvs: Float32 | None = None  # (v, 2 n), n sets of u and v, v up
     colors: Float32 | None = None  # (v, 3) linear RGB, multiplies base_color
 
+    def uvs_of(self, texture: Texture) -> Float32 | None:
+        """(v, 2), the texture coordinates that `texture` is looked up by; None: the mesh has none."""
+        return None if self.uvs is None else self.uvs[:, 2 * texture.uv_set :][:, :2]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Instance:

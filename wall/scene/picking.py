@@ -56,9 +56,10 @@ class Picking:
         if material.alpha_mode == "opaque":
             return True
         slot, alpha = material.textures.base_color, material.alpha
-        if slot is not None and mesh.uvs is not None:
-            a, b, c = mesh.uvs[mesh.triangles[number]].astype(np.float64)
-            alpha *= alpha_of(self._scene.textures[slot], a + found[1] * (b - a) + found[2] * (c - a))
+        texture = None if slot is None else self._scene.textures[slot]
+        if texture is not None and (uvs := mesh.uvs_of(texture)) is not None:
+            a, b, c = uvs[mesh.triangles[number]].astype(np.float64)
+            alpha *= alpha_of(texture, a + found[1] * (b - a) + found[2] * (c - a))
         return alpha >= (material.alpha_cutoff if material.alpha_mode == "mask" else MOSTLY_THERE)
 
 

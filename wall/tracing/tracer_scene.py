@@ -154,8 +154,8 @@ def _transparency(scene: Scene, mesh: Mesh, triangles: NDArray[np.uint32]) -> Pa
     numbers[alpha.BLENDS] = material.alpha_mode == "blend"
     values = numbers.view(np.float32)
     values[2 * alpha.ALPHA], values[2 * alpha.CUTOFF] = material.alpha, material.alpha_cutoff
-    if texture is not None and texels is not None and mesh.uvs is not None:
-        uvs = np.ascontiguousarray(mesh.uvs[:, 2 * texture.uv_set :][:, :2], np.float32)
+    if texture is not None and texels is not None:
+        uvs = np.ascontiguousarray(mesh.uvs_of(texture), np.float32)
         numbers[: alpha.WIDTH] = triangles.ctypes.data, uvs.ctypes.data, texels.ctypes.data
         numbers[alpha.WIDTH], numbers[alpha.HEIGHT] = texels.shape[1], texels.shape[0]
         numbers[alpha.WRAP_U], numbers[alpha.WRAP_V] = (WRAPS[way] for way in texture.wrap)

@@ -60,5 +60,11 @@ def test_a_hole_is_where_the_texture_has_it() -> None:
     scene = scene_of([quad(1, 1, uvs=True)], materials=(leaf,), textures=[hole])
     found = [[distance(scene, x, y, 4.0) for x in (-0.2, 0.2)] for y in (0.2, -0.2)]
     assert found == [[math.inf, 4.0], [4.0, 4.0]]
+    leaves = quad(1, 1, uvs=True)
+    assert leaves.uvs is not None
+    sets = replace(leaves, uvs=np.hstack([leaves.uvs + np.float32([0.5, 0.0]), leaves.uvs]))
+    for uv_set, x in ((0, 0.2), (1, -0.2)):  # the hole is where the texture's own coordinates have it
+        scene = scene_of([sets], materials=(leaf,), textures=[replace(hole, uv_set=uv_set)])
+        assert [distance(scene, side, 0.2, 4.0) for side in (x, -x)] == [math.inf, 4.0]
     for wrap, wanted in (("repeat", 0.0), ("clamp", 1.0), ("mirror", 1.0)):
         assert alpha_of(replace(hole, wrap=(wrap, "repeat")), np.array([1.2, 0.9])) == wanted

@@ -39,7 +39,7 @@ FEW = np.float32(1.0)  # degrees of freedom: with fewer, the variance is drawn t
 TINY = np.float32(1e-20)
 NOWHERE = np.float32(-2.0)  # object of the border
 CHUNK = 64  # pixels of a row at once
-BORDER = 11  # pixels: the farthest tap
+BORDER = max(max(step) for step in STEPS)  # pixels: the farthest tap
 # first of a row's floats in the scratch array: of a pixel, its surface, variance and light, then of a neighbour
 OBJ, NX, NY, NZ, PX, PY, PZ, VAR, RED, GREEN, BLUE, NUMBER = range(0, 12 * CHUNK, CHUNK)
 OTHER = 12 * CHUNK

@@ -201,10 +201,12 @@ def mix_filtered(resolved, history, field, shown):
             for i in range(row * TILE, min((row + 1) * TILE, height)):
                 for j in range(column * TILE, min((column + 1) * TILE, width)):
                     n, bias = accumulation[i, j, COUNT], pixels[BIAS, i, j]
-                    enough = ENOUGH_AT_EDGES if at_edge(pixels, i, j) else ENOUGH
-                    own = n / (n + min(field.filtered[L_COUNT, i, j], enough)) if n > ZERO else ZERO
-                    if n > ZERO and bias > ZERO:
-                        own = max(own, bias / (bias + pixels[VARIANCE, i, j] / n))
+                    own = ZERO
+                    if n > ZERO:
+                        enough = ENOUGH_AT_EDGES if at_edge(pixels, i, j) else ENOUGH
+                        own = n / (n + min(field.filtered[L_COUNT, i, j], enough))
+                        if bias > ZERO:
+                            own = max(own, bias / (bias + pixels[VARIANCE, i, j] / n))
                     for c in range(3):
                         shown[i, j, c] = resolved[i, j, c] + own * (accumulation[i, j, c] - resolved[i, j, c])
 
