@@ -93,7 +93,9 @@ def _ranks(layout: Layout) -> Table:
     for rank in range(layout.size):
         renders = layout.role(rank) == "renderer"
         targets = target_ranks(layout.graph, rank)
-        names = ", ".join(f"rank {target}" for target in ([layout.target_of(rank)] if renders else sorted(targets)))
+        if renders:
+            targets = {layout.layer(region).compositor for region in layout.regions_of(rank)}
+        names = ", ".join(f"rank {target}" for target in sorted(targets))
         host = [hosts.get(rank, "any")] if hosts else []
         table.add_row(str(rank), layout.role(rank), *host, layout.describe(rank), names)
     return table

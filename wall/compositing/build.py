@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from wall.compositing import checks
 from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
-from wall.compositing.covering import Covering, panel_rect, panels_shown
+from wall.compositing.covering import Covering, panels_shown
 from wall.compositing.graph import Graph, Layer, Step
 from wall.compositing.placement import Placement
 from wall.compositing.presets import expanded
@@ -21,6 +21,7 @@ from wall.compositing.windows import with_windows
 from wall.config.graph import MAX_NODES, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
 from wall.config.loading import Loaded
 from wall.geometry.panels import Wall
+from wall.geometry.viewports import panel_rect
 from wall.operators.base import Node, Operator
 
 
@@ -58,7 +59,7 @@ def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
             f"{config.compositors} compositors cannot share {len(wall.panels)} panels",
             f"1 to {len(wall.panels)}",
         )
-    nodes = len(wall.panels) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
+    nodes = len(wall.viewports) * (2 * config.ranks_per_panel + 3 if config.preset == "sort-last" else 3)
     if nodes > MAX_NODES:
         came = f"{len(wall.panels)} panels with {config.ranks_per_panel} ranks each take {nodes} nodes"
         raise loaded.error(("graph", "ranks_per_panel"), came, f"fewer ranks: at most {MAX_NODES} nodes")
@@ -68,7 +69,7 @@ def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
 def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     """The plan of every node. Raises ConfigError with all that is wrong."""
     order = in_order([_with_area(node, wall) for node in config.nodes])
-    index = {panel.id: panel.index for panel in wall.panels}
+    index = {panel.id: panel.index for panel in wall.viewports}
     samples = [node for node in config.nodes if isinstance(node, SamplesNode)]
     samples.sort(key=lambda node: index[node.panel])
     ranks = number_ranks(config, samples, refusals)
@@ -103,7 +104,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
         )
         for node in makers
     )
-    layers = _layers(config, samples, steps, ranks, index)
+    layers = _layers(config, samples, steps, ranks, wall)
     hosts = dict(sorted(placement.hosts.items()))
     return Graph(nodes=order, steps=steps, layers=layers, compositors=config.compositors, hosts=hosts, sync=config.sync)
 
@@ -122,10 +123,10 @@ def _layers(
     samples: Sequence[SamplesNode],
     steps: Sequence[Step],
     ranks: dict[str, tuple[int, ...]],
-    index: dict[str, int],
+    wall: Wall,
 ) -> tuple[Layer, ...]:
     of_input = {step.node.input: step for step in steps if isinstance(step.node, ReconstructNode)}
-    layers = []
+    layers, panels = [], {panel.id: panel for panel in wall.viewports}
     for k, node in enumerate(samples):
         step = of_input[node.id]
         assert isinstance(step.node, ReconstructNode)
@@ -134,7 +135,8 @@ def _layers(
                 index=k,
                 samples=node.id,
                 node=step.node.id,
-                panel=index[node.panel],
+                panel=panels[node.panel].index,
+                view=panels[node.panel].view,
                 ranks=ranks[node.id],
                 range=node.range,
                 transparent=step.node.background == "transparent",

@@ -16,7 +16,7 @@ from wall.operators.base import Node
 
 def check_panels_exist(nodes: Sequence[Node], wall: Wall, refusals: Refusals) -> None:
     """Panels that nodes name are panels of the wall."""
-    panels = [panel.id for panel in wall.panels]
+    panels = [panel.id for panel in wall.viewports]
     for node in nodes:
         panel = getattr(node, "panel", None)
         if panel is not None and panel not in panels:

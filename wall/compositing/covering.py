@@ -11,16 +11,11 @@ from wall.compositing.structure import input_path
 from wall.config.graph import ReconstructNode, SamplesNode, SinkNode, SkyNode
 from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
+from wall.geometry.viewports import panel_rect
 from wall.operators.base import Node, Operator
 
 MOST_PIXELS = 1 << 28  # of a node, unless the wall has more: 3 GB of linear light, 1 GB a further channel
 Cover = tuple[Rect, ...]  # that do not meet each other
-
-
-def panel_rect(panel: Panel) -> Rect:
-    """The rectangle of a panel in the frame."""
-    (x, y), (width, height) = panel.screen, panel.pixels
-    return Rect(x=x, y=y, width=width, height=height)
 
 
 class Rects:
@@ -65,11 +60,11 @@ class Covering:
     def __init__(self, wall: Wall, refusals: Refusals) -> None:
         self._wall, self._refusals = wall, refusals
         self._panels = {panel.id: panel_rect(panel) for panel in wall.panels}
-        self._index = {panel.id: panel.index for panel in wall.panels}
+        self._viewports = {panel.id: (panel.index, panel_rect(panel)) for panel in wall.viewports}
         self.rect: dict[str, Rect] = {}
         self.cover: dict[str, Cover] = {}
         self._lies: dict[str, dict[int, Rect]] = {}  # by panel: around its pixels, or what was made of them
-        rects = list(self._panels.values())
+        rects = [rect for _, rect in self._viewports.values()]
         known = Rects(rects)
         pairs = ((a, rects[j]) for i, a in enumerate(rects) for j in known.meeting(a, i))
         self._twice = [both for a, b in pairs if (both := a.intersection(b))]
@@ -79,8 +74,8 @@ class Covering:
         """Find rectangle and cover of every node; inputs come first in `order`."""
         for node in order:
             if isinstance(node, SamplesNode | SkyNode):
-                rect = self._panels[node.panel]
-                self._set(node, rect, (rect,), {self._index[node.panel]: rect})
+                index, rect = self._viewports[node.panel]
+                self._set(node, rect, (rect,), {index: rect})
             elif isinstance(node, ReconstructNode | SinkNode):
                 (name,) = node.sources
                 self._set(node, self.rect[name], self.cover[name], self._lies[name])

@@ -23,7 +23,8 @@ class Layer:
     index: int  # in Graph.layers
     samples: str  # ids of the two nodes
     node: str
-    panel: int  # index in Wall.panels
+    panel: int  # index in Wall.viewports
+    view: int  # that it shows
     ranks: tuple[int, ...]  # who renders it
     range: tuple[float, float] | None  # of the scene's objects; None: all
     transparent: bool  # where nothing is
@@ -49,7 +50,7 @@ class Step:
     encoded: bool  # its colour is display bytes
     computes: bool  # with light; else it moves values, or makes bytes itself
     order: int
-    panels: tuple[int, ...]  # whose pixels it holds; a sink: which it shows whole
+    panels: tuple[int, ...]  # viewports whose pixels it holds; a sink: panels that it shows whole
     users: tuple[int, ...] = ()  # indices of steps
 
 
@@ -59,24 +60,28 @@ class Graph:
 
     nodes: tuple[Node, ...]  # inputs before those who need them
     steps: tuple[Step, ...]  # likewise; samples nodes are in layers
-    layers: tuple[Layer, ...]  # in the order of the panels
+    layers: tuple[Layer, ...]  # in the order of the panels, then the insets
     compositors: int  # the head among them
     hosts: dict[int, str] = field(default_factory=dict)  # wanted machines, by rank
     sync: FrameSync | Literal["none"] = "none"
 
-    def regions(self, wall: Wall) -> tuple[Region, ...]:
-        """The region of every renderer, in rank order. Raises ConfigError: regions too large, or too many ranks."""
-        found: dict[int, Region] = {}
+    def regions(self, wall: Wall) -> tuple[tuple[Region, ...], ...]:
+        """The regions of every renderer, in rank order: one of each view that it renders.
+
+        Raises ConfigError: regions too large, or too many ranks.
+        """
+        found: dict[int, list[Region]] = {}
         for layer in self.layers:
-            rects = panel_regions(wall.panels[layer.panel], len(layer.ranks))
+            rects = panel_regions(wall.viewports[layer.panel], len(layer.ranks))
             for rank, rect in zip(layer.ranks, rects, strict=True):
-                found[rank] = Region(layer=layer.index, panel=layer.panel, rect=rect)
-        return tuple(found[rank] for rank in sorted(found))
+                region = Region(layer=layer.index, panel=layer.panel, rect=rect, view=layer.view)
+                found.setdefault(rank, []).append(region)
+        return tuple(tuple(found[rank]) for rank in sorted(found))
 
     @property
     def renderers(self) -> int:
         """How many ranks render."""
-        return sum(len(layer.ranks) for layer in self.layers)
+        return len({rank for layer in self.layers for rank in layer.ranks})
 
     @property
     def sinks(self) -> tuple[SinkNode, ...]:
@@ -111,7 +116,7 @@ class Graph:
         return (*light, *(name for name in CHANNELS if name in step.channels - {"colour"}), *clear)
 
     def layer_of(self, rank: int) -> Layer:
-        """What a renderer renders; KeyError if it is none."""
+        """The first layer that a renderer renders; KeyError if it is none."""
         for layer in self.layers:
             if rank in layer.ranks:
                 return layer

@@ -20,11 +20,28 @@ def number_ranks(config: NodeGraph, order: Sequence[SamplesNode], refusals: Refu
     free = (rank for rank in range(config.compositors, 1 << 20) if rank not in taken)
     ranks = {}
     for node in order:
+        if node.ranks_of is not None:
+            continue
         own = named[node.id]
         ranks[node.id] = own if own is not None else tuple(next(free) for _ in range(node.ranks or 1))
+    for node in order:
+        if node.ranks_of is not None and (shared := _shared(node, order, ranks, refusals)):
+            ranks[node.id] = shared
     _no_gap(config, ranks, order, refusals)
     _no_idle_group(config, order, refusals)
     return ranks
+
+
+def _shared(
+    node: SamplesNode, order: Sequence[SamplesNode], ranks: dict[str, tuple[int, ...]], refusals: Refusals
+) -> tuple[int, ...]:
+    """The ranks of the node that `ranks_of` names."""
+    others = [other.id for other in order if other.ranks_of is None]
+    if node.ranks_of not in others:
+        accepted = ", ".join(others) + nearest(str(node.ranks_of), others)
+        refusals.add(node, ["ranks_of"], "there is no such samples node with ranks of its own", accepted)
+        return ()
+    return ranks[node.ranks_of]
 
 
 def _named(config: NodeGraph, node: SamplesNode, refusals: Refusals) -> tuple[int, ...] | None:
@@ -67,6 +84,7 @@ def _each_once(
 def _no_gap(
     config: NodeGraph, ranks: dict[str, tuple[int, ...]], order: Sequence[SamplesNode], refusals: Refusals
 ) -> None:
+    order = [node for node in order if node.id in ranks]
     used = {rank for own in ranks.values() for rank in own if rank >= config.compositors}
     idle = [rank for rank in range(config.compositors, max(used, default=0)) if rank not in used]
     if not idle or refusals.found:

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wall.compositing.covering import panel_rect
 from wall.config.displays import WarpFileConfig
 from wall.config.graph import NodeGraph, SinkNode
 from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
+from wall.geometry.viewports import panel_rect
 from wall.operators.arrange import Crop
 from wall.operators.base import Node
 from wall.operators.blend_edges import BlendEdges

@@ -26,12 +26,17 @@ class SamplesNode(Node):
     """Samples of one panel, traced by one or more ranks; of all objects, or of a part of them."""
 
     op: Literal["samples"] = Field(description="samples of one panel")
-    panel: Name = Field(description="id of the panel")
+    panel: Name = Field(description="id of the panel, or of an inset: PANEL.VIEW")
     ranks: Ranks | None = Field(
         default=None, description="ranks that share the panel, each renders a part of it; absent = 1, or all of `group`"
     )
     rank: Rank | None = Field(default=None, description="the one rank that renders it, by its number")
     group: Name | None = Field(default=None, description="a group of graph.groups that renders it")
+    ranks_of: Name | None = Field(
+        default=None,
+        description="another samples node, of another view: its ranks render this too, and share their time by the "
+        "views' weights",
+    )
     range: tuple[Share, Share] | None = Field(
         default=None,
         description="part of the scene's objects that is seen, such as [0, 0.5]: by triangles, in the scene's order; "
@@ -45,6 +50,8 @@ class SamplesNode(Node):
     def _names_ranks_once(self) -> SamplesNode:
         if self.rank is not None and (self.group is not None or self.ranks is not None):
             raise refusal("names one rank, and others beside", accepted="one of rank, group, ranks", at=("rank",))
+        if self.ranks_of is not None and (self.rank, self.group, self.ranks) != (None, None, None):
+            raise refusal("says who renders it a second time", accepted="ranks_of alone", at=("ranks_of",))
         if self.range is not None and not self.range[0] < self.range[1]:
             raise refusal("holds nothing", accepted="[from, to] with from < to, both from 0 to 1", at=("range",))
         return self

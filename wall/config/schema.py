@@ -80,13 +80,17 @@ class Config(Model):
     output: OutputConfig = Field(default=OutputConfig(), description="where results go")
 
     @model_validator(mode="after")
-    def _one_view(self) -> Config:
-        if len(self.views) > 1:
-            raise refusal(
-                "several views on one wall are not supported yet",
-                accepted="exactly one view",
-                at=("views", 1),
-            )
+    def _views_differ(self) -> Config:
+        seen: dict[str, int] = {}
+        for k, view in enumerate(self.views):
+            if view.id in seen:
+                came = f"views[{seen[view.id]}] has this id already"
+                raise refusal(came, accepted="ids that differ", at=("views", k, "id"))
+            seen[view.id] = k
+            if k and view.lens is not None:
+                raise refusal("only the first view has a lens", accepted="no lens", at=("views", k, "lens"))
+        if len(self.views) > 1 and self.graph.sync != "none":
+            raise refusal("shows one view's frames", accepted="sync: none, or one view", at=("graph", "sync"))
         return self
 
     def sampling_of(self, view: int) -> AnySampling:

@@ -19,12 +19,14 @@ from wall.core.fields import (
     Point,
     Positive,
     Seconds,
+    Share,
     Text,
     check_times,
     refusal,
 )
 
 DEFAULT_FOV_DEGREES = 45.0
+ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
 MOST_STOPS = 20.0  # of exposure: a million times as bright
 
 
@@ -122,10 +124,36 @@ class LensConfig(Model):
     focus: Positive = Field(description="distance from the eye to the plane in focus, world units")
 
 
+class ViewportConfig(Model):
+    """A rectangle of the wall, bezels included, in shares of its width and height."""
+
+    left: Share = Field(description="share of the wall's width at its left")
+    top: Share = Field(description="share of the wall's height above it")
+    width: Share = Field(description="share of the wall's width")
+    height: Share = Field(description="share of the wall's height")
+
+    @model_validator(mode="after")
+    def _lies_on_the_wall(self) -> ViewportConfig:
+        for first, size in (("left", "width"), ("top", "height")):
+            start, length = getattr(self, first), getattr(self, size)
+            if not 0.0 < length <= (1.0 - start) * ROUNDED:
+                raise refusal("does not lie on the wall", accepted=f"above 0, up to {1.0 - start:g}", at=(size,))
+        return self
+
+
 class ViewConfig(Model):
     """One viewer's image."""
 
     id: Name = Field(default="main", description="name of the view")
+    panels: Annotated[tuple[Name, ...], Field(min_length=1, max_length=1024)] | None = Field(
+        default=None, description="ids of the panels that show it; absent = all, unless it has a viewport"
+    )
+    viewport: ViewportConfig | None = Field(
+        default=None, description="the part of the wall that shows it; later views lie over earlier ones"
+    )
+    weight: Annotated[Number, Ge(0.001), Le(1000.0)] = Field(
+        default=1.0, description="share of a renderer's time that it gets, against the other views of that renderer"
+    )
     camera: CameraOrAuto = Field(
         default=CameraConfig(), description="where the viewer stands, or auto: the whole scene is framed"
     )

@@ -134,9 +134,10 @@ class Rect:
 class Region:
     """The part of a view that one rank renders: a rectangle of one panel."""
 
-    panel: int  # index in Wall.panels
+    panel: int  # index in Wall.viewports
     rect: Rect
     layer: int = 0  # index in Graph.layers
+    view: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

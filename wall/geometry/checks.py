@@ -24,7 +24,7 @@ def check_wall(loaded: Loaded, wall: Wall) -> tuple[str, ...]:
     problems = list(_undeclared(loaded, wall))
     for view in range(len(loaded.config.views)):
         try:
-            standing_eye(loaded, wall, view)
+            standing_eye(loaded, wall.of_view(view), view)
         except ConfigError as error:
             problems.append(str(error))
     if problems:

@@ -6,7 +6,7 @@ y down, origin at the top left of all panels, bezel gaps and overlaps included a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +56,8 @@ class Panel:
     at: tuple[int, int] = (0, 0)  # its top left pixel in the physical panel's image
     skip: bool = False  # its pixels span its bezels too, squeezed into the lit area
     blend: BlendConfig | None = None  # metres; `auto` is worked out
+    view: int = 0  # index in Config.views: what it shows, but for insets
+    inset_of: int | None = None  # an inset: index of the panel whose pixels it covers with another view
 
     @property
     def corners(self) -> Float64:
@@ -107,6 +109,16 @@ class Wall:
     height: int
     faces: tuple[tuple[int, ...], ...] = ()  # indices of panels that lie in the virtual screen as they stand
     overlaps: tuple[Overlap, ...] = ()  # what two panels light for the same eye, declared or not
+    insets: tuple[Panel, ...] = ()  # parts of panels that show another view than the panel, the nearest last
+
+    @property
+    def viewports(self) -> tuple[Panel, ...]:
+        """All that samples are traced for, at their indices: the panels, then the insets."""
+        return self.panels + self.insets
+
+    def of_view(self, view: int) -> Wall:
+        """What shows a view, as a wall by itself: its panels, or its insets."""
+        return replace(self, panels=tuple(p for p in self.viewports if p.view == view), insets=())
 
     @property
     def flat(self) -> bool:
@@ -156,8 +168,8 @@ class Wall:
         return Whole(Plane(origin=corners[2], per_x=sides[0] / width, per_y=sides[1] / height), width, height)
 
     def panel(self, panel_id: str) -> Panel:
-        """The panel of that id; KeyError if there is none."""
-        for panel in self.panels:
+        """The panel or the inset of that id; KeyError if there is none."""
+        for panel in self.viewports:
             if panel.id == panel_id:
                 return panel
         raise KeyError(panel_id)

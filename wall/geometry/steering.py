@@ -26,6 +26,8 @@ MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
+MOST_VIEWS = 64
+STEERED: dict[str, int] = dict.fromkeys(("orbit", "pan", "zoom", "reset", "sampler"), 0)  # one view, if none is named
 NUMBERS: dict[str, tuple[str, ...]] = {
     "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",),
     "focus": ("x", "y"),
@@ -46,7 +48,7 @@ class Command:
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus.
+    from its top left, is to be in focus. With `view` a command is for that view alone.
     """
 
     kind: Kind
@@ -54,6 +56,7 @@ class Command:
     y: float = 0.0
     value: str = ""
     numbers: tuple[float, ...] | None = None
+    view: int | None = None  # whom it is for, by index; None: every view
 
 
 def parse(message: object) -> Command:
@@ -66,8 +69,10 @@ def parse(message: object) -> Command:
         raise RemoteProtocolError(f"command kind {_short(kind)}: want one of {', '.join(get_args(Kind))}")
     if kind == "set":
         return _set_command(message)
-    wanted = NUMBERS.get(kind, ("value",) if kind in VALUES else ())
-    if set(message) - {"kind"} != set(wanted):
+    wanted, view = NUMBERS.get(kind, ("value",) if kind in VALUES else ()), message.get("view", STEERED.get(kind))
+    if view is not None and (type(view) is not int or not 0 <= view < MOST_VIEWS):
+        raise RemoteProtocolError(f"command {kind}: view = {_short(view)}: want a number from 0 to {MOST_VIEWS - 1}")
+    if set(message) - {"kind", "view"} != set(wanted):
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
         raise RemoteProtocolError(f"command {kind} came with {got}: want {', '.join(wanted) or 'nothing'}")
     if kind in VALUES and message["value"] not in VALUES[kind]:
@@ -75,7 +80,7 @@ def parse(message: object) -> Command:
         raise RemoteProtocolError(f"command {kind} {_short(message['value'])}: want one of {known}")
     numbers = {name: _number(kind, name, message[name]) for name in wanted if name != "value"}
     value = str(message["value"]) if kind in VALUES else ""
-    return Command(kind=kind, value=value, **numbers)  # type: ignore[arg-type]  # kind is one of Kind by now
+    return Command(kind=kind, value=value, view=view, **numbers)  # type: ignore[arg-type]  # kind is one of Kind by now
 
 
 def _set_command(message: Mapping[Any, Any]) -> Command:

@@ -13,7 +13,7 @@ from wall.geometry.cameras import PanelView
 from wall.geometry.prediction import foreseen
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
-from wall.roles.renderer_image import RendererImage
+from wall.roles.renderer_image import OwnImage
 from wall.sampling.adaptive import AdaptiveSampler
 from wall.sampling.base import Targets
 from wall.sampling.tiles import Measured
@@ -39,10 +39,10 @@ class AdaptiveRenderer:
         region: Region,
         band: Rect,
         clock: Clock,
-        shown: RendererImage | None = None,
+        shown: OwnImage | None = None,
     ) -> None:
         """`band`: its part of the region; `shown`: the image that this rank makes itself."""
-        panel = plan.layout.wall.panels[region.panel]
+        panel = plan.layout.panel(region)
         self._panel_view = PanelView(plan.view_of(panel), panel)
         self.reconstruction = shown.reconstruction if shown is not None else Reconstruction(
             panel, self._panel_view.eye, plan.scene, detects_change=needs(plan.scene).change_detection, rect=band,
@@ -55,7 +55,7 @@ class AdaptiveRenderer:
         self._shown, self._refreshes = shown, 0
         self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
         self._due, self._rested = float("-inf"), 0  # refreshes since anything moved
-        self._predictor = make_predictor(plan, plan.layout.view_index(panel))
+        self._predictor = make_predictor(plan, panel.view)
         self._newest: Event | None = None
         self._event: Event | None = None  # that rays are traced under
 

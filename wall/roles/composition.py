@@ -86,7 +86,7 @@ class Composition:
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
         early = self._edits.know(event.edits)
-        for layer in self.layers.values():
+        for layer in self._of_view(event.view):
             layer.follow(event)
         if not event.compare:
             self._compared = None
@@ -96,6 +96,10 @@ class Composition:
             self._compared = self._make_nodes(framelets, compared=True)
         for batch in early:
             self._give(batch, self._layer_of(batch.rank, batch.panel, batch.rect))
+
+    def _of_view(self, view: int) -> list[PanelCompositor]:
+        """The layers that show a view."""
+        return [layer for layer in self.layers.values() if layer.layer.view == view]
 
     def insert(self, packet: bytes) -> None:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
@@ -133,9 +137,11 @@ class Composition:
     def _layer_of(self, rank: int, panel: int, rect: Rect) -> PanelCompositor:
         """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
         layout = self._plan.layout
-        region = layout.region(rank) if rank in layout.renderers() else None
-        if region is None or region.panel != panel or not region.rect.contains(rect):
-            raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {region}")
+        regions = layout.regions_of(rank) if rank in layout.renderers() else ()
+        region = next((region for region in regions if region.panel == panel), None)
+        if region is None or not region.rect.contains(rect):
+            wanted = " or ".join(map(str, regions)) or "of a renderer"
+            raise RemoteProtocolError(f"rank {rank}: {rect} of panel {panel}; wanted: inside {wanted}")
         if region.layer not in self.layers:
             raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
         return self.layers[region.layer]
@@ -153,7 +159,7 @@ class Composition:
         self._statistics_images[image.panel, image.compared] = image
 
     def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
-        """Bring the layers and then the nodes of this rank up to date. Returns what changed, by step.
+        """Bring the view's layers and then the nodes of this rank up to date. Returns what changed, by step.
 
         In lock step nothing happens before the frame of `event` is there, or its time is up, unless `force`.
         """
@@ -165,11 +171,11 @@ class Composition:
             for name in late:
                 counted = len(self.counters) < MOST_NAMES or f"late {name}" in self.counters
                 self.counters[f"late {name}" if counted else "late others"] += 1
-        layers = list(self.layers.values())
+        layers = self._of_view(event.view)
         on_gpu = any(layer.reprojected.on_gpu for layer in layers)  # such an image belongs to the thread that inserts
         refreshed = (one_by_one if on_gpu else self._run_all)([partial(layer.refresh, event, now) for layer in layers])
         fresh = self._regions_of(zip(layers, refreshed, strict=True))
-        fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items()}
+        fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items() if sky.view == event.view}
         if self._compared is not None:
             seconds = [
                 (layer, layer.compared.refresh(now, event.exposure)) for layer in layers if layer.compared is not None
@@ -191,10 +197,10 @@ class Composition:
 
     def send(self) -> Iterator[Offer]:
         """Offer other ranks what changed for them, as far as there is credit."""
-        number = self.newest_event if self.lockstep is None else self.lockstep.done
+        done = None if self.lockstep is None else self.lockstep.done
         for nodes in (self._nodes, self._compared):
             if nodes is not None:
-                yield from nodes.outlets.send(nodes.executor.framelets, number)
+                yield from nodes.outlets.send(nodes.executor.framelets, lambda view: done or self.newest_event(view))
 
     def lose(self, target: int, packet: bytes) -> None:
         """A packet to another rank was dropped: its pixels are sent again."""
@@ -205,9 +211,10 @@ class Composition:
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
         """Statistics images of every panel and sampler: made now for own panels, the newest that came of the others.
 
-        Of several layers of a panel the first speaks for it.
+        Of several layers of a panel the first speaks for it. Insets are left out.
         """
-        first = {layer.panel.index: layer for layer in reversed(self.layers.values())}
+        panels = [layer for layer in self.layers.values() if layer.panel.inset_of is None]
+        first = {layer.panel.index: layer for layer in reversed(panels)}
         own = [image for panel in sorted(first) for image in first[panel].statistics_images(now)]
         return (*own, *(image for image in self._statistics_images.values() if comparing or not image.compared))
 
@@ -225,11 +232,10 @@ class Composition:
         """The second images, black until something came. None unless two samplers are compared."""
         return self._compared.shown if self._compared is not None else []
 
-    @property
-    def newest_event(self) -> Number:
-        """The newest event that has a sample in an image."""
-        numbers = [layer.newest_event for layer in self.layers.values()]
-        numbers += [remote.newest_event for remote in self._nodes.remote.values()]
+    def newest_event(self, view: int = 0) -> Number:
+        """The newest event of a view that has a sample in an image."""
+        numbers = [layer.newest_event for layer in self._of_view(view)]
+        numbers += [remote.newest_event(view) for remote in self._nodes.remote.values()]
         return max(numbers, default=NEVER)
 
     @property

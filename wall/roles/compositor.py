@@ -16,7 +16,7 @@ from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
 from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput
 from wall.roles.composition import Composition, RunAll, one_by_one
-from wall.roles.edges import NEVER, Number, Sent, needed_from_others, target_ranks
+from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
 from wall.roles.editing import editable, states_of
 from wall.roles.instructions import (
     MANAGER,
@@ -79,8 +79,6 @@ class Compositor:
         self._others = {step.index for step in needed_from_others(graph, hello.rank)}
         self._shows_only = not graph.layers_on(hello.rank) and graph.sync == "none"  # images that others made
         self._news, self._shown_at = False, -math.inf  # images to show at once; when a refresh was last
-        self._ahead = False  # what is shown is not the newest event yet, but what is expected after it
-        self._quiet = False  # the last refresh was of the newest event, and changed nothing
         self._complete = False  # what the manager was told
         self._began: float | None = None
         self._stop_at: float | None = None  # when this rank ends at the latest
@@ -96,7 +94,8 @@ class Compositor:
         elif isinstance(message, Dropped):
             self.composition.lose(message.to, message.packet)
         elif isinstance(message, Presented):
-            self.latency.shown(self.composition.newest_event, now)
+            for view in self._views:
+                self.latency.shown(self.composition.newest_event(view.index), now, view.index)
         elif isinstance(message, WindowInput):
             self._ending = message if message.escape or message.closed else None
             yield Send(MANAGER, message)
@@ -161,14 +160,14 @@ class Compositor:
         if changed or self.refreshes == 0:
             came = changes.keys() & self._others
             self.refreshes += len(came) / len(self._others) if came and self._shows_only else 1.0
-        self._ahead = expected.number != event.number
-        self._quiet = not changed and not self._ahead
+        view.ahead = expected.number != event.number
+        view.quiet = not changed and not view.ahead
         if event.statistics:
             yield from self._make_statistics_images(event, now)
         else:
             self._statistics_images = ()
         if self._rank == HEAD and now >= self._status_due:
-            yield from self._make_status(event, now)
+            yield from self._make_status(self._views[0].event or event, now)
         yield Show(self._images(event, now), self._status)
         if composition.lockstep is not None and composition.lockstep.news():
             yield from self._beat(now)
@@ -228,12 +227,14 @@ class Compositor:
     def _is_complete(self) -> bool:
         """Whether nothing is left to do under the newest event; at the head: all of it is shown, and rests."""
         if self._rank == HEAD and self._sees_samples:
-            return self._quiet and self.composition.newest_event == self._number()
-        return not self._ahead and self.composition.idle
+            known = [view for view in self._views if view.event is not None]
+            shown = (self.composition.newest_event(v.index) == v.event.number for v in known if v.event is not None)
+            return all(view.quiet for view in known) and any(shown)  # a view in which nothing changed says nothing
+        return not any(view.ahead for view in self._views) and self.composition.idle
 
     def _number(self) -> Number:
-        """Of the newest event."""
-        return max((view.event.number for view in self._views if view.event is not None), default=NEVER)
+        """See summed_number."""
+        return summed_number(view.event for view in self._views)
 
     def _beat(self, now: float) -> Iterator[Instruction]:
         yield from self._standing.beat(self._heartbeat(now), now)

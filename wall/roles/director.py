@@ -20,11 +20,11 @@ class Director:
     """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
 
     def __init__(self, plan: Plan, now: float, view: int = 0) -> None:
-        self._plan, self._view, self._index = plan, plan.views[view], view
+        self._plan, self._view, self.view = plan, plan.views[view], view
         self._steering: Steering | None = None
         self._scene_time, self._path_time, self._last = 0.0, 0.0, now
         self.paused = False
-        self.sampler: str = plan.layout.sampling.method
+        self.sampler: str = plan.layout.sampling_of(view).method
         self.compare = ""  # with the adaptive sampler, whichever `sampler` is
         self.statistics = False
         self.event = first_event(plan, now, view)
@@ -46,7 +46,7 @@ class Director:
         old = self.event
         sampler = COMPARED_WITH if self.compare else self.sampler
         turned = camera != old.camera or (sampler, self.compare) != (old.sampler or sampler, old.compare)
-        exposure = exposure_at(self._plan, scene_time, view=self._index) if stops is None else stops
+        exposure = exposure_at(self._plan, scene_time, view=self.view) if stops is None else stops
         moved = scene_time != old.scene_time or edits.of_scene != old.edits.of_scene
         if self._plan.layout.graph.sync != "none":
             moved |= exposure != old.exposure  # every change is a frame
@@ -54,7 +54,7 @@ class Director:
         if not turned and not moved and flags == (old.paused, old.statistics, old.exposure, old.edits.number):
             return False
         self.event = Event(
-            view=self._index,
+            view=self.view,
             camera_event=old.camera_event + turned,
             scene_event=old.scene_event + moved,
             scene_time=scene_time,
@@ -88,7 +88,8 @@ class Director:
             self.compare = ""
         elif command.kind == "compare":
             graph = self._plan.layout.graph  # others have no second image, or no frames of it
-            self.compare = command.value if graph.plain and graph.sync == "none" else ""
+            one = graph.plain and graph.sync == "none" and len(self._plan.views) == 1
+            self.compare = command.value if one else ""
         elif command.kind == "statistics":
             self.statistics = command.value == "on"
         else:

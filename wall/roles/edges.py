@@ -6,7 +6,7 @@ Inside a process an edge is a shared framelet, and nothing here is needed.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from wall.compositing.executor import Changes, Regions, merged
@@ -21,11 +21,17 @@ NEVER: Number = (-1, -1)
 NOWHERE = Event(view=0, camera_event=-1, scene_event=-1, scene_time=0.0, input_time=0.0, camera=STILL)
 
 
+def summed_number(events: Iterable[Event | None]) -> Number:
+    """What heartbeats say of the newest events of several views: two sums, which grow with each of them."""
+    numbers = [event.number for event in events if event is not None]
+    return (sum(camera for camera, _ in numbers), sum(scene for _, scene in numbers)) if numbers else NEVER
+
+
 class RemoteFramelet:
     """What a node of another process has made, as far as it came."""
 
     def __init__(self, step: Step) -> None:
-        self.step, self.newest_event = step, NEVER
+        self.step, self._newest = step, dict[int, Number]()  # by view
         self.framelet = Framelet.blank(step.rect, step.channels, encoded=step.encoded, order=step.order)
         self._changed: Regions = []
         self._waiting: dict[int, FrameletPart] = {}  # of what belongs together, until all is there
@@ -40,7 +46,12 @@ class RemoteFramelet:
         if len(self._waiting) == part.count:
             self._show()
             if part.event is not None:
-                self.newest_event = max(self.newest_event, part.event.number)
+                view = part.event.view
+                self._newest[view] = max(self.newest_event(view), part.event.number)
+
+    def newest_event(self, view: int = 0) -> Number:
+        """The newest event of a view that has a sample in it."""
+        return self._newest.get(view, NEVER)
 
     def _show(self) -> None:
         parts, self._waiting = list(self._waiting.values()), {}
@@ -83,8 +94,8 @@ class Outlets:
                 if all_due:
                     self._due.add((step, target))
 
-    def send(self, framelets: Mapping[int, Framelet], number: Number) -> Iterator[Offer]:
-        """Offer what is pending where there is credit. `number`: the newest event that has a sample in it."""
+    def send(self, framelets: Mapping[int, Framelet], number: Callable[[int], Number]) -> Iterator[Offer]:
+        """Offer what is pending where there is credit. `number`: the newest event of a view that has a sample in it."""
         for key in dict.fromkeys((*self._under_way, *self._pending, *self._due)):
             step, target = key
             while self._ready(target):
@@ -96,11 +107,12 @@ class Outlets:
                 if not self._under_way[key]:
                     del self._under_way[key]
 
-    def _begin(self, key: tuple[int, int], framelet: Framelet, number: Number) -> None:
+    def _begin(self, key: tuple[int, int], framelet: Framelet, newest: Callable[[int], Number]) -> None:
         """Make the parts of what is pending: they show one moment, so all are made now."""
         event = framelet.event
         if event is None and self._graph.sync != "none":
             event = NOWHERE  # a target waits for the frame's number, even of what no camera sees
+        number = newest(event.view) if event is not None else NEVER
         told = None if event is None else replace(event, camera_event=number[0], scene_event=number[1])
         regions = merged(self._pending.pop(key, []))
         self._due.discard(key)

@@ -62,6 +62,7 @@ class Traced:
     result: bytes | Batch | None  # a packet, or a batch to keep, empty: nothing to show yet; None: nothing is missing
     work: Work
     measured: Measured | None = None  # its sampler's tiles, where Trace asked for them
+    seconds: float = 0.0  # that it took
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,7 @@ class Connect:
 class Trace:
     """Let an idle worker trace its next batch; Traced answers."""
 
-    worker: int
+    worker: int  # numbered through all regions of the rank
     event: Event
     lost: tuple[bytes, ...] = ()  # its packets that were dropped: their samples are to be traced again
     keep: bool = False  # the batch stays in this process: it is not encoded
@@ -131,11 +132,12 @@ class Trace:
 
 @dataclass(frozen=True, slots=True)
 class Restart:
-    """Make all workers' samplers anew. Only while all are idle."""
+    """Make the samplers of a region's workers anew. Only while all of these are idle."""
 
     sampler: str
     compare: str
     depth: int | None = None  # most surfaces of the progressive sampler's paths; None: of direct light, or not wanted
+    region: int = 0  # which of the rank's
 
 
 @dataclass(frozen=True, slots=True)

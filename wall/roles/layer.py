@@ -27,13 +27,15 @@ class PanelCompositor:
         """`reconstruction` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
         graph = plan.layout.graph
         self.layer, step = graph.layers[index], graph.step(graph.layers[index].node)
-        self.panel = plan.layout.wall.panels[self.layer.panel]
+        self.panel = plan.layout.wall.viewports[self.layer.panel]
         self.framelet = blank_framelet(self.panel, step.channels, encoded=step.encoded, order=step.order)
         self.newest = PixelLayer(self.panel, self.framelet, transparent=self.layer.transparent)
         self.counters = self.newest.buffer.counters  # of samples that this layer drops
         self.reprojected = ReprojectedLayer(plan, self.layer, self.framelet, self.counters, reconstruction)
         self.compared: PixelLayer | None = None
-        self._routing = SampleRouting(plan.layout.sampling.method, self.counters, reprojects=self.layer.reprojects)
+        self._routing = SampleRouting(
+            plan.layout.sampling_of(self.layer.view).method, self.counters, reprojects=self.layer.reprojects
+        )
 
     @property
     def _reprojects(self) -> bool:

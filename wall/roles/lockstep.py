@@ -39,9 +39,9 @@ class Lockstep:
         A frame that was done without its late parts is made again when they come, unless the next has begun.
         """
         late = [layer.layer.node for layer in layers.values() if not layer.has_frame(event.number)]
-        late += [far.step.node.id for far in remote.values() if far.newest_event < event.number]
+        late += [far.step.node.id for far in remote.values() if far.newest_event() < event.number]
         if event.number == self.done:
-            more = any(far.changed and far.newest_event == self.done for far in remote.values())
+            more = any(far.changed and far.newest_event() == self.done for far in remote.values())
             came = more or len(late) < len(self._missing)
             self._missing = tuple(late) if came else self._missing
             self.again = True

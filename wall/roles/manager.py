@@ -17,6 +17,7 @@ from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
 from wall.packets.control import EditRequest, Heartbeat, Hello, Statistics, Stop, WindowInput
 from wall.roles.director import Director
+from wall.roles.edges import summed_number
 from wall.roles.editing import Editor
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
 from wall.roles.membership import Register
@@ -170,7 +171,8 @@ class Manager:
         for director in self._directors:
             editor = self.editor
             if wanted:
-                news = director.update(commands, now, editor.edits, editor.stops)
+                own = [command for command in commands if command.view in (None, director.view)]
+                news = director.update(own, now, editor.edits, editor.stops)
             else:
                 news = not running and director.hold()
             if news or now >= self._repeat_due:
@@ -182,7 +184,7 @@ class Manager:
 
     @property
     def _shown_event(self) -> Event:
-        """The event of the first view, the only one that panels show (Layout.view_index): the run waits for it."""
+        """The event of the first view, which says what time it is."""
         return self._directors[0].event
 
     def _waits(self) -> bool:
@@ -229,10 +231,10 @@ class Manager:
         return self._complete_since is not None and now - self._complete_since >= SETTLED_S
 
     def _all_complete(self, *, others: bool = False) -> bool:
-        """Whether every living rank says that nothing is left to do under the newest event. `others`: but the head."""
-        number = self._shown_event.number
+        """Whether every living rank says that nothing is left to do under the newest events. `others`: but the head."""
         for rank in range(int(others), self._layout.size):
             beat = self.heartbeats.get(rank)
+            number = summed_number(self._directors[view].event for view in self._layout.views_of(rank))
             complete = beat is not None and beat.complete and (beat.camera_event, beat.scene_event) == number
             if not complete and rank not in self.lost:
                 return False

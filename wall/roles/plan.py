@@ -23,6 +23,7 @@ from wall.geometry.checks import check_wall
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
+from wall.geometry.viewports import with_views
 from wall.operators.base import Operator
 from wall.reconstruction.gpu.device import gpu_nodes
 from wall.scene.build import Scene
@@ -39,7 +40,7 @@ class Layout:
     loaded: Loaded
     wall: Wall
     graph: Graph
-    regions: tuple[Region, ...]  # of each renderer, in rank order
+    regions: tuple[tuple[Region, ...], ...]  # of each renderer, in rank order: one of each view that it renders
     notes: tuple[str, ...] = ()  # of the wall, for `wall check`
 
     @property
@@ -55,11 +56,11 @@ class Layout:
     @property
     def sampling(self) -> AnySampling:
         """How the first view is sampled."""
-        return self.config.sampling_of(0)
+        return self.sampling_of(0)
 
-    def view_index(self, panel: Panel) -> int:
-        """Which view a panel shows: the whole wall shows the first."""
-        return 0
+    def sampling_of(self, view: int) -> AnySampling:
+        """How a view is sampled."""
+        return self.config.sampling_of(view)
 
     def role(self, rank: int) -> str:
         """Returns "head", "compositor" or "renderer"."""
@@ -67,21 +68,27 @@ class Layout:
             return "head"
         return "compositor" if rank < self.graph.compositors else "renderer"
 
-    def layer(self, rank: int) -> Layer:
-        """What a renderer renders a part of."""
-        return self.graph.layers[self.region(rank).layer]
+    def layer(self, region: Region) -> Layer:
+        """What a region is a part of."""
+        return self.graph.layers[region.layer]
 
-    def region(self, rank: int) -> Region:
-        """Returns the region that a renderer rank samples."""
+    def regions_of(self, rank: int) -> tuple[Region, ...]:
+        """Returns the regions that a renderer rank samples, one of each view that it renders."""
         return self.regions[rank - self.graph.compositors]
 
-    def panel(self, rank: int) -> Panel:
-        """Returns the panel in which a renderer rank's region lies."""
-        return self.wall.panels[self.region(rank).panel]
+    def region(self, rank: int) -> Region:
+        """Returns the first region that a renderer rank samples."""
+        return self.regions_of(rank)[0]
 
-    def target_of(self, rank: int) -> int:
-        """The rank that takes a renderer's samples in."""
-        return self.layer(rank).compositor
+    def panel(self, region: Region) -> Panel:
+        """Returns the panel or inset in which a region lies."""
+        return self.wall.viewports[region.panel]
+
+    def views_of(self, rank: int) -> tuple[int, ...]:
+        """The views that a rank follows: a compositor all of them."""
+        if self.role(rank) != "renderer":
+            return tuple(range(len(self.config.views)))
+        return tuple(sorted({region.view for region in self.regions_of(rank)}))
 
     def renderers(self) -> range:
         """The ranks that are renderers."""
@@ -91,12 +98,15 @@ class Layout:
         """What a rank has of the wall, for tables."""
         if self.role(rank) != "renderer":
             return self._describe_compositor(rank)
-        rect, share = self.region(rank).rect, self.layer(rank).range
+        return "; ".join(map(self._describe_region, self.regions_of(rank)))
+
+    def _describe_region(self, region: Region) -> str:
+        rect, share = region.rect, self.layer(region).range
         of = "" if share is None else f", objects {share[0]:.0%} to {share[1]:.0%}"
-        return f"{self.panel(rank).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{of}"
+        return f"{self.panel(region).id} {rect.width}x{rect.height}+{rect.x}+{rect.y}{of}"
 
     def _describe_compositor(self, rank: int) -> str:
-        panels = dict.fromkeys(self.wall.panels[layer.panel].id for layer in self.graph.layers_on(rank))
+        panels = dict.fromkeys(self.wall.viewports[layer.panel].id for layer in self.graph.layers_on(rank))
         done = [step.node.id for step in self.graph.steps if step.rank == rank and isinstance(step.node, Operator)]
         words = [", ".join(panels)] if panels else []
         if done and not self.graph.plain:
@@ -113,8 +123,8 @@ class Plan:
     views: tuple[View, ...]
 
     def view_of(self, panel: Panel) -> View:
-        """The view that a panel shows."""
-        return self.views[self.layout.view_index(panel)]
+        """The view that a panel or inset shows."""
+        return self.views[panel.view]
 
     @property
     def view(self) -> View:
@@ -124,7 +134,7 @@ class Plan:
 
 def make_layout(loaded: Loaded) -> Layout:
     """Everything that can be refused before a scene is loaded. Raises ConfigError."""
-    wall = expand(loaded.config.wall)
+    wall = with_views(loaded, expand(loaded.config.wall))
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes)
@@ -170,7 +180,7 @@ def make_plan(layout: Layout) -> Plan:
 
 
 def seen_by(layout: Layout, scene: Scene) -> Scene:
-    """The scene with the lens of the first view, the only one that panels show (Layout.view_index)."""
+    """The scene with the lens of the first view, the only one that has any."""
     config = layout.config.views[0].lens
     lens = None if config is None else Lens(radius=config.aperture / 2, focus=config.focus)
     return scene if scene.lens == lens else replace(scene, lens=lens)
@@ -184,7 +194,7 @@ def aimed(layout: Layout, scene: Scene) -> Plan:
             wanted = "scene.integrator: {method: path}, or no lens"
             raise layout.loaded.error(("views", k, "lens"), "direct light has no lens", wanted)
     views = (
-        resolve_view(layout.loaded, layout.wall, scene.center, scene.radius, view=k, cameras=scene.cameras)
+        resolve_view(layout.loaded, layout.wall.of_view(k), scene.center, scene.radius, view=k, cameras=scene.cameras)
         for k in count
     )
     return Plan(layout=layout, scene=seen_by(layout, scene), views=tuple(views))
@@ -206,8 +216,8 @@ def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
         return f"{len(layer.ranks)} ranks render it"
     if layout.graph.sync != "none":
         return "its frames are shown in lock step"
-    if layout.sampling.threads > 1:
-        return f"{layout.sampling.threads} threads render it"
+    if (threads := layout.sampling_of(layer.view).threads) > 1:
+        return f"{threads} threads render it"
     if beyond := layout.graph.beyond_bytes(layer):
         return f"the graph needs {' and '.join(beyond)}"
     if layout.config.reconstruction == "gpu" or (layout.config.reconstruction == "auto" and gpu_nodes()):
@@ -223,15 +233,17 @@ def reconstructed_at_renderers(layout: Layout, machines: Sequence[str]) -> Layou
 
     `machines`: of every rank.
     """
-    rank_of = {
-        layer.index: layer.ranks[0]
+    makers = [
+        layer
         for layer in layout.graph.layers
         if not why_not_at_renderer(layout, layer)
         and (
             machines[layer.ranks[0]] == machines[layer.compositor]
             or layout.graph.step(layer.node).node.on == AT_RENDERER
         )
-    }
+    ]
+    others = {rank for layer in layout.graph.layers if layer not in makers for rank in layer.ranks}
+    rank_of = {layer.index: layer.ranks[0] for layer in makers if layer.ranks[0] not in others}  # all of a rank or none
     return replace(layout, graph=layout.graph.reconstructed_at(rank_of))
 
 
@@ -255,7 +267,7 @@ def first_event(plan: Plan, now: float, view: int = 0) -> Event:
         scene_time=0.0,
         input_time=now,
         camera=plan.views[view].camera_at(0.0),
-        sampler=plan.layout.sampling.method,
+        sampler=plan.layout.sampling_of(view).method,
         exposure=exposure_at(plan, 0.0, view=view),
     )
 

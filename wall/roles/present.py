@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from wall.compositing.covering import panel_rect
 from wall.compositing.executor import Changes
 from wall.compositing.graph import Graph, Step
 from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
 from wall.display.base import PanelImage
 from wall.geometry.panels import Wall
+from wall.geometry.viewports import panel_rect
 from wall.operators.kernels import pixels as kernels
 
 _CURVE = srgb_curve()

@@ -33,7 +33,7 @@ class ReprojectedLayer:
     def __init__(self, plan: Plan, layer: Layer, framelet: Framelet, counters: Counter[str], wish: Wish | None) -> None:
         """`wish` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
         self._plan, self._layer, self._framelet, self._counters = plan, layer, framelet, counters
-        self._panel = plan.layout.wall.panels[layer.panel]
+        self._panel = plan.layout.wall.viewports[layer.panel]
         self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
         self._wish: Wish = (wish or plan.layout.config.reconstruction) if self._display_bytes_only else "cpu"
@@ -45,7 +45,7 @@ class ReprojectedLayer:
         self.show_all = False  # at the next refresh, not only what changed
         self.tiles_of: dict[int, StatisticsImage] = {}  # of each renderer, its newest while a viewer shows them
         self._refreshed = False
-        self._stops = plan.layout.config.views[0].exposure  # of the image that the framelet shows
+        self._stops = plan.layout.config.views[layer.view].exposure  # of the image that the framelet shows
 
     def shared(self) -> Reconstruction:
         """At the layer's renderer: the reconstruction that its adaptive sampler inserts samples into."""
@@ -83,7 +83,8 @@ class ReprojectedLayer:
             self._give_up(error)
 
     def _make(self) -> AnyReconstruction:
-        sampling, eye, panel, scene = self._plan.layout.sampling, self._panel_view.eye, self._panel, self._plan.scene
+        sampling, scene = self._plan.layout.sampling_of(self._layer.view), self._plan.scene
+        eye, panel = self._panel_view.eye, self._panel
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self._layer.at_renderer:
             changes = needs(scene).change_detection

@@ -20,6 +20,7 @@ class SkyLayer:
     def __init__(self, plan: Plan, step: Step) -> None:
         assert isinstance(step.node, SkyNode)
         self._plan, self._panel = plan, plan.layout.wall.panel(step.node.panel)
+        self.view = self._panel.view
         self.framelet = blank_framelet(self._panel, step.channels, encoded=step.encoded, order=step.order)
         self._shown: tuple[Camera, Sky, float, float] | None = None
 

@@ -50,17 +50,19 @@ class Latency:
     """From an event's input to the refresh that first showed a sample of it, on the head's clock."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[tuple[int, int], float]] = deque(maxlen=UNSEEN_EVENTS)
+        self._waiting: dict[int, deque[tuple[tuple[int, int], float]]] = {}  # by view
         self.seconds: deque[float] = deque(maxlen=MEASURED_LATENCIES)
 
     def published(self, event: Event) -> None:
         """An event is to be shown."""
-        self._waiting.append((event.number, event.input_time))
+        waiting = self._waiting.setdefault(event.view, deque(maxlen=UNSEEN_EVENTS))
+        waiting.append((event.number, event.input_time))
 
-    def shown(self, number: tuple[int, int], now: float) -> None:
-        """Samples of an event, and so of all before it, are shown."""
-        while self._waiting and self._waiting[0][0] <= number:
-            self.seconds.append(now - self._waiting.popleft()[1])
+    def shown(self, number: tuple[int, int], now: float, view: int = 0) -> None:
+        """Samples of a view's event, and so of all before it, are shown."""
+        waiting = self._waiting.get(view, ())
+        while waiting and waiting[0][0] <= number:
+            self.seconds.append(now - waiting.popleft()[1])
 
 
 def samplers_of(plan: Plan) -> tuple[str, ...]:
@@ -109,11 +111,11 @@ def _rank_status(
 ) -> RankStatus:
     alive, beat = known and beat is not None, beat or Heartbeat(rank=rank, time=0.0)
     renders = layout.role(rank) == "renderer"
-    region = layout.region(rank) if renders else None
+    region = layout.region(rank) if renders else None  # of the first view; its insets are in describe()
     return RankStatus(
         rank=rank,
         role=layout.role(rank),
-        panel=layout.wall.panels[region.panel].id if region is not None else "",
+        panel=layout.panel(region).id if region is not None else "",
         region=layout.describe(rank),
         samples_per_s=beat.samples_per_s,
         bytes_per_s=beat.bytes_per_s,
@@ -149,7 +151,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
     renderers = [beat for rank, beat in beats.items() if layout.role(rank) == "renderer"]
     others = [beat for rank, beat in beats.items() if layout.role(rank) != "renderer"]
     layers = compositor.composition.layers.values()
-    at_renderers = {layout.wall.panels[layer.panel].id for layer in layout.graph.layers if layer.at_renderer}
+    at_renderers = {layout.wall.viewports[layer.panel].id for layer in layout.graph.layers if layer.at_renderer}
     return {
         "seconds": round(seconds, 3),
         "ended": manager.ended or "interrupted",

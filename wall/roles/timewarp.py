@@ -44,7 +44,7 @@ class Timewarp:
         return moved
 
     def _pose(self, event: Event, index: int, rect: Rect) -> Pose:
-        panel = self._plan.layout.wall.panels[index]
+        panel = self._plan.layout.wall.viewports[index]
         within = Rect(x=rect.x - panel.screen[0], y=rect.y - panel.screen[1], width=rect.width, height=rect.height)
         view = self._plan.view_of(panel)
         event = seen_from(event, view.offset(panel))

@@ -19,6 +19,8 @@ class FollowedView:
         self.index, self.period = index, 1.0 / plan.views[index].refresh_hz
         self.event: Event | None = None  # the newest
         self.due = math.inf  # when it is refreshed next, seconds of the head's clock; never before the first event
+        self.ahead = False  # the last refresh did not show the newest event, but what is expected after it
+        self.quiet = False  # the last refresh was of the newest event, and changed nothing
         self._began = -math.inf  # the last refresh
         self._interval = self.period  # between refreshes, a moving mean: more than the period where they take longer
         self._making = 0.0  # from a refresh here to the one of the head that shows it, a moving mean

@@ -14,7 +14,7 @@ from wall.packets.samples import Codec, encode
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
 from wall.roles.instructions import Work
 from wall.roles.plan import Plan
-from wall.roles.renderer_image import RendererImage
+from wall.roles.renderer_image import OwnImage
 from wall.sampling.base import Sampler
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
@@ -32,17 +32,24 @@ class Worker:
     """Traces its own pixels of one region. `step(newest)` gives the next packet, or None when nothing is missing."""
 
     def __init__(
-        self, plan: Plan, tracer_scene: TracerScene, rank: int, clock: Clock, samplers: list[Sampler], worker: int
+        self,
+        plan: Plan,
+        tracer_scene: TracerScene,
+        rank: int,
+        clock: Clock,
+        samplers: list[Sampler],
+        worker: int,
+        region: Region | None = None,
     ) -> None:
-        """`samplers`: of all workers of the region; `worker`: which one this is."""
-        layout = plan.layout
+        """`samplers`: of all workers of the region; `worker`: which one this is; `region`: None: the rank's first."""
+        layout, region = plan.layout, region or plan.layout.region(rank)
         self.sampler = samplers[worker]
         self.work = Work()
-        self._region, self._rank, self._clock = layout.region(rank), rank, clock
+        self._region, self._rank, self._clock = region, rank, clock
         self._codec = Codec[layout.config.transport.codec.upper()]
-        share = layout.layer(rank).range
+        share = layout.layer(region).range
         seen = plan.scene.objects_in(share) if share is not None else None
-        panel = layout.panel(rank)
+        panel = layout.panel(region)
         self._panel_view = PanelView(plan.view_of(panel), panel)
         self._tracers = {
             coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen)
@@ -160,7 +167,7 @@ def make_samplers(
     clock: Clock,
     *,
     compare: str = "",
-    shown: RendererImage | None = None,
+    shown: OwnImage | None = None,
     depth: int | None = None,
 ) -> list[Sampler]:
     """One sampler a thread for a region; `method` (from the viewer) overrides the configured one unless empty.
@@ -171,7 +178,7 @@ def make_samplers(
     if compare:
         both = (make_samplers(plan, each, region, clock, shown=shown, depth=depth) for each in (method, compare))
         return [SplitSampler(first, second) for first, second in zip(*both, strict=True)]
-    sampling = plan.layout.sampling
+    sampling = plan.layout.sampling_of(region.view)
     if method:
         sampling = switched(sampling, method)
     if isinstance(sampling, AdaptiveSampling):

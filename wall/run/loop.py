@@ -105,9 +105,9 @@ class Loop:
             case Trace():
                 assert self._tracers is not None
                 return self._tracers.start(instruction)
-            case Restart(sampler, compare, depth):
+            case Restart():
                 assert self._tracers is not None
-                self._tracers.restart(sampler, compare, depth)
+                self._tracers.restart(instruction)
             case Show(images, status):
                 for sink, image in zip(self._sinks, images, strict=True):
                     if sink is not None:

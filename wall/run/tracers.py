@@ -8,7 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from wall.core.clock import Clock
 from wall.core.data import Batch
 from wall.packets.samples import decode, encode
-from wall.roles.instructions import Trace, Traced
+from wall.roles.instructions import Restart, Trace, Traced
 from wall.roles.plan import Plan
 from wall.roles.renderer_image import RendererImage
 from wall.roles.worker import Worker, make_samplers
@@ -29,11 +29,16 @@ class Tracers:
         image: RendererImage | None = None,
     ) -> None:
         """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself."""
-        self._plan, self._region, self._clock = plan, plan.layout.region(rank), clock
-        self._image = image
-        samplers = make_samplers(plan, "", self._region, clock, shown=image)
-        self.workers = [Worker(plan, tracer_scene, rank, clock, samplers, k) for k in range(len(samplers))]
-        self._pool = ThreadPoolExecutor(len(self.workers)) if threads and len(self.workers) > 1 else None
+        self._plan, self._regions, self._clock = plan, plan.layout.regions_of(rank), clock
+        self._images = [None] * len(self._regions) if image is None else image.images
+        self._of_regions: list[list[Worker]] = []
+        for region, shown in zip(self._regions, self._images, strict=True):
+            samplers = make_samplers(plan, "", region, clock, shown=shown)
+            own = [Worker(plan, tracer_scene, rank, clock, samplers, k, region) for k in range(len(samplers))]
+            self._of_regions.append(own)
+        self.workers = [worker for own in self._of_regions for worker in own]
+        at_once = max(map(len, self._of_regions))
+        self._pool = ThreadPoolExecutor(at_once) if threads and at_once > 1 else None
         self._running: set[Future[Traced]] = set()
 
     def start(self, trace: Trace) -> list[Traced]:
@@ -44,12 +49,12 @@ class Tracers:
         return []
 
     def _step(self, trace: Trace) -> Traced:
-        worker = self.workers[trace.worker]
+        worker, began = self.workers[trace.worker], self._clock.now()
         for lost in trace.lost:
             worker.forget(decode(lost))
         traced = _kept(worker.trace(trace.event)) if trace.keep else worker.step(trace.event)
         measured = worker.measure_tiles() if trace.measure else None
-        return Traced(trace.worker, trace.event, traced, worker.work, measured)
+        return Traced(trace.worker, trace.event, traced, worker.work, measured, max(0.0, self._clock.now() - began))
 
     def finished(self) -> Iterator[Traced]:
         """Answers of threads that are done."""
@@ -66,12 +71,14 @@ class Tracers:
         """Sleep until a thread is done, or the time is over."""
         wait(self._running, timeout=seconds, return_when=FIRST_COMPLETED)
 
-    def restart(self, sampler: str, compare: str, depth: int | None = None) -> None:
-        """Make all samplers anew; `depth` as in make_samplers. Only while no thread is at work."""
+    def restart(self, restart: Restart) -> None:
+        """Make a region's samplers anew. Only while no thread is at work on it."""
+        k = restart.region
         samplers = make_samplers(
-            self._plan, sampler, self._region, self._clock, compare=compare, shown=self._image, depth=depth
-        )
-        for worker, own in zip(self.workers, samplers, strict=True):
+            self._plan, restart.sampler, self._regions[k], self._clock,
+            compare=restart.compare, shown=self._images[k], depth=restart.depth,
+        )  # fmt: skip
+        for worker, own in zip(self._of_regions[k], samplers, strict=True):
             worker.sampler = own
 
     def close(self) -> None:

@@ -133,11 +133,8 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
 
 def _tiny_worker(plan: Plan, tracer_scene: TracerScene, rank: int, method: str, clock: ManualClock) -> Worker:
     """A renderer's only thread, with a few pixels of its region; `method` as in make_samplers."""
-    layout = plan.layout
-    tiny = replace(layout.region(rank), rect=TINY)
-    regions = tuple(tiny if k == rank else layout.region(k) for k in layout.renderers())
-    small = replace(plan, layout=replace(layout, regions=regions))
-    return Worker(small, tracer_scene, rank, clock, make_samplers(small, method, tiny, clock), 0)
+    tiny = replace(plan.layout.region(rank), rect=TINY)
+    return Worker(plan, tracer_scene, rank, clock, make_samplers(plan, method, tiny, clock), 0, tiny)
 
 
 def _layers(plan: Plan, tracer_scene: TracerScene) -> None:

@@ -35,7 +35,7 @@ def send(
     outlets: Outlets, link: LoopbackLink, framelets: dict[int, Framelet], number: tuple[int, int] = EVENT.number
 ) -> None:
     """What a loop does with the offers of outlets."""
-    for offer in outlets.send(framelets, number):
+    for offer in outlets.send(framelets, lambda view: number):
         assert offer.to == HEAD
         assert link.offer(offer.packet) == [], "it was ready"
 
@@ -137,9 +137,9 @@ def test_parts_of_one_update_are_shown_together_and_tell_their_number_once(graph
     assert ((first.index, first.count), (second.index, second.count)) == ((0, 2), (1, 2))
 
     wire.remote.insert(first)
-    assert (wire.remote.changed, wire.remote.newest_event) == (False, (-1, -1))
+    assert (wire.remote.changed, wire.remote.newest_event()) == (False, (-1, -1))
     wire.remote.insert(second)
-    assert wire.remote.newest_event == EVENT.number
+    assert wire.remote.newest_event() == EVENT.number
     assert wire.remote.take_changes() == [rect(8, 0, 1, 1), rect(14, 5, 1, 1)]
 
 
@@ -207,7 +207,7 @@ def test_in_lock_step_everybody_hears_of_a_frame_in_which_nothing_changed() -> N
             assert isinstance(part, FrameletPart)
             if part.step == constant.index:
                 remote.insert(part)
-        assert remote.newest_event == (frame, 0), "what no camera sees has its frame number too"
+        assert remote.newest_event() == (frame, 0), "what no camera sees has its frame number too"
         assert outlets.idle
 
 
@@ -236,5 +236,5 @@ def test_parts_of_another_shape_are_refused(graph: Graph) -> None:
     good = FrameletPart.of(wire.step.index, wire.framelet, wire.step.rect)
     with pytest.raises(RemoteProtocolError, match="wanted: inside"):
         wire.remote.insert(replace(good, rect=rect(0, 0, 8, 6)))
-    assert wire.remote.newest_event == NEVER
+    assert wire.remote.newest_event() == NEVER
     assert wire.remote.take_changes() == []

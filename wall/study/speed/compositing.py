@@ -195,7 +195,7 @@ class _Compositor:
             return
         self._outlets.add(changes)
         while not self._outlets.idle and time.monotonic() < limit:
-            for offer in self._outlets.send(self._executor.framelets, (0, 0)):
+            for offer in self._outlets.send(self._executor.framelets, lambda view: (0, 0)):
                 self._link.offer(offer.packet)  # credit was there: nothing gives way
             self._link.wait(0.001)
 

@@ -111,7 +111,7 @@ def _bench(plan: Plan, scene: Scene, event: Event, *, trees: bool) -> Bench:
     """The first panel of a plan, which may show another scene than its own."""
     tracer = Tracer(make_tracer_scene(scene, trees=trees), plan.layout.wall.panels[0], plan.view.eye, coherent=False)
     tracer.set_event(event)
-    xy = (block_order(plan.layout.regions[0].rect, worker=0, workers=1) + 0.5).astype(np.float32)
+    xy = (block_order(plan.layout.regions[0][0].rect, worker=0, workers=1) + 0.5).astype(np.float32)
     bench = Bench(tracer, xy[:: max(1, len(xy) // (PIXELS[0] * PIXELS[1]))])
     bench.seconds()
     return bench

@@ -118,7 +118,7 @@ class Ours:
         layout = plan.layout
         self._tracer = Tracer(make_tracer_scene(plan.scene), layout.wall.panels[0], plan.view.eye, coherent=True)
         self._tracer.set_event(first_event(plan, 0.0))
-        self._xy = (block_order(layout.regions[0].rect, worker=0, workers=1) + 0.5).astype(np.float32)
+        self._xy = (block_order(layout.regions[0][0].rect, worker=0, workers=1) + 0.5).astype(np.float32)
         self._samples = np.zeros(len(self._xy), SAMPLE)
 
     def rate(self) -> float:

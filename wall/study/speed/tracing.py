@@ -50,7 +50,7 @@ class Bench:
         """`chosen`: positions (n, 2) and the event they are traced under, instead of every pixel in raster order."""
         self.plan = plan_of(source)
         layout = self.plan.layout
-        self.rect = layout.regions[0].rect
+        self.rect = layout.regions[0][0].rect
         tracer_scene, panel = make_tracer_scene(self.plan.scene), layout.wall.panels[0]
         self.tracer = Tracer(tracer_scene, panel, self.plan.view.eye, coherent=chosen is None)
         raster = (block_order(self.rect, worker=0, workers=1) + 0.5).astype(np.float32)

@@ -117,7 +117,7 @@ def adaptive_codec(rounds: int) -> list[Row]:
     packets = _moving(plan, worker, clock)
     batches = [decode(packet) for packet in packets]
     samples = sum(len(batch.samples) for batch in batches)
-    tracer = Tracer(tracer_scene, plan.layout.panel(rank), plan.view.eye, coherent=worker.sampler.coherent)
+    tracer = Tracer(tracer_scene, plan.layout.panel(region), plan.view.eye, coherent=worker.sampler.coherent)
     encoded, decoded, traced = [], [], []
     for _ in range(rounds):
         encoded.append(samples / _seconds(partial(_encode_all, batches, Codec.NONE), time.thread_time) / 1e6)

@@ -1,0 +1,86 @@
+"""Where several views are on the wall: each panel shows the last view that covers it whole, later ones are its insets.
+
+An inset is a Panel in the plane of the one that it lies on, so its rays need no rule of their own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from wall.config.loading import Loaded, nearest
+from wall.config.views import ViewConfig
+from wall.core.data import Rect
+from wall.core.errors import ConfigError
+from wall.geometry.panels import Panel, Wall
+
+
+def panel_rect(panel: Panel) -> Rect:
+    """The rectangle of a panel in the virtual screen."""
+    (x, y), (width, height) = panel.screen, panel.pixels
+    return Rect(x=x, y=y, width=width, height=height)
+
+
+def with_views(loaded: Loaded, wall: Wall) -> Wall:
+    """The wall with what each panel shows, and its insets.
+
+    Raises ConfigError with all that is wrong: panels that are not there, panels without a view, views that nobody sees.
+    """
+    views, problems = loaded.config.views, list[str]()
+    for k, view in enumerate(views):
+        problems += [str(_unknown(loaded, wall, k, name)) for name in view.panels or () if name not in _ids(wall)]
+        if view.panels is not None and view.viewport is not None:
+            accepted = "one of panels, viewport"
+            problems.append(str(loaded.error(("views", k, "viewport"), "it has panels already", accepted)))
+    if problems:
+        raise ConfigError("\n".join(problems))
+    panels, insets = list[Panel](), list[Panel]()
+    for panel in wall.panels:
+        whole = panel_rect(panel)
+        places = [_on_panel(view, wall, panel) for view in views]
+        covering = [k for k, rect in enumerate(places) if rect == whole]
+        if not covering:
+            wanted = "a view without panels and viewport before the others"
+            problems.append(str(loaded.error(("views",), f"no view fills panel {panel.id}", wanted)))
+            continue
+        panels.append(replace(panel, view=covering[-1]))
+        insets += [
+            _inset(panel, rect, views[k], k) for k, rect in enumerate(places) if rect is not None and k > covering[-1]
+        ]
+    if not problems:
+        seen = {panel.view for panel in (*panels, *insets)}
+        hidden = [k for k in range(len(views)) if k not in seen]
+        accepted = "views that are behind others before them, and show on some panel"
+        problems = [str(loaded.error(("views", k), "later views hide all of it", accepted)) for k in hidden]
+    if problems:
+        raise ConfigError("\n".join(problems))
+    insets = [replace(inset, index=len(panels) + k) for k, inset in enumerate(insets)]
+    return replace(wall, panels=tuple(panels), insets=tuple(insets))
+
+
+def _ids(wall: Wall) -> set[str]:
+    """What views call panels: their ids, or that of a display for both eyes."""
+    return {panel.id for panel in wall.panels} | {panel.of for panel in wall.panels}
+
+
+def _unknown(loaded: Loaded, wall: Wall, view: int, name: str) -> ConfigError:
+    known = [panel.id for panel in wall.panels]
+    accepted = ", ".join(known[:8]) + (" ..." if len(known) > 8 else "") + nearest(name, known)
+    return loaded.error(("views", view, "panels"), f"there is no panel {name}", accepted)
+
+
+def _on_panel(view: ViewConfig, wall: Wall, panel: Panel) -> Rect | None:
+    """Where a view is on a panel, virtual screen; None: nowhere."""
+    whole, part = panel_rect(panel), view.viewport
+    if part is None:
+        return whole if view.panels is None or {panel.id, panel.of} & set(view.panels) else None
+    x, y = round(part.left * wall.width), round(part.top * wall.height)
+    right, bottom = round((part.left + part.width) * wall.width), round((part.top + part.height) * wall.height)
+    return Rect(x=x, y=y, width=right - x, height=bottom - y).intersection(whole)
+
+
+def _inset(panel: Panel, rect: Rect, view: ViewConfig, index: int) -> Panel:
+    size = (rect.width, rect.height)
+    return replace(
+        panel, id=f"{panel.id}.{view.id}", pixels=size, screen=(rect.x, rect.y), span=size, blend=None, view=index,
+        inset_of=panel.index,
+    )  # fmt: skip
