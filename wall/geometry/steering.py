@@ -27,7 +27,7 @@ MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one anim
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
 MOST_VIEWS = 64
-STEERED: dict[str, int] = dict.fromkeys(("orbit", "pan", "zoom", "reset", "sampler"), 0)  # one view, if none is named
+OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index
 NUMBERS: dict[str, tuple[str, ...]] = {
     "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",),
     "focus": ("x", "y"),
@@ -48,7 +48,7 @@ class Command:
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus. With `view` a command is for that view alone.
+    from its top left, is to be in focus. Kinds of OF_ONE_VIEW are for `view` alone.
     """
 
     kind: Kind
@@ -56,7 +56,7 @@ class Command:
     y: float = 0.0
     value: str = ""
     numbers: tuple[float, ...] | None = None
-    view: int | None = None  # whom it is for, by index; None: every view
+    view: int = 0  # whom a kind of OF_ONE_VIEW is for; the others are for every view
 
 
 def parse(message: object) -> Command:
@@ -69,10 +69,10 @@ def parse(message: object) -> Command:
         raise RemoteProtocolError(f"command kind {_short(kind)}: want one of {', '.join(get_args(Kind))}")
     if kind == "set":
         return _set_command(message)
-    wanted, view = NUMBERS.get(kind, ("value",) if kind in VALUES else ()), message.get("view", STEERED.get(kind))
-    if view is not None and (type(view) is not int or not 0 <= view < MOST_VIEWS):
+    wanted, view = NUMBERS.get(kind, ("value",) if kind in VALUES else ()), message.get("view", 0)
+    if type(view) is not int or not 0 <= view < MOST_VIEWS:
         raise RemoteProtocolError(f"command {kind}: view = {_short(view)}: want a number from 0 to {MOST_VIEWS - 1}")
-    if set(message) - {"kind", "view"} != set(wanted):
+    if set(message) - {"kind", *(["view"] if kind in OF_ONE_VIEW else [])} != set(wanted):
         got = ", ".join(sorted(_short(key) for key in message if key != "kind")) or "nothing"
         raise RemoteProtocolError(f"command {kind} came with {got}: want {', '.join(wanted) or 'nothing'}")
     if kind in VALUES and message["value"] not in VALUES[kind]:

@@ -39,8 +39,8 @@ def with_views(loaded: Loaded, wall: Wall) -> Wall:
         places = [_on_panel(view, wall, panel) for view in views]
         covering = [k for k, rect in enumerate(places) if rect == whole]
         if not covering:
-            wanted = "a view without panels and viewport before the others"
-            problems.append(str(loaded.error(("views",), f"no view fills panel {panel.id}", wanted)))
+            wanted = "neither panels nor viewport in the first view, which then fills what others leave"
+            problems.append(str(loaded.error(("views", 0), f"no view fills panel {panel.id}", wanted)))
             continue
         panels.append(replace(panel, view=covering[-1]))
         insets += [
@@ -49,8 +49,8 @@ def with_views(loaded: Loaded, wall: Wall) -> Wall:
     if not problems:
         seen = {panel.view for panel in (*panels, *insets)}
         hidden = [k for k in range(len(views)) if k not in seen]
-        accepted = "views that are behind others before them, and show on some panel"
-        problems = [str(loaded.error(("views", k), "later views hide all of it", accepted)) for k in hidden]
+        wanted = "a place on some panel that later views do not fill"
+        problems = [str(loaded.error(("views", k), "nobody sees any of it", wanted)) for k in hidden]
     if problems:
         raise ConfigError("\n".join(problems))
     insets = [replace(inset, index=len(panels) + k) for k, inset in enumerate(insets)]

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
-from wall.geometry.steering import Command, parse
+from wall.geometry.steering import OF_ONE_VIEW, Command, parse
 from wall.packets.control import EditRequest, Heartbeat, Hello, Statistics, Stop, WindowInput
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
@@ -171,7 +171,7 @@ class Manager:
         for director in self._directors:
             editor = self.editor
             if wanted:
-                own = [command for command in commands if command.view in (None, director.view)]
+                own = [c for c in commands if c.view == director.view or c.kind not in OF_ONE_VIEW]
                 news = director.update(own, now, editor.edits, editor.stops)
             else:
                 news = not running and director.hold()

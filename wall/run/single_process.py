@@ -44,6 +44,7 @@ class SingleProcess:
         """`at_renderers`: False lets all samples travel to the compositor, as between machines."""
         plan, self._wire = on_one_machine(plan) if at_renderers else plan, Wire()
         self.clock, self.event = ManualClock(), first_event(plan, now=0.0)
+        self.other_events = [first_event(plan, now=0.0, view=view) for view in range(1, len(plan.views))]
         self.workers, self._renderers, self.layers = list[Worker](), list[Loop](), dict[int, PanelCompositor]()
         for rank in plan.layout.renderers():
             image = image_at(plan, rank, lambda _: True, self.clock)
@@ -61,7 +62,8 @@ class SingleProcess:
         """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the image is complete."""
         traced = sum(worker.work.samples for worker in self.workers)
         for loop in (self._compositor, *self._renderers):
-            loop.tell(self.event)  # Renderer.on_message
+            for event in (self.event, *self.other_events):
+                loop.tell(event)  # Renderer.on_message
         self._turn()
         self.clock.advance(BATCH_SECONDS)
         return sum(worker.work.samples for worker in self.workers) - traced
@@ -79,7 +81,8 @@ class SingleProcess:
         while self.step():
             pass
         self.clock.advance(self._refresh_s)
-        self._compositor.tell(self.event)
+        for event in (self.event, *self.other_events):
+            self._compositor.tell(event)
         self._turn()
         return list(self.composition.shown()[0].images())
 

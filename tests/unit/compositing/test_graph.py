@@ -92,7 +92,7 @@ def test_renderers_follow_the_order_of_the_panels() -> None:
 
     found = build(loaded, wall).regions(wall)
 
-    assert [region.panel for region in found] == [0, 0, 1, 1, 1]
+    assert [[region.panel for region in regions] for regions in found] == [[0], [0], [1], [1], [1]]
 
 
 def test_written_out_preset_is_the_preset() -> None:

@@ -87,8 +87,8 @@ def test_good_text_loads() -> None:
         ("version: 1\n", "", "a.yaml:1:1: version: is missing; accepted: version: 1"),
         (
             "  - camera",
-            "  - {id: other}\n  - camera",
-            "a.yaml:8:5: views[1]: several views on one wall are not supported",
+            "  - {id: main}\n  - camera",
+            "a.yaml:8:5: views[1].id: views[0] has this id already",
         ),
     ],
 )

@@ -12,6 +12,7 @@ from wall.config import json_schema
 from wall.config.loading import dump, load, loads
 from wall.geometry.cameras import resolve_view
 from wall.geometry.expanding import expand
+from wall.geometry.viewports import with_views
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = sorted(CONFIGS.rglob("*.yaml"))
@@ -54,6 +55,7 @@ RANKS = {
     "two_by_two": 9,
     "two_compositors": 5,
     "two_panels": 3,
+    "views/map_inset": 3,
     "walls/large": 90,
     "walls/mixed_densities": 4,
     "walls/projectors": 4,
@@ -79,16 +81,17 @@ def test_shipped_configuration_comes_back_from_its_dump(path: Path) -> None:
 @pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)
 def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) -> None:
     loaded = load(path)
-    wall = expand(loaded.config.wall)
+    wall = with_views(loaded, expand(loaded.config.wall))
     graph = build(loaded, wall)
 
-    view = resolve_view(loaded, wall, (0.0, 0.0, 0.0), 6.0)
+    count = range(len(loaded.config.views))
+    views = [resolve_view(loaded, wall.of_view(k), (0.0, 0.0, 0.0), 6.0, view=k) for k in count]
 
     assert graph.compositors + graph.renderers == RANKS[shipped_name(path)]
-    pixels = sum(math.prod(wall.panels[layer.panel].pixels) for layer in graph.layers)
-    assert {layer.panel for layer in graph.layers} == set(range(len(wall.panels)))
-    assert sum(region.rect.area for region in graph.regions(wall)) == pixels
-    assert view.camera_at(1.5) == view.camera_at(1.5)
+    pixels = sum(math.prod(wall.viewports[layer.panel].pixels) for layer in graph.layers)
+    assert {layer.panel for layer in graph.layers} == set(range(len(wall.viewports)))
+    assert sum(region.rect.area for regions in graph.regions(wall) for region in regions) == pixels
+    assert all(view.camera_at(1.5) == view.camera_at(1.5) for view in views)
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)

@@ -149,8 +149,9 @@ class OneRenderer:
         plan = plan_of()
         self.plan = replace(plan, layout=reconstructed_at_renderers(plan.layout, HERE))
         self.clock, self.credit = ManualClock(), credit
-        self.image = RendererImage(self.plan, 1, lambda rank: self.credit, self.clock)
-        self.tracers = Tracers(self.plan, tracer_scene, 1, self.clock, threads=False, image=self.image)
+        self.images = RendererImage(self.plan, 1, lambda rank: self.credit, self.clock)
+        (self.image,) = self.images.images
+        self.tracers = Tracers(self.plan, tracer_scene, 1, self.clock, threads=False, image=self.images)
         self.event = first_event(self.plan, 0.0)
         self.image.follow(self.event)
 
@@ -165,7 +166,7 @@ class OneRenderer:
     def refresh(self) -> list[bytes]:
         """What is sent by a refresh."""
         self.clock.advance(0.1)
-        return [offer.packet for offer in self.image.on_tick(self.clock.now())]
+        return [offer.packet for offer in self.images.on_tick(self.clock.now())]
 
 
 def test_sampler_and_image_share_one_deep_buffer_and_no_sample_is_sent(
@@ -182,7 +183,7 @@ def test_sampler_and_image_share_one_deep_buffer_and_no_sample_is_sent(
 
     assert traced > 0
     assert one.image.reconstruction.count == traced
-    assert one.image.composition.samples_shown() == traced
+    assert one.images.composition.samples_shown() == traced
     assert packets
     assert not any(is_samples(packet) for packet in packets)
     parts = [parse_control(packet) for packet in packets]
@@ -214,7 +215,7 @@ def test_without_credit_changes_wait_and_a_dropped_part_is_sent_again(
 
     one.credit = True
     (packet,) = one.refresh()
-    one.image.composition.lose(0, packet)
+    one.images.composition.lose(0, packet)
     (again,) = one.refresh()
 
     first, second = parse_control(packet), parse_control(again)
