@@ -54,13 +54,14 @@ class Source(threading.Thread):
     port: int = 0
     received: list[dict[str, Any]] = field(default_factory=list)
     lost_rank: bool = False
+    views: tuple[str, ...] = ("main",)
     offered: tuple[ParameterState, ...] = ()
     values: dict[str, tuple[float, ...] | None] = field(default_factory=dict)  # None: as configured
     __hash__ = threading.Thread.__hash__
 
     def __post_init__(self) -> None:
         super().__init__(daemon=True)
-        self.sink = Browser("127.0.0.1", self.port, self.wall)
+        self.sink = Browser("127.0.0.1", self.port, self.wall, views=self.views)
         self.turned, self.paused, self.sampler, self.compare, self.statistics = 0.0, False, "hilbert", "", ""
         self.version = self.refreshes = 0
         self.stopping = threading.Event()
@@ -151,6 +152,7 @@ class Source(threading.Thread):
             refreshes_per_s=30.0,
             compare=self.compare,
             compared_per_s=2e6 if self.compare else 0.0,
+            view_samplers=(self.sampler, *(METHODS[0] for _ in self.views[1:])),
         )
 
     def stop(self) -> None:
@@ -167,8 +169,13 @@ def grid() -> Wall:
 
 
 @pytest.fixture
-def source(grid: Wall) -> Iterator[Source]:
-    source = Source(grid)
+def views() -> tuple[str, ...]:
+    return ("main",)
+
+
+@pytest.fixture
+def source(grid: Wall, views: tuple[str, ...]) -> Iterator[Source]:
+    source = Source(grid, views=views)
     yield source
     source.stop()
 

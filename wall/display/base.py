@@ -87,6 +87,7 @@ class Status:
     samples_per_pixel: int = 0  # of the progressive sampler's stage that all of the wall shows; 0: none
     error: float = 0.0  # estimate of its RMS error, display codes of 8 bits; 0: not known
     parameters: tuple[ParameterState, ...] = ()  # that can be changed
+    view_samplers: tuple[str, ...] = ()  # of every view
 
 
 class Sink(Protocol):

@@ -12,6 +12,7 @@ import errno
 import socket
 import threading
 from collections import Counter, deque
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -80,10 +81,15 @@ class Browser:
     `statistics` when the first of them puts an overlay on and the last one takes it off.
     """
 
-    def __init__(self, host: str, port: int, wall: Wall, *, max_viewers: int = MAX_VIEWERS) -> None:
-        """Port 0 takes any free one. Raises RunError naming host and port when they cannot be had."""
+    def __init__(
+        self, host: str, port: int, wall: Wall, *, views: Sequence[str] = ("main",), max_viewers: int = MAX_VIEWERS
+    ) -> None:
+        """`views`: their names; port 0 takes any free one.
+
+        Raises RunError naming host and port when they cannot be had.
+        """
         self._host, self._port, self._max_viewers = host, port, max_viewers
-        self._layout = layout_message(wall)
+        self._layout = layout_message(wall, views)
         self._names = _own_names(host)
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()

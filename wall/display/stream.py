@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -72,8 +73,11 @@ def statistics_message(statistics_image: StatisticsImage, overlay: str) -> bytes
     return header + (statistics_image.age if overlay == "age" else statistics_image.density).tobytes()
 
 
-def layout_message(wall: Wall) -> str:
-    """Panel rectangles in virtual screen pixels; the first message on every connection."""
+def layout_message(wall: Wall, views: Sequence[str]) -> str:
+    """Rectangles of panels and insets in virtual screen pixels, and which of `views`, their names, each shows.
+
+    The first message on every connection.
+    """
     panels = [
         {
             "id": p.id,
@@ -83,10 +87,16 @@ def layout_message(wall: Wall) -> str:
             "height": p.pixels[1],
             "across": p.span[0],
             "down": p.span[1],
+            "view": p.view,
         }
         for p in wall.panels
     ]
-    return json.dumps({"kind": "layout", "width": wall.width, "height": wall.height, "panels": panels})
+    insets = [
+        {"x": p.screen[0], "y": p.screen[1], "width": p.pixels[0], "height": p.pixels[1], "view": p.view}
+        for p in wall.insets
+    ]
+    size = {"width": wall.width, "height": wall.height}
+    return json.dumps({"kind": "layout", **size, "panels": panels, "insets": insets, "views": list(views)})
 
 
 def status_message(status: Status, **more: Any) -> str:

@@ -22,7 +22,7 @@ from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 9
+MAGIC, VERSION = b"WALL", 10
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER = 14, 15
@@ -83,6 +83,9 @@ class Heartbeat:
     scene_event: int = -1
     last: bool = False  # its last word
     answers: list[float] = field(default_factory=list)  # of a renderer's last word: Work.answers, seconds
+    samples_of: dict[str, int] = field(default_factory=dict)  # by view: samples traced
+    time_of: dict[str, int] = field(default_factory=dict)  # by view: microseconds of a renderer, tracing and images
+    refreshes_of: dict[str, int] = field(default_factory=dict)  # by view: refreshes of images that this rank makes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

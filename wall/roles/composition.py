@@ -101,6 +101,11 @@ class Composition:
         """The layers that show a view."""
         return [layer for layer in self.layers.values() if layer.layer.view == view]
 
+    @property
+    def views(self) -> tuple[int, ...]:
+        """The views of which there are layers here."""
+        return tuple(sorted({layer.layer.view for layer in self.layers.values()}))
+
     def insert(self, packet: bytes) -> None:
         """Take one packet in. Raises RemoteProtocolError for one that no rank of this run can have sent."""
         if is_samples(packet):

@@ -192,6 +192,7 @@ class Compositor:
             self._plan, event, self._beats, self._standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
             parameters=self._states_under(event),
+            view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
         )  # fmt: skip
         statistics = statistics_of(self._status)
         self.composition.say(asdict(statistics))
@@ -250,11 +251,13 @@ class Compositor:
             samples_shown=composition.samples_shown(),
             packets=self._sent.packets,
             bytes=self._sent.bytes,
+            seconds=now - (now if self._began is None else self._began),
             dropped=dict(composition.drops()),
             complete=self._complete,
             camera_event=number[0],
             scene_event=number[1],
             last=last,
+            refreshes_of={self._plan.views[k].id: self._views[k].refreshes for k in composition.views},
         )
 
     def _finish(self, now: float) -> Iterator[Instruction]:

@@ -29,11 +29,13 @@ class RegionRenderer:
         """`number`: of the region among the rank's; `first`: its first worker; `image`: made here of the samples."""
         self.region: Region = plan.layout.regions_of(rank)[number]
         view, sampling = plan.layout.config.views[self.region.view], plan.layout.sampling_of(self.region.view)
+        self.view: str = view.id
         self.event: Event | None = None  # the newest
         self.complete = False  # nothing is missing under the newest event
         self.target = plan.layout.layer(self.region).compositor
         self.threads, self.image = sampling.threads, image
-        self.used = 0.0  # seconds spent on it, over its view's weight
+        self.used = 0.0  # seconds spent on it, over its view's weight, and those that others used while it rested
+        self.seconds = 0.0  # spent on it
         self.work: dict[int, Work] = {}
         self.running: set[int] = set()  # workers that trace
         self._rank, self._number, self._weight = rank, number, view.weight
@@ -122,7 +124,7 @@ class RegionRenderer:
         """Take in what a worker has traced, or let it rest. Yields the packets that are to be sent."""
         self.running.discard(traced.worker)
         self.work[traced.worker] = traced.work
-        self.used += max(traced.seconds, LEAST_S) / self._weight
+        self._spend(max(traced.seconds, LEAST_S))
         if traced.measured is not None:
             self._tiles[traced.worker] = traced.measured
         if traced.measured is not None and traced.worker == self._workers[-1]:
@@ -144,8 +146,12 @@ class RegionRenderer:
     def note_refreshes(self) -> None:
         """Count the time that its own image has taken since the last call."""
         if self.image is not None:
-            self.used += (self.image.refreshing_s - self._refreshing_s) / self._weight
+            self._spend(self.image.refreshing_s - self._refreshing_s)
             self._refreshing_s = self.image.refreshing_s
+
+    def _spend(self, seconds: float) -> None:
+        self.seconds += seconds
+        self.used += seconds / self._weight
 
     def lose(self, batch: Batch, packet: bytes) -> None:
         """A packet of samples was dropped: its worker is to trace them again."""

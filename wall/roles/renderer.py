@@ -128,6 +128,16 @@ class Renderer:
             batch = decode(dropped.packet)
             next(r for r in self.regions if r.region.panel == batch.panel).lose(batch, dropped.packet)
 
+    def _of_views(self) -> tuple[dict[str, int], dict[str, int], dict[str, int]]:
+        """By view: samples traced, microseconds spent, refreshes of images made here."""
+        samples, time, refreshes = Counter[str](), Counter[str](), Counter[str]()
+        for region in self.regions:
+            samples[region.view] += sum(work.samples for work in region.work.values())
+            time[region.view] += round(1e6 * region.seconds)
+            if region.image is not None:
+                refreshes[region.view] += region.image.view.refreshes
+        return dict(samples), dict(time), dict(refreshes)
+
     def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
         work = [each for region in self.regions for each in region.work.values()]
         samples, compared = sum(w.samples for w in work), sum(w.compared for w in work)
@@ -137,6 +147,7 @@ class Renderer:
         shown = self._image.composition if self._image is not None else None
         dropped = shown.drops() if shown is not None else Counter[str]()
         dropped += Counter(not_finite=bad)
+        samples_of, time_of, refreshes_of = self._of_views()
         return Heartbeat(
             rank=self._rank,
             time=now,
@@ -158,4 +169,7 @@ class Renderer:
             scene_event=number[1],
             last=last,
             answers=[seconds for w in work for seconds in w.answers][:MAX_ANSWERS] if last else [],
+            samples_of=samples_of,
+            time_of=time_of,
+            refreshes_of=refreshes_of,
         )

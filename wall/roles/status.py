@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,6 +81,7 @@ def status_of(
     refreshes_per_s: float,
     oldest: Mapping[int, float | None],
     parameters: tuple[ParameterState, ...] = (),
+    view_samplers: tuple[str, ...] = (),
 ) -> Status:
     """What sinks may show of the run.
 
@@ -103,6 +104,7 @@ def status_of(
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
         error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),
         parameters=parameters,
+        view_samplers=view_samplers,
     )
 
 
@@ -169,7 +171,23 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(compositor.latency.seconds)), strict=True)),
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
+        "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
+    }
+
+
+def _view_summary(plan: Plan, view: int, beats: Sequence[Heartbeat]) -> dict[str, Any]:
+    """Rates of a view, and its share of the time that renderers spent on all views."""
+    name = plan.views[view].id
+    makers = [beat for beat in beats if name in beat.refreshes_of and beat.seconds > 0.0]
+    renderers = [beat for beat in beats if name in beat.samples_of and beat.seconds > 0.0]
+    spent = sum(sum(beat.time_of.values()) for beat in renderers)
+    return {
+        "view": name,
+        "refresh_hz": plan.views[view].refresh_hz,
+        "refreshes_per_s": round(sum(b.refreshes_of[name] / b.seconds for b in makers) / max(len(makers), 1), 2),
+        "samples_per_s": round(sum(beat.samples_of[name] / beat.seconds for beat in renderers)),
+        "share": round(sum(beat.time_of.get(name, 0) for beat in renderers) / spent, 4) if spent else 0.0,
     }
 
 

@@ -21,6 +21,7 @@ class FollowedView:
         self.due = math.inf  # when it is refreshed next, seconds of the head's clock; never before the first event
         self.ahead = False  # the last refresh did not show the newest event, but what is expected after it
         self.quiet = False  # the last refresh was of the newest event, and changed nothing
+        self.refreshes = 0
         self._began = -math.inf  # the last refresh
         self._interval = self.period  # between refreshes, a moving mean: more than the period where they take longer
         self._making = 0.0  # from a refresh here to the one of the head that shows it, a moving mean
@@ -41,6 +42,7 @@ class FollowedView:
 
         It is seen until the next one is: the middle of that time is where its error is least.
         """
+        self.refreshes += 1
         if now - self._began < LONGEST_INTERVAL_S:
             self._interval += NEWEST_SHARE * (now - self._began - self._interval)
         self._began, self.due = now, max(self.due + self.period, now)

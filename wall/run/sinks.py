@@ -42,7 +42,8 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
         elif kind == "browser" and not headless:
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
-            sink = browser = Browser(output.browser.host, output.browser.port, layout.wall)
+            views = [view.id for view in plan.views]
+            sink = browser = Browser(output.browser.host, output.browser.port, layout.wall, views=views)
         sinks.append(sink)
     return sinks, browser
 

@@ -195,7 +195,7 @@ def test_statistics_message_is_a_16_byte_header_and_what_its_overlay_draws(overl
 
 
 def test_layout_gives_every_panels_true_place(two_panels):
-    layout = json.loads(layout_message(two_panels))
+    layout = json.loads(layout_message(two_panels, ["main"]))
     assert (layout["width"], layout["height"]) == (two_panels.width, two_panels.height)
     first, second = layout["panels"]
     assert (first["id"], first["width"], first["height"]) == ("r0c0", 16, 8)

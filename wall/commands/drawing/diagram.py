@@ -45,7 +45,7 @@ def _screens(layout: Layout) -> tuple[Screen, ...]:
     for panel in layout.wall.panels:
         key = tuple(int(value) for value in np.round(panel.lit.ravel() / SAME_M))
         together.setdefault(key, []).append(panel)
-    eye, separation = standing_eye(layout.loaded, layout.wall, 0), layout.config.views[0].eye_separation
+    eye, separation = standing_eye(layout.loaded, layout.wall.of_view(0), 0), layout.config.views[0].eye_separation
     return tuple(_screen(layout, panels, eye, separation) for panels in together.values())
 
 
@@ -135,7 +135,7 @@ def _boxes(layout: Layout) -> tuple[Box, ...]:
 
 def _samples_box(layout: Layout, layer: Layer) -> Box:
     """The box of a layer's samples."""
-    process, panel = _ranks_key(layer.ranks), layout.wall.panels[layer.panel]
+    process, panel = _ranks_key(layer.ranks), layout.wall.viewports[layer.panel]
     share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
     return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {process}", process=process, source=True)
 
@@ -149,6 +149,13 @@ def _step_box(step: Step) -> Box:
     return Box(id=node.id, op=node.op_name, detail=size, process=process, source=not node.sources)
 
 
+def _share(layout: Layout, layer: Layer) -> float:
+    """The share of its ranks' time that a layer gets, by the views' weights."""
+    views = layout.config.views
+    weights = [views[other.view].weight for other in layout.graph.layers if set(other.ranks) & set(layer.ranks)]
+    return views[layer.view].weight / sum(weights)
+
+
 def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Edge]:
     """Every edge. A framelet is sent to a process once: the first edge has its bytes, others to that process none."""
     graph, refresh_hz = layout.graph, layout.config.views[0].refresh_hz
@@ -157,7 +164,8 @@ def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterato
     for step in graph.steps:
         for name in step.node.sources:
             if name in layers:
-                amount = samples_traffic(len(layers[name].ranks), samples_per_s, sample_bytes)
+                share = _share(layout, layers[name])
+                amount = samples_traffic(len(layers[name].ranks), share * samples_per_s, sample_bytes)
                 yield Edge(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
                 continue
             giver = graph.step(name)

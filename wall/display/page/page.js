@@ -5,6 +5,7 @@ import { Overlay } from "./overlay.js";
 import { Parameters } from "./parameters.js";
 import { Readout, short } from "./readout.js";
 import { Steering } from "./steering.js";
+import { Viewports } from "./viewports.js";
 import { Wall } from "./wall.js";
 
 const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
@@ -24,6 +25,7 @@ let attempts = 0;
 let heard = 0;
 let ended = false;
 
+const viewports = new Viewports(wall);
 const compare = new Compare(wall, (command) => send(command), (name) => readout.sampler(name));
 const panel = document.getElementById("parameters");
 const groups = document.getElementById("parameter-groups");
@@ -59,6 +61,7 @@ function take(message, pictures) {
     attempts = 0;
     ended = false;
     wall.build(message);
+    viewports.build(message);
     readout.connected();
     if (overlay.name) overlay.repeat();
   } else if (message.kind === "picture") {
@@ -68,7 +71,7 @@ function take(message, pictures) {
     focusButton.hidden = !message.parameters.some((p) => p.name === "lens.focus");
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
-    readout.show(message);
+    readout.show({ ...message, sampler: message.view_samplers[viewports.steered] ?? message.sampler });
     compare.status(message, short);
   }
 }
@@ -140,6 +143,17 @@ function toggleFocus() {
   document.getElementById("wall").classList.toggle("aiming", aims);
 }
 
+// A drag or the wheel steers what is beneath the pointer.
+function takeView(event) {
+  const place = wall.at(event.clientX, event.clientY);
+  if (place) viewports.take(place);
+}
+
+function nextView() {
+  if (viewports.several) viewports.next();
+  return viewports.several;
+}
+
 function toggleDetails() {
   document.body.classList.toggle("bare");
   wall.arrange();
@@ -174,7 +188,10 @@ steering.actions = {
   overlay: () => overlay.next(),
   parameters: toggleParameters,
   focus: focusAt,
+  take: takeView,
+  next: nextView,
 };
+steering.view = () => viewports.steered;
 readout.onpause = () => steering.pause();
 readout.onsampler = choose;
 document.getElementById("pause").onclick = () => steering.pause();

@@ -15,6 +15,7 @@ const clamp = (x, limit) => Math.max(-limit, Math.min(limit, x));
 export class Steering {
   samplers = [];
   actions = {};
+  view = () => 0;                         // which one is steered
   #send; #height; #surface;
   #sum = { orbit: [0, 0], pan: [0, 0], zoom: 1 };
   #due = false; #before = 0;
@@ -42,11 +43,13 @@ export class Steering {
     this.#send({ kind: "pause" });
   }
 
-  reset() { this.#send({ kind: "reset" }); }
+  reset() { this.#steer({ kind: "reset" }); }
+
+  #steer(command) { this.#send(this.view() ? { ...command, view: this.view() } : command); }
 
   sampler(name) {
     this.actions.sampler?.(name);
-    this.#send({ kind: "sampler", value: name });
+    this.#steer({ kind: "sampler", value: name });
   }
 
   #add(kind, x, y) {
@@ -71,9 +74,9 @@ export class Steering {
     this.#hold(now);
     const { orbit, pan, zoom } = this.#sum;
     this.#sum = { orbit: [0, 0], pan: [0, 0], zoom: 1 };
-    if (orbit[0] || orbit[1]) this.#send({ kind: "orbit", x: clamp(orbit[0], MAX_DRAG), y: clamp(orbit[1], MAX_DRAG) });
-    if (pan[0] || pan[1]) this.#send({ kind: "pan", x: clamp(pan[0], MAX_DRAG), y: clamp(pan[1], MAX_DRAG) });
-    if (zoom !== 1) this.#send({ kind: "zoom", x: Math.max(1 / MAX_ZOOM, Math.min(MAX_ZOOM, zoom)) });
+    if (orbit[0] || orbit[1]) this.#steer({ kind: "orbit", x: clamp(orbit[0], MAX_DRAG), y: clamp(orbit[1], MAX_DRAG) });
+    if (pan[0] || pan[1]) this.#steer({ kind: "pan", x: clamp(pan[0], MAX_DRAG), y: clamp(pan[1], MAX_DRAG) });
+    if (zoom !== 1) this.#steer({ kind: "zoom", x: Math.max(1 / MAX_ZOOM, Math.min(MAX_ZOOM, zoom)) });
   }
 
   // Keys that are held move on with the time, not with the keyboard's repeat rate.
@@ -94,6 +97,7 @@ export class Steering {
       e.preventDefault();
       return;
     }
+    this.actions.take?.(e);
     this.#surface.setPointerCapture(e.pointerId);
     this.#pointers.set(e.pointerId, { x: e.clientX, y: e.clientY, pan: e.button === 2 });
     this.#surface.classList.add("held");
@@ -123,6 +127,7 @@ export class Steering {
 
   #wheel(e) {
     e.preventDefault();
+    this.actions.take?.(e);
     const pixels = e.deltaY * [1, LINE_PX, PAGE_PX][e.deltaMode];
     this.#zoom(Math.exp(-clamp(pixels, 400) * (e.ctrlKey ? PINCH_WHEEL : WHEEL_ZOOM)));
   }
@@ -133,6 +138,7 @@ export class Steering {
     const onScroll = e.target.closest?.(".scroll");
     if (e.key in ARROWS && !onScroll && e.target.type !== "radio" && e.target.type !== "range") this.#arrow(e);
     else if (e.key === " " && !onControl && !onScroll) this.pause();
+    else if (e.key === "Tab" && !e.shiftKey && !onControl && this.actions.next?.()) { /* the next view */ }
     else if (e.key === "+" || e.key === "=") this.#zoom(KEY_ZOOM);
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
     else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });

@@ -10,6 +10,7 @@ const APART = 0.04;               // between two faces, of the wall's height
 
 export class Wall {
   #element; #room; #controls; #layout = null; #frame = 0; #view = "single";
+  #outlines = [];                 // { element, rect }
   #faces = [];                    // first and second: { element, panels: [{ rect, box, context }] }
 
   // `controls` stand beneath the wall and keep their room.
@@ -88,6 +89,18 @@ export class Wall {
     }
   }
 
+  // Outline rectangles of the wall for a moment.
+  outline(rects) {
+    for (const { element } of this.#outlines) element.remove();
+    this.#outlines = rects.map((rect) => {
+      const element = Object.assign(document.createElement("div"), { className: "outline" });
+      element.onanimationend = () => element.remove();
+      return { element, rect };
+    });
+    this.#faces[0]?.element.append(...this.#outlines.map(({ element }) => element));
+    this.arrange();
+  }
+
   arrange() {
     if (!this.#layout) return;
     const { width, height } = this.#layout, frame = this.#frame;
@@ -105,6 +118,10 @@ export class Wall {
         put(box, left, top, snap(rect.x + rect.across + frame) - left, snap(rect.y + rect.down + frame) - top);
       }
     });
+    for (const { element, rect } of this.#outlines) {
+      const left = snap(rect.x + frame), top = snap(rect.y + frame);
+      put(element, left, top, snap(rect.x + rect.width + frame) - left, snap(rect.y + rect.height + frame) - top);
+    }
     this.#element.style.setProperty("--right-x", `${snap(step.x)}px`);
     this.#element.style.setProperty("--right-y", `${snap(step.y)}px`);
     this.#element.dataset.stacked = step.y > 0;
