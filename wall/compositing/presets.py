@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from wall.config.graph import NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode, SkyNode
-from wall.geometry.panels import Panel, Wall
+from wall.geometry.panels import NO_VIEW, Panel, Wall
 from wall.operators.arrange import Tile
 from wall.operators.base import Node
 from wall.operators.depth import Depth
@@ -12,36 +12,47 @@ from wall.operators.depth import Depth
 def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     """The nodes of a preset: each panel its own samples and framelet, one image of all, its sinks."""
     panel_nodes = _sort_last if preset.preset == "sort-last" else _sort_first
-    nodes = [node for panel in wall.viewports for node in panel_nodes(panel, preset.ranks_per_panel)]
+    shows = [viewport for viewport in wall.viewports if viewport.view != NO_VIEW]
+    hosts: dict[int, int] = {}  # by panel: the viewport whose ranks render its insets too
+    for viewport in shows:
+        hosts.setdefault(_panel_of(viewport), viewport.index)
+    nodes = [
+        node for viewport in shows for node in panel_nodes(viewport, preset.ranks_per_panel, hosts[_panel_of(viewport)])
+    ]
     if set(preset.sinks) != {"window"}:
-        nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{panel.index}" for panel in wall.viewports)))
+        nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{viewport.index}" for viewport in shows)))
     for kind in dict.fromkeys(preset.sinks):
         if kind == "window":
             for panel in wall.panels:
-                window, shown = f"window{panel.index}", f"p{panel.index}"
-                if insets := tuple(f"p{inset.index}" for inset in wall.insets if inset.inset_of == panel.index):
-                    nodes.append(Tile(op="tile", id=f"views{panel.index}", inputs=(shown, *insets), on="panel"))
-                    shown = f"views{panel.index}"
+                own = tuple(f"p{viewport.index}" for viewport in shows if _panel_of(viewport) == panel.index)
+                window, shown = f"window{panel.index}", own[0] if len(own) == 1 else f"views{panel.index}"
+                if len(own) > 1:
+                    nodes.append(Tile(op="tile", id=shown, inputs=own, on="panel"))
                 nodes.append(SinkNode(op="sink", id=window, kind=kind, input=shown, on="panel"))
         else:
             nodes.append(SinkNode(op="sink", id=kind, kind=kind, input="wall"))
     return NodeGraph(compositors=preset.compositors, sync=preset.sync, nodes=tuple(nodes))
 
 
-def _sort_first(panel: Panel, ranks: int) -> list[Node]:
-    k, over = panel.index, panel.inset_of
-    own = {"ranks": ranks} if over is None else {"ranks_of": f"s{over}"}
+def _panel_of(viewport: Panel) -> int:
+    return viewport.index if viewport.inset_of is None else viewport.inset_of
+
+
+def _sort_first(panel: Panel, ranks: int, host: int) -> list[Node]:
+    """`host`: the viewport of the same panel whose ranks render it."""
+    k = panel.index
+    own = {"ranks": ranks} if host == k else {"ranks_of": f"s{host}"}
     return [
         SamplesNode(op="samples", id=f"s{k}", panel=panel.id, **own),
         ReconstructNode(op="reconstruct", id=f"p{k}", input=f"s{k}"),
     ]
 
 
-def _sort_last(panel: Panel, ranks: int) -> list[Node]:
+def _sort_last(panel: Panel, ranks: int, host: int) -> list[Node]:
     """Each rank a part of the objects, the sky behind all of them."""
-    k, over, nodes = panel.index, panel.inset_of, list[Node]()
+    k, nodes = panel.index, list[Node]()
     for r in range(ranks):
-        part, shared = (r / ranks, (r + 1) / ranks), None if over is None else f"s{over}-{r}"
+        part, shared = (r / ranks, (r + 1) / ranks), None if host == k else f"s{host}-{r}"
         nodes.append(SamplesNode(op="samples", id=f"s{k}-{r}", panel=panel.id, range=part, ranks_of=shared))
         nodes.append(
             ReconstructNode(op="reconstruct", id=f"f{k}-{r}", input=f"s{k}-{r}", background="transparent", on="panel")

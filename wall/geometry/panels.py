@@ -15,6 +15,8 @@ from wall.config.displays import BlendConfig, SidesConfig
 from wall.config.screens import PanelConfig
 from wall.core.data import Float64
 
+NO_VIEW = -1
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plane:
@@ -56,7 +58,7 @@ class Panel:
     at: tuple[int, int] = (0, 0)  # its top left pixel in the physical panel's image
     skip: bool = False  # its pixels span its bezels too, squeezed into the lit area
     blend: BlendConfig | None = None  # metres; `auto` is worked out
-    view: int = 0  # index in Config.views: what it shows, but for insets
+    view: int = 0  # index in Config.views: what it shows, but for insets; NO_VIEW: these cover all of it
     inset_of: int | None = None  # an inset: index of the panel whose pixels it covers with another view
 
     @property

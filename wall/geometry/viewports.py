@@ -1,17 +1,20 @@
 """Where several views are on the wall: each panel shows the last view that covers it whole, later ones are its insets.
 
+Where no view covers a panel whole, insets must do so together.
+
 An inset is a Panel in the plane of the one that it lies on, so its rays need no rule of their own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from wall.config.loading import Loaded, nearest
 from wall.config.views import ViewConfig
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
-from wall.geometry.panels import Panel, Wall
+from wall.geometry.panels import NO_VIEW, Panel, Wall
 
 
 def panel_rect(panel: Panel) -> Rect:
@@ -37,15 +40,13 @@ def with_views(loaded: Loaded, wall: Wall) -> Wall:
     for panel in wall.panels:
         whole = panel_rect(panel)
         places = [_on_panel(view, wall, panel) for view in views]
-        covering = [k for k, rect in enumerate(places) if rect == whole]
-        if not covering:
+        own = max((k for k, rect in enumerate(places) if rect == whole), default=NO_VIEW)
+        parts = {k: rect for k, rect in enumerate(places) if rect is not None and k > own}
+        if own == NO_VIEW and _left(whole, parts.values()):
             wanted = "neither panels nor viewport in the first view, which then fills what others leave"
             problems.append(str(loaded.error(("views", 0), f"no view fills panel {panel.id}", wanted)))
-            continue
-        panels.append(replace(panel, view=covering[-1]))
-        insets += [
-            _inset(panel, rect, views[k], k) for k, rect in enumerate(places) if rect is not None and k > covering[-1]
-        ]
+        panels.append(replace(panel, view=own))
+        insets += [_inset(panel, rect, views[k], k) for k, rect in parts.items()]
     if not problems:
         seen = {panel.view for panel in (*panels, *insets)}
         hidden = [k for k in range(len(views)) if k not in seen]
@@ -55,6 +56,14 @@ def with_views(loaded: Loaded, wall: Wall) -> Wall:
         raise ConfigError("\n".join(problems))
     insets = [replace(inset, index=len(panels) + k) for k, inset in enumerate(insets)]
     return replace(wall, panels=tuple(panels), insets=tuple(insets))
+
+
+def _left(whole: Rect, parts: Iterable[Rect]) -> list[Rect]:
+    """The parts of a rectangle that none of the others covers."""
+    left = [whole]
+    for part in parts:
+        left = [piece for kept in left for piece in kept.minus(part)]
+    return left
 
 
 def _ids(wall: Wall) -> set[str]:

@@ -29,9 +29,11 @@ class Focusing:
         """
         wall = self._plan.layout.wall
         x, y = x * wall.width, y * wall.height
-        panel = next((panel for panel in wall.panels if _shows(panel, x, y)), None)
+        panel = next((viewport for viewport in reversed(wall.viewports) if _shows(viewport, x, y)), None)
         if panel is None:
             raise EditError(f"focus at pixel {x:.0f}, {y:.0f}: no panel is there")
+        if panel.view != event.view:
+            raise EditError(f"focus at pixel {x:.0f}, {y:.0f}: {panel.id} shows no view with a lens")
         seen = PanelView(self._plan.view_of(panel), panel)
         event = seen(event)
         across, down = ((x - panel.screen[0]) / panel.span[0], (y - panel.screen[1]) / panel.span[1])

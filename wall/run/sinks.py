@@ -50,7 +50,7 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
 
 def _windows(plan: Plan, rank: int) -> WindowSink | None:
     panels = window_panels(plan.layout, (rank,))
-    return WindowSink(panels, refresh_hz=plan.view_of(panels[0]).refresh_hz) if panels else None
+    return WindowSink(panels, refresh_hz=max(view.refresh_hz for view in plan.views)) if panels else None
 
 
 def distinct(sinks: list[Sink | None]) -> list[Sink]:

@@ -10,7 +10,7 @@ import pytest
 from wall.config.loading import loads
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
-from wall.geometry.panels import Wall
+from wall.geometry.panels import NO_VIEW, Wall
 from wall.geometry.viewports import panel_rect
 from wall.roles.plan import make_layout
 
@@ -69,6 +69,16 @@ def test_later_views_lie_over_earlier_ones_and_one_that_covers_a_panel_whole_is_
     wall = wall_of(text)
     assert [panel.view for panel in wall.panels] == [1, 0]
     assert [(inset.id, inset.view) for inset in wall.insets] == [("r0c0.small", 2)]
+
+
+def test_viewports_may_cover_a_panel_together() -> None:
+    quarters = [(0, 0), (0.5, 0), (0, 0.5), (0.5, 0.5)]
+    places = (f"viewport: {{left: {x}, top: {y}, width: 0.5, height: 0.5}}" for x, y in quarters)
+    wall = wall_of("".join(f"  - {{id: v{k}, {place}}}\n" for k, place in enumerate(places)))
+    assert [panel.view for panel in wall.panels] == [NO_VIEW, NO_VIEW]
+    assert [(inset.inset_of, inset.view, inset.pixels) for inset in wall.insets] == [
+        (0, 0, (40, 15)), (0, 2, (40, 15)), (1, 1, (40, 15)), (1, 3, (40, 15)),
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(
