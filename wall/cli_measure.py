@@ -161,6 +161,33 @@ def response(
 
 
 @measure.command()
+def views(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Configurations of walls to run here", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive,framed",
+    counts: Annotated[str, typer.Option(help="How many copies of the first view are to fill the wall")] = "1,2,4,8,16",
+    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Of each run")] = 12.0,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/views"),
+) -> None:
+    """Measure what a view keeps beside others, and the rates of many views on one wall.
+
+    [bold]wall measure views configs/views/map_inset.yaml[/]
+    """
+    from wall.study.live import command
+    from wall.study.live import views as study
+
+    wanted, numbers, found = command.configs_of(configs), study.check_counts(counts), []
+    with errors.status("measuring") as status:
+        for config in wanted:
+            for method in command.methods_of(methods):
+                status.update(f"measuring {config.stem}, {method}")
+                found += study.measure(config, method, counts=numbers, seconds=seconds, out=out)
+    for item in study.report(found, out):
+        console.print(item)
+
+
+@measure.command()
 def reference(
     configs: Annotated[
         list[Path], typer.Argument(metavar="CONFIG...", help="Walls of one panel, paths traced", show_default=False)

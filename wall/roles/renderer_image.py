@@ -13,7 +13,7 @@ from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan
 from wall.roles.view import FollowedView
 
-SHARE_OF_TIME = 0.9  # at most spent on refreshes; rarer images lag by more than rays would mend, see docs/lab/live.md
+SHARE_OF_TIME = 0.9  # of a view's time at most spent on refreshes; rarer ones lag by more, see docs/lab/live.md
 
 
 class OwnImage:
@@ -23,9 +23,10 @@ class OwnImage:
         self._clock, self._composition = clock, composition
         self._layer: PanelCompositor = composition.layers[region.layer]
         self.view = FollowedView(plan, region.view)
+        self.weight = plan.layout.config.views[region.view].weight
         self.expected: Event | None = None  # what the last refresh shows
         self.refreshing_s = 0.0  # seconds spent on refreshes so far
-        self._rests = False  # the last refresh was of the newest event, and changed nothing
+        self.rests = False  # the last refresh was of the newest event, and changed nothing
 
     @property
     def reconstruction(self) -> Reconstruction:
@@ -37,36 +38,36 @@ class OwnImage:
         before = self.view.event
         if self.view.take(event):
             self._composition.follow(event)
-            self._rests = self._rests and event == before
+            self.rests = self.rests and event == before
 
     def insert(self, batch: Batch) -> None:
         """Show a batch from the next refresh on."""
         self._composition.insert_batch(batch)
-        self._rests = False
+        self.rests = False
 
     def keep(self, tiles: StatisticsImage) -> None:
         """Keep the sampler's tiles for who looks at them."""
         self._composition.keep(tiles)
 
-    def refresh(self, now: float) -> bool:
-        """Refresh if that is due. Returns whether it was."""
+    def refresh(self, now: float, share: float) -> bool:
+        """Refresh if that is due. Returns whether it was. `share`: of this rank's time that the view may have."""
         view = self.view
         if view.event is None or now < view.due:
             return False
         began = self._clock.now()
         self.expected = expected = view.begin_refresh(now)
         changed = self._composition.refresh(expected, now)
-        self._rests = not changed and expected.number == view.event.number
+        self.rests = not changed and expected.number == view.event.number
         took = self._clock.now() - began
         self.refreshing_s += took
         view.made(took)
-        view.due = max(view.due, now + took / SHARE_OF_TIME)
+        view.due = max(view.due, now + took / (SHARE_OF_TIME * share))
         return True
 
     @property
     def complete(self) -> bool:
         """Whether all that came is shown, and has been sent."""
-        return self._rests and self._composition.idle
+        return self.rests and self._composition.idle
 
     def oldest_sample_at(self, now: float) -> float:
         """When the oldest sample shown was traced, seconds of the head's clock; -1 while a pixel never had one."""
@@ -85,7 +86,9 @@ class RendererImage:
     def on_tick(self, now: float) -> Iterator[Offer]:
         """Refresh what is due, and offer what others need as far as there is credit."""
         for image in self.images:
-            if image.refresh(now) and image.view.event is not None and image.view.event.statistics:
+            active = sum(other.weight for other in self.images if other is image or not other.rests)
+            event = image.view.event
+            if image.refresh(now, image.weight / active) and event is not None and event.statistics:
                 yield from self.composition.offer_statistics(now)
         yield from self.composition.send()
 

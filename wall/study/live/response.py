@@ -33,7 +33,7 @@ from wall.run.ports import FIRST_CLIENT
 from wall.scene.parameters import Parameter, named
 from wall.study import json_lines
 from wall.study.live.rewriting import load_without_windows, text_for
-from wall.study.live.runs import IMAGES, START_S, run_wall
+from wall.study.live.runs import IMAGES, START_S, record_wall
 from wall.study.quality.tables import MET, MISSED, Table
 from wall.study.speed import record
 from wall.transport.factory import connect
@@ -88,7 +88,7 @@ def measure(config: Path, method: str, *, edits: int, name: str, out: Path) -> R
     sender = Sender(folder, parameter, edits)
     seconds = WARM_UP_S + edits * APART_S[1] + END_S
     try:
-        run = run_wall(path, folder, seconds=seconds, cores=_cores(), options=("--still",))
+        run = record_wall(path, folder, seconds=seconds, cores=_cores(), options=("--still",))
         sender.end()
         found = [1e3 * wait for wait in waits(run.images, sender.sent) if wait is not None]
     finally:

@@ -21,9 +21,14 @@ SHOWS_PANELS = frozenset({  # nodes after which a panel still shows its own view
 FILE_KEYS = frozenset({"source", "file", "lut"})  # whose relative paths start at the configuration's folder
 
 
-def load_without_windows(path: Path) -> Loaded:
-    """A configuration whose images all end at the head. Raises ConfigError where it has no reference image."""
+def load_without_windows(path: Path, *, several: bool = False) -> Loaded:
+    """A configuration whose images all end at the head. Raises ConfigError where it has no reference image.
+
+    `several`: views are allowed; references are of the first alone.
+    """
     loaded = load(path)
+    if len(loaded.config.views) > 1 and not several:
+        raise loaded.error(("views", 1), "only one view can be measured so", "one view, or wall measure views")
     loaded = loaded.with_config(loaded.config.model_copy(update={"graph": _without_windows(loaded.config.graph)}))
     _check_graph(make_layout(loaded))
     return loaded

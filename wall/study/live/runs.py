@@ -29,9 +29,15 @@ IMAGES, OUTPUT, SUMMARY = "recorded", "run.log", "summary.json"
 class Run:
     """What a run left."""
 
-    images: LoggedImages
     summary: dict[str, Any]
     other_cores: float  # that everything else on this machine used meanwhile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedRun(Run):
+    """What a run left, and what it showed."""
+
+    images: LoggedImages
 
 
 class Bystanders:
@@ -56,14 +62,22 @@ def busy_ticks(words: Sequence[str]) -> int:
     return user + nice + system + irq + softirq + steal
 
 
+def record_wall(
+    config: Path, folder: Path, *, seconds: float, cores: float, options: Sequence[str] = ()
+) -> RecordedRun:
+    """Run a configuration for a while, and return what it showed. Raises RunError, ConfigError; see run_wall."""
+    recorded = folder / IMAGES
+    run = run_wall(config, folder, seconds=seconds, cores=cores, options=("--record", str(recorded), *options))
+    return RecordedRun(images=read_log(recorded), summary=run.summary, other_cores=run.other_cores)
+
+
 def run_wall(config: Path, folder: Path, *, seconds: float, cores: float, options: Sequence[str] = ()) -> Run:
-    """Run a configuration for a while, and return what it showed. Raises RunError, ConfigError.
+    """Run a configuration for a while. Raises RunError, ConfigError.
 
     Everything is kept in `folder`, what the run printed too. No process is left, however this ends.
     """
-    recorded = folder / IMAGES
     command = [sys.executable, "-m", "wall", "run", str(config), "--headless", "--seconds", f"{seconds:g}"]
-    command += ["--out", str(folder), "--record", str(recorded), *options]
+    command += ["--out", str(folder), *options]
     limit_s = START_S / min(cores, 1.0) + seconds + END_S
     bystanders = Bystanders()
     with limited(cores) as launcher, (folder / OUTPUT).open("w", encoding="utf-8") as output:
@@ -82,7 +96,7 @@ def run_wall(config: Path, folder: Path, *, seconds: float, cores: float, option
         said = (folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
         raise RunError(f"{config}: the run failed with exit code {code}: {said[-500:]}")
     summary = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
-    return Run(images=read_log(recorded), summary=summary, other_cores=others)
+    return Run(summary=summary, other_cores=others)
 
 
 def stop(process: subprocess.Popen[bytes]) -> None:

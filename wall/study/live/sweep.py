@@ -22,7 +22,7 @@ from wall.study.live.reference import WallReference
 from wall.study.live.results import compose, keep
 from wall.study.live.rewriting import load_without_windows, moving, text_for
 from wall.study.live.rows import FILE, Row
-from wall.study.live.runs import IMAGES, Run, run_wall
+from wall.study.live.runs import IMAGES, RecordedRun, record_wall
 from wall.study.live.scores import Shown, score
 from wall.study.live.timeline import moments
 from wall.study.options import check_names
@@ -178,7 +178,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     config.write_text(trial.text, encoding="utf-8")
     seconds = wanted.warm_up_s + wanted.seconds + BEYOND_S
     try:
-        run = run_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
+        run = record_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
         shown = Shown(run.images, wanted.display_delay_s)
         row = _row(wanted, trial, run, shown, reference)
         hz = film_hz(trial.refresh_hz)
@@ -189,7 +189,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     return row
 
 
-def _row(wanted: Wanted, trial: Trial, run: Run, shown: Shown, reference: WallReference) -> Row:
+def _row(wanted: Wanted, trial: Trial, run: RecordedRun, shown: Shown, reference: WallReference) -> Row:
     summary, latency = run.summary, run.summary["latency_ms"]
     error, pace = score(shown, reference), shown.timeline.intervals(wanted.warm_up_s, wanted.seconds)
     return Row(

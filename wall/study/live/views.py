@@ -1,0 +1,163 @@
+"""`wall measure views`: what a view gets beside others, and alone; and the rates of 1 to 16 views on one wall.
+
+Walls run as a user starts them. Rates, and each view's share of the renderers' time, are what the run's summary says.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import RenderableType
+
+from wall.config.loading import Loaded
+from wall.core.errors import ConfigError
+from wall.roles.plan import make_layout
+from wall.study import json_lines
+from wall.study.live.rewriting import load_without_windows, text_for
+from wall.study.live.runs import run_wall
+from wall.study.quality.tables import MET, MISSED, Table
+from wall.study.speed import record
+
+FILE = "views.jsonl"
+WANTED = 0.95  # of what a view gets alone, less the others' weight
+NOTE = (
+    f"Wanted: the first view keeps {WANTED:g} of the samples and refreshes a second that it gets alone, less the share "
+    "of time that the others are given by their weights; refreshes are wanted up to its own rate."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One view in one run: a line of the file, keys in this order."""
+
+    config: str
+    method: str
+    kind: str  # "alone", "together", or "grid": the first view's copies
+    views: int  # of the run
+    view: str
+    weight: float
+    refresh_hz: float  # that is asked for
+    refreshes_per_s: float
+    samples_per_s: float
+    share: float  # of the time that renderers spent on all views
+    latency_p50_ms: float  # of all views of the run: from an input to an image that shows it
+    latency_p95_ms: float
+    other_cores: float  # that everything else on the machine used during the run
+    commit: str
+    machine: str
+    command: str
+
+
+def measure(config: Path, method: str, *, counts: Sequence[int], seconds: float, out: Path) -> list[Row]:
+    """Run a configuration with its first view alone, with all, and with so many copies. Raises RunError, ConfigError."""
+    loaded = load_without_windows(config, several=True)
+    variants = [("grid", grid_of(loaded, count)) for count in counts]
+    if len(loaded.config.views) > 1:
+        variants = [("alone", first_alone(loaded)), ("together", loaded), *variants]
+    rows: list[Row] = []
+    for kind, variant in variants:
+        make_layout(variant)  # raises what is wrong with it before anything runs
+        rows += _run(config.stem, method, kind, variant, seconds, out)
+    return rows
+
+
+def first_alone(loaded: Loaded) -> Loaded:
+    """The configuration without all views but the first."""
+    return _with_views(loaded, [loaded.config.views[0].model_dump(exclude_unset=True)])
+
+
+def grid_of(loaded: Loaded, count: int) -> Loaded:
+    """So many copies of the first view, side by side and above each other; together they fill the wall."""
+    first = loaded.config.views[0].model_dump(exclude_unset=True)
+    rows = round(math.sqrt(count)) if count > 1 else 1
+    views: list[dict[str, Any]] = []
+    for row in range(rows):
+        across = count * (row + 1) // rows - count * row // rows
+        for column in range(across):
+            place = {"left": column / across, "top": row / rows, "width": 1 / across, "height": 1 / rows}
+            views.append(first | {"id": f"view{len(views)}", "viewport": place, "lens": None})
+    return _with_views(loaded, views)
+
+
+def _with_views(loaded: Loaded, views: list[dict[str, Any]]) -> Loaded:
+    values = loaded.config.model_dump(exclude_unset=True) | {"views": views}
+    return loaded.with_config(type(loaded.config).model_validate(values))
+
+
+def _run(name: str, method: str, kind: str, loaded: Loaded, seconds: float, out: Path) -> list[Row]:
+    views = loaded.config.views
+    folder = out / f"{name}-{method}-{kind}-{len(views)}"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    path = folder / f"{name}.yaml"
+    path.write_text(text_for(loaded, method), encoding="utf-8")
+    run = run_wall(path, folder, seconds=seconds, cores=float(len(os.sched_getaffinity(0))))
+    rows = [
+        Row(
+            config=name, method=method, kind=kind, views=len(views), view=view.id, weight=view.weight,
+            refresh_hz=view.refresh_hz, refreshes_per_s=found["refreshes_per_s"],
+            samples_per_s=found["samples_per_s"], share=found["share"],
+            latency_p50_ms=run.summary["latency_ms"]["p50"], latency_p95_ms=run.summary["latency_ms"]["p95"],
+            other_cores=round(run.other_cores, 3), commit=record.commit(), machine=record.machine(),
+            command=record.command(),
+        )
+        for view, found in zip(views, run.summary["views"], strict=True)
+    ]  # fmt: skip
+    for row in rows:
+        json_lines.append(out / FILE, row)
+    return rows
+
+
+def report(rows: Sequence[Row], out: Path) -> Iterator[RenderableType]:
+    """What is printed at the end."""
+    beside = [row for row in rows if row.kind == "together"]
+    if beside:
+        columns = ("wall", "method", "view", "asked, Hz", "refreshes/s", "samples/s", "of the time", "kept", "met")
+        lines = tuple(_beside(row, rows) for row in beside)
+        yield Table(title="Views beside each other", columns=columns, lines=lines, text=(0, 1, 2, 8), note=NOTE).rich()
+    if lines := tuple(_grid(rows)):
+        columns = ("wall", "method", "views", "refreshes/s of each", "samples/s of all", "input to image, ms")
+        yield Table(title="Equal views that fill the wall", columns=columns, lines=lines, text=(0, 1)).rich()
+    yield f"rows in {out / FILE}"
+
+
+def _beside(row: Row, rows: Sequence[Row]) -> tuple[str, ...]:
+    known = [r for r in rows if (r.config, r.method) == (row.config, row.method)]
+    alone = next(r for r in known if r.kind == "alone")
+    weights = [r.weight for r in known if r.kind == "together"]
+    cells: tuple[str, ...] = (
+        row.config, row.method, row.view, f"{row.refresh_hz:g}", f"{row.refreshes_per_s:.1f}",
+        f"{row.samples_per_s:,.0f}", f"{row.share:.1%}",
+    )  # fmt: skip
+    if row.view != alone.view:
+        return (*cells, "", "")
+    share = row.weight / sum(weights)
+    kept = [row.samples_per_s / max(alone.samples_per_s, 1.0), row.refreshes_per_s / max(alone.refreshes_per_s, 1e-9)]
+    met = min(kept) >= WANTED * share
+    return (*cells, f"{kept[0]:.2f}, {kept[1]:.2f}", MET if met else MISSED)
+
+
+def _grid(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+    found: dict[tuple[str, str, int], list[Row]] = {}
+    for row in rows:
+        if row.kind == "grid":
+            found.setdefault((row.config, row.method, row.views), []).append(row)
+    for (config, method, count), views in found.items():
+        rates = sorted(view.refreshes_per_s for view in views)
+        latency = f"{views[0].latency_p50_ms:.0f}, {views[0].latency_p95_ms:.0f}"
+        samples = sum(view.samples_per_s for view in views)
+        yield config, method, str(count), f"{rates[0]:.1f} to {rates[-1]:.1f}", f"{samples:,.0f}", latency
+
+
+def check_counts(text: str) -> tuple[int, ...]:
+    """Numbers of views from "1,2,4". Raises ConfigError."""
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    if not all(part.isdigit() and 1 <= int(part) <= 64 for part in parts):
+        raise ConfigError(f"--counts {text}: want numbers of views from 1 to 64 with commas between, or nothing")
+    return tuple(map(int, parts))
