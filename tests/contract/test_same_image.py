@@ -65,6 +65,27 @@ def test_compressed_packets_and_a_second_compositor_change_no_pixel(tmp_path: Pa
     assert_same(tmp_path / "out", plain)
 
 
+INSET = "viewport: {left: 0.3, top: 0.1, width: 0.4, height: 0.4}, weight: 0.5, refresh_hz: 20"
+SECOND_VIEW = f"}}, {{id: map, {INSET}, camera: {{position: [0, 20, 0.1], target: [0, 0, 0]}}"
+
+
+@pytest.mark.parametrize(
+    "changes", [{"columns": 2}, {"columns": 2, "compositors": 2}, {"ranks": 2, "threads": 2}], ids=str
+)
+def test_an_inset_of_another_view_is_the_same_however_it_is_shared(tmp_path: Path, changes: dict[str, int]) -> None:
+    """Across a bezel, through a second compositor, and cut between ranks with two threads each."""
+    alone = write_config(tmp_path, path=SECOND_VIEW, columns=changes.get("columns", 1))
+    config = write_config(tmp_path, path=SECOND_VIEW, **changes)
+
+    done = wall("run", config, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
+
+    assert done.returncode == 0, done.stderr
+    assert_same(tmp_path / "out", alone)
+    rates = {view["view"]: view for view in summary(tmp_path / "out")["views"]}
+    assert all(rates[name]["samples_per_s"] > 0 for name in ("main", "map"))
+    assert sum(view["share"] for view in rates.values()) == pytest.approx(1.0, abs=1e-3)
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize(("ranks", "columns", "rows"), [(2, 1, 1), (5, 2, 2)])
 def test_mpi_run_gives_the_single_process_image(tmp_path: Path, ranks: int, columns: int, rows: int) -> None:

@@ -54,7 +54,8 @@ class SingleProcess:
             self.workers += tracers.workers
             self.layers |= image.composition.layers if image is not None else {}
         compositor = Compositor(on_one_rank(plan), hello_of(HEAD), ready=lambda _: True)
-        self.composition, self._refresh_s = compositor.composition, 1.0 / plan.view.refresh_hz
+        self.composition = compositor.composition
+        self._refresh_s = max(1.0 / view.refresh_hz for view in plan.views)
         self.layers |= self.composition.layers
         self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 

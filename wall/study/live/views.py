@@ -55,7 +55,7 @@ class Row:
 
 
 def measure(config: Path, method: str, *, counts: Sequence[int], seconds: float, out: Path) -> list[Row]:
-    """Run a configuration with its first view alone, with all, and with so many copies. Raises RunError, ConfigError."""
+    """Run a wall with its first view alone, with all, and with so many copies. Raises RunError, ConfigError."""
     loaded = load_without_windows(config, several=True)
     variants = [("grid", grid_of(loaded, count)) for count in counts]
     if len(loaded.config.views) > 1:
@@ -121,9 +121,9 @@ def report(rows: Sequence[Row], out: Path) -> Iterator[RenderableType]:
         columns = ("wall", "method", "view", "asked, Hz", "refreshes/s", "samples/s", "of the time", "kept", "met")
         lines = tuple(_beside(row, rows) for row in beside)
         yield Table(title="Views beside each other", columns=columns, lines=lines, text=(0, 1, 2, 8), note=NOTE).rich()
-    if lines := tuple(_grid(rows)):
-        columns = ("wall", "method", "views", "refreshes/s of each", "samples/s of all", "input to image, ms")
-        yield Table(title="Equal views that fill the wall", columns=columns, lines=lines, text=(0, 1)).rich()
+    if grids := tuple(_grids(rows)):
+        heads = ("wall", "method", "views", "refreshes/s of each", "samples/s of all", "input to image, ms")
+        yield Table(title="Equal views that fill the wall", columns=heads, lines=grids, text=(0, 1)).rich()
     yield f"rows in {out / FILE}"
 
 
@@ -143,7 +143,7 @@ def _beside(row: Row, rows: Sequence[Row]) -> tuple[str, ...]:
     return (*cells, f"{kept[0]:.2f}, {kept[1]:.2f}", MET if met else MISSED)
 
 
-def _grid(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
+def _grids(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
     found: dict[tuple[str, str, int], list[Row]] = {}
     for row in rows:
         if row.kind == "grid":
