@@ -86,6 +86,7 @@ def set_command(
     listed: Annotated[
         bool, typer.Option("--list", help="Show parameters, their values and ranges: all, or those named")
     ] = False,
+    undo: Annotated[int, typer.Option(min=0, help="Take back so many edits, the newest first")] = 0,
 ) -> None:
     """Change parameters of a running wall: all that are named, or, if one is refused, none.
 
@@ -97,14 +98,14 @@ def set_command(
     """
     from wall.commands.set import lines_of, note_of, set_parameters
 
-    if not assignments and not listed:
-        raise EditError("nothing to set: want NAME=VALUE, or --list")
-    answer = set_parameters(out, assignments or [], listed=listed)
+    if not assignments and not listed and not undo:
+        raise EditError("nothing to set: want NAME=VALUE, --undo 1 or --list")
+    answer = set_parameters(out, assignments or [], listed=listed, undo=undo)
     if listed:
         print("\n".join(lines_of(answer.parameters)))
         if note := note_of(answer):
             errors.print(f"note: {note}", markup=False)
-    if any("=" in text for text in assignments or ()):
+    if undo or any("=" in text for text in assignments or ()):
         console.print(f"set by edit {answer.edit}", markup=False)
 
 

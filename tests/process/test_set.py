@@ -17,6 +17,10 @@ from numpy.typing import NDArray
 from PIL import Image
 from running import page_of, start, wall, write_config
 
+from wall.client import connect
+from wall.core.errors import EditError
+
+NOTEBOOK = Path(__file__).parents[2] / "docs/examples/client.ipynb"
 PATIENCE_S = 20.0
 LIGHT = {"lights.2.direction", "lights.2.irradiance"}
 
@@ -26,8 +30,8 @@ def running(tmp_path: Path) -> Iterator[tuple[Path, str]]:
     """A still wall's folder of results, and its page's address."""
     config = write_config(tmp_path, columns=2)
     config.write_text(config.read_text().replace("sinks: [png]", "sinks: [browser, png]"))
-    process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 100)
-    yield tmp_path / "out", page_of(process)
+    process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
+    yield tmp_path / "OUT", page_of(process)
     process.terminate()
     try:
         assert process.wait(20) == 0
@@ -83,9 +87,37 @@ def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Pa
     assert (none.returncode, "no parameter is named like nothing" in none.stderr) == (2, True)
     assert np.array_equal(shown(address), blue)
 
-    assert wall("set", "lights.2.irradiance=default", "exposure=default", "--out", out).returncode == 0
+    done = wall("set", "--undo", 1, "--out", out)
+    assert (done.returncode, done.stdout) == (0, "set by edit 2\n"), done.stderr
     again = until(address, blue)
     assert np.abs(again - first).max() <= 1
+
+
+def test_python_reads_parameters_sets_them_and_takes_them_back(
+    running: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, address = running
+    first = until(address, shown(address), changes=False)
+    with connect(out) as run:
+        before = run.parameters("lights.2.*", "exposure")
+        assert before.keys() == LIGHT | {"exposure"}
+        assert run.set({"lights.2.irradiance": (0, 0, 9), "exposure": 1}) == 1
+        blue = until(address, first)
+        assert (blue - first)[..., 2].mean() > 5
+        assert run.parameters("lights.2.irradiance")["lights.2.irradiance"].value == (0.0, 0.0, 9.0)
+        with pytest.raises(EditError, match="irradiance = -1: want three numbers"):
+            run.set({"exposure": 0, "lights.2.irradiance": -1})
+        assert run.undo() == 2
+        assert run.parameters("lights.2.*", "exposure") == before
+    assert np.abs(until(address, blue) - first).max() <= 1
+
+    monkeypatch.chdir(out.parent)  # where the example's notebook looks for OUT
+    names: dict[str, object] = {}
+    for cell in json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    with connect(out) as run:
+        assert run.parameters("exposure")["exposure"].value == (0.0,), "its last cell takes back what it set"
 
 
 def test_a_wrong_key_and_a_wall_that_has_gone_are_told(running: tuple[Path, str]) -> None:

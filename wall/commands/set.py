@@ -4,77 +4,34 @@ from __future__ import annotations
 
 import math
 import re
-import secrets
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from wall.client import connect
 from wall.core.colour import srgb_decoded
-from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
-from wall.packets.control import MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
-from wall.run import control_file
-from wall.run.ports import FIRST_CLIENT
-from wall.transport.factory import connect
+from wall.core.errors import EditError
+from wall.packets.control import EditAnswer
 
-ANSWER_S = 5.0  # wait for a wall's answer, at most
 COLOUR = re.compile("#[0-9a-fA-F]{6}")
-ASK_AGAIN_S = 1.0  # a request that found no wall yet, or whose answer was lost, says the same again
 
 
-def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool) -> EditAnswer:
-    """Ask the wall that writes its results to `folder`, within ANSWER_S seconds.
+def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool, undo: int = 0) -> EditAnswer:
+    """Ask the wall that writes its results to `folder`.
 
     assignments : "NAME=VALUE" each, where `listed` also patterns of the names to be listed; without one, all are.
         Raises EditError where it is refused, RunError where no wall answers.
     """
     patterns = [text for text in assignments if listed and "=" not in text]
     pairs = [list(parse_assignment(text)) for text in assignments if text not in patterns]
-    if max(len(pairs), len(patterns)) > MAX_COMMANDS:
-        raise EditError(f"{max(len(pairs), len(patterns))} parameters at once; at most {MAX_COMMANDS}")
     names = (patterns or ["*"]) if listed else []
-    control = control_file.read(folder)
-    client = FIRST_CLIENT + secrets.randbelow(FIRST_CLIENT)
-    try:
-        request = serialise(EditRequest(client=client, key=control.key, assignments=pairs, listed=names))
-    except LocalProtocolError as error:
-        raise EditError(f"the request is too long: {error}") from error
-    answer = _asked(control, request, client)
-    if answer.refused:
-        raise EditError(answer.refused)
+    with connect(folder) as run:
+        answer = run.request(assignments=pairs, listed=names, undo=undo)
     if listed and not answer.parameters and not answer.left_out:
         raise EditError(f"no parameter is named like {', '.join(names)}; wall set --list names them all")
     return answer
-
-
-def _asked(control: control_file.Control, request: bytes, client: int) -> EditAnswer:
-    link = connect(control.endpoint, rank=client)
-    limit, again = time.monotonic() + ANSWER_S, -math.inf
-    try:
-        while (now := time.monotonic()) < limit:
-            if now >= again:  # edits are absolute: one that comes twice changes nothing
-                link.send(request)
-                again = now + ASK_AGAIN_S
-            link.wait(min(limit, again) - now)
-            for data in link.receive():
-                answer = _parsed(data)
-                if isinstance(answer, EditAnswer) and answer.client == client:
-                    return answer
-    finally:
-        link.close()
-    raise RunError(
-        f"no answer from {control.endpoint} within {ANSWER_S:g} s: the wall of process {control.pid} on {control.host} "
-        "has ended or does not respond"
-    )
-
-
-def _parsed(data: bytes) -> Any:
-    try:
-        return parse_control(data)
-    except RemoteProtocolError as error:
-        raise RunError(f"the wall speaks another version: {error}") from error
 
 
 def parse_assignment(text: str) -> tuple[str, object]:

@@ -16,7 +16,8 @@ from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal[
-    "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus"
+    "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus",
+    "undo",
 ]  # fmt: skip
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -48,7 +49,8 @@ class Command:
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus. Kinds of OF_ONE_VIEW are for `view` alone.
+    from its top left, is to be in focus. undo: the newest edit is taken back. Kinds of OF_ONE_VIEW are for
+    `view` alone.
     """
 
     kind: Kind

@@ -135,16 +135,19 @@ class EditRequest:
     """Another process wants parameters changed, all of them or none, or listed."""
 
     client: int  # a number of its own, above all ranks
+    number: int  # of the client's requests: one that comes again is answered again, and not done again
     key: str  # the run's, from its control file
     assignments: list[Any] = field(default_factory=list)  # [name path, value]; at most MAX_COMMANDS
     listed: list[Any] = field(default_factory=list)  # patterns of names: the answer is to hold these parameters
+    undo: int = 0  # edits that are to be taken back, the newest first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EditAnswer:
     """What the manager has done with an EditRequest."""
 
-    client: int  # as it came
+    client: int  # as they came
+    number: int
     refused: str  # why nothing was changed; "" where all was
     edit: int  # number of the newest edits
     parameters: list[dict[str, Any]] = field(default_factory=list)

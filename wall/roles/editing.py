@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import hmac
 import json
-from collections import Counter
+import math
+from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, TypeAlias
 
 from wall.config.sampling import LARGEST_STAGE, ProgressiveSampling
 from wall.core.data import MOST_SAMPLES, NO_EDITS, Edits, Event
@@ -24,6 +25,11 @@ from wall.roles.focusing import Focusing
 from wall.roles.plan import Plan, exposure_at
 from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of
 
+Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
+
+MOST_UNDONE = 256  # edits that can be taken back
+ONE_EDIT_S = 0.7  # edits of the same parameters that follow each other sooner are undone together
+MOST_CLIENTS = 64  # whose newest answer is remembered
 ROWS_BYTES = MAX_ANSWER_BYTES - 16384  # of the parameters that an answer lists
 
 
@@ -39,9 +45,15 @@ class Editor:
         self.counters = Counter[str]()
         self._focusing = Focusing(plan)
         self._count = 0  # edits so far, of the scene or not
+        self._undoable = deque[tuple[Values, float | None]](maxlen=MOST_UNDONE)  # states before edits
+        self._newest: tuple[frozenset[str], float] = (frozenset(), -math.inf)  # which parameters, when
+        self._answered = dict[int, EditAnswer]()  # the newest of each client
 
-    def set(self, assignments: Sequence[tuple[str, object]]) -> None:
-        """Set parameters to values, all or none; None sets the configuration's. Raises EditError."""
+    def set(self, assignments: Sequence[tuple[str, object]], now: float = 0.0) -> None:
+        """Set parameters to values, all or none; None sets the configuration's. Raises EditError.
+
+        `now`: seconds; what follows at once on the same parameters is undone with it.
+        """
         values, stops, scene_changes = dict(self.edits.values), self.stops, False
         for name, value in assignments:
             parameter = named(self.parameters, name)
@@ -58,31 +70,63 @@ class Editor:
             new = Edits(self._count + 1, tuple(sorted(values.items())))
             if not fits(new):
                 raise EditError(f"{len(values)} parameters are changed already: no event has room for more")
-        self._count += scene_changes or stops != self.stops
+        if scene_changes or stops != self.stops:
+            names, (last_names, last) = frozenset(name for name, _ in assignments), self._newest
+            if names != last_names or now - last > ONE_EDIT_S:
+                self._undoable.append((self.edits.values, self.stops))
+            self._newest = names, now
+            self._count += 1
         self.edits, self.stops = new, stops
+
+    def undo(self, steps: int = 1) -> None:
+        """Take back so many edits, or what is left of them. Raises EditError where there is none."""
+        if not self._undoable:
+            raise EditError("there is no edit to undo")
+        for _ in range(min(steps, len(self._undoable))):
+            values, self.stops = self._undoable.pop()
+        self._count += 1
+        self._newest = (frozenset(), -math.inf)
+        if values != self.edits.values:
+            self.edits = Edits(self._count, values)
 
     def exposure(self, scene_time: float) -> float:
         """Stops at a scene time in seconds."""
         return exposure_at(self._plan, scene_time, self.edits) if self.stops is None else self.stops
 
-    def expose(self, more: float, scene_time: float) -> None:
-        """Add stops to the exposure, within its range."""
+    def expose(self, more: float, scene_time: float, now: float = 0.0) -> None:
+        """Add stops to the exposure, within its range; `now` as in `set`."""
         range_of = self.parameters[EXPOSURE]
         stops = round(self.exposure(scene_time) + more, 6)
-        self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))])
+        self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))], now)
 
     def focus(self, event: Event, x: float, y: float) -> None:
         """Focus at what `event` shows at a place of the wall, see Focusing.distance; the sky is as far as can be."""
         range_of = named(self.parameters, FOCUS)
         self.set([(FOCUS, min(max(self._focusing.distance(event, x, y), range_of.low), range_of.high))])
 
-    def answer(self, request: EditRequest, scene_time: float) -> EditAnswer:
-        """Do what another process asks for."""
+    def answer(self, request: EditRequest, scene_time: float, now: float = 0.0) -> EditAnswer:
+        """Do what another process asks for, once: a request that comes again gets the same answer."""
+        known = self._answered.get(request.client)
+        if known is not None and known.number == request.number:
+            return known
+        answer = self._answer(request, scene_time, now)
+        self._answered.pop(request.client, None)
+        self._answered[request.client] = answer
+        if len(self._answered) > MOST_CLIENTS:
+            del self._answered[next(iter(self._answered))]
+        return answer
+
+    def _answer(self, request: EditRequest, scene_time: float, now: float) -> EditAnswer:
         if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):
             self.counters["edit_without_key"] += 1
-            return EditAnswer(client=request.client, refused="the key is not this run's", edit=0)
+            refused = "the key is not this run's"
+            return EditAnswer(client=request.client, number=request.number, refused=refused, edit=0)
         try:
-            self.set([_assignment(each) for each in request.assignments])
+            if request.undo > 0 and request.assignments:
+                raise EditError("to undo and to set at once: want one of them")
+            if request.undo > 0:
+                self.undo(request.undo)
+            self.set([_assignment(each) for each in request.assignments], now)
             refused = ""
         except EditError as error:
             self.counters["refused_edit"] += 1
@@ -90,8 +134,9 @@ class Editor:
         wanted = [] if refused or not request.listed else _named_like(request.listed, self.states(scene_time))
         rows = _with_room([asdict(state) for state in wanted])
         return EditAnswer(
-            client=request.client, refused=refused, edit=self._count, parameters=rows, left_out=len(wanted) - len(rows)
-        )
+            client=request.client, number=request.number, refused=refused, edit=self._count, parameters=rows,
+            left_out=len(wanted) - len(rows),
+        )  # fmt: skip
 
     def states(self, scene_time: float) -> tuple[ParameterState, ...]:
         """Every parameter as it is at a scene time in seconds."""

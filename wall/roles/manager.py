@@ -95,11 +95,11 @@ class Manager:
                 self.heartbeats[message.rank], self._heard[message.rank] = message, now
                 yield Send(HEAD, message)
             elif isinstance(message, WindowInput):
-                self._take_input(message)
+                self._take_input(message, now)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
             elif isinstance(message, EditRequest):
-                yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time))
+                yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now))
                 self._edited = True
             elif isinstance(message, Died):
                 self.lost.setdefault(message.rank, f"died ({message.how}) after {now - self._began:.1f} s")
@@ -115,7 +115,7 @@ class Manager:
         if not 0 <= rank < self._layout.size:
             raise RemoteProtocolError(f"rank {rank}; wanted: 0 to {self._layout.size - 1}")
 
-    def _take_input(self, message: WindowInput) -> None:
+    def _take_input(self, message: WindowInput, now: float) -> None:
         """Take in steering and ends of the run. Raises RemoteProtocolError for a rank that has no windows."""
         if message.rank not in self._window_ranks | {HEAD}:
             raise RemoteProtocolError(f"rank {message.rank} has no windows; wanted: {sorted(self._window_ranks)}")
@@ -125,10 +125,13 @@ class Manager:
             try:
                 parsed = parse(command)
                 if parsed.kind == "set":
-                    self.editor.set([(parsed.value, parsed.numbers)])
+                    self.editor.set([(parsed.value, parsed.numbers)], now)
                     self._edited = True
                 elif parsed.kind == "expose":
-                    self.editor.expose(parsed.x, self._shown_event.scene_time)
+                    self.editor.expose(parsed.x, self._shown_event.scene_time, now)
+                    self._edited = True
+                elif parsed.kind == "undo":
+                    self.editor.undo()
                     self._edited = True
                 elif parsed.kind == "focus":
                     self.editor.focus(self._shown_event, parsed.x, parsed.y)

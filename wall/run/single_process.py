@@ -82,8 +82,6 @@ class SingleProcess:
         while self.step():
             pass
         self.clock.advance(self._refresh_s)
-        for event in (self.event, *self.other_events):
-            self._compositor.tell(event)
         self._turn()
         return list(self.composition.shown()[0].images())
 

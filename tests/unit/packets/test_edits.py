@@ -70,7 +70,16 @@ def test_numbers_that_are_not_finite_are_not_sent() -> None:
 
 def test_requests_and_answers_come_back() -> None:
     for message in (
-        EditRequest(client=1 << 32, key="k", assignments=[["a", 1.5], ["b", [1, 2]], ["c", None]], listed=["a*"]),
-        EditAnswer(client=1 << 32, refused="why", edit=3, parameters=[{"name": "a", "value": [1.0]}], left_out=2),
+        EditRequest(
+            client=1 << 32,
+            number=2,
+            key="k",
+            assignments=[["a", 1.5], ["b", [1, 2]], ["c", None]],
+            listed=["a*"],
+            undo=1,
+        ),
+        EditAnswer(
+            client=1 << 32, number=2, refused="why", edit=3, parameters=[{"name": "a", "value": [1.0]}], left_out=2
+        ),
     ):
         assert parse_control(serialise(message)) == message

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from wall.roles.instructions import Broadcast, Send
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 
+NUMBERS = itertools.count(1)  # of requests
 KEY, CLIENT = "secret", 1 << 32
 
 
@@ -30,7 +32,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 
 def request(*assignments: tuple[str, object], key: str = KEY, listed: str = "") -> EditRequest:
     pairs, names = [list(each) for each in assignments], [listed] if listed else []
-    return EditRequest(client=CLIENT, key=key, assignments=pairs, listed=names)
+    return EditRequest(client=CLIENT, number=next(NUMBERS), key=key, assignments=pairs, listed=names)
 
 
 def test_edits_are_numbered_and_hold_all_that_differs_from_the_configuration(plan: Plan) -> None:
@@ -99,7 +101,9 @@ def test_a_list_tells_values_and_what_is_configured(plan: Plan) -> None:
 
 def test_a_list_can_be_of_some_names_alone(plan: Plan) -> None:
     editor = Editor(plan, key=KEY)
-    answer = editor.answer(EditRequest(client=CLIENT, key=KEY, listed=["exposure", "sky.z*", "nothing", 7]), 0.0)
+    answer = editor.answer(
+        EditRequest(client=CLIENT, number=next(NUMBERS), key=KEY, listed=["exposure", "sky.z*", "nothing", 7]), 0.0
+    )
     assert [row["name"] for row in answer.parameters] == ["exposure", "sky.zenith"]
     assert answer.left_out == 0
 
@@ -121,7 +125,7 @@ def test_a_list_that_no_answer_has_room_for_is_cut_and_says_so(plan: Plan) -> No
 
 @pytest.mark.parametrize("assignments", [["x"], [["x"]], [[1, 2]], [{"a": 1}], [["x", 1, 2]], [None]])
 def test_a_request_of_another_shape_is_refused(plan: Plan, assignments: list[object]) -> None:
-    asked = EditRequest(client=CLIENT, key=KEY, assignments=assignments)
+    asked = EditRequest(client=CLIENT, number=next(NUMBERS), key=KEY, assignments=assignments)
     assert "want a name and a value" in Editor(plan, key=KEY).answer(asked, 0.0).refused
 
 
@@ -183,3 +187,39 @@ def test_samples_of_edits_that_are_not_known_wait_for_them_and_those_of_forgotte
         history.know(Edits(number))
     assert history.of(2) is None
     assert not history.waits(batch(2))
+
+
+def test_edits_are_taken_back_the_newest_first_and_what_follows_at_once_together(plan: Plan) -> None:
+    editor = Editor(plan)
+    editor.set([("sky.strength", 2)], 1.0)
+    for k in range(10):  # a slider
+        editor.set([("lights.0.intensity", k)], 2.0 + 0.1 * k)
+    editor.set([("exposure", 3)], 9.0)
+    assert (editor.stops, len(editor.edits.values), editor.edits.number) == (3.0, 2, 11)
+    editor.undo()
+    assert (editor.stops, len(editor.edits.values), editor.edits.number) == (None, 2, 11), "the scene is as it was"
+    editor.undo()
+    assert editor.edits == Edits(14, (("sky.strength", (2.0,)),)), "the number tells that something changed"
+    editor.set([("sky.strength", 5)], 9.1)
+    editor.undo(2)
+    assert editor.edits.values == ()
+    with pytest.raises(EditError, match="there is no edit to undo"):
+        editor.undo()
+
+
+def test_a_request_that_comes_again_is_answered_again_and_not_done_again(plan: Plan) -> None:
+    editor = Editor(plan, key=KEY)
+    editor.set([("sky.strength", 2)], 1.0)
+    editor.set([("sky.strength", 3)], 5.0)
+    once = EditRequest(client=CLIENT, number=next(NUMBERS), key=KEY, undo=1)
+    first = editor.answer(once, 0.0)
+    assert editor.answer(once, 0.0) is first
+    assert editor.edits.values == (("sky.strength", (2.0,)),)
+
+
+def test_to_undo_and_to_set_at_once_changes_nothing(plan: Plan) -> None:
+    editor = Editor(plan, key=KEY)
+    editor.set([("sky.strength", 2)], 1.0)
+    asked = EditRequest(client=CLIENT, number=next(NUMBERS), key=KEY, undo=1, assignments=[["sky.strength", 4]])
+    assert "want one of them" in editor.answer(asked, 0.0).refused
+    assert editor.edits.values == (("sky.strength", (2.0,)),)

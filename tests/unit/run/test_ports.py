@@ -94,9 +94,11 @@ def test_a_stray_packet_at_the_control_hub_is_taken_and_its_owner_sleeps_again(k
 def test_an_answer_that_does_not_fit_its_message_ends_nothing(value: object) -> None:
     control = LoopbackHub(credit_bytes=1)
     ports, link = Ports(MANAGER, HeadClock(), hub=control), LoopbackLink(control.endpoint)
-    link.send(serialise(EditRequest(client=FIRST_CLIENT, key="k")))
+    link.send(serialise(EditRequest(client=FIRST_CLIENT, number=1, key="k")))
     assert len(list(ports.receive())) == 1
-    ports.send(FIRST_CLIENT, EditAnswer(client=FIRST_CLIENT, refused="", edit=3, parameters=[{"value": value}]))
+    ports.send(
+        FIRST_CLIENT, EditAnswer(client=FIRST_CLIENT, number=1, refused="", edit=3, parameters=[{"value": value}])
+    )
     (answer,) = map(parse_control, link.receive())
     assert isinstance(answer, EditAnswer)
     assert "edit 3 holds, but the answer cannot be sent" in answer.refused

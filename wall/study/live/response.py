@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import os
-import secrets
 import shutil
 import threading
 import time
@@ -21,22 +20,19 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import RenderableType
 
+from wall.client import Client, connect
 from wall.config.loading import Loaded
 from wall.config.sampling import ProgressiveSampling
-from wall.core.errors import EditError, RunError
+from wall.core.errors import EditError, RunError, WallError
 from wall.display.image_log import LoggedImages, LoggedPanel
-from wall.packets.control import EditAnswer, EditRequest, parse_control, serialise
 from wall.roles.editing import editable
 from wall.roles.plan import Plan, make_layout, make_plan
-from wall.run import control_file
-from wall.run.ports import FIRST_CLIENT
 from wall.scene.parameters import Parameter, named
 from wall.study import json_lines
 from wall.study.live.rewriting import load_without_windows, text_for
 from wall.study.live.runs import IMAGES, START_S, record_wall
 from wall.study.quality.tables import MET, MISSED, Table
 from wall.study.speed import record
-from wall.transport.factory import connect
 
 FILE, PROGRESSIVE = "response.jsonl", "progressive"
 MOST_REFRESHES, MOST_ANSWER_MS = 2.0, 20.0  # what is wanted
@@ -151,48 +147,30 @@ class Sender(threading.Thread):
 
     def run(self) -> None:
         """Wait for the wall, then send edit after edit."""
-        control = self._control()
-        if control is None or self._stopping.wait(WARM_UP_S):
+        run = self._wall()
+        if run is None or self._stopping.wait(WARM_UP_S):
             return
-        client = FIRST_CLIENT + secrets.randbelow(FIRST_CLIENT)
-        link = connect(control.endpoint, rank=client)
         pauses = np.random.default_rng(SEED).uniform(*APART_S, self._edits)
         try:
-            self._ask(link, client, control.key, [])  # a first message that waits for the connection
-            for number, pause in enumerate(pauses):
-                share = 0.5 if number % 2 == 0 else 1.0
-                pair = [self._parameter.name, [share * x for x in self._parameter.default]]
-                self.sent.append(self._ask(link, client, control.key, [pair]))
-                if self._stopping.wait(pause):
-                    return
-        except RunError as error:
+            with run:
+                run.request()  # a first message that waits for the connection
+                for number, pause in enumerate(pauses):
+                    share = 0.5 if number % 2 == 0 else 1.0
+                    self.sent.append(time.monotonic())
+                    run.set({self._parameter.name: [share * x for x in self._parameter.default]})
+                    if self._stopping.wait(pause):
+                        return
+        except WallError as error:
             self._failure = str(error)
-        finally:
-            link.close()
 
-    def _control(self) -> control_file.Control | None:
-        """How to reach the wall, once it runs; None: the run has ended."""
+    def _wall(self) -> Client | None:
+        """A client of the wall, once it runs; None: the run has ended."""
         while not self._stopping.wait(0.02):
             try:
-                return control_file.read(self._folder)
+                return connect(self._folder, patience_s=START_S)
             except RunError:
                 continue
         return None
-
-    def _ask(self, link: Any, client: int, key: str, assignments: list[Any]) -> float:
-        """Send a request and wait for its answer. Returns when it was sent."""
-        request = serialise(EditRequest(client=client, key=key, assignments=assignments))
-        sent = time.monotonic()
-        link.send(request)
-        while time.monotonic() < sent + START_S and not self._stopping.is_set():
-            link.wait(0.1)
-            for data in link.receive():
-                answer = parse_control(data)
-                if isinstance(answer, EditAnswer) and answer.refused:
-                    raise RunError(f"the wall refused {assignments}: {answer.refused}")
-                if isinstance(answer, EditAnswer):
-                    return sent
-        raise RunError(f"the wall did not answer an edit of {self._parameter.name}")
 
 
 def waits(log: LoggedImages, sent: Sequence[float]) -> list[float | None]:
