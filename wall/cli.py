@@ -105,6 +105,8 @@ def set_command(
         print("\n".join(lines_of(answer.parameters)))
         if note := note_of(answer):
             errors.print(f"note: {note}", markup=False)
+        if all("=" in text for text in assignments or ()):
+            errors.print("note: wall set --list 'objects.*' shows those of objects", markup=False)
     if undo or any("=" in text for text in assignments or ()):
         console.print(f"set by edit {answer.edit}", markup=False)
 

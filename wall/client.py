@@ -19,7 +19,7 @@ from typing import Any
 
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.display.base import ParameterState
-from wall.packets.control import MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
+from wall.packets.control import ALL_BUT_OBJECTS, MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
 from wall.run import control_file
 from wall.run.ports import FIRST_CLIENT
 from wall.transport.factory import connect as open_link
@@ -52,8 +52,11 @@ class Client:
         self._link.close()
 
     def parameters(self, *patterns: str) -> dict[str, ParameterState]:
-        """Parameters by name: all, or those named like a pattern with * and ?; see docs/guide/parameters.md."""
-        answer = self.request(listed=patterns or ("*",))
+        """Parameters by name: those named like a pattern with * and ?; without one, all but those of objects.
+
+        docs/guide/parameters.md explains each.
+        """
+        answer = self.request(listed=patterns or (ALL_BUT_OBJECTS,))
         if answer.left_out:
             raise EditError(f"{answer.left_out} parameters too many for one answer; name fewer, as in 'lights.*'")
         return {row["name"]: ParameterState(**(row | _numbers_of(row))) for row in answer.parameters}

@@ -81,6 +81,9 @@ def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Pa
     rows = {line.split()[0]: line for line in listed.stdout.splitlines() if line.split()}
     assert rows["exposure"].split()[1] == "1"
     assert rows["lights.2.irradiance"].split()[1] == "0,0,9"
+    assert not any(name.startswith("objects.") for name in rows)
+    objects = wall("set", "--list", "objects.*.visible", "--out", out)
+    assert "objects.floor.visible" in objects.stdout
     some = wall("set", "--list", "lights.2.*", "exposure", "--out", out)
     assert [line.split()[0] for line in some.stdout.splitlines()] == ["exposure", *sorted(rows.keys() & LIGHT)]
     none = wall("set", "--list", "nothing", "--out", out)

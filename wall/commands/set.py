@@ -13,7 +13,7 @@ import numpy as np
 from wall.client import connect
 from wall.core.colour import srgb_decoded
 from wall.core.errors import EditError
-from wall.packets.control import EditAnswer
+from wall.packets.control import ALL_BUT_OBJECTS, EditAnswer
 
 COLOUR = re.compile("#[0-9a-fA-F]{6}")
 
@@ -26,7 +26,7 @@ def set_parameters(folder: Path, assignments: Sequence[str], *, listed: bool, un
     """
     patterns = [text for text in assignments if listed and "=" not in text]
     pairs = [list(parse_assignment(text)) for text in assignments if text not in patterns]
-    names = (patterns or ["*"]) if listed else []
+    names = (patterns or [ALL_BUT_OBJECTS]) if listed else []
     with connect(folder) as run:
         answer = run.request(assignments=pairs, listed=names, undo=undo)
     if listed and not answer.parameters and not answer.left_out:

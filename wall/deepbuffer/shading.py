@@ -35,9 +35,10 @@ class ShadingChanges:
         sky = (now.sky, now.environment_strength) != (was.sky, was.environment_strength)
         light = now.lights != was.lights
         way = [(of.path_depth, of.lens, of.occlusion_distance) for of in (now, was)]
-        if not (materials or sky or light or way[0] != way[1]):
+        objects = now.objects != was.objects
+        if not (materials or sky or light or objects or way[0] != way[1]):
             return None
-        if self._paths:
+        if self._paths or objects:  # of shadows and of what was behind, no sample knows
             return np.ones_like(doubted, np.uint8)
         if sky or light:
             shadows = places_of(now) != places_of(was)  # may have moved: no sample knows

@@ -32,6 +32,7 @@ MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parame
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
 MAX_ANSWERS = 256  # of a Heartbeat
+ALL_BUT_OBJECTS = ""  # a pattern of parameters' names
 MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
@@ -138,7 +139,7 @@ class EditRequest:
     number: int  # of the client's requests: one that comes again is answered again, and not done again
     key: str  # the run's, from its control file
     assignments: list[Any] = field(default_factory=list)  # [name path, value]; at most MAX_COMMANDS
-    listed: list[Any] = field(default_factory=list)  # patterns of names: the answer is to hold these parameters
+    listed: list[Any] = field(default_factory=list)  # patterns, or ALL_BUT_OBJECTS: the parameters of the answer
     undo: int = 0  # edits that are to be taken back, the newest first
 
 

@@ -17,7 +17,7 @@ from wall.operators.overlay import Overlay
 from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
-from wall.roles.editing import editable, states_of
+from wall.roles.editing import shown_parameters, states_of
 from wall.roles.instructions import (
     MANAGER,
     Dropped,
@@ -67,7 +67,7 @@ class Compositor:
         self._overlays_elsewhere = any(isinstance(s.node, Overlay) and s.rank != HEAD for s in graph.steps)
         self._beats: dict[int, Heartbeat] = {}  # at the head: the newest of every rank
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
-        self._parameters = editable(plan) if hello.rank == HEAD else {}
+        self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
         self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf

@@ -19,10 +19,11 @@ from wall.config.sampling import LARGEST_STAGE, ProgressiveSampling
 from wall.core.data import MOST_SAMPLES, NO_EDITS, Edits, Event
 from wall.core.errors import EditError
 from wall.display.base import ParameterState
-from wall.packets.control import MAX_ANSWER_BYTES, EditAnswer, EditRequest
+from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.roles.focusing import Focusing
 from wall.roles.plan import Plan, exposure_at
+from wall.scene.object_edits import OBJECTS
 from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
@@ -154,6 +155,11 @@ def editable(plan: Plan) -> dict[str, Parameter]:
     return {name: parameter for name, parameter in found.items() if len(name.encode()) <= MAX_NAME_BYTES}
 
 
+def shown_parameters(plan: Plan) -> dict[str, Parameter]:
+    """Those that pages show: not each object's, of which there may be thousands."""
+    return {name: parameter for name, parameter in editable(plan).items() if not name.startswith(OBJECTS)}
+
+
 def states_of(
     plan: Plan, parameters: Mapping[str, Parameter], scene_time: float, edits: Edits, exposure: float
 ) -> tuple[ParameterState, ...]:
@@ -169,9 +175,15 @@ def states_of(
 
 
 def _named_like(patterns: Sequence[Any], states: Sequence[ParameterState]) -> list[ParameterState]:
-    """Those whose names match one of some patterns with * and ?; what is no text matches none."""
+    """Those whose names match one of some patterns, see EditRequest; what is no text matches none."""
     texts = [pattern for pattern in patterns if isinstance(pattern, str)]
-    return [state for state in states if any(state.name == text or fnmatchcase(state.name, text) for text in texts)]
+    others = ALL_BUT_OBJECTS in texts
+    return [
+        state
+        for state in states
+        if (others and not state.name.startswith(OBJECTS))
+        or any(state.name == text or fnmatchcase(state.name, text) for text in texts)
+    ]
 
 
 def _with_room(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -54,6 +54,7 @@ from wall.scene.model import (
     Texture,
     TextureSet,
 )
+from wall.scene.object_edits import edit_objects
 from wall.scene.parameter_tracks import ParameterTrack, tracks_of
 from wall.scene.shading import shaded
 
@@ -177,13 +178,15 @@ class Scene:
     def _poses(self, time: float, shading: Shading) -> Float64:
         """(bodies, 4, 4), read-only, with the lights where `shading` has them at rest."""
         before = self.unedited.lights
-        if not self.tracks and shading.lights == before:
+        if not self.tracks and shading.lights == before and not shading.objects:
             return self.rest
         poses = self.rest.copy()
         for row, (light, was) in enumerate(zip(shading.lights, before, strict=True), start=len(self.instances)):
             if light is not was:
                 poses[row, :3, 3] = _position(light)
         self.tracks.apply(poses, time)
+        if shading.objects:
+            edit_objects(poses, self.instances, shading.objects)
         poses.setflags(write=False)
         return poses
 
@@ -330,9 +333,7 @@ def assemble(source: Source) -> Scene:
 
 def _order(lights: Sequence[Light], rows: Sequence[Light]) -> tuple[int, ...]:
     """Of each light in the order in which they are named: its row; -1 for lights with an area, which are objects."""
-    numbers = {
-        id(body): row for row, body in reversed(list(enumerate(rows)))
-    }  # the first of a light that is there twice
+    numbers = {id(body): row for row, body in reversed(list(enumerate(rows)))}  # the first of two of the same light
     return tuple(numbers.get(id(light), -1) for light in lights)
 
 

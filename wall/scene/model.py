@@ -233,6 +233,7 @@ class Shading:
     lens: Lens | None = None  # that it is seen through; None: a pinhole
     environment_strength: float = 1.0  # of the scene's environment, where there is one
     occlusion_distance: float = 0.0  # world units, of ambient occlusion, where that is the light
+    objects: tuple[tuple[str, tuple[float, ...]], ...] = ()  # name paths and numbers of those moved and hidden by edits
 
     @property
     def lights(self) -> tuple[PointLight | SpotLight | DirectionalLight, ...]:

@@ -19,6 +19,7 @@ from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_
 from wall.scene.build import Scene
 from wall.scene.model import Environment, Material
 from wall.scene.needs import Needs, needs
+from wall.scene.object_edits import OBJECTS, OFFSET, VISIBLE
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
 Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position"]
@@ -98,6 +99,7 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
         found.append(
             Parameter(name="integrator.depth", kind="whole", low=1, high=MOST_DEPTH, unit="surfaces", default=depth)
         )
+    found += _objects(scene)
     return {parameter.name: parameter for parameter in found}
 
 
@@ -134,6 +136,19 @@ def _environment(environment: Environment) -> Iterator[Parameter]:
     if environment.strength > 0.0:  # else there is no light to multiply
         strength = (environment.strength,)
         yield Parameter(name="environment.strength", kind="number", high=MOST_STRENGTH, default=strength)
+
+
+def _objects(scene: Scene) -> Iterator[Parameter]:
+    """All objects of a name are one. Emitters on paths cannot be hidden: they are sampled as light, and would shine."""
+    shine = {k for k, material in enumerate(scene.materials) if scene.path_depth and max(material.emission) > 0.0}
+    lamps = {instance.name for instance in scene.instances if scene.meshes[instance.mesh].material in shine}
+    for name in dict.fromkeys(instance.name for instance in scene.instances):
+        path, far = f"{OBJECTS}{name}", FARTHEST
+        yield Parameter(
+            name=f"{path}.{OFFSET}", kind="position", low=-far, high=far, unit="world units", default=(0.0, 0.0, 0.0)
+        )
+        if name not in lamps:
+            yield Parameter(name=f"{path}.{VISIBLE}", kind="whole", low=0, high=1, default=(1.0,))
 
 
 def _materials(scene: Scene, wanted: Needs) -> Iterator[Parameter]:

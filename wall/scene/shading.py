@@ -12,6 +12,7 @@ from typing import Any, TypeAlias, TypeVar, cast
 from wall.geometry.cameras import Lens
 from wall.scene.lights import unit
 from wall.scene.model import Light, Material, Shading, Sky
+from wall.scene.object_edits import OBJECTS
 
 Values: TypeAlias = Mapping[str, tuple[float, ...]]  # by name path
 
@@ -58,6 +59,7 @@ def shaded(base: Shading, lights: Sequence[Light | None], values: Values) -> Sha
         lens=_lens(base.lens, values),
         environment_strength=_number(values, "environment.strength", base.environment_strength),
         occlusion_distance=_number(values, "integrator.distance", base.occlusion_distance),
+        objects=tuple((path, value) for path, value in sorted(values.items()) if path.startswith(OBJECTS)),
     )
 
 

@@ -31,7 +31,7 @@ def object_tables(world_from_object, eye, frame, corner, object_from_eye, panel_
     corner : (2,) float64, virtual-screen pixels of the image's top left corner
     object_from_eye : (n + 1, 12) float32, written: rows of 3x4, from points relative to the eye (world axes)
     panel_from_object : (n + 1, 12) float32, written: rows w, x w, y w of 3x4; w is the depth along the panel's axis
-        in units of the ray frame, x and y are pixels of the image
+        in units of the ray frame, x and y are pixels of the image. A matrix of zeros hides an object: w is -1
     """
     inverse = np.empty((3, 3))
     invert3(frame.T, inverse)
@@ -50,7 +50,9 @@ def object_tables(world_from_object, eye, frame, corner, object_from_eye, panel_
         m = world_from_object[k]
         invert3(m[:3, :3], part)
         tx, ty, tz = m[0, 3] - eye[0], m[1, 3] - eye[1], m[2, 3] - eye[2]
+        size = 0.0
         for row in range(3):
+            size += abs(m[row, 0]) + abs(m[row, 1]) + abs(m[row, 2])
             a, b, c = part[row, 0], part[row, 1], part[row, 2]
             object_from_eye[k + 1, 4 * row] = a
             object_from_eye[k + 1, 4 * row + 1] = b
@@ -60,6 +62,9 @@ def object_tables(world_from_object, eye, frame, corner, object_from_eye, panel_
             for column in range(3):
                 panel_from_object[k + 1, 4 * row + column] = a * m[0, column] + b * m[1, column] + c * m[2, column]
             panel_from_object[k + 1, 4 * row + 3] = a * tx + b * ty + c * tz
+        if size == 0.0:  # hidden: behind the eye from everywhere
+            panel_from_object[k + 1, :] = 0.0
+            panel_from_object[k + 1, 3] = -1.0
 
 
 @inline_kernel
