@@ -17,6 +17,7 @@ from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal[
     "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus",
+    "select",
     "undo",
 ]  # fmt: skip
 Vector: TypeAlias = tuple[float, float, float]
@@ -31,7 +32,7 @@ MOST_VIEWS = 64
 OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index
 NUMBERS: dict[str, tuple[str, ...]] = {
     "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",),
-    "focus": ("x", "y"),
+    "focus": ("x", "y"), "select": ("x", "y"),
 }  # fmt: skip
 VALUES: dict[str, tuple[str, ...]] = {
     "sampler": METHODS,
@@ -49,7 +50,8 @@ class Command:
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus. undo: the newest edit is taken back. Kinds of OF_ONE_VIEW are for
+    from its top left, is to be in focus. select: pages are to
+    show the parameters of the object at (x, y). undo: the newest edit is taken back. Kinds of OF_ONE_VIEW are for
     `view` alone.
     """
 

@@ -25,7 +25,7 @@ from wall.packets.statistics_image import parse_statistics_image, statistics_ima
 MAGIC, VERSION = b"WALL", 10
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
-KIND_EDIT_REQUEST, KIND_EDIT_ANSWER = 14, 15
+KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION = 14, 15, 16
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
@@ -132,6 +132,13 @@ class Statistics:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """To the head's compositor: the object whose parameters pages show, "" none."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class EditRequest:
     """Another process wants parameters changed, all of them or none, or listed."""
 
@@ -157,7 +164,7 @@ class EditAnswer:
 
 Message: TypeAlias = (
     Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
-    | Stop | WindowInput | EditRequest | EditAnswer
+    | Stop | WindowInput | EditRequest | EditAnswer | Selection
 )  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -170,6 +177,7 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_MEMBERSHIP: Membership,
     KIND_EDIT_REQUEST: EditRequest,
     KIND_EDIT_ANSWER: EditAnswer,
+    KIND_SELECTION: Selection,
 }
 _MAX_BYTES: dict[type[Any], int] = {Membership: MAX_MEMBERSHIP_BYTES, EditAnswer: MAX_ANSWER_BYTES}
 

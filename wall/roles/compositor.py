@@ -14,7 +14,7 @@ from wall.core.data import Edits, Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
-from wall.packets.control import Heartbeat, Hello, Membership, Statistics, Stop, WindowInput
+from wall.packets.control import Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
 from wall.roles.editing import shown_parameters, states_of
@@ -112,6 +112,8 @@ class Compositor:
             self._all_came = self._all_came or len(message.members) == self._plan.layout.size
         elif isinstance(message, Heartbeat):
             self._beats[message.rank] = message
+        elif isinstance(message, Selection):
+            self._parameters, self._states = shown_parameters(self._plan, message.name), None
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
         elif isinstance(message, Stop) and self._stop_at is None:

@@ -21,9 +21,9 @@ from wall.core.errors import EditError
 from wall.display.base import ParameterState
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, EditRequest
 from wall.packets.edits import MAX_NAME_BYTES, fits
-from wall.roles.focusing import Focusing
+from wall.roles.clicks import Clicks
 from wall.roles.plan import Plan, exposure_at
-from wall.scene.object_edits import OBJECTS
+from wall.scene.object_edits import OBJECTS, OFFSET, VISIBLE
 from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
@@ -44,7 +44,7 @@ class Editor:
         self.edits = NO_EDITS
         self.stops: float | None = None  # of the picture; None: as configured
         self.counters = Counter[str]()
-        self._focusing = Focusing(plan)
+        self.clicks = Clicks(plan)
         self._count = 0  # edits so far, of the scene or not
         self._undoable = deque[tuple[Values, float | None]](maxlen=MOST_UNDONE)  # states before edits
         self._newest: tuple[frozenset[str], float] = (frozenset(), -math.inf)  # which parameters, when
@@ -101,9 +101,9 @@ class Editor:
         self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))], now)
 
     def focus(self, event: Event, x: float, y: float) -> None:
-        """Focus at what `event` shows at a place of the wall, see Focusing.distance; the sky is as far as can be."""
+        """Focus at what `event` shows at a place of the wall, see Clicks.distance; the sky is as far as can be."""
         range_of = named(self.parameters, FOCUS)
-        self.set([(FOCUS, min(max(self._focusing.distance(event, x, y), range_of.low), range_of.high))])
+        self.set([(FOCUS, min(max(self.clicks.distance(event, x, y), range_of.low), range_of.high))])
 
     def answer(self, request: EditRequest, scene_time: float, now: float = 0.0) -> EditAnswer:
         """Do what another process asks for, once: a request that comes again gets the same answer."""
@@ -155,9 +155,10 @@ def editable(plan: Plan) -> dict[str, Parameter]:
     return {name: parameter for name, parameter in found.items() if len(name.encode()) <= MAX_NAME_BYTES}
 
 
-def shown_parameters(plan: Plan) -> dict[str, Parameter]:
-    """Those that pages show: not each object's, of which there may be thousands."""
-    return {name: parameter for name, parameter in editable(plan).items() if not name.startswith(OBJECTS)}
+def shown_parameters(plan: Plan, selected: str = "") -> dict[str, Parameter]:
+    """Those that pages show: of objects, of which there may be thousands, of the `selected` one alone."""
+    own = {f"{OBJECTS}{selected}.{what}" for what in (OFFSET, VISIBLE)}
+    return {name: p for name, p in editable(plan).items() if not name.startswith(OBJECTS) or name in own}
 
 
 def states_of(

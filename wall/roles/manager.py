@@ -15,7 +15,7 @@ from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
-from wall.packets.control import EditRequest, Heartbeat, Hello, Statistics, Stop, WindowInput
+from wall.packets.control import EditRequest, Heartbeat, Hello, Selection, Statistics, Stop, WindowInput
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
 from wall.roles.editing import Editor
@@ -66,6 +66,7 @@ class Manager:
         self._window_ranks = window_ranks(layout)
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
+        self._selected = ""  # the object whose parameters pages show
         self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
         self._update_due, self._repeat_due = now, now
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
@@ -95,7 +96,10 @@ class Manager:
                 self.heartbeats[message.rank], self._heard[message.rank] = message, now
                 yield Send(HEAD, message)
             elif isinstance(message, WindowInput):
+                before = self._selected
                 self._take_input(message, now)
+                if self._selected != before:
+                    yield Send(HEAD, Selection(name=self._selected))
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
             elif isinstance(message, EditRequest):
@@ -130,6 +134,8 @@ class Manager:
                 elif parsed.kind == "expose":
                     self.editor.expose(parsed.x, self._shown_event.scene_time, now)
                     self._edited = True
+                elif parsed.kind == "select":
+                    self._selected = self.editor.clicks.object_at(self.events, parsed.x, parsed.y)
                 elif parsed.kind == "undo":
                     self.editor.undo()
                     self._edited = True
@@ -184,6 +190,11 @@ class Manager:
                     self._repeat_due = now + self._layout.config.transport.heartbeat_s
         if now >= self._update_due:
             self._update_due = max(self._update_due + self._tick_s, now)
+
+    @property
+    def events(self) -> list[Event]:
+        """The newest of every view."""
+        return [director.event for director in self._directors]
 
     @property
     def _shown_event(self) -> Event:

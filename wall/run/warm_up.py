@@ -189,7 +189,7 @@ def _between(plan: Plan) -> None:
             SkyLayer(plan, step).refresh(first_event(plan, 0.0), 0.0)
             break
     few = Rect(x=0, y=0, width=8, height=8)
-    if plan.scene.lens is not None:  # what a click focuses by
+    if graph.has_sink("browser"):  # what a click asks
         Picking(plan.scene).distance(plan.scene.at(0.0), np.zeros(3), np.array([0.0, 0.0, -1.0]))
     light = Framelet.blank(few, frozenset({"colour", "depth"}))
     kernels.encode(light.colour, 0, 0, srgb_curve(), np.empty((8, 8, 3), np.uint8), 0, 0, 8, 8)

@@ -29,6 +29,7 @@ EXPOSURE, FOCUS = "exposure", "lens.focus"
 WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
 NAMES_SHOWN = 8
 NEAREST = 1e-6  # world units
+SCENES_AWAY = 1e4  # radii of the scene, or world units, that an object may be moved; page/parameters.js has the same
 SHORTEST = 1e-9  # length of a direction
 
 
@@ -143,7 +144,7 @@ def _objects(scene: Scene) -> Iterator[Parameter]:
     shine = {k for k, material in enumerate(scene.materials) if scene.path_depth and max(material.emission) > 0.0}
     lamps = {instance.name for instance in scene.instances if scene.meshes[instance.mesh].material in shine}
     for name in dict.fromkeys(instance.name for instance in scene.instances):
-        path, far = f"{OBJECTS}{name}", FARTHEST
+        path, far = f"{OBJECTS}{name}", SCENES_AWAY * max(scene.radius, 1.0)
         yield Parameter(
             name=f"{path}.{OFFSET}", kind="position", low=-far, high=far, unit="world units", default=(0.0, 0.0, 0.0)
         )

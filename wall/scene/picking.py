@@ -17,7 +17,7 @@ NEXT = 1e-9  # beyond a surface that is not there, of its distance
 
 
 class Picking:
-    """`distance` of the first surface along a ray; all triangles whose boxes the ray meets are tried."""
+    """`first` surface along a ray; all triangles whose boxes the ray meets are tried."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -25,9 +25,14 @@ class Picking:
         self._boxes = np.array(corners, np.float64)[[instance.mesh for instance in scene.instances]]  # (n, 2, 3)
 
     def distance(self, moment: Moment, origin: Float64, direction: Float64) -> float:
-        """How many lengths of `direction` (3,) the first surface stands from `origin` (3,), world; inf: there is none.
+        """How far the first surface stands, see `first`."""
+        return self.first(moment, origin, direction)[0]
 
-        Where alpha makes a mask, what is cut out is passed; blended surfaces are, where less than half is there.
+    def first(self, moment: Moment, origin: Float64, direction: Float64) -> tuple[float, int]:
+        """The first surface: how many lengths of `direction` (3,) from `origin` (3,), world; index of its instance.
+
+        Infinity and -1: there is none. Where alpha makes a mask, what is cut out is passed; blended surfaces are, where
+        less than half is there.
         """
         known = np.abs(np.linalg.det(moment.world_from_object[:, :3, :3])) > 0.0
         inverse = np.zeros_like(moment.world_from_object)
@@ -35,13 +40,14 @@ class Picking:
         origins = inverse[:, :3, :3] @ origin + inverse[:, :3, 3]
         directions = inverse[:, :3, :3] @ direction
         entries = np.where(known, entered(self._boxes, origins, directions), np.inf)
-        nearest = math.inf
+        nearest, instance = math.inf, -1
         for k in np.argsort(entries):
             if entries[k] >= nearest:
                 break
             mesh = self._scene.meshes[self._scene.instances[k].mesh]
-            nearest = min(nearest, self._first(mesh, origins[k], directions[k]))
-        return nearest
+            if (found := self._first(mesh, origins[k], directions[k])) < nearest:
+                nearest, instance = found, int(k)
+        return nearest, instance
 
     def _first(self, mesh: Mesh, origin: Float64, direction: Float64) -> float:
         after, found = 0.0, np.zeros(3)

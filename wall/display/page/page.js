@@ -143,6 +143,14 @@ function toggleFocus() {
   document.getElementById("wall").classList.toggle("aiming", aims);
 }
 
+// A double click selects an object: the panel of parameters has those of it.
+document.getElementById("wall").ondblclick = (event) => {
+  const place = wall.at(event.clientX, event.clientY);
+  if (!place) return;
+  send({ kind: "select", ...place });
+  if (groups.hidden) toggleParameters();
+};
+
 // A drag or the wheel steers what is beneath the pointer.
 function takeView(event) {
   const place = wall.at(event.clientX, event.clientY);
@@ -187,6 +195,7 @@ steering.actions = {
   compare: () => compare.next(),
   overlay: () => overlay.next(),
   parameters: toggleParameters,
+  hide: () => parameters.toggleObject(),
   focus: focusAt,
   take: takeView,
   next: nextView,

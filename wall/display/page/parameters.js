@@ -4,6 +4,7 @@ const TRUST_MS = 700;             // a control that was just moved shows its own
 const STOPS_BELOW = 8, STOPS_ABOVE = 6;   // of a strength slider, about the configured value; its left end is the least
 const SOFT = { exposure: [-8, 8] };       // what the slider spans where the range is wider than anyone needs
 const WIDEST = 1000;              // a range above is spanned by stops
+const SCENES_AWAY = 1e4;          // radii of the scene that an object may be moved; its sliders span one
 const DEGREES = 180 / Math.PI;
 const AXES = ["x", "y", "z"];
 
@@ -61,6 +62,12 @@ export class Parameters {
     this.#groups.replaceChildren(...[...groups.values()].map((rows) => rows.parentElement));
   }
 
+  // Hide the object that is selected, or show it again.
+  toggleObject() {
+    const found = this.#said.find(({ name }) => name.startsWith("objects.") && name.endsWith(".visible"));
+    if (found) this.#send({ kind: "set", name: found.name, numbers: found.value[0] ? [0] : null });
+  }
+
   // At most one command an animation frame for each parameter, the newest.
   #set(name, numbers) {
     this.#rows.get(name).asked = performance.now();
@@ -80,6 +87,7 @@ function titled(name) {
   if (first < 0) return ["Picture", name];
   const head = name.slice(0, first), label = name.slice(last + 1);
   if (head === "lights") return [`Light ${name.slice(first + 1, last)}`, label];
+  if (head === "objects") return [`Object ${name.slice(first + 1, last)}`, label];
   if (head === "materials") return [name.slice(first + 1, last), label];
   return [head[0].toUpperCase() + head.slice(1), label];
 }
@@ -151,7 +159,8 @@ function controlsOf(parameter, value, change) {
     ];
   }
   if (kind === "position") {
-    const reach = 2 * Math.max(1, ...parameter.default.map(Math.abs));
+    const offset = name.startsWith("objects.") ? parameter.high / SCENES_AWAY : 0;
+    const reach = offset || 2 * Math.max(1, ...parameter.default.map(Math.abs));
     return AXES.map((axis, k) => slider(`${name}, ${axis}`, [parameter.default[k] - reach, parameter.default[k] + reach, reach / 500], {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
     }));

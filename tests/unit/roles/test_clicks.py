@@ -1,4 +1,4 @@
-"""Focus by a click: the distance is that of the samples shown there, on every panel."""
+"""What a click hits: the distance is that of the samples shown there, on every panel, and so is the object."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from wall.config.loading import load
 from wall.core.data import Camera
 from wall.core.errors import EditError
 from wall.geometry.cameras import Lens, PanelView
-from wall.packets.control import WindowInput
+from wall.packets.control import Selection, WindowInput
+from wall.roles.clicks import Clicks
 from wall.roles.editing import Editor
-from wall.roles.focusing import Focusing
-from wall.roles.instructions import Broadcast
+from wall.roles.instructions import Broadcast, Send
 from wall.roles.manager import Manager
 from wall.roles.plan import HEAD, Plan, first_event, make_layout, make_plan
 from wall.tracing.tracer import Tracer
@@ -34,20 +34,25 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 
 def test_the_distance_is_that_of_the_samples_there(plan: Plan) -> None:
     """Along the direction of view, to 1e-4: rays of the tracer are float32."""
-    event, focusing = first_event(plan, 0.0), Focusing(plan)
+    event, clicks = first_event(plan, 0.0), Clicks(plan)
     scene, wall = make_tracer_scene(plan.scene), plan.layout.wall
     xy = np.array([(x, y) for x in (0.5, 13.5, 40.5, 63.5) for y in (24.5, 36.5, 46.5)], np.float32)
     for panel in wall.panels:
         seen = PanelView(plan.view, panel)
         tracer = Tracer(scene, panel, seen.eye, coherent=False)
         tracer.set_event(seen(event))
-        depths = tracer.trace(xy, 0.0)[0]["depth"].astype(float)
+        samples = tracer.trace(xy, 0.0)[0]
+        depths = samples["depth"].astype(float)
         places = [((panel.screen[0] + x) / wall.width, (panel.screen[1] + y) / wall.height) for x, y in xy.tolist()]
         points = [panel.plane.point(panel.screen[0] + x, panel.screen[1] + y) - seen.eye for x, y in xy.tolist()]
         cosines = [-point[2] / np.linalg.norm(point) for point in points]
         wanted = np.where(np.isfinite(depths), depths, np.inf) * cosines
         assert np.isfinite(wanted).sum() >= 4
-        np.testing.assert_allclose([focusing.distance(event, *place) for place in places], wanted, rtol=1e-4)
+        np.testing.assert_allclose([clicks.distance(event, *place) for place in places], wanted, rtol=1e-4)
+        names = ["", *(instance.name for instance in plan.scene.instances)]
+        objects = [names[k] for k in samples["object_id"]]
+        assert [clicks.object_at([event], *place) for place in places] == objects
+        assert len(set(objects)) > 2
 
 
 def test_the_sky_is_as_far_as_can_be_and_between_panels_there_is_nothing(plan: Plan) -> None:
@@ -73,7 +78,26 @@ def test_a_click_is_an_edit_like_any_other(plan: Plan) -> None:
     (event,) = [i.message for i in told if isinstance(i, Broadcast)]
     ((name, (value,)),) = event.edits.values  # type: ignore[union-attr]
     assert name == "lens.focus"
-    assert math.isclose(value, Focusing(plan).distance(first_event(plan, 0.0), 0.35, 0.9))
+    assert math.isclose(value, Clicks(plan).distance(first_event(plan, 0.0), 0.35, 0.9))
     (state,) = [state for state in manager.editor.states(0.0) if state.name == name]
     assert state.value == (value,)
     assert manager.dropped()["refused_edit"] == 1  # the second one, between the panels
+
+
+def test_a_hidden_object_is_clicked_through_and_what_is_selected_is_told_to_the_head(plan: Plan) -> None:
+    manager = Manager(plan, 0.0, still=True)
+    list(manager.on_tick(0.0))
+    click = {"kind": "select", "x": 0.35, "y": 0.9}
+
+    def selected(now: float) -> list[str]:
+        told = manager.on_message(WindowInput(rank=HEAD, commands=[click]), now)
+        return [i.message.name for i in told if isinstance(i, Send) and isinstance(i.message, Selection)]
+
+    (name,) = selected(0.1)
+    assert name in {instance.name for instance in plan.scene.instances}
+    assert selected(0.2) == [], "it is selected already"
+    manager.editor.set([(f"objects.{name}.visible", 0)])
+    manager._edited = True
+    list(manager.on_tick(0.3))
+    (behind,) = selected(0.4)
+    assert behind != name
