@@ -167,18 +167,20 @@ def test_the_button_aims_the_next_click_alone(page, source):
 
 
 def test_a_double_click_selects_an_object_and_x_hides_it(page, source):
+    source.offered = OFFERED[:1]
+    page.wait_for_selector("#parameters:not([hidden])")
     x, y, height = middle(page)
     page.mouse.dblclick(x - 0.2 * height, y - 0.2 * height)
     eventually(page, lambda: [c for c in source.received if c["kind"] == "select"], "the click came")
     (select,) = (c for c in source.received if c["kind"] == "select")
     assert 0.3 < select["x"] < 0.45
     assert 0.25 < select["y"] < 0.35
+    assert page.locator(".parameter").count() == 1, "the panel is open"
     source.offered = (
         offer("objects.urn.offset", "position", 0.0, 0.0, 0.0, low=-5e4, high=5e4),
         offer("objects.urn.visible", "whole", 1.0),
     )
-    page.wait_for_selector("h3")
-    assert page.locator("h3").all_inner_texts() == ["Object urn"]
+    eventually(page, lambda: page.locator("h3").all_inner_texts() == ["Object urn"], "its parameters")
     reach = page.locator("[aria-label='objects.urn.offset, x']").evaluate("e => [Number(e.min), Number(e.max)]")
     assert reach == [-5.0, 5.0], "as far as the scene is large"
     page.focus("#wall")
