@@ -88,6 +88,7 @@ def test_objects_of_a_name_are_one_parameter_and_pages_are_spared_them() -> None
     found = [name for name in editable(plan) if name.startswith("objects.")]
     assert len(found) == 2 * len(names)
     assert not any(name.startswith("objects.") for name in shown_parameters(plan))
+    assert list(shown_parameters(plan, NAME))[:2] == [f"objects.{NAME}.offset", f"objects.{NAME}.visible"]
     editor = Editor(plan)
     editor.set([(f"objects.{NAME}.visible", 0)])
     editor.undo()

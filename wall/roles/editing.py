@@ -156,9 +156,11 @@ def editable(plan: Plan) -> dict[str, Parameter]:
 
 
 def shown_parameters(plan: Plan, selected: str = "") -> dict[str, Parameter]:
-    """Those that pages show: of objects, of which there may be thousands, of the `selected` one alone."""
-    own = {f"{OBJECTS}{selected}.{what}" for what in (OFFSET, VISIBLE)}
-    return {name: p for name, p in editable(plan).items() if not name.startswith(OBJECTS) or name in own}
+    """Those that pages show: of objects, of which there may be thousands, the `selected` one's alone, and first."""
+    found = editable(plan)
+    own = (f"{OBJECTS}{selected}.{what}" for what in (OFFSET, VISIBLE))
+    others = {name: parameter for name, parameter in found.items() if not name.startswith(OBJECTS)}
+    return {name: found[name] for name in own if name in found} | others
 
 
 def states_of(
