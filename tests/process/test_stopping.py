@@ -115,7 +115,7 @@ def test_killed_renderer_does_not_stop_the_others(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
     config = write_config(tmp_path, columns=2, path=ORBIT)
-    run = running("run", config, "--headless", "--seconds", 3, "--out", tmp_path / "out")
+    run = running("run", config, "--headless", "--seconds", 2, "--out", tmp_path / "out")
     first, _ = renderers(run)
 
     os.kill(first, signal.SIGKILL)
@@ -149,12 +149,12 @@ def test_frozen_renderer_is_noticed_and_welcomed_back(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
     config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
-    run = running("run", config, "--headless", "--seconds", 6, "--out", tmp_path / "out")
+    run = running("run", config, "--headless", "--seconds", 4.5, "--out", tmp_path / "out")
     first, _ = renderers(run)
 
     os.kill(first, signal.SIGSTOP)
     began = time.monotonic()
-    until(lambda: time.monotonic() - began > 2.5, 5.0)  # longer than lost_after_s
+    until(lambda: time.monotonic() - began > 2.0, 5.0)  # longer than lost_after_s
     os.kill(first, signal.SIGCONT)
     output, _ = run.communicate(timeout=START_LIMIT_S)
 
@@ -178,7 +178,7 @@ def test_killed_head_takes_its_renderers_along(tmp_path: Path, running: Callable
 def test_survivors_of_a_killed_mpi_rank_run_on(tmp_path: Path, running: Callable[..., subprocess.Popen[str]]) -> None:
     config = write_config(tmp_path, columns=2, path=ORBIT, lost_after_s=1.0)
     run = running(
-        "run", config, "--headless", "--seconds", 4, "--out", tmp_path / "out",
+        "run", config, "--headless", "--seconds", 3, "--out", tmp_path / "out",
         launcher=mpirun(3, "--with-ft", "ulfm"),
     )  # fmt: skip
     until_running(run)

@@ -7,6 +7,7 @@ recompiles what depends on it, and nothing else. A cache that names a class whic
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import os
 import re
@@ -29,6 +30,8 @@ IMPORT = re.compile(rf"^[ \t]*from ({PACKAGE.name}[\w.]*) import (\([^)]*\)|.*)"
 # of all kernels; C calls none of them
 OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
 
+OBJECTS_A_COLLECTION = 100_000  # while compiling: Python's 700 cost a sixth of its time, and this no memory
+
 _used: set[Path] = set()  # cache folders of this process
 _kernels: list[Any] = []  # of this process
 _scalar: set[Any] = set()  # of those, bit_kernels
@@ -46,24 +49,26 @@ def bit_kernel(function: Callable[..., Any]) -> Any:
     return compiled
 
 
-class _Neighbours(Listener):
-    """Turns vectors of neighbours (SLP) off while a bit_kernel is compiled."""
+class _Settings(Listener):
+    """While a kernel is compiled: no vectors of neighbours (SLP) in a bit_kernel, and fewer garbage collections."""
 
     def __init__(self) -> None:
-        self._before: list[int] = []
+        self._before: list[tuple[int, tuple[int, int, int]]] = []
 
     def on_start(self, event: Event) -> None:
-        """Remember the setting, and choose it for the kernel that is about to be compiled."""
-        self._before.append(numba.config.SLP_VECTORIZE)  # type: ignore[attr-defined]
+        """Remember the settings, and choose them for the kernel that is about to be compiled."""
+        self._before.append((numba.config.SLP_VECTORIZE, gc.get_threshold()))  # type: ignore[attr-defined]
+        gc.set_threshold(OBJECTS_A_COLLECTION, *gc.get_threshold()[1:])
         if event.data["dispatcher"] in _scalar:
             numba.config.SLP_VECTORIZE = 0  # type: ignore[attr-defined]
 
     def on_end(self, event: Event) -> None:
-        """Restore the setting."""
-        numba.config.SLP_VECTORIZE = self._before.pop()  # type: ignore[attr-defined]
+        """Restore the settings."""
+        numba.config.SLP_VECTORIZE, threshold = self._before.pop()  # type: ignore[attr-defined]
+        gc.set_threshold(*threshold)
 
 
-register("numba:compile", _Neighbours())  # type: ignore[no-untyped-call]
+register("numba:compile", _Settings())  # type: ignore[no-untyped-call]
 
 
 def inline_kernel(function: Callable[..., Any]) -> Any:

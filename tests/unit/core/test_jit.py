@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
+import gc
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from numba.core.event import Event, Listener, install_listener
 
 import wall
 from wall.core import jit
@@ -91,3 +93,21 @@ def test_a_cache_that_names_a_class_which_is_gone_is_made_anew(tmp_path: Path, m
     third = jit.kernel(scope["twice"])
     assert third(21) == 42
     assert sum(third.stats.cache_hits.values()) == 1
+
+
+def test_garbage_is_collected_less_often_while_a_kernel_is_compiled_and_as_before_afterwards() -> None:
+    seen: list[int] = []
+
+    class Watch(Listener):
+        def on_start(self, event: Event) -> None:
+            seen.append(gc.get_threshold()[0])
+
+        def on_end(self, event: Event) -> None:
+            pass
+
+    before = gc.get_threshold()
+    with install_listener("numba:compile", Watch()):  # type: ignore[no-untyped-call]
+        assert jit._from_python(lambda x: x + 1)(1) == 2
+
+    assert seen == [jit.OBJECTS_A_COLLECTION]
+    assert gc.get_threshold() == before < (jit.OBJECTS_A_COLLECTION,)

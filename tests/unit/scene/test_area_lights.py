@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_scenes import BLACK_SKY, instance, keyframes, quad, traced_image, view, with_every_feature
+from small_scenes import BLACK, BLACK_SKY, instance, keyframes, quad, traced_image, view, with_every_feature
 
 from wall.config.scene import SceneConfig
 from wall.core.data import Float64
 from wall.scene.area_lights import area_light
 from wall.scene.build import Scene, assemble, build
 from wall.scene.lights import scaled
-from wall.scene.model import AreaLight, Light, Material, PointLight, Source
+from wall.scene.model import AreaLight, Light, Material, PointLight, Source, SpotLight
 from wall.scene.needs import needs
 from wall.tracing.tracer import Tracer
-from wall.tracing.tracer_scene import make_tracer_scene
+from wall.tracing.tracer_scene import LEAST_POINTS, LEAST_SPOTS, make_tracer_scene
 
 RECTANGLE = {"type": "rectangle", "center": (0.0, 1.0, 0.0), "edges": ((2.0, 0.0, 0.0), (0.0, 0.0, 2.0)),
              "radiance": (3.0, 2.0, 1.0)}  # fmt: skip
@@ -29,6 +29,10 @@ DISC = {
     "radius": 0.5,
     "radiance": (3.0, 2.0, 1.0),
 }
+BELOW: tuple[float, float, float] = (0.0, -9.0, 0.0)
+DARK = [PointLight(position=BELOW, intensity=BLACK)] * LEAST_POINTS + [
+    SpotLight(position=BELOW, direction=BELOW, intensity=BLACK, inner_angle=10.0, outer_angle=20.0)
+] * LEAST_SPOTS
 
 
 def light_of(described: dict[str, Any]) -> AreaLight:
@@ -52,10 +56,17 @@ def floor_under(*lights: Light, depth: int | None = 1, **more: Any) -> Scene:
     )
 
 
+def floor_lit_by(described: dict[str, Any]) -> Scene:
+    """That floor under an area light, for a tracer that other tests compile too: with every feature, or, where a tree
+    chooses among a disc's many triangles, with trees of all lights, as in tracing/test_light_tree.py."""
+    light = light_of(described)
+    return floor_under(light, *DARK) if described["type"] == "disc" else with_every_feature(floor_under(light))
+
+
 def floor_light(scene: Scene, sweeps: int = 16) -> Float64:
     """Mean radiance of the floor at the origin."""
     seen = view((0.0, 0.3, 0.001), (0.0, 0.0, 0.0), pixels=(64, 64), fov=0.1)
-    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), seen.panel, seen.eye, coherent=False)
+    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=False)
     tracer.set_event(seen.event)
     xy = np.stack(np.meshgrid(np.arange(64) + 0.5, np.arange(64) + 0.5), axis=-1).reshape(-1, 2).astype(np.float32)
     got = [tracer.trace(xy, 0.0, number)[0]["radiance"].astype(np.float64) for number in range(sweeps)]
@@ -70,8 +81,8 @@ def test_a_rectangle_gives_the_light_of_its_form_factor(width: float, depth: flo
     x, y = width / 2, depth / 2
     a, c = x / math.sqrt(1 + x * x), y / math.sqrt(1 + y * y)
     quarter = (a * math.atan(y / math.sqrt(1 + x * x)) + c * math.atan(x / math.sqrt(1 + y * y))) / (2 * math.pi)
-    light = light_of({**RECTANGLE, "edges": ((width, 0.0, 0.0), (0.0, 0.0, depth))})  # x to z: its front is below
-    got = floor_light(floor_under(light))
+    edges = ((width, 0.0, 0.0), (0.0, 0.0, depth))  # x to z: its front is below
+    got = floor_light(floor_lit_by({**RECTANGLE, "edges": edges}))
     np.testing.assert_allclose(got, 0.5 * 4 * quarter * np.array([3.0, 2.0, 1.0]), rtol=0.01)
 
 
@@ -79,7 +90,7 @@ def test_a_rectangle_gives_the_light_of_its_form_factor(width: float, depth: flo
 @pytest.mark.parametrize("radius", [0.1, 1.0, 5.0])
 def test_a_disc_gives_the_light_of_its_form_factor(radius: float) -> None:
     """A patch below the middle of a parallel disc at height h: r^2 / (r^2 + h^2)."""
-    got = floor_light(floor_under(light_of({**DISC, "radius": radius})))
+    got = floor_light(floor_lit_by({**DISC, "radius": radius}))
     np.testing.assert_allclose(got, 0.5 * radius**2 / (radius**2 + 1) * np.array([3.0, 2.0, 1.0]), rtol=0.01)
 
 
@@ -88,8 +99,7 @@ def test_a_disc_gives_the_light_of_its_form_factor(radius: float) -> None:
 def test_front_and_both_sides(described: dict[str, Any]) -> None:
     turned = {"edges": ((0.0, 0.0, 2.0), (2.0, 0.0, 0.0))} if described is RECTANGLE else {"normal": (0.0, 1.0, 0.0)}
     down, up, both = (
-        floor_light(floor_under(light_of({**described, **more})), 1)[0]
-        for more in ({}, turned, {**turned, "sides": "both"})
+        floor_light(floor_lit_by({**described, **more}), 1)[0] for more in ({}, turned, {**turned, "sides": "both"})
     )
     assert up == 0.0
     assert down > 0.05

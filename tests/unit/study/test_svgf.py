@@ -205,9 +205,14 @@ def run(method: Method, seconds: float) -> Float32:
     return np.minimum(shown, 1.0)
 
 
+@pytest.fixture(scope="module")
+def many(setup: Setup) -> Float32:
+    """The mean of 2000 samples a pixel."""
+    return run(methods_progressive.accumulating(setup), 40.0)
+
+
 @pytest.mark.usefixtures("compiled_only")
-def test_at_rest_images_approach_the_plain_mean(setup: Setup) -> None:
-    many = run(methods_progressive.accumulating(setup), 40.0)  # 2000 samples a pixel
+def test_at_rest_images_approach_the_plain_mean(setup: Setup, many: Float32) -> None:
     for make in (methods_progressive.accumulating, methods_svgf.METHODS["svgf"], methods_svgf.METHODS["svgf_half"]):
         method = make(setup)
         early = np.sqrt(np.mean((run(method, 0.1) - many) ** 2))
@@ -218,8 +223,7 @@ def test_at_rest_images_approach_the_plain_mean(setup: Setup) -> None:
 
 
 @pytest.mark.usefixtures("compiled_only")
-def test_after_one_frame_it_shows_less_noise_than_plain_means(setup: Setup) -> None:
-    many = run(methods_progressive.accumulating(setup), 40.0)
+def test_after_one_frame_it_shows_less_noise_than_plain_means(setup: Setup, many: Float32) -> None:
     plain, shown = (
         np.minimum(make(setup).show(0.0), 1.0)
         for make in (methods_progressive.accumulating, methods_svgf.METHODS["svgf"])

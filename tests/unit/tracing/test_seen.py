@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_scenes import TracedImage, instance, material, quad, raster, scene_of, sphere_mesh, view
+from small_scenes import TracedImage, instance, material, quad, raster, scene_of, sphere_mesh, view, with_every_feature
 
 from wall.core.data import Rect
 from wall.sampling.ownership import block_order
@@ -31,7 +31,8 @@ def tracer_scene() -> TracerScene:
 def tracer_scene_of(objects: int) -> TracerScene:
     meshes = [quad(8.0, 8.0, material=0), quad(4.0, 2.0, material=1), sphere_mesh(2, segments=24)]
     materials = [material(0.5, 0.5, 0.5), material(0.0, 0.0, 0.0, mirror=1.0), material(0.8, 0.2, 0.2)]
-    return make_tracer_scene(scene_of(meshes, PLACED[:objects], materials=materials, lights=[LIGHT]))
+    scene = scene_of(meshes, PLACED[:objects], materials=materials, lights=[LIGHT])
+    return make_tracer_scene(with_every_feature(scene))
 
 
 def traced(tracer_scene: TracerScene, *, without: tuple[int, ...] = (), coherent: bool) -> TracedImage:

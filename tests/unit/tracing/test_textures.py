@@ -35,7 +35,7 @@ def plane(*, repeats: float, turn: float = 0.0, stretch: float = 1.0) -> Scene:
 
 def traced(scene: Scene, seen: View, xy: Float64, footprint: float) -> Float32:
     """(n, 3) radiance at positions, one object everywhere."""
-    tracer = Tracer(make_tracer_scene(scene), seen.panel, seen.eye, coherent=True)
+    tracer = Tracer(make_tracer_scene(with_every_feature(scene)), seen.panel, seen.eye, coherent=True)
     tracer.set_event(seen.event)
     samples, _ = tracer.trace(xy.astype(np.float32), footprint)
     assert (samples["object_id"] > 0).all()
@@ -120,7 +120,6 @@ def test_a_mirror_carries_footprints_on() -> None:
     )  # fmt: skip
     seen = view((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), pixels=(24, 24), fov=30.0)
     xy = np.random.default_rng(2).uniform(0.0, 24.0, (256, 2))
-    shown, behind = with_every_feature(shown), with_every_feature(behind)
     through, straight = traced(shown, seen, xy, 1.0), traced(behind, seen, xy, 1.0)
     np.testing.assert_allclose(through, straight, atol=2e-3)
     assert rmse(straight - traced(behind, seen, xy, 0.0)) > 0.05

@@ -78,31 +78,31 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
         start_footprints(cone, materials.texels, work)
-        trace_packet(scene, count, surfaces, materials, lights, work)
+        intersect(scene, work)
+        work.counts[PRIMARY_RAYS] += count
+        record_hits(work)
+        light_packet(scene, surfaces, materials, lights, work)
+        divide_out_albedo(work)
+        encode_normals(surfaces.relit, surfaces, materials, work)
+        follow_mirrors(materials.mirrors, scene, surfaces, materials, lights, work)
         kept = write_samples(xy, first, count, samples, kept, surfaces.relit, work)
     return kept
-
-
-@inline_kernel
-def trace_packet(scene, count, surfaces, materials, lights, work):
-    """Traces the packet's primary rays and what follows from them; radiance and first surfaces end in its rows."""
-    p, bits = work.packet, work.bits
-    intersect(scene, work)
-    work.counts[PRIMARY_RAYS] += count
-    for lane in range(16):
-        p[rows.DEPTH + lane] = p[embree.T_FAR + lane]  # stays infinite on a miss
-        missed = bits[embree.GEOMETRY + lane] == MISS
-        bits[rows.OBJECT_ID + lane] = np.uint32(0) if missed else bits[embree.INSTANCE + lane] + np.uint32(1)
-    light_packet(scene, surfaces, materials, lights, work)
-    divide_out_albedo(work)
-    encode_normals(surfaces.relit, surfaces, materials, work)
-    follow_mirrors(materials.mirrors, scene, surfaces, materials, lights, work)
 
 
 @inline_kernel
 def intersect(scene, work):
     """Finds the nearest hits of the packet's valid lanes."""
     intersect16(work.valid.ctypes.data, scene, work.packet.ctypes.data, work.arguments.ctypes.data)
+
+
+@inline_kernel
+def record_hits(work):
+    """Fills the rows DEPTH, infinite on a miss, and OBJECT_ID of an intersected packet."""
+    p, bits = work.packet, work.bits
+    for lane in range(16):
+        p[rows.DEPTH + lane] = p[embree.T_FAR + lane]
+        missed = bits[embree.GEOMETRY + lane] == MISS
+        bits[rows.OBJECT_ID + lane] = np.uint32(0) if missed else bits[embree.INSTANCE + lane] + np.uint32(1)
 
 
 @inline_kernel
