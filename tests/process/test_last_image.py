@@ -13,7 +13,7 @@ from wall.config.loading import load
 from wall.roles.plan import make_layout, make_plan
 from wall.study.quality.metrics import display_values
 
-SECONDS, STARTED_S = 1.5, 0.5  # a run's path has gone on for so long, and for no more than so much longer
+SECONDS, STARTED_S = 1.5, 0.9  # a run's path has gone on for so long, and for no more than so much longer
 AHEAD_S, STEP_S = 0.1, 0.03
 ALIKE = 12.0  # RMSE in 8-bit steps at the nearest tried moment: half a step of time and a few samples a pixel
 
