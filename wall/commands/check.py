@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from rich.table import Table
 
 from wall.config.loading import Loaded
+from wall.config.views import ViewConfig
 from wall.geometry.panels import Wall
 from wall.reconstruction.choice import choose
 from wall.roles.edges import target_ranks
@@ -31,6 +32,8 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     scene, wall, sampling = plan.scene, layout.wall, layout.sampling
     yield f"{loaded.path}: ok"
     yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
+    if len(plan.views) > 1:
+        yield f"views: {', '.join(map(_described, layout.config.views))}"
     if table := _displays(wall):
         yield table
     yield (
@@ -55,6 +58,10 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
         f"{rate * size / 1e6:.0f} MB/s ({size:.1f} bytes a sample)"
     )
+
+
+def _described(view: ViewConfig) -> str:
+    return f"{view.id} at {view.refresh_hz:g} Hz with weight {view.weight:g}"
 
 
 def on_the_cpu(layout: Layout) -> Iterator[str]:

@@ -19,7 +19,7 @@ from wall.config.graph import SkyNode
 from wall.config.sampling import METHODS
 from wall.core.clock import ManualClock
 from wall.core.colour import srgb_curve
-from wall.core.data import SAMPLE, Batch, Framelet, Rect
+from wall.core.data import SAMPLE, Batch, Framelet, Rect, Region
 from wall.core.errors import ConfigError
 from wall.core.jit import cache_root, compiled_kernels
 from wall.operators.base import Operator
@@ -111,11 +111,21 @@ def _insert(panel: PanelCompositor, batch: Batch) -> None:
 
 
 def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None:
-    rank = plan.layout.renderers()[0]
+    """What one view of each kind needs: with a lens, and without."""
+    regions = {
+        region.view: (rank, region) for rank in plan.layout.renderers() for region in plan.layout.regions_of(rank)
+    }
+    first = min(regions)
+    others = [] if plan.scene.lens is None else [view for view in regions if view > first][:1]
+    for view in (first, *others):
+        _one_view(plan, tracer_scene, method, *regions[view])
+
+
+def _one_view(plan: Plan, tracer_scene: TracerScene, method: str, rank: int, region: Region) -> None:
     clock = ManualClock()
-    worker = _tiny_worker(plan, tracer_scene, rank, method, clock)
-    panel = PanelCompositor(plan, plan.layout.region(rank).layer, reconstruction="cpu")  # no OpenGL before ranks fork
-    event = replace(first_event(plan, 0.0), sampler=method)
+    worker = _tiny_worker(plan, tracer_scene, rank, region, method, clock)
+    panel = PanelCompositor(plan, region.layer, reconstruction="cpu")  # no OpenGL before ranks fork
+    event = replace(first_event(plan, 0.0, region.view), sampler=method)
     panel.follow(event)
     packet = worker.step(event)
     if packet:
@@ -131,9 +141,11 @@ def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None
     panel.statistics_images(0.0)
 
 
-def _tiny_worker(plan: Plan, tracer_scene: TracerScene, rank: int, method: str, clock: ManualClock) -> Worker:
+def _tiny_worker(
+    plan: Plan, tracer_scene: TracerScene, rank: int, region: Region, method: str, clock: ManualClock
+) -> Worker:
     """A renderer's only thread, with a few pixels of its region; `method` as in make_samplers."""
-    tiny = replace(plan.layout.region(rank), rect=TINY)
+    tiny = replace(region, rect=TINY)
     return Worker(plan, tracer_scene, rank, clock, make_samplers(plan, method, tiny, clock), 0, tiny)
 
 
@@ -147,8 +159,10 @@ def _layers(plan: Plan, tracer_scene: TracerScene) -> None:
             continue
         known.add(kind)
         panel = PanelCompositor(plan, layer.index, reconstruction="cpu")
-        event = first_event(plan, 0.0)
-        worker = _tiny_worker(plan, tracer_scene, layer.ranks[0], "", ManualClock())
+        event = first_event(plan, 0.0, layer.view)
+        rank = layer.ranks[0]
+        region = next(region for region in layout.regions_of(rank) if region.layer == layer.index)
+        worker = _tiny_worker(plan, tracer_scene, rank, region, "", ManualClock())
         panel.follow(event)
         if packet := worker.step(event):
             panel.insert(decode(packet))
