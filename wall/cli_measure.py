@@ -167,6 +167,7 @@ def views(
     ],
     methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive,framed",
     counts: Annotated[str, typer.Option(help="How many copies of the first view are to fill the wall")] = "1,2,4,8,16",
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Of the runs with one view and with all")] = 3,
     seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Of each run")] = 12.0,
     out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/views"),
 ) -> None:
@@ -182,7 +183,7 @@ def views(
         for config in wanted:
             for method in command.methods_of(methods):
                 status.update(f"measuring {config.stem}, {method}")
-                found += study.measure(config, method, counts=numbers, seconds=seconds, out=out)
+                found += study.measure(config, method, counts=numbers, repeats=repeats, seconds=seconds, out=out)
     for item in study.report(found, out):
         console.print(item)
 

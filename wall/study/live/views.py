@@ -11,6 +11,7 @@ import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from rich.console import RenderableType
@@ -54,12 +55,15 @@ class Row:
     command: str
 
 
-def measure(config: Path, method: str, *, counts: Sequence[int], seconds: float, out: Path) -> list[Row]:
-    """Run a wall with its first view alone, with all, and with so many copies. Raises RunError, ConfigError."""
+def measure(config: Path, method: str, *, counts: Sequence[int], repeats: int, seconds: float, out: Path) -> list[Row]:
+    """Run a wall with its first view alone and with all, by turns, and with so many copies of the first view.
+
+    Raises RunError, ConfigError.
+    """
     loaded = load_without_windows(config, several=True)
     variants = [("grid", grid_of(loaded, count)) for count in counts]
     if len(loaded.config.views) > 1:
-        variants = [("alone", first_alone(loaded)), ("together", loaded), *variants]
+        variants = [("alone", first_alone(loaded)), ("together", loaded)] * repeats + variants
     rows: list[Row] = []
     for kind, variant in variants:
         make_layout(variant)  # raises what is wrong with it before anything runs
@@ -116,10 +120,10 @@ def _run(name: str, method: str, kind: str, loaded: Loaded, seconds: float, out:
 
 def report(rows: Sequence[Row], out: Path) -> Iterator[RenderableType]:
     """What is printed at the end."""
-    beside = [row for row in rows if row.kind == "together"]
+    beside = {(row.config, row.method, row.view): row for row in rows if row.kind == "together"}
     if beside:
         columns = ("wall", "method", "view", "asked, Hz", "refreshes/s", "samples/s", "of the time", "kept", "met")
-        lines = tuple(_beside(row, rows) for row in beside)
+        lines = tuple(_beside(*key, rows) for key in beside)
         yield Table(title="Views beside each other", columns=columns, lines=lines, text=(0, 1, 2, 8), note=NOTE).rich()
     if grids := tuple(_grids(rows)):
         heads = ("wall", "method", "views", "refreshes/s of each", "samples/s of all", "input to image, ms")
@@ -127,20 +131,25 @@ def report(rows: Sequence[Row], out: Path) -> Iterator[RenderableType]:
     yield f"rows in {out / FILE}"
 
 
-def _beside(row: Row, rows: Sequence[Row]) -> tuple[str, ...]:
-    known = [r for r in rows if (r.config, r.method) == (row.config, row.method)]
-    alone = next(r for r in known if r.kind == "alone")
-    weights = [r.weight for r in known if r.kind == "together"]
-    cells: tuple[str, ...] = (
-        row.config, row.method, row.view, f"{row.refresh_hz:g}", f"{row.refreshes_per_s:.1f}",
-        f"{row.samples_per_s:,.0f}", f"{row.share:.1%}",
+def _beside(config: str, method: str, view: str, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Medians of all runs."""
+    known = [row for row in rows if (row.config, row.method) == (config, method)]
+    alone = [row for row in known if row.kind == "alone"]
+    together = [row for row in known if row.kind == "together"]
+    own = [row for row in together if row.view == view]
+    refreshes, samples = median(row.refreshes_per_s for row in own), median(row.samples_per_s for row in own)
+    cells = (
+        config, method, view, f"{own[0].refresh_hz:g}", f"{refreshes:.1f}", f"{samples:,.0f}",
+        f"{median(row.share for row in own):.1%}",
     )  # fmt: skip
-    if row.view != alone.view:
+    if view != alone[0].view:
         return (*cells, "", "")
-    share = row.weight / sum(weights)
-    kept = [row.samples_per_s / max(alone.samples_per_s, 1.0), row.refreshes_per_s / max(alone.refreshes_per_s, 1e-9)]
-    met = min(kept) >= WANTED * share
-    return (*cells, f"{kept[0]:.2f}, {kept[1]:.2f}", MET if met else MISSED)
+    share = own[0].weight / sum({row.view: row.weight for row in together}.values())
+    kept = [
+        samples / max(median(row.samples_per_s for row in alone), 1.0),
+        refreshes / max(median(row.refreshes_per_s for row in alone), 1e-9),
+    ]
+    return (*cells, f"{kept[0]:.2f}, {kept[1]:.2f}", MET if min(kept) >= WANTED * share else MISSED)
 
 
 def _grids(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
