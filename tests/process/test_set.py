@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import subprocess
 import time
 import urllib.error
 import urllib.request
@@ -16,7 +15,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 from running import page_of, start, wall, write_config
+from typer.testing import CliRunner
 
+from wall import cli
 from wall.client import connect
 from wall.core.errors import EditError
 
@@ -152,9 +153,9 @@ def test_without_a_wall_it_is_said_where_one_was_looked_for(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("text", ["exposure", "=1", "exposure=", "exposure=bright", "exposure=1,,2", "exposure=nan"])
 def test_what_is_no_assignment_is_refused_before_any_wall_is_asked(tmp_path: Path, text: str) -> None:
-    done = wall("set", text, "--out", tmp_path)
-    assert done.returncode == 2
-    assert "want" in done.stderr
+    called = CliRunner().invoke(cli.app, ["set", text, "--out", str(tmp_path)])
+    assert isinstance(called.exception, EditError)
+    assert "want" in str(called.exception)
 
 
 def test_the_control_file_goes_with_the_wall(tmp_path: Path) -> None:
@@ -163,7 +164,7 @@ def test_the_control_file_goes_with_the_wall(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "control.json").exists()
 
 
-def test_help_says_how(tmp_path: Path) -> None:
-    done: subprocess.CompletedProcess[str] = wall("set", "--help")
-    assert done.returncode == 0
-    assert "NAME=VALUE" in done.stdout
+def test_help_says_how() -> None:
+    called = CliRunner().invoke(cli.app, ["set", "--help"])
+    assert called.exit_code == 0
+    assert "NAME=VALUE" in called.output
