@@ -87,6 +87,12 @@ class Config(Model):
                 came = f"views[{seen[view.id]}] has this id already"
                 raise refusal(came, accepted="ids that differ", at=("views", k, "id"))
             seen[view.id] = k
+            if view.camera.follow is not None and view.camera.follow not in list(seen)[:-1]:
+                known = ", ".join(list(seen)[:-1]) or "none is"
+                where = ("views", k, "camera", "follow")
+                raise refusal("is no view before this one", accepted=known, at=where)
+            if view.camera.follow is not None and view.path is not None:
+                raise refusal("its camera follows another view's", accepted="no path", at=("views", k, "path"))
             if k and view.lens is not None:
                 raise refusal("only the first view has a lens", accepted="no lens", at=("views", k, "lens"))
         if len(self.views) > 1 and self.graph.sync != "none":

@@ -50,17 +50,22 @@ class CameraConfig(Model):
         "camera gives",
     )
 
+    follow: Name | None = Field(
+        default=None,
+        description="id of a view before this one, whose camera it has, steered or not; in place of name and position",
+    )
+
     @property
     def auto(self) -> bool:
         """Whether the camera is placed so that the whole scene is seen."""
-        return self.position is None and self.name is None
+        return self.position is None and self.name is None and self.follow is None
 
     @model_validator(mode="after")
     def _looks_somewhere(self) -> CameraConfig:
         if (self.position is None) != (self.target is None):
             raise refusal("has only one of position and target", accepted="both, or neither (framed automatically)")
-        if self.name is not None and self.position is not None:
-            raise refusal("has a name and a position", accepted="one of name, position")
+        if sum(given is not None for given in (self.name, self.position, self.follow)) > 1:
+            raise refusal("says more than once where the eye is", accepted="one of name, position, follow")
         if self.position is not None and self.target is not None and _same(self.position, self.target):
             raise refusal("is where the eye is", accepted="a point away from position", at=("target",))
         return self

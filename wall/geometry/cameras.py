@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,6 +68,7 @@ class View:
     display_delay_s: float  # from a refresh to its light
     eye_separation: float  # metres from the left eye to the right one
     scale: float  # world units a metre of the wall
+    leader: View | None = None  # whose camera it has
 
     def camera_at(self, time: float) -> Camera:
         """The camera at a scene time (seconds). Pure: the same time gives the same camera.
@@ -75,6 +76,8 @@ class View:
         An orbit turns the still camera rigidly about the target and `up`. Keyframes move position and target
         by Catmull-Rom splines, without roll.
         """
+        if self.leader is not None:
+            return self.leader.camera_at(time)
         if isinstance(self.path, OrbitPathConfig):
             turn = rotation_by(2 * math.pi * (time / self.path.period_s % 1.0) * self.up)
             away = self.still.origin() - self.target
@@ -86,6 +89,8 @@ class View:
 
     def target_at(self, time: float) -> Float64:
         """(3,) world: what the camera looks at then."""
+        if self.leader is not None:
+            return self.leader.target_at(time)
         if isinstance(self.path, KeyframesPathConfig):
             return _keyframed(self.path, time)[1]
         return self.target
@@ -154,6 +159,7 @@ def resolve_view(
     *,
     view: int = 0,
     cameras: Sequence[NamedCamera] = (),
+    leaders: Mapping[str, View] | None = None,
 ) -> View:
     """Decide everything a view leaves open.
 
@@ -162,19 +168,22 @@ def resolve_view(
     loaded : the configuration; view : which of its views; wall : its panels
     center, radius : (3,) float64 and float, world: a sphere around the whole scene, for a camera placed
     automatically
-    cameras : those of the scene's source, for views that name one
+    cameras : those of the scene's source, for views that name one; leaders : views before this one, by id
 
     Raises
     ------
     ConfigError : a wall that is not flat has no eye, an eye is behind a panel, or a camera of that name is not there
     """
     config = loaded.config.views[view]
+    leader = None if config.camera.follow is None or leaders is None else leaders[config.camera.follow]
     named = None if config.camera.name is None else _named(loaded, view, config.camera.name, cameras)
     eye = standing_eye(loaded, wall, view, *(() if named is None else (named.fov,)))
     up = _unit(np.array(config.camera.up, dtype=np.float64), otherwise=(0.0, 1.0, 0.0))
     if config.camera.position is not None and config.camera.target is not None:
         target = np.array(config.camera.target, dtype=np.float64)
         still = look_at(config.camera.position, target, up)
+    elif leader is not None:
+        target, still = leader.target, leader.still
     elif named is not None:
         pose = named.world_from_camera
         still = Camera.of(pose[:3, 3], pose[:3, :3])
@@ -199,6 +208,7 @@ def resolve_view(
         display_delay_s=1.0 / config.refresh_hz if config.display_delay_s is None else config.display_delay_s,
         eye_separation=config.eye_separation,
         scale=1.0 if config.scale is None else config.scale,
+        leader=leader,
     )
     if config.scale is None:
         return replace(made, scale=_scale(window, eye, made.camera_at(0.0), made.target_at(0.0)))

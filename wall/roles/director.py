@@ -19,8 +19,10 @@ COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only on
 class Director:
     """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
 
-    def __init__(self, plan: Plan, now: float, view: int = 0) -> None:
+    def __init__(self, plan: Plan, now: float, view: int = 0, leader: Director | None = None) -> None:
+        """`leader`: of the view whose camera this one has; it is updated first."""
         self._plan, self._view, self.view = plan, plan.views[view], view
+        self._leader = leader
         self._steering: Steering | None = None
         self._scene_time, self._path_time, self._last = 0.0, 0.0, now
         self.paused = False
@@ -75,7 +77,14 @@ class Director:
         self.event = replace(self.event, paused=True)
         return not was
 
+    @property
+    def steered(self) -> int:
+        """The view that steering of this one steers: its own, or the one that it follows."""
+        return self.view if self._leader is None else self._leader.steered
+
     def _camera(self) -> Camera:
+        if self._leader is not None:
+            return self._leader.event.camera
         return self._steering.camera() if self._steering else self._view.camera_at(self._path_time)
 
     def _apply(self, command: Command) -> None:

@@ -59,7 +59,10 @@ class Manager:
         self.ended = ""  # why the run ends, once it does
         self.counters = Counter[str]()
         self._layout, self._seconds, self._until_complete = layout, seconds, until_complete
-        self._directors = [Director(plan, now, view) for view in range(len(plan.views))]
+        self._directors: list[Director] = []
+        for number, view in enumerate(plan.views):
+            leader = None if view.leader is None else self._directors[plan.views.index(view.leader)]
+            self._directors.append(Director(plan, now, number, leader))
         self._register = Register()
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
         self._heard = dict.fromkeys(range(1, layout.size), now)  # by rank: when it gave a sign of life
@@ -170,6 +173,11 @@ class Manager:
         publishes = self._phase in (Phase.RUNNING, Phase.HOLDING)
         self.due = min(self._update_due, self._limit) if publishes else self._limit
 
+    def _meant(self, command: Command) -> int:
+        """The view that a command of OF_ONE_VIEW is for; a camera's verbs go to the one whose camera it is."""
+        known = command.view < len(self._directors)
+        return self._directors[command.view].steered if known and command.kind != "sampler" else command.view
+
     def _publish(self, now: float) -> Iterator[Instruction]:
         """Tell everyone of new events, or of the newest again: a sign of life, and one may have been lost."""
         self._release()
@@ -180,7 +188,7 @@ class Manager:
         for director in self._directors:
             editor = self.editor
             if wanted:
-                own = [c for c in commands if c.view == director.view or c.kind not in OF_ONE_VIEW]
+                own = [c for c in commands if c.kind not in OF_ONE_VIEW or self._meant(c) == director.view]
                 news = director.update(own, now, editor.edits, editor.stops)
             else:
                 news = not running and director.hold()

@@ -193,11 +193,14 @@ def aimed(layout: Layout, scene: Scene) -> Plan:
         if layout.config.views[k].lens is not None and scene.path_depth is None:
             wanted = "scene.integrator: {method: path}, or no lens"
             raise layout.loaded.error(("views", k, "lens"), "direct light has no lens", wanted)
-    views = (
-        resolve_view(layout.loaded, layout.wall.of_view(k), scene.center, scene.radius, view=k, cameras=scene.cameras)
-        for k in count
-    )
-    return Plan(layout=layout, scene=seen_by(layout, scene), views=tuple(views))
+    views: dict[str, View] = {}
+    for k in count:
+        view = resolve_view(
+            layout.loaded, layout.wall.of_view(k), scene.center, scene.radius,
+            view=k, cameras=scene.cameras, leaders=views,
+        )  # fmt: skip
+        views[view.id] = view
+    return Plan(layout=layout, scene=seen_by(layout, scene), views=tuple(views.values()))
 
 
 def on_one_rank(plan: Plan) -> Plan:

@@ -50,7 +50,7 @@ def test_good_text_loads() -> None:
         (
             "fov: 45",
             "fow: 45",
-            "views[0].camera.fow: unknown key; accepted: name, position, target, up, fov; did you mean fov?",
+            "views[0].camera.fow: unknown key; accepted: name, position, target, up, fov, follow; did you mean fov?",
         ),
         ("columns: 2", "columns: 2.5", "wall.grid.columns = 2.5"),
         (

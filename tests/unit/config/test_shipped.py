@@ -10,7 +10,7 @@ import pytest
 from wall.compositing.build import build
 from wall.config import json_schema
 from wall.config.loading import dump, load, loads
-from wall.geometry.cameras import resolve_view
+from wall.geometry.cameras import View, resolve_view
 from wall.geometry.expanding import expand
 from wall.geometry.panels import NO_VIEW
 from wall.geometry.viewports import with_views
@@ -58,6 +58,7 @@ RANKS = {
     "two_panels": 3,
     "views/four_views": 2,
     "views/map_inset": 3,
+    "views/side_by_side": 3,
     "walls/large": 90,
     "walls/mixed_densities": 4,
     "walls/projectors": 4,
@@ -87,13 +88,16 @@ def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) ->
     graph = build(loaded, wall)
 
     count = range(len(loaded.config.views))
-    views = [resolve_view(loaded, wall.of_view(k), (0.0, 0.0, 0.0), 6.0, view=k) for k in count]
+    views: dict[str, View] = {}
+    for k in count:
+        view = resolve_view(loaded, wall.of_view(k), (0.0, 0.0, 0.0), 6.0, view=k, leaders=views)
+        views[view.id] = view
 
     assert graph.compositors + graph.renderers == RANKS[shipped_name(path)]
     pixels = sum(math.prod(wall.viewports[layer.panel].pixels) for layer in graph.layers)
     assert {layer.panel for layer in graph.layers} == {v.index for v in wall.viewports if v.view != NO_VIEW}
     assert sum(region.rect.area for regions in graph.regions(wall) for region in regions) == pixels
-    assert all(view.camera_at(1.5) == view.camera_at(1.5) for view in views)
+    assert all(view.camera_at(1.5) == view.camera_at(1.5) for view in views.values())
 
 
 @pytest.mark.parametrize("path", SHIPPED, ids=shipped_name)

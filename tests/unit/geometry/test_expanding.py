@@ -228,7 +228,7 @@ def grids(draw: st.DrawFn) -> dict[str, Any]:
     size = [draw(METRES), draw(METRES)]
     stereo = draw(st.sampled_from(["mono", "left", "side_by_side", "top_bottom"]))
     pixels = [2 * draw(st.integers(1, 40)), 2 * draw(st.integers(1, 40))]
-    keys = {"columns": draw(st.integers(1, 5)), "rows": draw(st.integers(1, 4)), "pixels": pixels, "size": size}
+    keys = {"columns": draw(st.integers(1, 3)), "rows": draw(st.integers(1, 3)), "pixels": pixels, "size": size}
     if draw(st.booleans()):
         overlap = [draw(st.floats(0, 0.5)) * side for side in size]
         return {**keys, "stereo": stereo, "overlap": overlap, "blend": "auto"}

@@ -100,6 +100,19 @@ def test_viewports_may_cover_a_panel_together() -> None:
             "views[1]: nobody sees any of it",
         ),
         (
+            MAIN + "  - {id: map, panels: [r0c1], camera: {follow: mian}}\n",
+            "views[1].camera.follow = 'mian': is no view before this one; accepted: main",
+        ),
+        ("  - {id: a, camera: {follow: a}}\n", "views[0].camera.follow = 'a': is no view before this one"),
+        (
+            MAIN + "  - {id: map, panels: [r0c1], camera: {follow: main}, path: {type: orbit}}\n",
+            "views[1].path: its camera follows another view's",
+        ),
+        (
+            MAIN + "  - {id: map, panels: [r0c1], camera: {follow: main, name: x}}\n",
+            "views[1].camera: says more than once where the eye is",
+        ),
+        (
             MAIN + "  - {id: map, panels: [r0c1], lens: {aperture: 1, focus: 1}}\n",
             "views[1].lens: only the first view has a lens",
         ),

@@ -36,7 +36,9 @@ ABOVE = "camera: {position: [0, 20, 0.1], target: [0, 0, 0]}"
 
 
 def plan_of(*others: str, method: str = "framed", main: str = MAIN) -> Plan:
-    text = TEXT.format(main=main, others="\n".join(f"  - {{{other}}}" for other in others), method=method)
+    text = TEXT.format(
+        main=main, others="\n".join(f"  - {{{other}}}" for other in others), method=method, pixels=pixels
+    )
     return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
 
 
@@ -50,19 +52,30 @@ def shown(plan: Plan, scene: TracerScene, **options: bool) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("at_renderers", [True, False])
-@pytest.mark.parametrize("method", ["framed", "adaptive"])
 def test_an_inset_of_the_same_view_leaves_no_trace(
-    tracer_scene: TracerScene, compiled_only: None, method: str, at_renderers: bool
+    tracer_scene: TracerScene, compiled_only: None, at_renderers: bool
 ) -> None:
-    """Same eye, same camera: the wall looks as with one view, bit for bit where pixels are traced at fixed places."""
-    alone = shown(plan_of(method=method), tracer_scene, at_renderers=at_renderers)
-    both = shown(plan_of(f"id: map, {INSET}, {EYE}", method=method), tracer_scene, at_renderers=at_renderers)
+    """Same eye, same camera, pixels traced at fixed places: the wall looks as with one view, bit for bit."""
+    alone = shown(plan_of(), tracer_scene, at_renderers=at_renderers)
+    both = shown(plan_of(f"id: map, {INSET}, {EYE}"), tracer_scene, at_renderers=at_renderers)
     for one, other in zip(alone, both, strict=True):
         assert len(np.unique(one)) > 50
-        if method == "framed":
-            np.testing.assert_array_equal(one, other)
-        else:  # the inset's samples lie elsewhere in their pixels, and know nothing of those around it
-            assert np.sqrt(np.square(one.astype(float) - other).mean()) < 12.0
+        np.testing.assert_array_equal(one, other)
+
+
+def test_an_adaptive_inset_of_the_same_view_is_as_near(tracer_scene: TracerScene, compiled_only: None) -> None:
+    """Its samples lie elsewhere in their pixels, and know nothing of those around it."""
+
+    def after_some_steps(plan: Plan) -> np.ndarray:
+        chain = SingleProcess(plan, tracer_scene)
+        for _ in range(60):
+            chain.step()
+        return np.stack([image.rgb for image in chain.composition.shown()[0].images()]).astype(float)
+
+    alone = after_some_steps(plan_of(method="adaptive"))
+    both = after_some_steps(plan_of(f"id: map, {INSET}, {EYE}", method="adaptive"))
+    assert len(np.unique(both)) > 50
+    assert np.sqrt(np.square(alone - both).mean()) < 12.0
 
 
 def test_an_inset_covers_just_its_rectangle(tracer_scene: TracerScene, compiled_only: None) -> None:
@@ -98,6 +111,28 @@ def test_steering_one_view_leaves_the_other_where_it_is() -> None:
             steered = parse(commands[0]).view
             assert seen[steered].camera != before[steered].camera
             assert seen[1 - steered].camera == before[1 - steered].camera
+
+
+def test_a_view_that_follows_has_the_camera_of_the_other_however_it_is_steered() -> None:
+    """Drags of either turn both; samplers are their own."""
+    plan = plan_of(f"id: copy, {INSET}, camera: {{follow: main}}", "id: last, panels: [r0c1], camera: {follow: copy}")
+    assert plan.views[2].camera_at(1.0) == plan.views[0].camera_at(1.0)
+    manager = Manager(plan, 0.0, still=True)
+    list(manager.on_message(Hello(rank=HEAD, host="a", endpoint="", incarnation=1), 0.0))
+    list(manager.on_tick(0.1))
+    before = manager.events[0].camera
+    for view, now in ((2, 0.2), (0, 0.3)):
+        commands = [
+            {"kind": "orbit", "x": 0.1, "y": 0.0, "view": view},
+            {"kind": "sampler", "value": "hilbert", "view": 1},
+        ]
+        list(manager.on_message(WindowInput(rank=HEAD, commands=commands), now))
+        list(manager.on_tick(now))
+        cameras = [event.camera for event in manager.events]
+        assert cameras[0] != before
+        assert cameras == [cameras[0]] * 3
+        before = cameras[0]
+    assert [event.sampler for event in manager.events] == ["framed", "hilbert", "framed"]
 
 
 class Rank:
