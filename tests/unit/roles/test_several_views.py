@@ -36,9 +36,7 @@ ABOVE = "camera: {position: [0, 20, 0.1], target: [0, 0, 0]}"
 
 
 def plan_of(*others: str, method: str = "framed", main: str = MAIN) -> Plan:
-    text = TEXT.format(
-        main=main, others="\n".join(f"  - {{{other}}}" for other in others), method=method, pixels=pixels
-    )
+    text = TEXT.format(main=main, others="\n".join(f"  - {{{other}}}" for other in others), method=method)
     return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
 
 
