@@ -69,11 +69,9 @@ INSET = "viewport: {left: 0.3, top: 0.1, width: 0.4, height: 0.4}, weight: 0.5, 
 SECOND_VIEW = f"}}, {{id: map, {INSET}, camera: {{position: [0, 20, 0.1], target: [0, 0, 0]}}"
 
 
-@pytest.mark.parametrize(
-    "changes", [{"columns": 2}, {"columns": 2, "compositors": 2}, {"ranks": 2, "threads": 2}], ids=str
-)
+@pytest.mark.parametrize("changes", [{"columns": 2, "compositors": 2}, {"ranks": 2, "threads": 2}], ids=str)
 def test_an_inset_of_another_view_is_the_same_however_it_is_shared(tmp_path: Path, changes: dict[str, int]) -> None:
-    """Across a bezel, through a second compositor, and cut between ranks with two threads each."""
+    """Across a bezel and through a second compositor, and cut between ranks with two threads each."""
     alone = write_config(tmp_path, path=SECOND_VIEW, columns=changes.get("columns", 1))
     config = write_config(tmp_path, path=SECOND_VIEW, **changes)
 
