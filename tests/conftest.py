@@ -25,6 +25,14 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("filterwarnings", "ignore:.*encountered in scalar.*:RuntimeWarning")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Refuse tests that watch the clock where launch/test does not look for them."""
+    for item in items:
+        folder = item.path.parent.name
+        if item.get_closest_marker("clock") is not None and folder not in ("process", "browser"):
+            raise pytest.UsageError(f"{item.nodeid}: tests marked clock stand in tests/process or tests/browser")
+
+
 @pytest.fixture
 def compiled_only() -> None:
     """For tests of many rays or pixels, which plain Python would take minutes for."""

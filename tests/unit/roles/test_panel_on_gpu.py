@@ -77,7 +77,7 @@ def test_a_whole_run_shows_the_same_display_values_as_on_the_cpu(opengl: Device,
     """Adaptive until nothing is left to do: the sampler's own image is on the CPU, so both trace the same rays."""
     shown = {}
     for wish in ("cpu", "gpu"):
-        plan = plan_of(wish, pixels="[60, 36]")
+        plan = plan_of(wish, pixels="[36, 22]")
         chain = SingleProcess(plan, make_tracer_scene(plan.scene))
         shown[wish] = chain.until_complete()[0].rgb.astype(int)
         assert str(chain.layers[0].reprojected.choice).startswith(wish)
