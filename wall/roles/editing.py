@@ -132,16 +132,17 @@ class Editor:
         except EditError as error:
             self.counters["refused_edit"] += 1
             refused = str(error)
-        wanted = [] if refused or not request.listed else _named_like(request.listed, self.states(scene_time))
-        rows = _with_room([asdict(state) for state in wanted])
+        wanted = {} if refused or not request.listed else _named_like(request.listed, self.parameters)
+        rows = _with_room([asdict(state) for state in self.states(scene_time, wanted)])
         return EditAnswer(
             client=request.client, number=request.number, refused=refused, edit=self._count, parameters=rows,
             left_out=len(wanted) - len(rows),
         )  # fmt: skip
 
-    def states(self, scene_time: float) -> tuple[ParameterState, ...]:
-        """Every parameter as it is at a scene time in seconds."""
-        return states_of(self._plan, self.parameters, scene_time, self.edits, self.exposure(scene_time))
+    def states(self, scene_time: float, wanted: Mapping[str, Parameter] | None = None) -> tuple[ParameterState, ...]:
+        """Parameters as they are at a scene time in seconds; `wanted`: None: all."""
+        parameters = self.parameters if wanted is None else wanted
+        return states_of(self._plan, parameters, scene_time, self.edits, self.exposure(scene_time))
 
 
 def editable(plan: Plan) -> dict[str, Parameter]:
@@ -177,16 +178,15 @@ def states_of(
     )  # fmt: skip
 
 
-def _named_like(patterns: Sequence[Any], states: Sequence[ParameterState]) -> list[ParameterState]:
+def _named_like(patterns: Sequence[Any], parameters: Mapping[str, Parameter]) -> dict[str, Parameter]:
     """Those whose names match one of some patterns, see EditRequest; what is no text matches none."""
     texts = [pattern for pattern in patterns if isinstance(pattern, str)]
     others = ALL_BUT_OBJECTS in texts
-    return [
-        state
-        for state in states
-        if (others and not state.name.startswith(OBJECTS))
-        or any(state.name == text or fnmatchcase(state.name, text) for text in texts)
-    ]
+    return {
+        name: parameter
+        for name, parameter in parameters.items()
+        if (others and not name.startswith(OBJECTS)) or any(name == text or fnmatchcase(name, text) for text in texts)
+    }
 
 
 def _with_room(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

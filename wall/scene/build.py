@@ -99,6 +99,7 @@ class Scene:
     lens: Lens | None = None  # of the view that shows it; None: a pinhole
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _object_rows: dict[str, list[int]] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @property
     def triangles(self) -> int:
@@ -185,8 +186,7 @@ class Scene:
             if light is not was:
                 poses[row, :3, 3] = _position(light)
         self.tracks.apply(poses, time)
-        if shading.objects:
-            edit_objects(poses, self.instances, shading.objects)
+        edit_objects(poses, shading.objects, self.instances, self._object_rows)
         poses.setflags(write=False)
         return poses
 

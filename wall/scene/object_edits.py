@@ -10,15 +10,21 @@ from wall.scene.model import Instance
 OBJECTS, OFFSET, VISIBLE = "objects.", "offset", "visible"
 
 
-def edit_objects(poses: Float64, instances: Sequence[Instance], edits: Iterable[tuple[str, tuple[float, ...]]]) -> None:
+def edit_objects(
+    poses: Float64,
+    edits: Iterable[tuple[str, tuple[float, ...]]],
+    instances: Sequence[Instance],
+    rows: dict[str, list[int]],
+) -> None:
     """Move instances by offsets, and give hidden ones no extent: matrices of zeros, which rays and samples pass.
 
     poses : (at least as many as instances, 4, 4), world from object, changed; edits : Shading.objects
+    rows : of the instances, by name; filled with the first edit
     """
-    rows: dict[str, list[int]] = {}
-    for row, instance in enumerate(instances):
-        rows.setdefault(instance.name, []).append(row)
     for path, value in edits:
+        if not rows:
+            for row, instance in enumerate(instances):
+                rows.setdefault(instance.name, []).append(row)
         name, _, what = path.removeprefix(OBJECTS).rpartition(".")
         own = rows.get(name, [])
         if what == OFFSET:

@@ -187,10 +187,11 @@ def named(parameters: Mapping[str, Parameter], name: str) -> Parameter:
     """The parameter of a name. Raises EditError where there is none, with those that are meant."""
     if (found := parameters.get(name)) is not None:
         return found
-    near = get_close_matches(name, parameters, n=1)
-    meant = f"did you mean {near[0]}? " if near else ""
     head = name.split(".")[0]
-    known = [path for path in parameters if path.split(".")[0] == head] or sorted({p.split(".")[0] for p in parameters})
+    own = [path for path in parameters if path.split(".")[0] == head]
+    near = get_close_matches(name, own or parameters, n=1)
+    meant = f"did you mean {near[0]}? " if near else ""
+    known = own or sorted({path.split(".")[0] for path in parameters})
     more = f" and {len(known) - NAMES_SHOWN} more" if len(known) > NAMES_SHOWN else ""
     raise EditError(f"{_shown(name)}: no such parameter; {meant}there are {', '.join(known[:NAMES_SHOWN])}{more}")
 
