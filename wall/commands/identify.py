@@ -77,7 +77,7 @@ def _image(layout: Layout, kind: Kind, panel: Panel) -> PanelImage:
 
 def about(layout: Layout, panel: Panel) -> list[tuple[str, str]]:
     """A panel's host, ranks and display in the configuration, as rows of a name and a text."""
-    on_panel = {v.index for v in layout.wall.viewports if panel.index in (v.index, v.inset_of)}
+    on_panel = {v.index for v in layout.wall.viewports if v.on_panel == panel.index}
     ranks = [rank for rank in layout.renderers() if layout.region(rank).panel in on_panel]
     compositors = sorted({layer.compositor for layer in layout.graph.layers if layer.panel == panel.index})
     where = [panel.config.display or "DISPLAY"]

@@ -21,7 +21,7 @@ from wall.compositing.windows import with_windows
 from wall.config.graph import MAX_NODES, NodeGraph, PresetGraph, ReconstructNode, SamplesNode, SinkNode
 from wall.config.loading import Loaded
 from wall.geometry.panels import Wall
-from wall.geometry.viewports import panel_rect
+from wall.geometry.rects import panel_rect
 from wall.operators.base import Node, Operator
 
 

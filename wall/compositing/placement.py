@@ -26,7 +26,8 @@ class Placement:
 
     def __init__(self, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
         self._config, self._refusals = config, refusals
-        self.panel = deal(wall, config.compositors)  # by index in Wall.viewports
+        dealt = deal(wall, config.compositors)
+        self.panel = tuple(dealt[viewport.on_panel] for viewport in wall.viewports)  # by index there
         self.hosts: dict[int, str] = {}  # wanted, by rank
         wanted: dict[int, set[str | None]] = {}
         for panel in wall.panels:
@@ -127,13 +128,8 @@ class Placement:
 def deal(wall: Wall, compositors: int) -> tuple[int, ...]:
     """A compositor rank for every panel, by panel index; panels of different hosts share none if possible.
 
-    With more compositors than hosts the head takes none of those panels. Insets go with the panels that they lie on.
+    With more compositors than hosts the head takes none of those panels.
     """
-    ranks = _deal(wall, compositors)
-    return (*ranks, *(ranks[inset.inset_of] for inset in wall.insets if inset.inset_of is not None))
-
-
-def _deal(wall: Wall, compositors: int) -> tuple[int, ...]:
     hosts = list(dict.fromkeys(panel.config.host for panel in wall.panels))
     count = len(wall.panels)
     if None in hosts or not 1 < len(hosts) <= compositors:

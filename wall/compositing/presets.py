@@ -15,16 +15,16 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
     shows = [viewport for viewport in wall.viewports if viewport.view != NO_VIEW]
     hosts: dict[int, int] = {}  # by panel: the viewport whose ranks render its insets too
     for viewport in shows:
-        hosts.setdefault(_panel_of(viewport), viewport.index)
+        hosts.setdefault(viewport.on_panel, viewport.index)
     nodes = [
-        node for viewport in shows for node in panel_nodes(viewport, preset.ranks_per_panel, hosts[_panel_of(viewport)])
+        node for viewport in shows for node in panel_nodes(viewport, preset.ranks_per_panel, hosts[viewport.on_panel])
     ]
     if set(preset.sinks) != {"window"}:
         nodes.append(Tile(op="tile", id="wall", inputs=tuple(f"p{viewport.index}" for viewport in shows)))
     for kind in dict.fromkeys(preset.sinks):
         if kind == "window":
             for panel in wall.panels:
-                own = tuple(f"p{viewport.index}" for viewport in shows if _panel_of(viewport) == panel.index)
+                own = tuple(f"p{viewport.index}" for viewport in shows if viewport.on_panel == panel.index)
                 window, shown = f"window{panel.index}", own[0] if len(own) == 1 else f"views{panel.index}"
                 if len(own) > 1:
                     nodes.append(Tile(op="tile", id=shown, inputs=own, on="panel"))
@@ -32,10 +32,6 @@ def expanded(preset: PresetGraph, wall: Wall) -> NodeGraph:
         else:
             nodes.append(SinkNode(op="sink", id=kind, kind=kind, input="wall"))
     return NodeGraph(compositors=preset.compositors, sync=preset.sync, nodes=tuple(nodes))
-
-
-def _panel_of(viewport: Panel) -> int:
-    return viewport.index if viewport.inset_of is None else viewport.inset_of
 
 
 def _sort_first(panel: Panel, ranks: int, host: int) -> list[Node]:

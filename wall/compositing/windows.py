@@ -12,7 +12,7 @@ from wall.config.displays import WarpFileConfig
 from wall.config.graph import NodeGraph, SinkNode
 from wall.core.data import Rect
 from wall.geometry.panels import Panel, Wall
-from wall.geometry.viewports import panel_rect
+from wall.geometry.rects import panel_rect
 from wall.operators.arrange import Crop
 from wall.operators.base import Node
 from wall.operators.blend_edges import BlendEdges

@@ -11,7 +11,7 @@ from wall.config.graph import GraphConfig, PresetGraph
 from wall.config.sampling import AnySampling, FramelessSampling, SamplingConfig
 from wall.config.scene import SceneConfig
 from wall.config.screens import WallConfig
-from wall.config.views import ViewConfig
+from wall.config.views import MOST_VIEWS, ViewConfig
 from wall.core.fields import Flag, Model, Number, Text, Whole, refusal
 
 
@@ -68,7 +68,7 @@ class Config(Model):
     version: Literal[1] = Field(description="version of this format")
     scene: SceneConfig = Field(description="what is rendered")
     wall: WallConfig = Field(description="where the panels stand")
-    views: Annotated[tuple[ViewConfig, ...], Field(min_length=1, max_length=64)] = Field(
+    views: Annotated[tuple[ViewConfig, ...], Field(min_length=1, max_length=MOST_VIEWS)] = Field(
         description="who looks, from where"
     )
     sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
@@ -81,16 +81,14 @@ class Config(Model):
 
     @model_validator(mode="after")
     def _views_differ(self) -> Config:
-        seen: dict[str, int] = {}
         for k, view in enumerate(self.views):
-            if view.id in seen:
-                came = f"views[{seen[view.id]}] has this id already"
+            before = [other.id for other in self.views[:k]]
+            if view.id in before:
+                came = f"views[{before.index(view.id)}] has this id already"
                 raise refusal(came, accepted="ids that differ", at=("views", k, "id"))
-            seen[view.id] = k
-            if view.camera.follow is not None and view.camera.follow not in list(seen)[:-1]:
-                known = ", ".join(list(seen)[:-1]) or "none is"
+            if view.camera.follow is not None and view.camera.follow not in before:
                 where = ("views", k, "camera", "follow")
-                raise refusal("is no view before this one", accepted=known, at=where)
+                raise refusal("is no view before this one", accepted=", ".join(before) or "none is", at=where)
             if view.camera.follow is not None and view.path is not None:
                 raise refusal("its camera follows another view's", accepted="no path", at=("views", k, "path"))
             if k and view.lens is not None:

@@ -27,6 +27,7 @@ from wall.core.fields import (
 
 DEFAULT_FOV_DEGREES = 45.0
 ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
+MOST_VIEWS = 64
 MOST_STOPS = 20.0  # of exposure: a million times as bright
 
 

@@ -62,6 +62,11 @@ class Panel:
     inset_of: int | None = None  # an inset: index of the panel whose pixels it covers with another view
 
     @property
+    def on_panel(self) -> int:
+        """Index of the panel that it is, or of which it is an inset."""
+        return self.index if self.inset_of is None else self.inset_of
+
+    @property
     def corners(self) -> Float64:
         """(3, 3) rows lower left, lower right, upper left of what the pixels span; metres, wall frame."""
         (x, y), (w, h) = self.screen, self.pixels

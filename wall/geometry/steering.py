@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wall.config.sampling import METHODS
+from wall.config.views import MOST_VIEWS
 from wall.core.data import Camera, Float64
 from wall.core.errors import RemoteProtocolError
 from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal[
     "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus",
-    "select",
-    "undo",
+    "select", "undo",
 ]  # fmt: skip
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -28,7 +28,6 @@ MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
-MOST_VIEWS = 64
 OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index
 NUMBERS: dict[str, tuple[str, ...]] = {
     "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",),
@@ -50,9 +49,8 @@ class Command:
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus. select: pages are to
-    show the parameters of the object at (x, y). undo: the newest edit is taken back. Kinds of OF_ONE_VIEW are for
-    `view` alone.
+    from its top left, is to be in focus. select: pages are to show the parameters of the object at (x, y). undo: the
+    newest edit is taken back. Kinds of OF_ONE_VIEW are for `view` alone.
     """
 
     kind: Kind

@@ -7,7 +7,6 @@ An inset is a Panel in the plane of the one that it lies on, so its rays need no
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import replace
 
 from wall.config.loading import Loaded, nearest
@@ -15,12 +14,7 @@ from wall.config.views import ViewConfig
 from wall.core.data import Rect
 from wall.core.errors import ConfigError
 from wall.geometry.panels import NO_VIEW, Panel, Wall
-
-
-def panel_rect(panel: Panel) -> Rect:
-    """The rectangle of a panel in the virtual screen."""
-    (x, y), (width, height) = panel.screen, panel.pixels
-    return Rect(x=x, y=y, width=width, height=height)
+from wall.geometry.rects import Rects, panel_rect
 
 
 def with_views(loaded: Loaded, wall: Wall) -> Wall:
@@ -42,7 +36,7 @@ def with_views(loaded: Loaded, wall: Wall) -> Wall:
         places = [_on_panel(view, wall, panel) for view in views]
         own = max((k for k, rect in enumerate(places) if rect == whole), default=NO_VIEW)
         parts = {k: rect for k, rect in enumerate(places) if rect is not None and k > own}
-        if own == NO_VIEW and _left(whole, parts.values()):
+        if own == NO_VIEW and Rects(list(parts.values())).left_of(whole):
             wanted = "neither panels nor viewport in the first view, which then fills what others leave"
             problems.append(str(loaded.error(("views", 0), f"no view fills panel {panel.id}", wanted)))
         panels.append(replace(panel, view=own))
@@ -56,14 +50,6 @@ def with_views(loaded: Loaded, wall: Wall) -> Wall:
         raise ConfigError("\n".join(problems))
     insets = [replace(inset, index=len(panels) + k) for k, inset in enumerate(insets)]
     return replace(wall, panels=tuple(panels), insets=tuple(insets))
-
-
-def _left(whole: Rect, parts: Iterable[Rect]) -> list[Rect]:
-    """The parts of a rectangle that none of the others covers."""
-    left = [whole]
-    for part in parts:
-        left = [piece for kept in left for piece in kept.minus(part)]
-    return left
 
 
 def _ids(wall: Wall) -> set[str]:

@@ -20,7 +20,6 @@ from wall.sampling.tiles import Measured
 from wall.scene.needs import needs
 
 SHARE_OF_TIME = 0.2  # at most spent on refreshing the renderer's deep buffer, which may lag behind the displayed one
-
 SURELY_SHOWN = 2  # refreshes after an event, by when displays elsewhere show it too: they accumulate only from there on
 
 

@@ -14,7 +14,7 @@ from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
 from wall.display.base import PanelImage
 from wall.geometry.panels import Wall
-from wall.geometry.viewports import panel_rect
+from wall.geometry.rects import panel_rect
 from wall.operators.kernels import pixels as kernels
 
 _CURVE = srgb_curve()

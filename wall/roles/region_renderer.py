@@ -59,8 +59,8 @@ class RegionRenderer:
             self.image.follow(event)
         self.complete = self.complete and self._all_rest()
 
-    def give_work(self, now: float, free: int, ready: Ready) -> Iterator[Trace | Restart]:
-        """Let idle workers trace, at most `free` of them."""
+    def give_work(self, now: float, ready: Ready) -> Iterator[Trace | Restart]:
+        """Let idle workers trace, one after the other, as far as the caller goes on."""
         event = self.event
         if event is None:
             return
@@ -76,7 +76,7 @@ class RegionRenderer:
         if not event.statistics:
             self._tiles.clear()
         for worker in self._workers:
-            if free <= 0 or not self.has_credit(ready):
+            if not self.has_credit(ready):
                 return
             if worker in self.running or self.rests(worker, now):
                 continue
@@ -84,7 +84,6 @@ class RegionRenderer:
             measure = event.statistics and self._tiles_due[worker].now(now)
             lost, keep = tuple(self._lost.pop(worker, ())), self.image is not None
             yield Trace(worker, event, lost=lost, keep=keep, measure=measure)
-            free -= 1
 
     def has_credit(self, ready: Ready) -> bool:
         """Whether what is traced would be sent at once."""

@@ -109,12 +109,11 @@ class Renderer:
             if region.idle:
                 region.used = max(region.used, least)
         for region in sorted(self.regions, key=lambda region: region.used):
-            for instruction in region.give_work(now, free, self._ready):
+            work = region.give_work(now, self._ready)
+            while free > 0 and (instruction := next(work, None)) is not None:
                 yield instruction
                 if isinstance(instruction, Trace) and not region.rests(instruction.worker, now):
                     free -= 1
-            if free <= 0:
-                return
 
     def _tell_completeness(self, now: float) -> Iterator[Instruction]:
         news = [region.tell_completeness() for region in self.regions]
