@@ -150,12 +150,11 @@ def response(
     """
     from wall.study.live import command, response
 
-    wanted, found = command.configs_of(configs), []
+    runs, found = command.runs_of(configs, methods), []
     with errors.status("measuring") as status:
-        for config in wanted:
-            for method in command.methods_of(methods):
-                status.update(f"measuring {config.stem}, {method}")
-                found.append(response.measure(config, method, edits=edits, name=parameter, out=out))
+        for config, method in runs:
+            status.update(f"measuring {config.stem}, {method}")
+            found.append(response.measure(config, method, edits=edits, name=parameter, out=out))
     for item in response.report(found, out):
         console.print(item)
 
@@ -178,12 +177,11 @@ def views(
     from wall.study.live import command
     from wall.study.live import views as study
 
-    wanted, numbers, found = command.configs_of(configs), study.check_counts(counts), []
+    runs, numbers, found = command.runs_of(configs, methods), study.check_counts(counts), []
     with errors.status("measuring") as status:
-        for config in wanted:
-            for method in command.methods_of(methods):
-                status.update(f"measuring {config.stem}, {method}")
-                found += study.measure(config, method, counts=numbers, repeats=repeats, seconds=seconds, out=out)
+        for config, method in runs:
+            status.update(f"measuring {config.stem}, {method}")
+            found += study.measure(config, method, counts=numbers, repeats=repeats, seconds=seconds, out=out)
     for item in study.report(found, out):
         console.print(item)
 

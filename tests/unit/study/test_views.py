@@ -56,5 +56,6 @@ def test_other_measurements_of_running_walls_name_this_one() -> None:
 
 def test_counts_are_checked() -> None:
     assert check_counts("1, 4,16") == (1, 4, 16)
-    with pytest.raises(ConfigError, match="--counts 0,2: want numbers of views from 1 to 64"):
+    assert check_counts("") == ()
+    with pytest.raises(ConfigError, match="--counts 0: wanted numbers of views from 1 to 64, or nothing"):
         check_counts("0,2")

@@ -1,5 +1,7 @@
 // Numbers on the page: state, facts, table of ranks, latency plot.
 
+import { check, fill } from "./choice.js";
+
 const STALE_S = 3;                // a displayed sample older than this is marked
 const STUCK_MS = 2500;            // the run's own clock stands still this long: it does not answer
 const TRUST_MS = 700;             // what was just asked for is shown until the run had time to say so itself
@@ -108,18 +110,11 @@ export class Readout {
   #buildSamplers(names) {
     if (names.join() === this.#samplers) return;
     this.#samplers = names.join();
-    $("samplers").replaceChildren(...names.map((name, k) => {
-      const label = document.createElement("label");
-      const input = Object.assign(document.createElement("input"), { type: "radio", name: "sampler", value: name });
-      input.onchange = () => this.onsampler(name);
-      label.title = `Sampler ${name} (${k + 1})`;
-      label.append(input, Object.assign(document.createElement("span"), { textContent: name }));
-      return label;
-    }));
+    fill($("samplers"), "sampler", names, (name, k) => `Sampler ${name} (${k + 1})`, (name) => this.onsampler(name));
   }
 
   #showSampler(name) {
-    for (const input of $("samplers").querySelectorAll("input")) input.checked = input.value === name;
+    check($("samplers"), name);
   }
 
   #showRanks(ranks) {

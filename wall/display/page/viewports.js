@@ -1,5 +1,7 @@
 // Which view is steered: Tab goes on to the next one, a drag takes the one beneath the pointer.
 
+import { check, fill } from "./choice.js";
+
 const $ = (id) => document.getElementById(id);
 
 export class Viewports {
@@ -17,15 +19,8 @@ export class Viewports {
     if (views.join() === this.#names.join()) return;
     this.#names = views;
     this.steered = 0;
-    $("steered").replaceChildren(...views.map((name, k) => {
-      const label = document.createElement("label");
-      const input = Object.assign(document.createElement("input"), { type: "radio", name: "steered", value: name });
-      input.checked = k === 0;
-      input.onchange = () => this.steer(k);
-      label.title = `Steer ${name} (tab)`;
-      label.append(input, Object.assign(document.createElement("span"), { textContent: name }));
-      return label;
-    }));
+    fill($("steered"), "steered", views, (name) => `Steer ${name} (tab)`, (_, k) => this.steer(k));
+    check($("steered"), views[0]);
   }
 
   get several() { return this.#names.length > 1; }
@@ -34,7 +29,7 @@ export class Viewports {
 
   steer(view) {
     this.steered = view;
-    for (const [k, input] of [...$("steered").querySelectorAll("input")].entries()) input.checked = k === view;
+    check($("steered"), this.#names[view]);
     this.#wall.outline(this.#places.filter((place) => place.view === view));
   }
 

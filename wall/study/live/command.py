@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from rich.console import RenderableType
 
 from wall.config.sampling import METHODS
 from wall.study import options
+from wall.study.live.cpu_limit import own_cores
 from wall.study.live.rows import FILE, Row
 from wall.study.live.sweep import Outcome
 from wall.study.quality.tables import Table
@@ -34,7 +34,7 @@ def methods_of(text: str) -> tuple[str, ...]:
 
 def cores_of(text: str) -> tuple[float, ...]:
     """Cores, such as 0.5,1,2; all that this process may use if left out. Raises ConfigError."""
-    return options.cores_of(text) if text else (float(len(os.sched_getaffinity(0))),)
+    return options.cores_of(text) if text else (own_cores(),)
 
 
 def configs_of(configs: Iterable[Path]) -> tuple[Path, ...]:
@@ -42,6 +42,11 @@ def configs_of(configs: Iterable[Path]) -> tuple[Path, ...]:
     found = tuple(configs)
     options.check_files(found)
     return found
+
+
+def runs_of(configs: Iterable[Path], methods: str) -> list[tuple[Path, str]]:
+    """Each configuration with each method, in turn. Raises ConfigError."""
+    return [(config, method) for config in configs_of(configs) for method in methods_of(methods)]
 
 
 def report(outcome: Outcome, out: Path) -> Iterator[RenderableType]:

@@ -26,6 +26,11 @@ WANTED = (
 )
 
 
+def own_cores() -> float:
+    """As many as this process may use."""
+    return float(len(os.sched_getaffinity(0)))
+
+
 @contextmanager
 def limited(cores: float) -> Iterator[list[str]]:
     """The words before a command that give it `cores` cores in all. Raises ConfigError, RunError."""

@@ -7,7 +7,6 @@ step with nothing: a light is halved, and is as configured again.
 from __future__ import annotations
 
 import math
-import os
 import shutil
 import threading
 import time
@@ -29,6 +28,7 @@ from wall.roles.editing import editable
 from wall.roles.plan import Plan, make_layout, make_plan
 from wall.scene.parameters import Parameter, named
 from wall.study import json_lines
+from wall.study.live.cpu_limit import own_cores
 from wall.study.live.rewriting import load_without_windows, text_for
 from wall.study.live.runs import IMAGES, START_S, record_wall
 from wall.study.quality.tables import MET, MISSED, Table
@@ -84,7 +84,7 @@ def measure(config: Path, method: str, *, edits: int, name: str, out: Path) -> R
     sender = Sender(folder, parameter, edits)
     seconds = WARM_UP_S + edits * APART_S[1] + END_S
     try:
-        run = record_wall(path, folder, seconds=seconds, cores=_cores(), options=("--still",))
+        run = record_wall(path, folder, seconds=seconds, cores=own_cores(), options=("--still",))
         sender.end()
         found = [1e3 * wait for wait in waits(run.images, sender.sent) if wait is not None]
     finally:
@@ -122,10 +122,6 @@ def without_rests(loaded: Loaded, method: str) -> Loaded:
     views = tuple(view.model_copy(update={"sampling": None}) for view in loaded.config.views)
     own = own.model_copy(update={"rest_s": 0.0})
     return loaded.with_config(loaded.config.model_copy(update={"sampling": own, "views": views}))
-
-
-def _cores() -> float:
-    return float(len(os.sched_getaffinity(0)))
 
 
 class Sender(threading.Thread):

@@ -6,20 +6,19 @@ Walls run as a user starts them. Rates, and each view's share of the renderers' 
 from __future__ import annotations
 
 import math
-import os
 import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 from rich.console import RenderableType
 
 from wall.config.loading import Loaded
-from wall.core.errors import ConfigError
+from wall.config.views import MOST_VIEWS, ViewConfig, ViewportConfig
 from wall.roles.plan import make_layout
-from wall.study import json_lines
+from wall.study import json_lines, options
+from wall.study.live.cpu_limit import own_cores
 from wall.study.live.rewriting import load_without_windows, text_for
 from wall.study.live.runs import run_wall
 from wall.study.quality.tables import MET, MISSED, Table
@@ -73,25 +72,24 @@ def measure(config: Path, method: str, *, counts: Sequence[int], repeats: int, s
 
 def first_alone(loaded: Loaded) -> Loaded:
     """The configuration without all views but the first."""
-    return _with_views(loaded, [loaded.config.views[0].model_dump(exclude_unset=True)])
+    return _with_views(loaded, loaded.config.views[:1])
 
 
 def grid_of(loaded: Loaded, count: int) -> Loaded:
     """So many copies of the first view, side by side and above each other; together they fill the wall."""
-    first = loaded.config.views[0].model_dump(exclude_unset=True)
-    rows = round(math.sqrt(count)) if count > 1 else 1
-    views: list[dict[str, Any]] = []
+    first, views = loaded.config.views[0], list[ViewConfig]()
+    rows = round(math.sqrt(count))
     for row in range(rows):
         across = count * (row + 1) // rows - count * row // rows
         for column in range(across):
-            place = {"left": column / across, "top": row / rows, "width": 1 / across, "height": 1 / rows}
-            views.append(first | {"id": f"view{len(views)}", "viewport": place, "lens": None})
-    return _with_views(loaded, views)
+            place = ViewportConfig(left=column / across, top=row / rows, width=1 / across, height=1 / rows)
+            own = {"id": f"view{len(views)}", "panels": None, "viewport": place, "lens": None}
+            views.append(first.model_copy(update=own))
+    return _with_views(loaded, tuple(views))
 
 
-def _with_views(loaded: Loaded, views: list[dict[str, Any]]) -> Loaded:
-    values = loaded.config.model_dump(exclude_unset=True) | {"views": views}
-    return loaded.with_config(type(loaded.config).model_validate(values))
+def _with_views(loaded: Loaded, views: tuple[ViewConfig, ...]) -> Loaded:
+    return loaded.with_config(loaded.config.model_copy(update={"views": views}))
 
 
 def _run(name: str, method: str, kind: str, loaded: Loaded, seconds: float, out: Path) -> list[Row]:
@@ -101,7 +99,7 @@ def _run(name: str, method: str, kind: str, loaded: Loaded, seconds: float, out:
     folder.mkdir(parents=True)
     path = folder / f"{name}.yaml"
     path.write_text(text_for(loaded, method), encoding="utf-8")
-    run = run_wall(path, folder, seconds=seconds, cores=float(len(os.sched_getaffinity(0))))
+    run = run_wall(path, folder, seconds=seconds, cores=own_cores())
     rows = [
         Row(
             config=name, method=method, kind=kind, views=len(views), view=view.id, weight=view.weight,
@@ -165,8 +163,12 @@ def _grids(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
 
 
 def check_counts(text: str) -> tuple[int, ...]:
-    """Numbers of views from "1,2,4". Raises ConfigError."""
-    parts = [part.strip() for part in text.split(",") if part.strip()]
-    if not all(part.isdigit() and 1 <= int(part) <= 64 for part in parts):
-        raise ConfigError(f"--counts {text}: want numbers of views from 1 to 64 with commas between, or nothing")
-    return tuple(map(int, parts))
+    """Numbers of views, such as 1,2,4; "" none. Raises ConfigError."""
+    wanted = f"numbers of views from 1 to {MOST_VIEWS}, or nothing"
+    return options.each("--counts", text, _count, wanted) if text.strip() else ()
+
+
+def _count(word: str) -> int:
+    if not 1 <= int(word) <= MOST_VIEWS:
+        raise ValueError(word)
+    return int(word)
