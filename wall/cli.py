@@ -13,6 +13,7 @@ from typing import Annotated
 import typer
 
 from wall.cli_measure import measure
+from wall.cli_plan import plan
 from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, write_text
 from wall.core.errors import ConfigError, EditError, WallError
 
@@ -26,6 +27,7 @@ app = typer.Typer(
     "[bold]wall check[/] says what a configuration does before it does it.",
 )
 app.add_typer(measure, name="measure")
+app.command()(plan)
 
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
@@ -46,6 +48,9 @@ def run(
         bool, typer.Option("--until-complete", help="Show time 0 and stop when the image has all its samples")
     ] = False,
     record: Annotated[
+        Path | None, typer.Option(help="Folder for the run's events, such as run.events; wall replay traces them again")
+    ] = None,
+    images: Annotated[
         Path | None, typer.Option(help="Folder that keeps every image shown, lossless: large, for short runs")
     ] = None,
 ) -> None:
@@ -66,6 +71,7 @@ def run(
         until_complete=until_complete,
         still=still or until_complete,
         record=record,
+        images=images,
     )
     with StartProgress(open_page=loaded.config.output.browser.open) as progress:
         outcome = launch.run(loaded, options, progress.say, progress.opened)
@@ -109,6 +115,38 @@ def set_command(
             errors.print("note: wall set --list 'objects.*' shows those of objects", markup=False)
     if undo or any("=" in text for text in assignments or ()):
         console.print(f"set by edit {answer.edit}", markup=False)
+
+
+@app.command()
+def replay(
+    folder: Annotated[Path, typer.Argument(help="What wall run --record wrote", show_default=False)],
+    rank: Annotated[list[int] | None, typer.Option(help="Only this rank; may be given several times")] = None,
+    batch: Annotated[int | None, typer.Option(min=0, help="Show this batch of one --rank")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="FILE.npy for samples of --batch")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; one a core if left out")] = None,
+) -> None:
+    """Trace a recorded run again: the same samples, bit for bit, or an error that names the first batch that differs.
+
+    [bold]wall run configs/demo.yaml --seconds 10 --record run.events[/]
+
+    [bold]wall replay run.events[/], [bold]wall replay run.events --rank 2 --batch 117[/]
+    """
+    from wall.commands.progress import StartProgress
+    from wall.commands.replay import replay as replay_run
+    from wall.commands.replay import replay_one
+
+    ranks = tuple(rank or ())
+    if batch is not None and len(ranks) != 1:
+        raise ConfigError("--batch: wanted exactly one --rank with it")
+    if output is not None and batch is None:
+        raise ConfigError("-o: wanted --batch with it")
+    with StartProgress(open_page=False) as progress:
+        if batch is None:
+            found = list(replay_run(folder, ranks=ranks, jobs=jobs, say=progress.say))
+        else:
+            found = list(replay_one(folder, ranks[0], batch, output, progress.say))
+    for item in found:
+        console.print(item, soft_wrap=isinstance(item, str))
 
 
 @app.command()

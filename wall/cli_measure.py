@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, TypeVar
 
 import typer
 
 from wall.commands.terminal import console, errors, fail, parse_size
+
+T = TypeVar("T")
 
 measure = typer.Typer(no_args_is_help=True, help="Measure this machine and this code.")
 
@@ -148,13 +151,9 @@ def response(
 
     [bold]wall measure response configs/demo.yaml[/]
     """
-    from wall.study.live import command, response
+    from wall.study.live import response
 
-    runs, found = command.runs_of(configs, methods), []
-    with errors.status("measuring") as status:
-        for config, method in runs:
-            status.update(f"measuring {config.stem}, {method}")
-            found.append(response.measure(config, method, edits=edits, name=parameter, out=out))
+    found = _each_run(configs, methods, lambda c, m: [response.measure(c, m, edits=edits, name=parameter, out=out)])
     for item in response.report(found, out):
         console.print(item)
 
@@ -174,14 +173,33 @@ def views(
 
     [bold]wall measure views configs/views/map_inset.yaml[/]
     """
-    from wall.study.live import command
     from wall.study.live import views as study
 
-    runs, numbers, found = command.runs_of(configs, methods), study.check_counts(counts), []
-    with errors.status("measuring") as status:
-        for config, method in runs:
-            status.update(f"measuring {config.stem}, {method}")
-            found += study.measure(config, method, counts=numbers, repeats=repeats, seconds=seconds, out=out)
+    wanted: dict[str, Any] = {"counts": study.check_counts(counts), "repeats": repeats, "seconds": seconds, "out": out}
+    found = _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted))
+    for item in study.report(found, out):
+        console.print(item)
+
+
+@measure.command()
+def balance(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Configurations of walls to run here", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "framed,frameless,adaptive",
+    ranks: Annotated[str, typer.Option(help="Renderers a panel, each in turn")] = "1,2",
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Of the runs with and without balance")] = 3,
+    seconds: Annotated[float, typer.Option(min=4.0, max=600.0, help="Of each run")] = 12.0,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/balance"),
+) -> None:
+    """Measure how evenly renderers are loaded, with borders that move and without.
+
+    [bold]wall measure balance configs/balance.yaml[/]
+    """
+    from wall.study.live import balance as study
+
+    wanted: dict[str, Any] = {"ranks": study.check_ranks(ranks), "repeats": repeats, "seconds": seconds, "out": out}
+    found = _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted))
     for item in study.report(found, out):
         console.print(item)
 
@@ -243,3 +261,36 @@ def noise(
             found = [points.measure_points(config, size=pixels, counts=counts, say=status.update) for config in configs]
             table = report.report_points([row for rows in found for row in rows], out)
     console.print(table)
+
+
+@measure.command()
+def page(
+    address: Annotated[str, typer.Argument(help="Of the page of a wall that runs", show_default=False)],
+    seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="Of each of the two")] = 10.0,
+    drawing: Annotated[float, typer.Option(min=0.0, max=10.0, help="Seconds that a viewer takes to draw")] = 0.0,
+) -> None:
+    """Measure the bytes that a page gets as images, then as samples of which it makes the images itself.
+
+    [bold]wall measure page http://127.0.0.1:8800/[/]
+    """
+    from wall.core.errors import RunError
+    from wall.display.viewer import watch
+
+    for display in ("images", "samples"):
+        try:
+            got = watch(address, display=display, seconds=seconds, drawing_s=drawing)
+        except RunError as error:
+            fail(str(error))
+        console.print(f"{display}: {got.words()}")
+
+
+def _each_run(configs: list[Path], methods: str, measured: Callable[[Path, str], list[T]]) -> list[T]:
+    """The rows of each configuration under each method, with a line that says which one is measured."""
+    from wall.study.live import command
+
+    found: list[T] = []
+    with errors.status("measuring") as status:
+        for config, method in command.runs_of(configs, methods):
+            status.update(f"measuring {config.stem}, {method}")
+            found += measured(config, method)
+    return found

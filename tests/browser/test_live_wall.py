@@ -26,14 +26,23 @@ views: [{id: main, camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, refres
 sampling: {method: frameless, samples_per_batch: 512}
 graph: {preset: sort-first, sinks: [browser, png]}
 """
+WITH_SAMPLES = "output: {browser: {samples: true}}\n"
 PATIENCE_S = 30.0
+PIXELS = """(c) => { const copy = new OffscreenCanvas(c.width, c.height), context = copy.getContext('2d');
+  context.drawImage(c, 0, 0); return [...context.getImageData(0, 0, c.width, c.height).data]; }"""
 
 
 @pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
+def more() -> str:
+    """What the configuration says beside CONFIG."""
+    return ""
+
+
+@pytest.fixture
+def address(tmp_path: Path, more: str) -> Iterator[str]:
     """The page's address of a still wall of two panels."""
     config = tmp_path / "wall.yaml"
-    config.write_text(CONFIG, encoding="utf-8")
+    config.write_text(CONFIG + more, encoding="utf-8")
     process = start("run", config, "--still", "--out", tmp_path / "out", "--seconds", 60)
     yield page_of(process)
     process.terminate()
@@ -94,8 +103,16 @@ def test_dragging_turns_the_scene_and_reset_brings_it_back(page: Any, address: s
     assert changed(before, turned) >= 0.05
 
 
-def test_other_sampler_shows_the_same_still_scene(page: Any, address: str) -> None:
-    frameless = settled(address)
+def test_a_quiet_wall_sends_the_page_nothing_and_another_sampler_shows_the_same(page: Any, address: str) -> None:
+    """Once the picture rests, what came as JPEG follows without losses; then not a byte of an image comes."""
+    frameless, deadline = settled(address), time.monotonic() + PATIENCE_S
+    before, sent = -1, status(address)["page_bytes"]
+    while sent != before:  # for twice as long as a panel must rest
+        assert time.monotonic() < deadline, "bytes never stopped"
+        time.sleep(1.0)
+        before, sent = sent, status(address)["page_bytes"]
+    assert sent > 0
+    assert canvases(page, frameless)
 
     page.keyboard.press("2")
     deadline = time.monotonic() + PATIENCE_S
@@ -104,6 +121,37 @@ def test_other_sampler_shows_the_same_still_scene(page: Any, address: str) -> No
     framed = settled(address)
 
     assert changed(frameless, framed) == 0.0
+
+
+def canvases(page: Any, image: NDArray[np.int16]) -> bool:
+    """Whether every canvas is a part of the wall's image, byte for byte."""
+    found = [canvas.evaluate(PIXELS) for canvas in page.query_selector_all(".panel canvas")]
+    panels = [np.array(pixels, np.int16).reshape(120, 160, 4)[..., :3] for pixels in found]
+    places = range(image.shape[1] - 159)
+    return all(any(np.array_equal(panel, image[:120, x : x + 160]) for x in places) for panel in panels)
+
+
+@pytest.mark.parametrize("more", [WITH_SAMPLES])
+def test_a_page_that_gets_samples_makes_the_wall_s_image_byte_for_byte(page: Any, address: str) -> None:
+    """Through motion, which scatters samples; adaptive samples come as images, and the others again."""
+    words = "(start) => document.getElementById('display-words').textContent.startsWith(start)"
+    page.keyboard.press("s")
+    page.wait_for_function(words, arg="Made by this page", timeout=1000 * PATIENCE_S)
+    page.keyboard.press("Space")
+    deadline = time.monotonic() + PATIENCE_S
+    while status(address)["seconds"] < 3.0 or not status(address)["refreshes_per_s"]:
+        assert time.monotonic() < deadline, "nothing moved"
+    page.keyboard.press("Space")
+    while not canvases(page, settled(address)):
+        assert time.monotonic() < deadline, "the page never showed the wall's image"
+
+    page.locator("#samplers input[value=adaptive]").check(force=True)
+    page.wait_for_function(words, arg="Images come: the wall reprojects", timeout=1000 * PATIENCE_S)
+    page.locator("#samplers input[value=framed]").check(force=True)
+    page.wait_for_function(words, arg="Made by this page", timeout=1000 * PATIENCE_S)
+    deadline = time.monotonic() + PATIENCE_S
+    while not canvases(page, settled(address)):
+        assert time.monotonic() < deadline, "the page never showed the wall's image again"
 
 
 def test_two_samplers_run_at_once_and_maps_of_their_samples_are_shown(page: Any, address: str) -> None:

@@ -100,10 +100,11 @@ def test_values_follow_edits_by_others_and_the_button_takes_them_back(panel, sou
     assert row.locator("button").is_disabled()
 
 
-def test_brackets_expose_by_thirds_of_a_stop(page, source):
-    for key in ("]", "]", "["):
+def test_brackets_expose_by_thirds_of_a_stop_and_periods_seek_by_half_a_second(page, source):
+    for key in ("]", "]", "[", ".", ","):
         page.keyboard.press(key)
-    eventually(page, lambda: len(source.received) == 3, "all keys came")
+    eventually(page, lambda: len(source.received) == 5, "all keys came")
+    assert [c["x"] for c in source.received if c["kind"] == "seek"] == [0.5, -0.5]
     assert [round(3 * c["x"]) for c in source.received if c["kind"] == "expose"] == [1, 1, -1]
     assert math.isclose(source.received[0]["x"], 1 / 3)
 

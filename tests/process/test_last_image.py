@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from running import panels, wall, write_config
 
 from wall.commands.render import render
@@ -40,3 +41,35 @@ def test_last_image_of_a_moving_wall_is_of_one_moment_at_all_compositors(tmp_pat
     assert errors.min(axis=1).max() < ALIKE
     left, right = moments[errors.argmin(axis=1)]
     assert abs(left - right) < AHEAD_S / 2
+
+
+FILES_ELSEWHERE = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 2, rows: 1, pixels: [64, 48], size: [0.4, 0.3], bezel: 0.01}}
+views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, refresh_hz: 30}]
+sampling: {method: frameless, samples_per_batch: 256}
+transport: {lost_after_s: 10}
+graph:
+  compositors: 2
+  nodes:
+    - {id: s0, op: samples, panel: r0c0}
+    - {id: s1, op: samples, panel: r0c1, on: host elsewhere}
+    - {id: p0, op: reconstruct, input: s0, on: compositor 1}
+    - {id: p1, op: reconstruct, input: s1, on: compositor 1}
+    - {id: w, op: tile, inputs: [p0, p1], on: head}
+    - {id: here, op: sink, kind: png, input: w}
+    - {id: there, op: sink, kind: png, input: p1, on: compositor 1}
+    - {id: kept, op: sink, kind: recorder, input: p0, on: compositor 1}
+"""
+
+
+def test_files_are_written_where_their_sinks_run(tmp_path: Path) -> None:
+    config, out = tmp_path / "wall.yaml", tmp_path / "out"
+    config.write_text(FILES_ELSEWHERE, encoding="utf-8")
+    done = wall("run", config, "--headless", "--until-complete", "--seconds", 60, "--out", out)
+    assert done.returncode == 0, done.stderr
+    here, there = (np.asarray(Image.open(path)) for path in (out / "here/panel-r0c1.png", out / "panel-r0c1.png"))
+    assert here.std() > 10
+    assert np.array_equal(here, there)
+    assert list((out / "recording").glob("*.jpg"))

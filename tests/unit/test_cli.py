@@ -27,6 +27,7 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall",
         "wall.cli",
         "wall.cli_measure",
+        "wall.cli_plan",
         "wall.core",
         "wall.core.errors",
         "wall.commands",

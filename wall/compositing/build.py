@@ -7,6 +7,7 @@ the YAML file.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from wall.compositing import checks
 from wall.compositing.channels import computes, find_channels, find_encoded, find_orders
@@ -28,14 +29,16 @@ from wall.operators.base import Node, Operator
 def build(loaded: Loaded, wall: Wall) -> Graph:
     """Expand a preset, check the nodes, plan. Raises ConfigError with all that is wrong."""
     config = loaded.config.graph
-    written = not isinstance(config, PresetGraph)
+    written, balanced = not isinstance(config, PresetGraph), False
     if isinstance(config, PresetGraph):
+        balanced = config.balance
         config = _expanded(loaded, config, wall)
     refusals = Refusals(loaded, config.nodes, written=written)
     check_structure(config.nodes, refusals)
     checks.check_panels_exist(config.nodes, wall, refusals)
     refusals.raise_any()
-    graph = _planned(config, wall, refusals)
+    graph = replace(_planned(config, wall, refusals), balanced=balanced)
+    checks.check_balance_fits(loaded, graph, wall)
     checks.check_sync_fits(loaded, config, refusals)
     checks.check_compares_panels(graph, refusals)
     checks.check_compares_times(graph, refusals)
@@ -48,7 +51,7 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     rects = {step.node.id: step.rect for step in graph.steps}
     shown = {step.node.id: tuple(wall.panels[k] for k in step.panels) for step in graph.steps}
     config = with_windows(config, wall, rects, shown)
-    return _planned(config, wall, Refusals(loaded, config.nodes, written=False))
+    return replace(_planned(config, wall, Refusals(loaded, config.nodes, written=False)), balanced=balanced)
 
 
 def _expanded(loaded: Loaded, config: PresetGraph, wall: Wall) -> NodeGraph:
@@ -79,7 +82,7 @@ def _planned(config: NodeGraph, wall: Wall, refusals: Refusals) -> Graph:
     channels = find_channels(order, refusals)
     encoded = find_encoded(order, channels, refusals)
     orders = find_orders(order, refusals)
-    placement = Placement(config, wall, refusals)
+    placement = Placement(config, wall, ranks, refusals)
     held = covering.panels
     rank_of = placement.find(order, held)
     refusals.raise_any()

@@ -8,9 +8,10 @@ from graphlib import CycleError, TopologicalSorter
 from wall.compositing.graph import Graph
 from wall.compositing.refusals import Refusals
 from wall.compositing.structure import input_path
-from wall.config.graph import FrameSync, NodeGraph, SinkNode
+from wall.config.graph import FrameSync, NodeGraph, PresetGraph, SinkNode
 from wall.config.loading import Loaded, nearest
 from wall.geometry.panels import Wall
+from wall.geometry.strips import LEAST_ROWS
 from wall.operators.base import Node
 
 
@@ -69,6 +70,19 @@ def check_windows_are_apart(graph: Graph, config: NodeGraph, wall: Wall, refusal
             other, panel = first[step.rank, twice[0]], wall.panels[twice[0]].id
             came = f"panel {panel} has a window there already, that of {other}"
             refusals.add(node, ["input"], came, f"panels without a window on the same rank, or no {other}")
+
+
+def check_balance_fits(loaded: Loaded, graph: Graph, wall: Wall) -> None:
+    """Refuse `balance` where borders cannot move. Raises ConfigError."""
+    if not graph.balanced:
+        return
+    path, config = ("graph", "balance"), loaded.config.graph
+    assert isinstance(config, PresetGraph)
+    if config.preset != "sort-first" or graph.sync != "none" or len(loaded.config.views) > 1:
+        raise loaded.error(path, "borders move between parts of one picture", "sort-first, sync: none, one view")
+    most = graph.strips(wall).most_ranks
+    if graph.renderers > most:
+        raise loaded.error(path, f"{graph.renderers} renderers for {most} strips of {LEAST_ROWS} rows", f"up to {most}")
 
 
 def check_compares_panels(graph: Graph, refusals: Refusals) -> None:

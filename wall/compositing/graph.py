@@ -13,6 +13,7 @@ from wall.config.graph import FrameSync, SinkNode
 from wall.core.data import CHANNELS, Channels, Rect, Region
 from wall.geometry.panels import Wall
 from wall.geometry.regions import panel_regions
+from wall.geometry.strips import Strips
 from wall.operators.base import Node
 
 
@@ -64,12 +65,16 @@ class Graph:
     compositors: int  # the head among them
     hosts: dict[int, str] = field(default_factory=dict)  # wanted machines, by rank
     sync: FrameSync | Literal["none"] = "none"
+    balanced: bool = False  # regions are strips, and move with what they cost
 
     def regions(self, wall: Wall) -> tuple[tuple[Region, ...], ...]:
         """The regions of every renderer, in rank order: one of each view that it renders.
 
         Raises ConfigError: regions too large, or too many ranks.
         """
+        if self.balanced:
+            strips = self.strips(wall)
+            return strips.regions(strips.evenly(self.renderers))
         found: dict[int, list[Region]] = {}
         for layer in self.layers:
             rects = panel_regions(wall.viewports[layer.panel], len(layer.ranks))
@@ -77,6 +82,15 @@ class Graph:
                 region = Region(layer=layer.index, panel=layer.panel, rect=rect, view=layer.view)
                 found.setdefault(rank, []).append(region)
         return tuple(tuple(found[rank]) for rank in sorted(found))
+
+    def strips(self, wall: Wall) -> Strips:
+        """The layers as panels that strips are cut of."""
+        whole = [
+            Region(layer=layer.index, panel=layer.panel, rect=rect, view=layer.view)
+            for layer in self.layers
+            for rect in panel_regions(wall.viewports[layer.panel], 1)
+        ]
+        return Strips(tuple(whole))
 
     @property
     def renderers(self) -> int:

@@ -24,11 +24,15 @@ _ON = re.compile(r"(head|panel)|(rank|compositor) +(\d{1,5})|host +(\S+)")
 class Placement:
     """Finds the rank of each node; `hosts` grows with the hosts that nodes name."""
 
-    def __init__(self, config: NodeGraph, wall: Wall, refusals: Refusals) -> None:
-        self._config, self._refusals = config, refusals
+    def __init__(
+        self, config: NodeGraph, wall: Wall, renderers: Mapping[str, tuple[int, ...]], refusals: Refusals
+    ) -> None:
+        """`renderers`: the ranks of every samples node."""
+        self._config, self._ranks, self._refusals = config, renderers, refusals
         dealt = deal(wall, config.compositors)
         self.panel = tuple(dealt[viewport.on_panel] for viewport in wall.viewports)  # by index there
         self.hosts: dict[int, str] = {}  # wanted, by rank
+        self._renderer_hosts: dict[int, str] = {}  # likewise, apart while compositors are looked for
         wanted: dict[int, set[str | None]] = {}
         for panel in wall.panels:
             wanted.setdefault(self.panel[panel.index], set()).add(panel.config.host)
@@ -46,8 +50,9 @@ class Placement:
                 continue
             rank = asked.get(node.id)
             found[node.id] = rank if rank is not None else self._chosen(node, found, panels[node.id])
-        self._sinks_at_the_head(order, found)
+        self._pages_at_the_head(order, found)
         self._all_work(found)
+        self.hosts |= self._renderer_hosts
         return found
 
     def _chosen(self, node: Node, found: Mapping[str, int], panels: frozenset[int]) -> int:
@@ -65,7 +70,13 @@ class Placement:
         assert node.on is not None
         match = _ON.fullmatch(node.on)
         if isinstance(node, SamplesNode):
-            self._refusals.add(node, ["on"], "samples come from renderers", "rank: N, or group: NAME, instead of on")
+            if match is None or match[4] is None:
+                accepted = "host NAME; or rank: N, or group: NAME, instead of on"
+                self._refusals.add(node, ["on"], "samples come from renderers", accepted)
+            elif node.ranks_of is not None:
+                self._refusals.add(node, ["on"], f"its ranks are those of {node.ranks_of}", "`on` there")
+            else:
+                self._renderer_hosts |= dict.fromkeys(self._ranks.get(node.id, ()), match[4])
             return None
         if node.on == AT_RENDERER and isinstance(node, ReconstructNode):
             return self._chosen(node, {}, panels)  # where its image goes
@@ -112,10 +123,10 @@ class Placement:
         self.hosts[free[0]] = host
         return free[0]
 
-    def _sinks_at_the_head(self, order: Sequence[Node], found: Mapping[str, int]) -> None:
+    def _pages_at_the_head(self, order: Sequence[Node], found: Mapping[str, int]) -> None:
         for node in order:
-            if isinstance(node, SinkNode) and node.kind != "window" and found[node.id] != HEAD:
-                self._refusals.add(node, ["on"], f"a {node.kind} sink runs on the head", "head, or kind: window")
+            if isinstance(node, SinkNode) and node.kind == "browser" and found[node.id] != HEAD:
+                self._refusals.add(node, ["on"], "the page is served by the head, which knows how all are", "head")
 
     def _all_work(self, found: Mapping[str, int]) -> None:
         idle = sorted(set(range(1, self._config.compositors)) - set(found.values()))

@@ -128,6 +128,11 @@ class PresetGraph(Model):
     ranks_per_panel: Ranks = Field(default=1, description="renderers that share one panel")
     compositors: Ranks = Field(default=1, description="processes that fold samples into images, the head among them")
     sync: Sync = Field(default="none")
+    balance: bool = Field(
+        default=False,
+        description="whether borders between renderers, of all panels, follow what rendering costs; for sort-first, "
+        "one view, sync: none",
+    )
     sinks: Annotated[tuple[SinkKind, ...], Field(min_length=1, max_length=4)] = Field(
         default=("browser", "png"), description="where the images end"
     )

@@ -48,6 +48,9 @@ class BrowserConfig(Model):
     )
     port: Annotated[Whole, Ge(0), Le(65535)] = Field(default=0, description="port of the page; 0 = any free one")
     open: Flag = Field(default=True, description="open the page where there is a desktop")
+    samples: Flag = Field(
+        default=False, description="samples travel to the head even on one machine, so that pages can ask for them"
+    )
 
 
 class OutputConfig(Model):

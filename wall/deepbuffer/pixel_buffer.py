@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wall.core.data import Batch, Float32, Float64
+from wall.core.data import Batch, Float32, Float64, Rect
 from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
@@ -28,6 +29,7 @@ class PixelBuffer:
         self.records = np.zeros((height, width), kernels.PIXEL)
         self.records["time"], self.records["depth"] = -np.inf, np.inf
         self._dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)
+        self.changed: NDArray[np.bool_] | None = None  # (h, w): pixels that got samples, while somebody notes them
         self.frames: dict[int, tuple[int, int]] = {}  # by rank: the event of the newest whole frame
         self._back: dict[int, _Frame] = {}  # by rank: the frame that is being put together
 
@@ -44,10 +46,10 @@ class PixelBuffer:
             return
         order = (batch.camera_event, batch.scene_event, batch.frame)
         frame = self._back.get(batch.rank)
-        if frame is None or order > frame.order:
+        if frame is None or order > frame.order or batch.rect != frame.rect:
             if frame is not None and frame.batches:
                 self.counters["frame_incomplete"] += frame.arrived
-            frame = self._back[batch.rank] = _Frame(order, self.width, self.height)
+            frame = self._back[batch.rank] = _Frame(order, batch.rect, self.width, self.height)
         if order < frame.order or frame.shown:
             self.counters["late"] += len(batch.samples)
             return
@@ -64,6 +66,8 @@ class PixelBuffer:
             batch.samples, batch.base_time, key, np.float32(batch.blend), self.records, self._dirty, complete_at
         )
         self.counters += Counter(late=late, outside=outside)
+        if self.changed is not None:
+            self.changed.reshape(-1)[_pixels_of(batch, self.width, self.height)] = True
         shown = len(batch.samples) - late - outside
         self.samples_shown += shown
         if shown and (batch.camera_event, batch.scene_event) > self.newest_event:
@@ -73,6 +77,8 @@ class PixelBuffer:
         """Show an image until samples come: `radiance` (h, w, 3) of pixels traced at `times` (h, w), -inf = never."""
         self.records["shown"], self.records["time"] = radiance, times
         self.records["count"] = np.isfinite(times)
+        if self.changed is not None:
+            self.changed[:] = True
 
     def take_dirty(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """(rows, columns) bool of 16-pixel tiles changed since the last call."""
@@ -86,6 +92,14 @@ class PixelBuffer:
         return float("inf") if never else max(0.0, now - float(least))
 
 
+def _pixels_of(batch: Batch, width: int, height: int) -> NDArray[np.int64]:
+    """The pixels, y * width + x, in which samples lie; those outside are left out."""
+    x, y = np.floor(batch.samples["xy"]).astype(np.int64).T
+    inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    pixels: NDArray[np.int64] = (y * width + x)[inside]
+    return pixels
+
+
 class _Frame:
     """A double-buffered frame under way: its batches, shown together when every pixel is there.
 
@@ -93,7 +107,8 @@ class _Frame:
     frame that has holes. Frames are ordered by their event first: a rank that starts again counts from 1.
     """
 
-    def __init__(self, order: tuple[int, int, int], width: int, height: int) -> None:
+    def __init__(self, order: tuple[int, int, int], rect: Rect, width: int, height: int) -> None:
+        self.rect = rect  # of the renderer's region
         self.order, self.arrived, self.shown = order, 0, False
         self.batches: list[Batch] = []
         self._sequences: set[int] = set()
@@ -107,9 +122,7 @@ class _Frame:
             self.batches.append(batch)
             self._skipped += batch.skipped
             self.arrived += len(batch.samples) + batch.skipped
-            x, y = np.floor(batch.samples["xy"]).astype(np.int64).T
-            inside = (x >= 0) & (y >= 0) & (x < self._width) & (y < self._height)
-            pixels = (y * self._width + x)[inside]
+            pixels = _pixels_of(batch, self._width, self._height)
             fresh = np.unique(pixels[~self._seen[pixels]])
             self._seen[fresh] = True
             self._pixels += len(fresh)

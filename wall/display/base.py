@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import StatisticsImage
+from wall.core.data import Float32, StatisticsImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +24,17 @@ class PanelImage:
     screen: tuple[int, int]  # x, y of its top left pixel in the virtual screen
     version: int  # grows whenever rgb changes
     span: tuple[int, int] | None = None  # width and height there; None: its pixels
+    tiles: NDArray[np.int64] | None = None  # (rows, columns): the version in which each last changed; see tiles.py
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PanelSamples:
+    """Samples that changed a panel since its image before: of each pixel the newest. The first are of every pixel."""
+
+    panel: int  # index in WallImage.panels
+    pixels: NDArray[np.int64]  # (n,) y * width + x, each once
+    radiance: Float32  # (n, 3) linear RGB; what its pixel shows, where a sampler averages several samples
+    stops: float  # exposure of the image
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +50,7 @@ class WallImage:
     scene_time: float = 0.0  # of that event, seconds
     compared: tuple[PanelImage, ...] = ()  # second images of the panels, while two samplers are compared
     statistics_images: tuple[StatisticsImage, ...] = ()  # while a viewer shows them; the same object until they change
+    samples: tuple[PanelSamples, ...] = ()  # of every panel that has some, while a sink wants them; else it is left out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,3 +121,12 @@ class Steered(Sink, Protocol):
 
     def commands(self) -> list[dict[str, Any]]:
         """What viewers asked for since the last call."""
+
+
+@runtime_checkable
+class TakesSamples(Sink, Protocol):
+    """A sink that can make images of samples."""
+
+    @property
+    def wants_samples(self) -> bool:
+        """Whether it wants WallImage.samples now."""

@@ -11,7 +11,7 @@ import contextlib
 import errno
 import socket
 import threading
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -25,13 +25,13 @@ from PIL import Image
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.display.base import PanelImage, ParameterState, Status, WallImage
+from wall.display.parts import Held, Part, part_of
 from wall.display.png import QUICK, whole_wall
+from wall.display.sample_store import SampleStore
 from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
 from wall.display.stream import (
-    encode_jpeg,
     image_message,
     layout_message,
-    panel_message,
     parameters_message,
     statistics_message,
     status_message,
@@ -64,12 +64,13 @@ _Shown = tuple[bool, int]  # second image of two that are compared, panel
 class _Viewer:
     socket: web.WebSocketResponse
     wake: asyncio.Event = field(default_factory=asyncio.Event)
-    versions: dict[_Shown, int] = field(default_factory=dict)  # of every panel's images, as last sent
+    held: dict[_Shown, Held] = field(default_factory=lambda: defaultdict(Held))
     in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
     number: int = 0
     told: tuple[bool, str, str] | None = None  # paused, sampler, compared one, as last sent
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
+    samples: bool = False  # it makes images itself, of what samples there are
     statistics_images: tuple[StatisticsImage, ...] = ()  # as last sent
     parameters: tuple[ParameterState, ...] = ()  # as last sent
 
@@ -82,21 +83,30 @@ class Browser:
     """
 
     def __init__(
-        self, host: str, port: int, wall: Wall, *, views: Sequence[str] = ("main",), max_viewers: int = MAX_VIEWERS
+        self,
+        host: str,
+        port: int,
+        wall: Wall,
+        *,
+        views: Sequence[str] = ("main",),
+        why_images: Sequence[str] = (),
+        max_viewers: int = MAX_VIEWERS,
     ) -> None:
-        """`views`: their names; port 0 takes any free one.
+        """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
 
         Raises RunError naming host and port when they cannot be had.
         """
         self._host, self._port, self._max_viewers = host, port, max_viewers
-        self._layout = layout_message(wall, views)
+        self._layout = layout_message(wall, views, why_images)
         self._names = _own_names(host)
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
         self._counters = Counter[str]()
-        self._jpegs: dict[_Shown, tuple[int, bytes]] = {}  # version, JPEG; the encoder's own
+        self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
+        self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, bytes]]] = {}  # by Part.key; the encoder's own
         self._statistics_wanted = False  # as last told by `commands`
+        self.sent_bytes = 0  # of images and samples, to all viewers
         self._encoder = ThreadPoolExecutor(1, thread_name_prefix="browser-encoder")
         self._loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
@@ -107,6 +117,10 @@ class Browser:
 
     def show(self, image: WallImage, status: Status) -> None:
         """Hand the newest image to all viewers."""
+        stores = {new.panel: self._stores.get(new.panel) or _store(image.panels[new.panel]) for new in image.samples}
+        for new in image.samples:
+            stores[new.panel].take(new, image.panels[new.panel].rgb)
+        self._stores = stores
         self._newest = (image, status)
         if self._viewers:
             self._call(self._wake_viewers)
@@ -121,6 +135,11 @@ class Browser:
             self._statistics_wanted = watching
             taken.append({"kind": "statistics", "value": "on" if watching else ""})
         return taken
+
+    @property
+    def wants_samples(self) -> bool:
+        """Whether a viewer makes the images itself."""
+        return any(viewer.samples for viewer in tuple(self._viewers))
 
     def dropped(self) -> dict[str, int]:
         """Requests, messages and commands that were refused so far, by name."""
@@ -204,7 +223,8 @@ class Browser:
     async def _status_json(self, request: web.Request) -> web.Response:
         if self._newest is None:
             raise web.HTTPServiceUnavailable(text="no image yet\n")
-        text = status_message(self._newest[1], viewers=len(self._viewers), page_dropped=self.dropped())
+        page = {"viewers": len(self._viewers), "page_bytes": self.sent_bytes, "page_dropped": self.dropped()}
+        text = status_message(self._newest[1], **page)
         return web.Response(text=text, content_type="application/json")
 
     async def _wall_png(self, request: web.Request) -> web.Response:
@@ -247,6 +267,9 @@ class Browser:
             self._drawn(viewer, message["number"])
         elif message["kind"] == "overlay":
             viewer.overlay, viewer.statistics_images = message["value"], ()
+        elif message["kind"] == "display":
+            viewer.samples = message["value"] == "samples"
+            viewer.held.clear()  # a page that asks begins anew
         elif len(self._commands) >= MAX_COMMANDS:
             self._counters["browser_command_overflow"] += 1
         else:
@@ -292,24 +315,42 @@ class Browser:
                 await viewer.socket.send_bytes(statistics_message(statistics_image, viewer.overlay))
         panels = {(False, k): p for k, p in enumerate(image.panels)}
         panels |= {(True, k): p for k, p in enumerate(image.compared)}
-        changed = {shown: p for shown, p in panels.items() if viewer.versions.get(shown) != p.version}
-        if not changed:
+        stores = {(False, k): store for k, store in self._stores.items()} if viewer.samples else {}
+        now, parts = self._loop.time(), dict[_Shown, Part]()
+        held = {shown: viewer.held[shown] for shown in panels}  # those of now: a page may begin anew meanwhile
+        for shown, panel in panels.items():
+            if part := part_of(held[shown], panel, stores.get(shown), now):
+                parts[shown] = part
+        if not parts:
             return
         viewer.number += 1
         viewer.in_flight.append(viewer.number)
-        encoded = await self._loop.run_in_executor(self._encoder, self._encode, changed)
-        await viewer.socket.send_str(image_message(image, panels=len(changed), number=viewer.number))
-        for (shown, panel), jpeg in zip(changed.items(), encoded, strict=True):
+        encoded = await self._loop.run_in_executor(self._encoder, self._encode, parts)
+        await viewer.socket.send_str(image_message(image, panels=len(parts), number=viewer.number))
+        for (shown, part), (version, data) in zip(parts.items(), encoded, strict=True):
             compared, k = shown
-            await viewer.socket.send_bytes(panel_message(k, panel, jpeg=jpeg, number=viewer.number, compared=compared))
-            viewer.versions[shown] = panel.version
+            await viewer.socket.send_bytes(
+                part.message(k, compared=compared, encoded=data, version=version, number=viewer.number)
+            )
+            self.sent_bytes += len(data)
+            part.sent(held[shown], version, now)
 
-    def _encode(self, changed: dict[_Shown, PanelImage]) -> list[bytes]:
-        """JPEGs of the changed panels; one version is compressed once, however many watch it."""
-        for shown, panel in changed.items():
-            if self._jpegs.get(shown, (None,))[0] != panel.version:
-                self._jpegs[shown] = (panel.version, encode_jpeg(panel))
-        return [self._jpegs[shown][1] for shown in changed]
+    def _encode(self, parts: dict[_Shown, Part]) -> list[tuple[int, bytes]]:
+        """Versions and bytes of parts, encoded once, however many viewers get them."""
+        made = []
+        for shown, part in parts.items():
+            encoded = self._encoded.get(shown, {})
+            own = part.key  # once: that of samples changes meanwhile
+            if not any(key[0] == own[0] for key in encoded):  # of other versions
+                self._encoded[shown] = encoded = {}
+            if own not in encoded:
+                encoded[own] = part.encode()
+            made.append(encoded[own])
+        return made
+
+
+def _store(panel: PanelImage) -> SampleStore:
+    return SampleStore(panel.rgb.shape[1], panel.rgb.shape[0])
 
 
 def _own_names(host: str) -> frozenset[str]:

@@ -1,4 +1,4 @@
-"""Keep every image that the head shows, lossless, with the moment it was shown: `wall run --record FOLDER`.
+"""Keep every image that the head shows, lossless, with the moment it was shown: `wall run --images FOLDER`.
 
 FOLDER/images.raw holds the panels one after the other, each h * w * 3 bytes of sRGB, only those that changed.
 FOLDER/index.jsonl holds a first line about the run, a line for each panel kept, and a last line with what keeping cost.

@@ -12,6 +12,7 @@ from wall.geometry.steering import parse
 
 MAX_MESSAGE_BYTES = 1024  # the longest honest message has about 80
 OVERLAYS = ("", "tiles", "age", "density")
+DISPLAYS = ("images", "samples")  # what a page is sent
 MAX_NUMBER = 2**53  # the largest whole number that a page can count to
 NOT_FROM_PAGES = ("statistics",)  # commands that a compositor sends, for the overlays of its pages
 
@@ -20,7 +21,8 @@ def parse_message(text: str) -> dict[str, Any]:
     """Checks one message of a page and returns it as a dict with exactly the fields of its kind.
 
     A message is a steering command (see geometry.steering.parse), what the page lays over its image (`overlay`, one
-    of OVERLAYS), or `shown` with the number of the image it has drawn. Raises RemoteProtocolError for anything else.
+    of OVERLAYS), what it wants to be sent (`display`, one of DISPLAYS), or `shown` with the number of the image it has
+    drawn. Raises RemoteProtocolError for anything else.
     """
     if len(text) > MAX_MESSAGE_BYTES:
         raise RemoteProtocolError(f"page message: {len(text)} characters, at most {MAX_MESSAGE_BYTES}")
@@ -32,6 +34,9 @@ def parse_message(text: str) -> dict[str, Any]:
     if kind == "overlay":
         valid = set(message) == {"kind", "value"} and message["value"] in OVERLAYS
         wanted = f"a value of {', '.join(OVERLAYS[1:])}, or nothing"
+    elif kind == "display":
+        valid = set(message) == {"kind", "value"} and message["value"] in DISPLAYS
+        wanted = f"a value of {', '.join(DISPLAYS)}"
     elif kind == "shown":
         number = message.get("number")
         valid = set(message) == {"kind", "number"} and type(number) is int and 0 <= number <= MAX_NUMBER
@@ -40,7 +45,7 @@ def parse_message(text: str) -> dict[str, Any]:
         valid, wanted = kind not in NOT_FROM_PAGES, "a command of a page"
     if not valid:
         raise RemoteProtocolError(f"page message {text[:60]!r}: want {wanted}")
-    if kind not in ("overlay", "shown"):
+    if kind not in ("overlay", "display", "shown"):
         try:
             parse(message)
         except RemoteProtocolError as error:

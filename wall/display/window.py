@@ -40,16 +40,16 @@ class WindowSink:
         for panel in panels:
             by_display.setdefault(display_of(panel), []).append(panel)
         height = max(panel.screen[1] + panel.pixels[1] for panel in panels)
-        self._hosts: list[WindowHost] = []
+        self.hosts: list[WindowHost] = []
         try:
             for display, own in by_display.items():
-                self._hosts.append(WindowHost(display, own, height=height, refresh_hz=refresh_hz))
-            for host in self._hosts:
+                self.hosts.append(WindowHost(display, own, height=height, refresh_hz=refresh_hz))
+            for host in self.hosts:
                 host.begin()
         except BaseException:
             self.close()
             raise
-        self.notes = tuple(note for host in self._hosts for note in host.notes)  # to be said once
+        self.notes = tuple(note for host in self.hosts for note in host.notes)  # to be said once
 
     def show(self, image: WallImage, status: Status) -> None:
         """Show each panel's image in its window."""
@@ -60,27 +60,27 @@ class WindowSink:
 
         Raises LocalProtocolError for an image that has not its panel's size.
         """
-        for host in self._hosts:
+        for host in self.hosts:
             host.put([image for image in images if image.id in host.areas])
 
     def settled(self, timeout_s: float) -> bool:
         """Wait until every image that was put is displayed or superseded, or its window is closed."""
         limit = time.monotonic() + timeout_s
-        return all(host.settled(max(0.0, limit - time.monotonic())) for host in self._hosts)
+        return all(host.settled(max(0.0, limit - time.monotonic())) for host in self.hosts)
 
     def commands(self) -> list[dict[str, Any]]:
         """Commands from the input of any window since the last call, checked as page messages are."""
-        return [command for host in self._hosts for command in host.commands()]
+        return [command for host in self.hosts for command in host.commands()]
 
     @property
     def escape(self) -> str:
         """In which window Escape was pressed, in words; "" in none."""
-        return next((host.escape for host in self._hosts if host.escape), "")
+        return next((host.escape for host in self.hosts if host.escape), "")
 
     @property
     def gone(self) -> bool:
         """Whether no window is left."""
-        return all(host.gone for host in self._hosts)
+        return all(host.gone for host in self.hosts)
 
     @property
     def finished(self) -> str:
@@ -89,11 +89,11 @@ class WindowSink:
 
     def dropped(self) -> dict[str, int]:
         """Images and commands that were dropped so far, by name."""
-        return dict(sum((host.counters for host in self._hosts), Counter[str]()))
+        return dict(sum((host.counters for host in self.hosts), Counter[str]()))
 
     def close(self) -> None:
         """Close the windows and end their processes, within two seconds."""
-        for host in self._hosts:
+        for host in self.hosts:
             host.end()
-        for host in self._hosts:
+        for host in self.hosts:
             host.join()

@@ -17,16 +17,17 @@ import threading
 from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 import wall
 from wall.core.data import Rect
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelImage
+from wall.display.tiles import changed_since, tile_rects
 from wall.display.window_layout import WindowRequest, request_of
 from wall.geometry.panels import Panel
 
@@ -34,6 +35,7 @@ SWAP_CHAIN_LENGTH = 3  # buffers of a window: one that is uploaded, the next one
 START_WAIT_S = 30.0  # a first start compiles shaders; longer means that the X server hangs
 END_WAIT_S = 1.5  # for a process to close its windows after it was told to
 MAX_COMMANDS = 256  # 4 s of dragging
+MOST_RECTS = 64  # of one image of a panel; more take longer to upload than the pixels between them
 MAX_PACKET = 1 << 20
 
 
@@ -51,6 +53,8 @@ class WindowHost:
         self._buffers, size = _buffers(self._bytes)
         self._changed = threading.Condition()
         self._newest: dict[str, PanelImage] = {}  # of each panel
+        self._sent: dict[str, int] = {}  # of each panel, the version that its window was sent
+        self.copied = 0  # bytes of pixels that windows were sent
         self._waiting: set[int] = set()  # windows whose newest image is not on its way yet
         self._open = set(range(len(self._requests)))
         self._free = {k: list(range(SWAP_CHAIN_LENGTH)) for k in self._open}
@@ -167,29 +171,39 @@ class WindowHost:
             self.counters["window_display_lost"] += 1
 
     def _feed(self) -> None:
-        """Copy every waiting image whose window has a free buffer, and tell the process."""
+        """Copy what changed of every waiting image whose window has a free buffer, and tell the process."""
         with self._changed:
             ready = {k: (self._free[k].pop(), self._put[k]) for k in self._waiting if self._free[k]}
             self._waiting -= ready.keys()
             images = [image for image in self._newest.values() if self.areas[image.id].window in ready]
+        patches: dict[int, list[tuple[int, int, int, int]]] = {k: [] for k in ready}  # by window
+        at = {k: self._buffers[k][buffer] for k, (buffer, _) in ready.items()}
         for image in images:
-            k, rect = self.areas[image.id]
-            self._pixels(k, ready[k][0])[rect.y : rect.bottom, rect.x : rect.right] = image.rgb
+            k, area = self.areas[image.id]
+            for rect in self._changed_rects(image):
+                pixels = image.rgb[rect.y : rect.bottom, rect.x : rect.right]
+                self._shared[at[k] : at[k] + pixels.size].reshape(pixels.shape)[:] = pixels
+                at[k] += pixels.size
+                self.copied += pixels.size
+                patches[k].append((area.x + rect.x, area.y + rect.y, rect.width, rect.height))
         for k, (buffer, number) in ready.items():
-            self._send([k, buffer, *self._requests[k].pixels, number])
+            self._send([k, buffer, *self._requests[k].pixels, number, patches[k]])
 
-    def _pixels(self, k: int, buffer: int) -> NDArray[np.uint8]:
-        (width, height), start = self._requests[k].pixels, self._buffers[k][buffer]
-        return self._shared[start : start + self._bytes[k]].reshape(height, width, 3)
+    def _changed_rects(self, image: PanelImage) -> list[Rect]:
+        """Rectangles of an image that hold all that its window has not been sent, and mark it as sent."""
+        height, width = image.rgb.shape[:2]
+        tiles = changed_since(image, self._sent.get(image.id))
+        self._sent[image.id] = image.version
+        rects = tile_rects(tiles, width, height)
+        return rects if len(rects) <= MOST_RECTS else [reduce(Rect.join, rects)]
 
     def _take(self, kind: str, said: list[Any]) -> None:
         if kind == "free":
-            k, buffer, used = said
+            k, buffer = said
             self._free[k].append(buffer)
-            if not used:
-                self.counters["window_overtaken"] += 1
         elif kind == "shown":
             self._done[said[0]] = max(self._done[said[0]], said[1])
+            self.counters["window_overtaken"] += said[2]
         elif kind == "command":
             if len(self._commands) < MAX_COMMANDS:
                 self._commands.append(said[0])

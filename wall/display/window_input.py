@@ -1,7 +1,7 @@
 """Turn mouse and keyboard input of a window into the steering commands of the page (page/steering.js).
 
 Drag: orbit; right button or shift: pan; wheel, + and -: zoom; arrows: orbit, with shift pan; [ and ]: exposure;
-space: pause; r: reset; Escape: the run ends.
+comma and period: back and forth in time; space: pause; r: reset; Escape: the run ends.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import glfw
 
 from wall.display.window_layout import TURNS
-from wall.geometry.steering import MAX_DRAG, MAX_ZOOM
+from wall.geometry.steering import MAX_DRAG, MAX_SEEK_S, MAX_ZOOM
 
 TAP = 0.04  # wall heights of one key press, and of each repeat while it is held
 KEY_ZOOM = 1.12
@@ -25,6 +25,7 @@ _ZOOMS = {
     glfw.KEY_KP_SUBTRACT: 1 / KEY_ZOOM,
 }
 _STOPS = {glfw.KEY_LEFT_BRACKET: -1 / 3, glfw.KEY_RIGHT_BRACKET: 1 / 3}  # of exposure, of one press
+_SEEKS = {glfw.KEY_COMMA: -0.5, glfw.KEY_PERIOD: 0.5}  # seconds, of one press
 _ONCE = {glfw.KEY_SPACE: "pause", glfw.KEY_R: "reset"}
 
 
@@ -35,7 +36,7 @@ class InputHandler:
         """`height` is the wall's, in pixels of this window; `rotation` that of its panel, degrees."""
         self._turn, self._height = TURNS[rotation], height
         self._sums = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}
-        self._zoom, self._stops, self._once = 1.0, 0.0, list[str]()
+        self._zoom, self._stops, self._seek, self._once = 1.0, 0.0, 0.0, list[str]()
         self._held: str | None = None  # what a drag does
         self._at = (0.0, 0.0)
         self.escape = False
@@ -54,8 +55,10 @@ class InputHandler:
             asked.append({"kind": "zoom", "x": math.exp(_within(math.log(self._zoom), math.log(MAX_ZOOM)))})
         if self._stops:
             asked.append({"kind": "expose", "x": _within(self._stops, MAX_DRAG)})
+        if self._seek:
+            asked.append({"kind": "seek", "x": _within(self._seek, MAX_SEEK_S)})
         self._sums, self._zoom = {"orbit": [0.0, 0.0], "pan": [0.0, 0.0]}, 1.0
-        self._stops, self._once = 0.0, []
+        self._stops, self._seek, self._once = 0.0, 0.0, []
         return asked
 
     def _add(self, kind: str, x: float, y: float) -> None:
@@ -86,6 +89,8 @@ class InputHandler:
             self._zoom_by(_ZOOMS[key])
         elif key in _STOPS:
             self._stops += _STOPS[key]
+        elif key in _SEEKS:
+            self._seek += _SEEKS[key]
         elif action == glfw.PRESS and key in _ONCE:
             self._once.append(_ONCE[key])
         elif key == glfw.KEY_ESCAPE:

@@ -3,8 +3,10 @@
 window_host.py starts it as `python -m wall.display.window_process PARENT SOCKET MEMORY`, with DISPLAY set. It ends when
 the socket closes, and dies with its parent. Messages over the socket are JSON, one a packet. The first names the
 panels, and is answered by ["ready", notes] or ["failed", why]. Then the run sends images, [window, buffer, width,
-height, number], in buffers of the shared memory; the process sends ["free", window, buffer, whether it was used],
-["shown", window, number], ["command", command], ["escape", window], ["closed", window], ["lost", window, why].
+height, number, rectangles]: those that differ from the image before, as [x, y, width, height], with their pixels one
+behind the other in a buffer of the shared memory. The process sends ["free", window, buffer], ["shown", window, number,
+how many images before it were never seen], ["command", command], ["escape", window], ["closed", window], ["lost",
+window, why].
 
 Each window has a thread, which waits for the vertical blank of its own monitor only. The main thread takes events of
 the X server, another one images. Only this file and window_input.py use GLFW, and only this one and
@@ -24,7 +26,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import glfw
 import moderngl
@@ -62,6 +64,16 @@ void main() { colour = texture(picture, at); }
 Tell = Callable[[list[Any]], None]
 
 
+class Offered(NamedTuple):
+    """An image of a window: the rectangles that differ from the one before, in a buffer."""
+
+    buffer: int
+    width: int  # of the whole image
+    height: int
+    number: int
+    rects: list[tuple[int, int, int, int]]  # x, y, width, height
+
+
 class Window:
     """One panel's window. `offer` takes the newest image; a thread of its own shows it."""
 
@@ -70,7 +82,7 @@ class Window:
         self.index, self.position = index, position
         self._buffers, self._tell = buffers, tell
         self._changed = threading.Condition()
-        self._offered: tuple[int, int, int, int] | None = None  # buffer, width, height, number
+        self._offered: list[Offered] = []  # oldest first
         self._redraw, self._closing = True, False
         self.failed = ""
         self.ready = threading.Event()
@@ -81,13 +93,11 @@ class Window:
         self._thread = threading.Thread(target=self._run, name=f"window {title}", daemon=True)
         self._thread.start()
 
-    def offer(self, buffer: int, width: int, height: int, number: int) -> None:
-        """Show image `number`, which is in a buffer, in place of one that waits."""
+    def offer(self, offered: Offered) -> None:
+        """Show an image, together with one that waits: it has only what differs from that."""
         with self._changed:
-            before, self._offered = self._offered, (buffer, width, height, number)
+            self._offered.append(offered)
             self._changed.notify()
-        if before is not None:
-            self._tell(["free", self.index, before[0], False])
 
     def close(self) -> None:
         """Let the thread end and close the window; by the main thread."""
@@ -129,12 +139,12 @@ class Window:
         texture: Any = None
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._redraw or self._offered is not None)
+                self._changed.wait_for(lambda: self._closing or self._redraw or self._offered)
                 if self._closing:
                     return
-                offered, self._offered, self._redraw = self._offered, None, False
+                all_offered, self._offered, self._redraw = self._offered, [], False
                 width, height = self._size
-            if offered is not None:
+            for offered in all_offered:
                 texture = self._upload(context, texture, offered)
             context.viewport = (0, 0, width, height)
             if texture is None:
@@ -146,18 +156,20 @@ class Window:
                 triangle.render(moderngl.TRIANGLES, vertices=3)
             glfw.swap_buffers(self.handle)
             self.ready.set()
-            if offered is not None:
-                self._tell(["shown", self.index, offered[3]])
+            if all_offered:
+                self._tell(["shown", self.index, all_offered[-1].number, len(all_offered) - 1])
 
-    def _upload(self, context: Any, texture: Any, offered: tuple[int, int, int, int]) -> Any:
-        buffer, width, height, _ = offered
-        if texture is None or texture.size != (width, height):
-            if texture is not None:
-                texture.release()
-            texture = context.texture((width, height), 3, alignment=1)
+    def _upload(self, context: Any, texture: Any, offered: Offered) -> Any:
+        if texture is None:
+            size = offered.width, offered.height
+            texture = context.texture(size, 3, bytes(3 * offered.width * offered.height), alignment=1)
             texture.repeat_x = texture.repeat_y = False
-        texture.write(self._buffers[buffer][: 3 * width * height], alignment=1)
-        self._tell(["free", self.index, buffer, True])
+        at = 0
+        for x, y, width, height in offered.rects:
+            behind = at + 3 * width * height
+            texture.write(self._buffers[offered.buffer][at:behind], viewport=(x, y, width, height), alignment=1)
+            at = behind
+        self._tell(["free", self.index, offered.buffer])
         return texture
 
 
@@ -228,7 +240,7 @@ class WindowProcess:
             while message := self._pipe.recv(MAX_PACKET):
                 index, *offered = json.loads(message)
                 if (window := self.windows.get(index)) is not None:
-                    window.offer(*offered)
+                    window.offer(Offered(*offered))
         self._ended = True  # the parent is gone
         glfw.post_empty_event()
 

@@ -18,19 +18,20 @@ from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal[
     "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus",
-    "select", "undo",
+    "select", "undo", "seek",
 ]  # fmt: skip
 Vector: TypeAlias = tuple[float, float, float]
 
 STEEPEST = math.radians(89.0)  # at the pole itself "up" has no direction, and beyond it the image would flip
 ZOOM_RANGE = 1000.0  # times nearer or farther than where steering began
 MAX_ZOOM = 64.0  # factor of one command; page/steering.js has the same
+MAX_SEEK_S = 3600.0  # of one command
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
 OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index
 NUMBERS: dict[str, tuple[str, ...]] = {
-    "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",),
+    "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",), "seek": ("x",),
     "focus": ("x", "y"), "select": ("x", "y"),
 }  # fmt: skip
 VALUES: dict[str, tuple[str, ...]] = {
@@ -49,8 +50,9 @@ class Command:
     the path. compare: `value` gets half of the rays, the adaptive sampler the other, "" ends that. statistics: "on" has
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
-    from its top left, is to be in focus. select: pages are to show the parameters of the object at (x, y). undo: the
-    newest edit is taken back. Kinds of OF_ONE_VIEW are for `view` alone.
+    from its top left, is to be in focus. seek: x seconds are added to the scene's time and to that of camera paths.
+    select: pages are to show the parameters of the object at (x, y). undo: the newest edit is taken back. Kinds of
+    OF_ONE_VIEW are for `view` alone.
     """
 
     kind: Kind
@@ -97,7 +99,8 @@ def _set_command(message: Mapping[Any, Any]) -> Command:
 
 
 def _number(kind: str, name: str, number: Any) -> float:
-    low, high = (1 / MAX_ZOOM, MAX_ZOOM) if kind == "zoom" else (-MAX_DRAG, MAX_DRAG)
+    limits = {"zoom": (1 / MAX_ZOOM, MAX_ZOOM), "seek": (-MAX_SEEK_S, MAX_SEEK_S)}
+    low, high = limits.get(kind, (-MAX_DRAG, MAX_DRAG))
     is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
     if not is_number or not low <= number <= high:
         raise RemoteProtocolError(f"command {kind}: {name} = {_short(number)}: want a number from {low:g} to {high:g}")

@@ -39,7 +39,7 @@ class Node(Model):
     on: OnRank | None = Field(
         default=None,
         description="where it runs: head, panel, rank N, host NAME or compositor N; absent = where its first input is. "
-        "A reconstruct node also: renderer",
+        "A reconstruct node also: renderer; a samples node only: host NAME",
     )
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "framelet"

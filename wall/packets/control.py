@@ -22,10 +22,10 @@ from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 10
+MAGIC, VERSION = b"WALL", 11
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
-KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION = 14, 15, 16
+KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
@@ -59,6 +59,14 @@ class Membership:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Assignment:
+    """Which strip of the wall each renderer renders from now on. Absolute, and repeated: the newest replaces others."""
+
+    number: int  # counts them; 0 is the configuration's
+    cuts: list[int] = field(default_factory=list)  # see geometry.strips; a strip a renderer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Heartbeat:
     """A rank lives, and what it has done so far."""
 
@@ -87,6 +95,8 @@ class Heartbeat:
     samples_of: dict[str, int] = field(default_factory=dict)  # by view: samples traced
     time_of: dict[str, int] = field(default_factory=dict)  # by view: microseconds of a renderer, tracing and images
     refreshes_of: dict[str, int] = field(default_factory=dict)  # by view: refreshes of images that this rank makes
+    assignment: int = 0  # number of the Assignment that this renderer follows
+    costs: dict[str, int] = field(default_factory=dict)  # by layer: of its region, in any unit; {}: not measured yet
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,7 +174,7 @@ class EditAnswer:
 
 Message: TypeAlias = (
     Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
-    | Stop | WindowInput | EditRequest | EditAnswer | Selection
+    | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment
 )  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -178,6 +188,7 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_EDIT_REQUEST: EditRequest,
     KIND_EDIT_ANSWER: EditAnswer,
     KIND_SELECTION: Selection,
+    KIND_ASSIGNMENT: Assignment,
 }
 _MAX_BYTES: dict[type[Any], int] = {Membership: MAX_MEMBERSHIP_BYTES, EditAnswer: MAX_ANSWER_BYTES}
 
@@ -314,6 +325,8 @@ def _fits(value: Any, kind: str) -> bool:
         return isinstance(value, list) and all(isinstance(row, dict) for row in value)
     if kind == "list[float]":
         return isinstance(value, list) and len(value) <= MAX_ANSWERS and all(_fits(x, "float") for x in value)
+    if kind == "list[int]":
+        return isinstance(value, list) and all(_fits(x, "int") for x in value)
     if kind == "list[Any]":
         return isinstance(value, list) and len(value) <= MAX_COMMANDS
     return (

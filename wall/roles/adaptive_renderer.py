@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
+
 from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import Clock
 from wall.core.data import Event, Rect, Region, Samples
@@ -92,6 +94,15 @@ class AdaptiveRenderer:
         if self._event is not None:
             self.reconstruction.insert(samples, base_time, self._panel_view(self._event))
             self.sampler.observe(samples)
+
+    @property
+    def demand(self) -> float:
+        """How many samples its pixels want, up to a factor: the square root of each tile's mean score, times its area.
+
+        A sample's expected error reduction falls with the square of their number; the least error is where it is even.
+        """
+        rects, sums, _, order = self.sampler.division.tiles
+        return float(np.sqrt(sums[order].clip(0.0) * rects[order, 2] * rects[order, 3]).sum())
 
     def measure(self) -> Measured:
         """What is known of the band's tiles since the last refresh."""

@@ -13,15 +13,17 @@ from numpy.typing import NDArray
 
 from wall.compositing.executor import Changes, Executor, Regions, tiles_to_regions
 from wall.config.graph import FrameSync, SkyNode
-from wall.core.data import Batch, Event, Framelet, Rect, StatisticsImage
+from wall.core.data import Batch, Event, Framelet, Rect, Region, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.display.base import PanelSamples
 from wall.geometry.panels import Panel
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
 from wall.roles.edit_history import EditHistory
+from wall.roles.handed_samples import why_images
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.lockstep import Lockstep
@@ -64,6 +66,8 @@ class Composition:
         self._plan, self._rank, self._ready, self._run_all = plan, rank, ready, run_all
         self._shares = shares
         self.layers = {layer.index: PanelCompositor(plan, layer.index) for layer in graph.layers_on(rank)}
+        handed = [panel for panel, why in enumerate(why_images(plan.layout)) if not why]
+        self._handing = [layer for layer in self.layers.values() if layer.layer.panel in handed]
         self._source_of = {layer.index: graph.step(layer.node).index for layer in graph.layers}
         steps = [step for step in graph.steps if step.rank == rank]
         self._skies = {step.index: SkyLayer(plan, step) for step in steps if isinstance(step.node, SkyNode)}
@@ -142,7 +146,9 @@ class Composition:
     def _layer_of(self, rank: int, panel: int, rect: Rect) -> PanelCompositor:
         """The layer of a renderer. Raises RemoteProtocolError for a rectangle outside the renderer's region."""
         layout = self._plan.layout
-        regions = layout.regions_of(rank) if rank in layout.renderers() else ()
+        regions: tuple[Region, ...] = ()
+        if rank in layout.renderers():  # where regions move, any renderer may have any strip
+            regions = layout.strips.panels if layout.strips is not None else layout.regions_of(rank)
         region = next((region for region in regions if region.panel == panel), None)
         if region is None or not region.rect.contains(rect):
             wanted = " or ".join(map(str, regions)) or "of a renderer"
@@ -150,6 +156,11 @@ class Composition:
         if region.layer not in self.layers:
             raise RemoteProtocolError(f"samples of panel {panel}, which is another compositor's")
         return self.layers[region.layer]
+
+    def forget_tiles(self) -> None:
+        """Regions have moved: forget what samplers told of their tiles."""
+        for layer in self.layers.values():
+            layer.reprojected.tiles_of.clear()
 
     def keep(self, image: StatisticsImage) -> None:
         """Keep a renderer's tiles for its layer, another compositor's image for the head."""
@@ -236,6 +247,16 @@ class Composition:
     def compared(self) -> list[PanelCrops]:
         """The second images, black until something came. None unless two samplers are compared."""
         return self._compared.shown if self._compared is not None else []
+
+    def hand_samples(self, wanted: bool) -> None:
+        """Begin or stop to hand samples of panels on."""
+        for layer in self._handing:
+            layer.hand_samples(wanted)
+
+    def take_samples(self) -> tuple[PanelSamples, ...]:
+        """Samples that came since they were last taken, of panels that show them and nothing else."""
+        taken = [layer.handed.take() for layer in self._handing if layer.handed is not None]
+        return tuple(samples for samples in taken if samples is not None)
 
     def newest_event(self, view: int = 0) -> Number:
         """The newest event of a view that has a sample in an image."""

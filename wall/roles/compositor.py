@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
+from wall.config.graph import SinkNode
 from wall.core.data import Edits, Event, StatisticsImage
 from wall.core.errors import RemoteProtocolError
 from wall.display.base import ParameterState, Status, WallImage
 from wall.operators.overlay import Overlay
-from wall.packets.control import Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
+from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selection, Statistics, Stop, WindowInput
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
 from wall.roles.editing import shown_parameters, states_of
@@ -54,10 +55,12 @@ class Compositor:
         ready: Ready,
         run_all: RunAll = one_by_one,
         shares: Shares = shares_nothing,
+        composition: Composition | None = None,
     ) -> None:
+        """`composition`: in place of its own, where no pixels are made."""
         graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
         self.due = -math.inf
-        self.composition = Composition(plan, hello.rank, ready, run_all, shares)
+        self.composition = composition or Composition(plan, hello.rank, ready, run_all, shares)
         self.latency, self._refresh_rate = Latency(), Rates(RATE_SPAN_S)
         self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
@@ -81,6 +84,8 @@ class Compositor:
         self._news, self._shown_at = False, -math.inf  # images to show at once; when a refresh was last
         self._complete = False  # what the manager was told
         self._began: float | None = None
+        files = (step.node for step in graph.sinks_on(hello.rank) if isinstance(step.node, SinkNode))
+        self._shows_last = hello.rank == HEAD or any(node.kind in ("png", "recorder") for node in files)
         self._stop_at: float | None = None  # when this rank ends at the latest
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
@@ -94,6 +99,7 @@ class Compositor:
         elif isinstance(message, Dropped):
             self.composition.lose(message.to, message.packet)
         elif isinstance(message, Presented):
+            self.composition.hand_samples(message.wants_samples)
             for view in self._views:
                 self.latency.shown(self.composition.newest_event(view.index), now, view.index)
         elif isinstance(message, WindowInput):
@@ -116,8 +122,21 @@ class Compositor:
             self._parameters, self._states = shown_parameters(self._plan, message.name), None
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
+        elif isinstance(message, Assignment):
+            self._assign(message)
         elif isinstance(message, Stop) and self._stop_at is None:
-            self._stop_at = now + LAST_S if self._rank == HEAD else now
+            self._stop_at = now + LAST_S if self._shows_last else now
+
+    def _assign(self, assignment: Assignment) -> None:
+        """Know where the regions are: for the table of ranks, and for what samplers tell of their tiles."""
+        try:
+            layout = self._plan.layout.assigned(assignment.cuts)
+        except RemoteProtocolError:
+            self.composition.counters["bad_message"] += 1
+            return
+        if layout.regions != self._plan.layout.regions:
+            self._plan = replace(self._plan, layout=layout)
+            self.composition.forget_tiles()
 
     def _follow(self, event: Event) -> None:
         for view in self._views:
@@ -211,7 +230,7 @@ class Compositor:
 
     def _images(self, event: Event, now: float) -> tuple[WallImage, ...]:
         """What each sink shows, in the order of the graph."""
-        compared = self.composition.compared()
+        compared, samples = self.composition.compared(), self.composition.take_samples()
         return tuple(
             WallImage(
                 width=crops.size[0],
@@ -223,6 +242,7 @@ class Compositor:
                 scene_time=event.scene_time,
                 compared=compared[k].images() if compared else (),
                 statistics_images=self._statistics_images,
+                samples=samples,
             )
             for k, crops in enumerate(self.composition.shown())
         )
@@ -263,8 +283,8 @@ class Compositor:
         )
 
     def _finish(self, now: float) -> Iterator[Instruction]:
-        """Show all that came as of the newest event, at the head; then send the last heartbeat."""
-        if self._rank == HEAD:
+        """Show all that came as of the newest event, where images are kept; then send the last heartbeat."""
+        if self._shows_last:
             for view in self._views:
                 if view.event is not None:
                     yield from self._refresh(view, view.event, view.event, now, force=True)

@@ -90,6 +90,9 @@ class Director:
     def _apply(self, command: Command) -> None:
         if command.kind == "pause":
             self.paused = not self.paused
+        elif command.kind == "seek":  # not before the beginning
+            self._scene_time = max(0.0, self._scene_time + command.x)
+            self._path_time = max(0.0, self._path_time + command.x)
         elif command.kind == "reset":
             self._steering = None
         elif command.kind == "sampler":

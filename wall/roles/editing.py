@@ -23,7 +23,7 @@ from wall.packets.control import ALL_BUT_OBJECTS, MAX_ANSWER_BYTES, EditAnswer, 
 from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.roles.clicks import Clicks
 from wall.roles.plan import Plan, exposure_at
-from wall.scene.object_edits import OBJECTS, OFFSET, VISIBLE
+from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
 from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
@@ -159,7 +159,7 @@ def editable(plan: Plan) -> dict[str, Parameter]:
 def shown_parameters(plan: Plan, selected: str = "") -> dict[str, Parameter]:
     """Those that pages show: of objects, of which there may be thousands, the `selected` one's alone, and first."""
     found = editable(plan)
-    own = (f"{OBJECTS}{selected}.{what}" for what in (OFFSET, VISIBLE))
+    own = (f"{OBJECTS}{selected}.{what}" for what in (OFFSET, ROTATION, VISIBLE))
     others = {name: parameter for name, parameter in found.items() if not name.startswith(OBJECTS)}
     return {name: found[name] for name in own if name in found} | others
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from wall.core.data import Batch, Event
+from wall.core.data import Batch, Event, Region
 from wall.display.base import Status, WallImage
 from wall.packets.control import Message
 from wall.sampling.tiles import Measured
@@ -51,6 +51,18 @@ class Work:
     samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown
     square_error: float = 0.0  # estimate of its mean squared error, display codes of 8 bits
     answers: tuple[float, ...] = ()  # seconds from the newest inputs until it began to trace for them
+    demand: float = 0.0  # of its sampler: pixels, or for the adaptive one how many samples they ask for, to a factor
+
+
+def total(work: Iterable[Work]) -> Work:
+    """What several workers have done."""
+    each = list(work)
+    return Work(
+        samples=sum(w.samples for w in each),
+        compared=sum(w.compared for w in each),
+        secondary_rays=sum(w.secondary_rays for w in each),
+        bad_samples=sum(w.bad_samples for w in each),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +75,14 @@ class Traced:
     work: Work
     measured: Measured | None = None  # its sampler's tiles, where Trace asked for them
     seconds: float = 0.0  # that it took
+    cpu_s: float = 0.0  # of its thread
 
 
 @dataclass(frozen=True, slots=True)
 class Presented:
     """The images of a Show have been given to their sinks."""
+
+    wants_samples: bool = False  # whether a sink makes images of samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +156,13 @@ class Restart:
 
 
 @dataclass(frozen=True, slots=True)
+class Reassign:
+    """Trace these regions from now on; workers of those that were the rank's before stay. Only while all are idle."""
+
+    regions: tuple[Region, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Show:
     """Give sinks their newest images, in the order of the graph; Presented answers."""
 
@@ -155,7 +177,7 @@ class Finish:
     failure: str = ""
 
 
-Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Show | Finish
+Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Reassign | Show | Finish
 Instructions: TypeAlias = Iterable[Instruction]
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from wall.core.data import Batch, Event, StatisticsImage
 from wall.reconstruction.channels import blank_framelet
 from wall.reconstruction.choice import Wish
+from wall.roles.handed_samples import HandedSamples
 from wall.roles.pixel_layer import PixelLayer, compared_layer
 from wall.roles.plan import Plan
 from wall.roles.reprojected_layer import ReprojectedLayer
@@ -33,6 +34,7 @@ class PanelCompositor:
         self.counters = self.newest.buffer.counters  # of samples that this layer drops
         self.reprojected = ReprojectedLayer(plan, self.layer, self.framelet, self.counters, reconstruction)
         self.compared: PixelLayer | None = None
+        self.handed: HandedSamples | None = None  # while a sink wants samples
         self._routing = SampleRouting(
             plan.layout.sampling_of(self.layer.view).method, self.counters, reprojects=self.layer.reprojects
         )
@@ -68,6 +70,13 @@ class PanelCompositor:
             buffer.show_image(reconstruction.radiance, self.reprojected.arrivals.times)
         buffer.take_dirty()
 
+    def hand_samples(self, wanted: bool) -> None:
+        """Begin or stop to hand samples on."""
+        if wanted != (self.handed is not None):
+            self.handed = HandedSamples(self.panel.index, self.newest.buffer) if wanted else None
+            if not wanted:
+                self.newest.buffer.changed = None
+
     def insert(self, batch: Batch) -> None:
         """Give a batch to the image it belongs to; keep, or drop and count it where there is none."""
         destination = self._routing.destination(batch)
@@ -85,8 +94,12 @@ class PanelCompositor:
         if self._reprojects:
             self.newest.buffer.take_dirty()
             dirty = self.reprojected.refresh(event, now)
+            if self.handed is not None:
+                self.handed.begin_anew()
         else:
             dirty = self.newest.refresh(now, event.exposure)
+            if self.handed is not None:
+                self.handed.refresh(event.exposure)
         if dirty.any():
             self.framelet.event = event
         return dirty

@@ -16,6 +16,7 @@ from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
 from wall.packets.control import EditRequest, Heartbeat, Hello, Selection, Statistics, Stop, WindowInput
+from wall.roles.balance import Balancer
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
 from wall.roles.editing import Editor
@@ -69,6 +70,7 @@ class Manager:
         self._window_ranks = window_ranks(layout)
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
+        self.balancer = Balancer(layout, now) if layout.strips is not None else None
         self._selected = ""  # the object whose parameters pages show
         self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
         self._update_due, self._repeat_due = now, now
@@ -92,6 +94,8 @@ class Manager:
                 self._register.take(message, now)
                 for director in self._directors:  # a rank that joins late gets the state
                     yield Send(message.rank, director.event)
+                if self.balancer is not None:
+                    yield Send(message.rank, self.balancer.assignment)
                 if self._phase in (Phase.STOPPING, Phase.LAST) and message.rank != HEAD:
                     yield Send(message.rank, Stop(reason=self.ended))
             elif isinstance(message, Heartbeat):
@@ -161,6 +165,10 @@ class Manager:
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
             yield from self._register.on_tick(now, self.lost)
             yield from self._publish(now)
+        if self._phase is Phase.RUNNING and self.balancer is not None:
+            numbers = tuple(event.number for event in self.events)
+            if (assignment := self.balancer.on_tick(self.heartbeats, self.lost, numbers, now)) is not None:
+                yield Broadcast(assignment)
         if self._phase is Phase.HOLDING and (now >= self._limit or self._all_complete(others=True)):
             self._phase, self._limit = Phase.STOPPING, now + BYE_WAIT_S
             for rank in range(1, self._layout.size):
@@ -195,6 +203,8 @@ class Manager:
             if news or now >= self._repeat_due:
                 yield Broadcast(director.event)
                 if director is self._directors[-1]:
+                    if now >= self._repeat_due and self.balancer is not None:
+                        yield Broadcast(self.balancer.assignment)
                     self._repeat_due = now + self._layout.config.transport.heartbeat_s
         if now >= self._update_due:
             self._update_due = max(self._update_due + self._tick_s, now)
@@ -258,6 +268,8 @@ class Manager:
             beat = self.heartbeats.get(rank)
             number = summed_number(self._directors[view].event for view in self._layout.views_of(rank))
             complete = beat is not None and beat.complete and (beat.camera_event, beat.scene_event) == number
+            if beat is not None and self.balancer is not None and self._layout.role(rank) == "renderer":
+                complete &= beat.assignment == self.balancer.assignment.number
             if not complete and rank not in self.lost:
                 return False
         return True

@@ -17,12 +17,13 @@ from wall.config.loading import Loaded
 from wall.config.sampling import AnySampling
 from wall.config.schema import Config
 from wall.core.data import NO_EDITS, Edits, Event, Region
-from wall.core.errors import ConfigError, SceneError
+from wall.core.errors import ConfigError, RemoteProtocolError, SceneError
 from wall.geometry.cameras import Lens, View, resolve_view
 from wall.geometry.checks import check_wall
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.prediction import Predictor
+from wall.geometry.strips import Strips
 from wall.geometry.viewports import with_views
 from wall.operators.base import Operator
 from wall.reconstruction.gpu.device import gpu_nodes
@@ -42,11 +43,20 @@ class Layout:
     graph: Graph
     regions: tuple[tuple[Region, ...], ...]  # of each renderer, in rank order: one of each view that it renders
     notes: tuple[str, ...] = ()  # of the wall, for `wall check`
+    strips: Strips | None = None  # what regions that move are cut of; None where they do not
 
     @property
     def config(self) -> Config:
         """The loaded configuration."""
         return self.loaded.config
+
+    def assigned(self, cuts: Sequence[int]) -> Layout:
+        """The same layout with other strips. Raises RemoteProtocolError for cuts that do not fit."""
+        if self.strips is None or len(cuts) != len(self.regions) + 1:
+            raise RemoteProtocolError(
+                f"{len(cuts)} cuts for {len(self.regions)} renderers, or for regions that are fixed"
+            )
+        return replace(self, regions=self.strips.regions(cuts))
 
     @property
     def size(self) -> int:
@@ -137,7 +147,8 @@ def make_layout(loaded: Loaded) -> Layout:
     wall = with_views(loaded, expand(loaded.config.wall))
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
-    layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes)
+    strips = graph.strips(wall) if graph.balanced else None
+    layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)
     _check_asked_of_renderers(layout)
     return layout
 
@@ -215,6 +226,8 @@ def on_one_rank(plan: Plan) -> Plan:
 
 def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
     """Why samples of a layer travel to its compositor even on one machine; "" where its renderer makes its image."""
+    if layout.graph.balanced:
+        return "borders between renderers move"
     if len(layer.ranks) > 1:
         return f"{len(layer.ranks)} ranks render it"
     if layout.graph.sync != "none":
@@ -225,6 +238,8 @@ def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
         return f"the graph needs {' and '.join(beyond)}"
     if layout.config.reconstruction == "gpu" or (layout.config.reconstruction == "auto" and gpu_nodes()):
         return "the compositor's GPU reconstructs"
+    if layout.config.output.browser.samples:
+        return "the page gets samples"
     asked = layout.graph.step(layer.node).node.on
     if asked not in (None, AT_RENDERER):
         return f"`on: {asked}` asks for it"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from wall.compositing.graph import Graph, Step
 from wall.core.colour import srgb_curve
 from wall.core.data import Framelet, Rect
 from wall.display.base import PanelImage
+from wall.display.tiles import updated
 from wall.geometry.panels import Wall
 from wall.geometry.rects import panel_rect
 from wall.operators.kernels import pixels as kernels
@@ -50,12 +50,11 @@ class PanelCrops:
         }
 
     def take(self, changes: Changes, framelets: Mapping[int, Framelet]) -> None:
-        """Cut out the panels that changed."""
+        """Cut out the panels that changed; an image in which no pixel differs stays as it is."""
         regions, framelet = changes.get(self._input, []), framelets[self._input]
         for name, rect in self._rects.items():
             if any(rect.overlaps(region) for region in regions):
-                old = self._images[name]
-                self._images[name] = replace(old, rgb=display_bytes(framelet, rect), version=next(_versions))
+                self._images[name] = updated(self._images[name], display_bytes(framelet, rect), next(_versions))
 
     def images(self) -> tuple[PanelImage, ...]:
         """The image of each panel of the sink."""

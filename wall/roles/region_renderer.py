@@ -5,6 +5,7 @@ A worker that finds nothing missing rests until there is another event, or its p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from wall.core.data import Batch, Event, Region
@@ -18,6 +19,7 @@ from wall.sampling.tiles import Measured
 
 LOOK_AGAIN_S = 0.05  # a resting worker looks this often whether something is missing: samples grow old
 CREDIT_POLL_S = 0.002  # how often a renderer without credit looks for some
+COST_S = 0.5  # a cost is of batches of so long
 LEAST_S = 1e-6  # that a batch counts as, however short it was
 PROGRESSIVE = "progressive"  # the sampler whose stages depend on how long paths get
 
@@ -25,9 +27,9 @@ PROGRESSIVE = "progressive"  # the sampler whose stages depend on how long paths
 class RegionRenderer:
     """A region's workers, and the time that they have used."""
 
-    def __init__(self, plan: Plan, rank: int, number: int, first: int, image: OwnImage | None) -> None:
-        """`number`: of the region among the rank's; `first`: its first worker; `image`: made here of the samples."""
-        self.region: Region = plan.layout.regions_of(rank)[number]
+    def __init__(self, plan: Plan, rank: int, region: Region, image: OwnImage | None = None) -> None:
+        """`image`: made here of the samples. Works once `place` has said which workers it has."""
+        self.region = region
         view, sampling = plan.layout.config.views[self.region.view], plan.layout.sampling_of(self.region.view)
         self.view: str = view.id
         self.event: Event | None = None  # the newest
@@ -38,8 +40,8 @@ class RegionRenderer:
         self.seconds = 0.0  # spent on it
         self.work: dict[int, Work] = {}
         self.running: set[int] = set()  # workers that trace
-        self._rank, self._number, self._weight = rank, number, view.weight
-        self._workers = range(first, first + self.threads)
+        self._rank, self._number, self._weight = rank, 0, view.weight
+        self._workers = range(0)
         self._configured: str = sampling.method
         self._scene = plan.scene
         depth = plan.scene.path_depth if self._configured == PROGRESSIVE else None
@@ -47,8 +49,25 @@ class RegionRenderer:
         self._resting: dict[int, tuple[Number, float]] = {}  # under which event, and when it looks again
         self._lost: dict[int, list[bytes]] = {}  # by worker: packets that were dropped
         self._tiles: dict[int, Measured] = {}  # the newest of each worker's sampler, while a viewer shows them
-        self._tiles_due = {worker: Due() for worker in self._workers}
+        self._tiles_due = {worker: Due() for worker in range(self.threads)}
         self._refreshing_s = 0.0
+        self._measured = (0, 0.0, 0.0)  # since the last cost: batches, seconds that they took, demand for each
+        self._samples_then, self._cost_due = -1, -math.inf
+        self.cost = 0.0  # of a sweep, see Balancer; 0: not measured yet
+
+    def place(self, number: int, first: int) -> int:
+        """Be region `number` of the rank, with workers from `first` on. Only while they are idle.
+
+        Returns the worker behind its last.
+        """
+        by = first - self._workers.start
+        self.work = {worker + by: work for worker, work in self.work.items()}
+        self._resting = {worker + by: rest for worker, rest in self._resting.items()}
+        self._lost = {worker + by: lost for worker, lost in self._lost.items()}
+        self._tiles = {worker + by: tiles for worker, tiles in self._tiles.items()}
+        self._tiles_due = {worker + by: due for worker, due in self._tiles_due.items()}
+        self._number, self._workers = number, range(first, first + self.threads)
+        return first + self.threads
 
     def follow(self, event: Event) -> None:
         """Take an event of the region's view, unless a newer one came before."""
@@ -124,6 +143,8 @@ class RegionRenderer:
         self.running.discard(traced.worker)
         self.work[traced.worker] = traced.work
         self._spend(max(traced.seconds, LEAST_S))
+        if traced.result is not None:
+            self._measure_cost(max(traced.cpu_s, LEAST_S), now)
         if traced.measured is not None:
             self._tiles[traced.worker] = traced.measured
         if traced.measured is not None and traced.worker == self._workers[-1]:
@@ -142,6 +163,21 @@ class RegionRenderer:
         elif isinstance(traced.result, bytes) and traced.result:
             yield traced.result
 
+    def _measure_cost(self, seconds: float, now: float) -> None:
+        """Update `cost` every COST_S: CPU seconds a sample, times what the sampler has to do; not when it starts."""
+        work = self.work.values()
+        batches, spent, demand = self._measured
+        self._measured = batches + 1, spent + seconds, demand + sum(each.demand for each in work)
+        if self._cost_due == -math.inf:
+            self._cost_due = now + COST_S
+        samples = sum(each.samples for each in work)
+        if now >= self._cost_due and samples > self._samples_then:
+            batches, spent, demand = self._measured
+            newest = demand / batches * spent / (samples - self._samples_then)
+            if self._samples_then >= 0:
+                self.cost = 0.5 * (self.cost + newest) if self.cost else newest
+            self._measured, self._samples_then, self._cost_due = (0, 0.0, 0.0), samples, now + COST_S
+
     def note_refreshes(self) -> None:
         """Count the time that its own image has taken since the last call."""
         if self.image is not None:
@@ -153,7 +189,9 @@ class RegionRenderer:
         self.used += seconds / self._weight
 
     def lose(self, batch: Batch, packet: bytes) -> None:
-        """A packet of samples was dropped: its worker is to trace them again."""
+        """A packet of samples was dropped: its worker is to trace them again, unless the region has moved since."""
+        if batch.rect != self.region.rect:
+            return
         self._lost.setdefault(self._workers[batch.sequence % self.threads], []).append(packet)
         self.complete = False
 

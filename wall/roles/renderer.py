@@ -11,17 +11,31 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 
-from wall.core.data import Event
-from wall.packets.control import MAX_ANSWERS, Heartbeat, Hello, Membership, Stop
+from wall.core.data import Event, Region
+from wall.core.errors import RemoteProtocolError
+from wall.packets.control import MAX_ANSWERS, Assignment, Heartbeat, Hello, Membership, Stop
 from wall.packets.samples import decode, is_samples
 from wall.roles.edges import Sent, summed_number, target_ranks
-from wall.roles.instructions import Dropped, Finish, Input, Instruction, Offer, Ready, Trace, Traced
+from wall.roles.instructions import (
+    Dropped,
+    Finish,
+    Input,
+    Instruction,
+    Offer,
+    Ready,
+    Reassign,
+    Trace,
+    Traced,
+    Work,
+    total,
+)
 from wall.roles.membership import Standing
 from wall.roles.plan import HEAD, Plan
 from wall.roles.region_renderer import LOOK_AGAIN_S, RegionRenderer
 from wall.roles.renderer_image import RendererImage
 from wall.roles.status import Rates
 
+COST_UNIT = 1e12  # of a cost in heartbeats, whose numbers are whole
 RATE_SPAN_S = 0.2  # rates are averages over at least so long
 
 
@@ -30,23 +44,36 @@ class Renderer:
 
     def __init__(self, plan: Plan, hello: Hello, ready: Ready, image: RendererImage | None = None) -> None:
         """`image`: made here of the samples, in place of packets to a compositor."""
-        layout, self._rank, self._ready, self._image = plan.layout, hello.rank, ready, image
+        layout, self._plan, self._rank, self._ready, self._image = plan.layout, plan, hello.rank, ready, image
         self.due = -math.inf
-        self.regions: list[RegionRenderer] = []
-        first = 0
-        for number in range(len(layout.regions_of(hello.rank))):
-            own = image.images[number] if image is not None else None
-            self.regions.append(RegionRenderer(plan, hello.rank, number, first, own))
-            first += self.regions[-1].threads
-        self._region_of = [region for region in self.regions for _ in range(region.threads)]  # by worker
-        self._threads = max(region.threads for region in self.regions)  # that trace at once
-        targets = {region.target for region in self.regions}
+        regions = layout.regions_of(hello.rank)
+        images = image.images if image is not None else (None,) * len(regions)
+        own = [RegionRenderer(plan, hello.rank, *each) for each in zip(regions, images, strict=True)]
+        self._take_regions(own)
+        self._threads = max(region.threads for region in own)  # that trace at once
+        self._assigned: tuple[int, tuple[Region, ...]] | None = None  # the newest assignment, not followed yet
+        self._bad_messages = 0
+        self._followed = 0  # number of the assignment whose regions these are
+        self._past, self._past_seconds = Work(), 0.0  # done for regions before, and in what time
+        targets = {layer.compositor for layer in layout.graph.layers} if layout.strips else {r.target for r in own}
         targets = targets if image is None else target_ranks(layout.graph, hello.rank) | {HEAD}
         self._standing = Standing(hello, targets, layout.config.transport)
         self._sent = Sent()
         self._rates = Rates(RATE_SPAN_S)
         self._began: float | None = None
         self._stopping = False
+
+    @property
+    def done(self) -> Work:
+        """What all workers have done, also for regions that are others' now."""
+        return total([self._past, *(work for region in self.regions for work in region.work.values())])
+
+    def _take_regions(self, regions: list[RegionRenderer]) -> None:
+        """Have these regions, and number their workers."""
+        self.regions, first = regions, 0
+        for number, region in enumerate(regions):
+            first = region.place(number, first)
+        self._region_of = [region for region in regions for _ in range(region.threads)]  # by worker
 
     @property
     def complete(self) -> bool:
@@ -69,6 +96,8 @@ class Renderer:
                 region.follow(message)
         elif isinstance(message, Membership):
             yield from self._standing.take(message)
+        elif isinstance(message, Assignment):
+            self._assign(message)
         elif isinstance(message, Stop):
             self._stopping = True
 
@@ -86,8 +115,10 @@ class Renderer:
         if self._image is not None:
             yield from self._show(self._image, now)
         if not self._stopping:
-            yield from self._give_work(now)
-            self.due = min(region.due(now, self._ready) for region in self.regions)
+            yield from self._reassign(now)
+            if self._assigned is None:  # else workers come to rest
+                yield from self._give_work(now)
+            self.due = min((region.due(now, self._ready) for region in self.regions), default=self.due)
         if self._image is not None:
             self.due = min(self.due, self._image.due)
 
@@ -101,6 +132,36 @@ class Renderer:
         for region in self.regions:
             region.note_refreshes()
         yield from self._tell_completeness(now)
+
+    def _assign(self, assignment: Assignment) -> None:
+        """Keep the newest assignment for the next tick; one that does not fit the wall is counted."""
+        if assignment.number <= (self._followed if self._assigned is None else self._assigned[0]):
+            return
+        try:
+            self._assigned = assignment.number, self._plan.layout.assigned(assignment.cuts).regions_of(self._rank)
+        except RemoteProtocolError:
+            self._bad_messages += 1
+
+    def _reassign(self, now: float) -> Iterator[Instruction]:
+        """Take up the newest assignment once no worker traces; regions that stay the same go on as they are."""
+        if self._assigned is None or self._running:
+            return
+        (self._followed, regions), self._assigned = self._assigned, None
+        kept = {each.region: each for each in self.regions}
+        events = {each.region.view: each.event for each in self.regions if each.event is not None}
+        used = min((each.used for each in self.regions), default=0.0)
+        for each in self.regions:
+            if each.region not in regions:
+                self._past = total([self._past, *each.work.values()])
+                self._past_seconds += each.seconds
+        own = [kept.get(region) or RegionRenderer(self._plan, self._rank, region) for region in regions]
+        self._take_regions(own)
+        for each in own:
+            if each.event is None and (event := events.get(each.region.view)) is not None:
+                each.follow(event)
+                each.used = used
+        yield Reassign(regions)
+        yield from self._standing.beat(self._heartbeat(now), now)  # what was complete is not any more
 
     def _give_work(self, now: float) -> Iterator[Instruction]:
         free = self._threads - self._running
@@ -125,11 +186,17 @@ class Renderer:
             self._image.composition.lose(dropped.to, dropped.packet)
         elif is_samples(dropped.packet):  # else tiles: the next ones replace them
             batch = decode(dropped.packet)
-            next(r for r in self.regions if r.region.panel == batch.panel).lose(batch, dropped.packet)
+            for region in self.regions:
+                if region.region.panel == batch.panel:
+                    region.lose(batch, dropped.packet)
 
     def _of_views(self) -> tuple[dict[str, int], dict[str, int], dict[str, int]]:
         """By view: samples traced, microseconds spent, refreshes of images made here."""
         samples, time, refreshes = Counter[str](), Counter[str](), Counter[str]()
+        if self._past.samples:  # regions move only where there is one view
+            (view,) = self._plan.layout.config.views
+            samples[view.id] += self._past.samples
+            time[view.id] += round(1e6 * self._past_seconds)
         for region in self.regions:
             samples[region.view] += sum(work.samples for work in region.work.values())
             time[region.view] += round(1e6 * region.seconds)
@@ -137,22 +204,27 @@ class Renderer:
                 refreshes[region.view] += region.image.view.refreshes
         return dict(samples), dict(time), dict(refreshes)
 
+    def _costs(self) -> dict[str, int]:
+        """By layer: what its region costs; {} while one of them has not been measured."""
+        if not all(region.cost for region in self.regions):
+            return {}
+        return {str(region.region.layer): round(COST_UNIT * region.cost) for region in self.regions}
+
     def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
         work = [each for region in self.regions for each in region.work.values()]
-        samples, compared = sum(w.samples for w in work), sum(w.compared for w in work)
-        bad = sum(w.bad_samples for w in work)
-        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, samples, self._sent.bytes, compared)
+        done = self.done
+        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, done.samples, self._sent.bytes, done.compared)
         number = summed_number(region.event for region in self.regions)
         shown = self._image.composition if self._image is not None else None
         dropped = shown.drops() if shown is not None else Counter[str]()
-        dropped += Counter(not_finite=bad)
+        dropped += Counter(not_finite=done.bad_samples, bad_message=self._bad_messages)
         samples_of, time_of, refreshes_of = self._of_views()
         return Heartbeat(
             rank=self._rank,
             time=now,
-            samples_traced=samples,
+            samples_traced=done.samples,
             samples_shown=shown.samples_shown() if shown is not None else 0,
-            secondary_rays=sum(w.secondary_rays for w in work),
+            secondary_rays=done.secondary_rays,
             samples_per_s=samples_per_s,
             compared_per_s=compared_per_s,
             bytes_per_s=bytes_per_s,
@@ -171,4 +243,6 @@ class Renderer:
             samples_of=samples_of,
             time_of=time_of,
             refreshes_of=refreshes_of,
+            assignment=self._followed,
+            costs=self._costs(),
         )

@@ -113,7 +113,8 @@ def _rank_status(
 ) -> RankStatus:
     alive, beat = known and beat is not None, beat or Heartbeat(rank=rank, time=0.0)
     renders = layout.role(rank) == "renderer"
-    region = layout.region(rank) if renders else None  # of the first view; its insets are in describe()
+    regions = layout.regions_of(rank) if renders else ()
+    region = regions[0] if regions else None  # of the first view; its insets are in describe()
     return RankStatus(
         rank=rank,
         role=layout.role(rank),
@@ -149,6 +150,8 @@ def statistics_of(status: Status) -> Statistics:
 def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds: float, cores: float) -> dict[str, Any]:
     """What summary.json holds. `seconds`: how long the run took; `cores`: how many the head's process used."""
     layout, beats = plan.layout, manager.heartbeats
+    if manager.balancer is not None:
+        layout = layout.assigned(manager.balancer.assignment.cuts)
     dropped = manager.dropped()
     renderers = [beat for rank, beat in beats.items() if layout.role(rank) == "renderer"]
     others = [beat for rank, beat in beats.items() if layout.role(rank) != "renderer"]
@@ -172,6 +175,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
+        "assignments": 0 if manager.balancer is None else manager.balancer.assignment.number,
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
     }
 
@@ -204,5 +208,8 @@ def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Hel
         "bytes_per_s": round(beat.bytes * a_second),
         "peak_memory": beat.peak_memory,
         "cpu_s": round(beat.cpu_seconds, 3),
+        "cost": sum(
+            beat.costs.values()
+        ),  # of a sweep of its region at the end, to compare with other ranks'; 0: not known
         "answers_ms": [round(1e3 * seconds, 3) for seconds in beat.answers],  # to the newest inputs
     }

@@ -100,6 +100,7 @@ class Worker:
             samples_per_pixel=chosen.samples_shown if isinstance(chosen, ProgressiveSampler) else 0,
             square_error=chosen.square_error if isinstance(chosen, ProgressiveSampler) else 0.0,
             answers=self._answers,
+            demand=self._demand(chosen),
         )
         self._sequence += self._workers
         return Batch(
@@ -123,6 +124,11 @@ class Worker:
             noisy=self._noisy,
             edits=event.edits,
         )
+
+    def _demand(self, sampler: Sampler) -> float:
+        if isinstance(sampler, AdaptiveRenderer):
+            return sampler.demand
+        return self._region.rect.area / self._workers
 
     def _answer(self, event: Event, now: float) -> None:
         """Note how long the input of an event waited for its first ray; not the first, which the start delayed."""

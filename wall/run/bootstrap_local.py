@@ -17,7 +17,7 @@ from multiprocessing.process import BaseProcess
 from wall.core.errors import RunError, WallError
 
 START_WAIT_S = 30.0  # for the address of rank 0, which has little to do before it tells it
-STOP_WAIT_S = 1.0  # for ranks to end by themselves after they were told to
+STOP_WAIT_S = 6.0  # for ranks to end by themselves after they were told to, and to write what their sinks hold
 _PR_SET_PDEATHSIG = 1
 
 

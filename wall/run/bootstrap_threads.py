@@ -10,7 +10,7 @@ from collections.abc import Callable
 from wall.core.errors import RunError, WallError
 
 START_WAIT_S = 30.0
-STOP_WAIT_S = 2.0
+STOP_WAIT_S = 6.0  # as in bootstrap_local
 
 
 class _Shared:

@@ -49,7 +49,8 @@ class Options:
     headless: bool = False  # no browser page
     until_complete: bool = False  # stop when the still image has all its samples
     still: bool = False  # begin paused
-    record: Path | None = None  # folder that keeps every image shown
+    record: Path | None = None  # folder that keeps what renderers are told, for a replay
+    images: Path | None = None  # folder that keeps every image shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +116,7 @@ class HeadProcess:
             closing.later(sink.close)
         for note in notes_of(sinks):
             say(f"note: {note}")
-        log = ImageLog(options.record) if options.record is not None else None
+        log = ImageLog(options.images) if options.images is not None else None
         if log is not None:
             closing.later(log.close)
         loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, log=log)

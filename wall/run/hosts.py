@@ -36,7 +36,7 @@ def assign(wanted: Mapping[int, str], machines: Sequence[str], *, config: str) -
         if process is None:
             counts = ", ".join(f"{machines.count(m)} on {m}" for m in dict.fromkeys(machines))
             raise ConfigError(
-                f"{config}: compositor {rank} is wanted on {host}, where no process is left; launched: {counts} "
+                f"{config}: rank {rank} is wanted on {host}, where no process is left; launched: {counts} "
                 "(the first is the head)"
             )
         rank_of[process] = rank

@@ -30,6 +30,7 @@ from wall.run.head import Options as Options
 from wall.run.head import Outcome, lead
 from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
+from wall.run.recording import begin_recording
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -60,9 +61,11 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         check_displays(window_panels(layout, range(layout.size)))
     layout = reconstructed_at_renderers(layout, [""] * layout.size)
     plan, tracer_scene = _prepare(layout, say)
+    if options.record is not None:
+        begin_recording(options.record, plan)
 
     def main(bootstrap: Bootstrap) -> None:
-        serve(plan, tracer_scene, bootstrap, headless=options.headless)
+        serve(plan, tracer_scene, bootstrap, headless=options.headless, out=options.out, record=options.record)
 
     bootstrap: Bootstrap
     if layout.config.transport.kind == "loopback":
@@ -93,8 +96,10 @@ def _run_mpi(
     if not options.headless:
         check_displays(window_panels(layout, (bootstrap.rank,)))
     plan, tracer_scene = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
+    if options.record is not None and bootstrap.rank == HEAD:
+        begin_recording(options.record, plan)
     if bootstrap.rank != HEAD:
-        serve(plan, tracer_scene, bootstrap, headless=options.headless)
+        serve(plan, tracer_scene, bootstrap, headless=options.headless, out=options.out, record=options.record)
         bootstrap.finish()
         return None
     return lead(plan, bootstrap, options, say, opened)

@@ -14,7 +14,7 @@ from itertools import chain
 
 from wall.core.clock import Clock
 from wall.core.errors import RunError
-from wall.display.base import Sink
+from wall.display.base import Sink, TakesSamples
 from wall.display.image_log import ImageLog
 from wall.packets.control import Heartbeat, Message
 from wall.roles.instructions import (
@@ -27,6 +27,7 @@ from wall.roles.instructions import (
     Instructions,
     Offer,
     Presented,
+    Reassign,
     Restart,
     Role,
     Send,
@@ -62,6 +63,7 @@ class Loop:
         self.role, self.finished = role, False
         self._log, self._cpu = log, cpu_seconds()
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
+        self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
         self._sources, self._longest_wait_s = sources, longest_wait_s
 
     def run(self, alive: Callable[[], bool] = lambda: True) -> None:
@@ -108,13 +110,16 @@ class Loop:
             case Restart():
                 assert self._tracers is not None
                 self._tracers.restart(instruction)
+            case Reassign(regions):
+                assert self._tracers is not None
+                self._tracers.reassign(regions)
             case Show(images, status):
                 for sink, image in zip(self._sinks, images, strict=True):
                     if sink is not None:
                         sink.show(image, status)
                 if self._log is not None:
                     self._log.take(images, self._clock.now())
-                return [Presented()]
+                return [Presented(any(sink.wants_samples for sink in self._sample_sinks))]
             case Finish(failure):
                 self.finished = True
                 if failure:

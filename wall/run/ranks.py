@@ -9,25 +9,31 @@ import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
+from wall.core.clock import Clock
+from wall.core.data import Batch
 from wall.display.base import Sink
 from wall.display.image_log import ImageLog
 from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
+from wall.roles.instructions import Trace
 from wall.roles.plan import Plan
 from wall.roles.renderer import Renderer
 from wall.roles.renderer_image import image_at
 from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.clock import HeadClock
+from wall.run.event_file import EventFile
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
+from wall.run.recording import RecordedClock, RecordedPorts, file_of
 from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
-from wall.run.tracers import Tracers
+from wall.run.tracers import OnTraced, Tracers
 from wall.tracing.tracer_scene import TracerScene
-from wall.transport.base import Hub
+from wall.transport.base import Hub, Link
 from wall.transport.factory import connect, open_hub
 from wall.transport.shared_memory import machine_id
 
@@ -35,35 +41,59 @@ RENDERER_NICE = 5  # renderers share this machine's cores with the head: showing
 EVENT_POLL_S = 0.02  # how long an event may wait at a compositor, which sleeps until samples come
 
 
-def serve(plan: Plan, tracer_scene: TracerScene, bootstrap: Bootstrap, *, headless: bool) -> None:
-    """Be a rank other than the head, until the manager says stop."""
+def serve(
+    plan: Plan,
+    tracer_scene: TracerScene,
+    bootstrap: Bootstrap,
+    *,
+    headless: bool,
+    out: Path,
+    record: Path | None = None,
+) -> None:
+    """Be a rank other than the head, until the manager says stop.
+
+    `out`: folder for files of sinks here; `record`: folder for what renderers are told.
+    """
     rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
     if plan.layout.role(rank) == "renderer":
         if isinstance(bootstrap, LocalBootstrap):
             os.nice(RENDERER_NICE)
-        _render(plan, tracer_scene, rank, address)
+        _render(plan, tracer_scene, rank, address, record)
     else:
-        _compose(plan, rank, address, headless=headless)
+        _compose(plan, rank, address, out, headless=headless)
 
 
-def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[str, str]) -> None:
-    clock = HeadClock()
+def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[str, str], record: Path | None) -> None:
+    """`record`: everything that it is told is kept; then its workers take turns, so that there is one order of all."""
+    head_clock, hello = HeadClock(), hello_of(rank, "")
+    clock: Clock = head_clock
+    traced: OnTraced | None = None
     with ExitStack() as closing:
-        ports = ways_of(plan, rank, address, clock, None)
+        if record is None:
+            ports = ways_of(plan, rank, address, head_clock, None)
+        else:
+            events = EventFile(file_of(record, rank))
+            closing.callback(events.close)
+            clock, traced = RecordedClock(head_clock, events), partial(_keep, events)
+            ports = RecordedPorts(hello, head_clock, *_manager_of(plan, rank, address), events)
         closing.callback(ports.close)
         image = image_at(plan, rank, ports.ready, clock, ports.shares)
-        tracers = Tracers(plan, tracer_scene, rank, clock, image=image)
+        tracers = Tracers(plan, tracer_scene, rank, clock, threads=record is None, image=image, traced=traced)
         closing.callback(tracers.close)
-        Loop(Renderer(plan, hello_of(rank, ""), ports.ready, image), ports, clock, tracers=tracers).run()
+        Loop(Renderer(plan, hello, ports.ready, image), ports, clock, tracers=tracers).run()
 
 
-def _compose(plan: Plan, rank: int, address: Mapping[str, str], *, headless: bool) -> None:
+def _keep(events: EventFile, number: int, trace: Trace, result: bytes | Batch | None) -> None:
+    events.batch(number, result)
+
+
+def _compose(plan: Plan, rank: int, address: Mapping[str, str], out: Path, *, headless: bool) -> None:
     clock = HeadClock()
     with ExitStack() as closing:
         hub = open_data_hub(plan)
         ports = ways_of(plan, rank, address, clock, hub)
         closing.callback(ports.close)
-        sinks, _ = make_sinks(plan, rank, Path(), headless=headless)
+        sinks, _ = make_sinks(plan, rank, out, headless=headless)
         for sink in distinct(sinks):
             closing.callback(sink.close)
         for note in notes_of(sinks):
@@ -89,9 +119,14 @@ def compositor_loop(
 
 def ways_of(plan: Plan, rank: int, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
     """A rank's ways to others. Processes of one machine share its monotonic clock and need no pings."""
-    manager = connect(address["manager"], rank=rank)
-    ping_s = None if address["machine"] == machine_id() else plan.layout.config.transport.heartbeat_s
+    manager, ping_s = _manager_of(plan, rank, address)
     return Ports(rank, clock, hub=hub, manager=manager, ping_s=ping_s)
+
+
+def _manager_of(plan: Plan, rank: int, address: Mapping[str, str]) -> tuple[Link, float | None]:
+    """A link to the manager, and how often it is asked for the time; None where its clock is ours."""
+    ping_s = None if address["machine"] == machine_id() else plan.layout.config.transport.heartbeat_s
+    return connect(address["manager"], rank=rank), ping_s
 
 
 def hello_of(rank: int, endpoint: str) -> Hello:

@@ -46,10 +46,12 @@ class SingleProcess:
         self.clock, self.event = ManualClock(), first_event(plan, now=0.0)
         self.other_events = [first_event(plan, now=0.0, view=view) for view in range(1, len(plan.views))]
         self.workers, self._renderers, self.layers = list[Worker](), list[Loop](), dict[int, PanelCompositor]()
+        self._roles = list[Renderer]()
         for rank in plan.layout.renderers():
             image = image_at(plan, rank, lambda _: True, self.clock)
             tracers = Tracers(plan, scene, rank, self.clock, threads=False, image=image)
             renderer = Renderer(plan, hello_of(rank), ready=lambda _: True, image=image)
+            self._roles.append(renderer)
             self._renderers.append(Loop(renderer, self._wire, self.clock, tracers=tracers))
             self.workers += tracers.workers
             self.layers |= image.composition.layers if image is not None else {}
@@ -61,13 +63,16 @@ class SingleProcess:
 
     def step(self) -> int:
         """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the image is complete."""
-        traced = sum(worker.work.samples for worker in self.workers)
+        traced = self._traced()
         for loop in (self._compositor, *self._renderers):
             for event in (self.event, *self.other_events):
                 loop.tell(event)  # Renderer.on_message
         self._turn()
         self.clock.advance(BATCH_SECONDS)
-        return sum(worker.work.samples for worker in self.workers) - traced
+        return self._traced() - traced
+
+    def _traced(self) -> int:
+        return sum(role.done.samples for role in self._roles)
 
     def _turn(self) -> None:
         for loop in self._renderers:

@@ -13,6 +13,7 @@ from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
 from wall.packets.control import MAX_COMMANDS, WindowInput
+from wall.roles.handed_samples import why_images
 from wall.roles.plan import Plan, window_panels
 
 if TYPE_CHECKING:
@@ -43,7 +44,9 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
             views = [view.id for view in plan.views]
-            sink = browser = Browser(output.browser.host, output.browser.port, layout.wall, views=views)
+            sink = browser = Browser(
+                output.browser.host, output.browser.port, layout.wall, views=views, why_images=why_images(layout)
+            )
         sinks.append(sink)
     return sinks, browser
 

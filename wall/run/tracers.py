@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from itertools import chain, count
+from time import thread_time
 
 from wall.core.clock import Clock
-from wall.core.data import Batch
+from wall.core.data import Batch, Event, Region
+from wall.core.errors import RunError, WallError
 from wall.packets.samples import decode, encode
 from wall.roles.instructions import Restart, Trace, Traced
 from wall.roles.plan import Plan
-from wall.roles.renderer_image import RendererImage
+from wall.roles.renderer_image import OwnImage, RendererImage
 from wall.roles.worker import Worker, make_samplers
 from wall.tracing.tracer_scene import TracerScene
+
+OnTraced = Callable[[int, Trace, bytes | Batch | None], None]  # number of the batch in the rank, and its result
 
 
 class Tracers:
@@ -27,19 +32,35 @@ class Tracers:
         *,
         threads: bool = True,
         image: RendererImage | None = None,
+        traced: OnTraced | None = None,
     ) -> None:
-        """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself."""
+        """`threads`: False steps all workers in the caller's. `image`: made of the samples by this rank itself.
+
+        `traced` is told every batch, by the thread that has traced it.
+        """
+        self._rank, self._traced, self._numbers = rank, traced, count()
         self._plan, self._regions, self._clock = plan, plan.layout.regions_of(rank), clock
-        self._images = [None] * len(self._regions) if image is None else image.images
-        self._of_regions: list[list[Worker]] = []
-        for region, shown in zip(self._regions, self._images, strict=True):
-            samplers = make_samplers(plan, "", region, clock, shown=shown)
-            own = [Worker(plan, tracer_scene, rank, clock, samplers, k, region) for k in range(len(samplers))]
-            self._of_regions.append(own)
-        self.workers = [worker for own in self._of_regions for worker in own]
+        self._images = (None,) * len(self._regions) if image is None else image.images
+        self._tracer_scene = tracer_scene
+        self._of_regions = [self._workers_of(*each) for each in zip(self._regions, self._images, strict=True)]
+        self.workers = list(chain.from_iterable(self._of_regions))
         at_once = max(map(len, self._of_regions))
         self._pool = ThreadPoolExecutor(at_once) if threads and at_once > 1 else None
         self._running: set[Future[Traced]] = set()
+
+    def _workers_of(self, region: Region, shown: OwnImage | None) -> list[Worker]:
+        samplers = make_samplers(self._plan, "", region, self._clock, shown=shown)
+        return [
+            Worker(self._plan, self._tracer_scene, self._rank, self._clock, samplers, k, region)
+            for k in range(len(samplers))
+        ]
+
+    def reassign(self, regions: tuple[Region, ...]) -> None:
+        """Trace these regions from now on. Only while no thread is at work."""
+        kept = dict(zip(self._regions, self._of_regions, strict=True))
+        self._of_regions = [kept.get(region) or self._workers_of(region, None) for region in regions]
+        self._regions, self._images = regions, (None,) * len(regions)
+        self.workers = list(chain.from_iterable(self._of_regions))
 
     def start(self, trace: Trace) -> list[Traced]:
         """Trace now and give the answer, or let a thread begin; then `finished` gives it."""
@@ -49,12 +70,31 @@ class Tracers:
         return []
 
     def _step(self, trace: Trace) -> Traced:
-        worker, began = self.workers[trace.worker], self._clock.now()
+        worker, began, number = self.workers[trace.worker], self._clock.now(), next(self._numbers)
+        cpu_began = thread_time()
         for lost in trace.lost:
             worker.forget(decode(lost))
-        traced = _kept(worker.trace(trace.event)) if trace.keep else worker.step(trace.event)
+        try:
+            traced = _kept(worker.trace(trace.event)) if trace.keep else worker.step(trace.event)
+        except WallError:
+            raise
+        except Exception as error:
+            raise RunError(self._failure(number, trace.event, error)) from error
+        if self._traced is not None:
+            self._traced(number, trace, traced)
+        cpu = thread_time() - cpu_began
         measured = worker.measure_tiles() if trace.measure else None
-        return Traced(trace.worker, trace.event, traced, worker.work, measured, max(0.0, self._clock.now() - began))
+        return Traced(
+            trace.worker, trace.event, traced, worker.work, measured, max(0.0, self._clock.now() - began), cpu
+        )
+
+    def _failure(self, number: int, event: Event, error: Exception) -> str:
+        """Where and when tracing failed, and how to do just that again."""
+        return (
+            f"rank {self._rank}, batch {number}: {type(error).__name__}: {error}; camera event {event.camera_event}, "
+            f"scene event {event.scene_event}, scene time {event.scene_time!r} s; a run with --record FOLDER can be "
+            f"replayed up to it: wall replay FOLDER --rank {self._rank} --batch {number}"
+        )
 
     def finished(self) -> Iterator[Traced]:
         """Answers of threads that are done."""

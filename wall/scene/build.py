@@ -54,7 +54,7 @@ from wall.scene.model import (
     Texture,
     TextureSet,
 )
-from wall.scene.object_edits import edit_objects
+from wall.scene.object_edits import EditedObjects
 from wall.scene.parameter_tracks import ParameterTrack, tracks_of
 from wall.scene.shading import shaded
 
@@ -99,7 +99,7 @@ class Scene:
     lens: Lens | None = None  # of the view that shows it; None: a pinhole
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
-    _object_rows: dict[str, list[int]] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _edited: EditedObjects = field(init=False, repr=False, compare=False, default_factory=EditedObjects)
 
     @property
     def triangles(self) -> int:
@@ -186,7 +186,7 @@ class Scene:
             if light is not was:
                 poses[row, :3, 3] = _position(light)
         self.tracks.apply(poses, time)
-        edit_objects(poses, shading.objects, self.instances, self._object_rows)
+        self._edited.apply(poses, shading.objects, self.instances, self.meshes)
         poses.setflags(write=False)
         return poses
 

@@ -1,33 +1,64 @@
-"""Objects that edits moved or hid: `objects.NAME.offset` and `objects.NAME.visible`. All objects of a name are one."""
+"""Objects that edits moved, turned or hid: `objects.NAME.offset`, `.rotation`, `.visible`. All of a name are one."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from wall.core.data import Float64
-from wall.scene.model import Instance
+from wall.scene.model import Instance, Mesh
 
-OBJECTS, OFFSET, VISIBLE = "objects.", "offset", "visible"
+OBJECTS, OFFSET, ROTATION, VISIBLE = "objects.", "offset", "rotation", "visible"
 
 
-def edit_objects(
-    poses: Float64,
-    edits: Iterable[tuple[str, tuple[float, ...]]],
-    instances: Sequence[Instance],
-    rows: dict[str, list[int]],
-) -> None:
-    """Move instances by offsets, and give hidden ones no extent: matrices of zeros, which rays and samples pass.
+class EditedObjects:
+    """Edits the poses of a scene's instances; remembers which are of a name, and their middles."""
 
-    poses : (at least as many as instances, 4, 4), world from object, changed; edits : Shading.objects
-    rows : of the instances, by name; filled with the first edit
-    """
-    for path, value in edits:
-        if not rows:
-            for row, instance in enumerate(instances):
-                rows.setdefault(instance.name, []).append(row)
-        name, _, what = path.removeprefix(OBJECTS).rpartition(".")
-        own = rows.get(name, [])
-        if what == OFFSET:
-            poses[own, :3, 3] += value
-        elif value[0] == 0.0:
-            poses[own, :3, :3] = 0.0
+    def __init__(self) -> None:
+        self._rows: dict[str, list[int]] = {}  # of the instances, by name; filled with the first edit
+        self._middles: dict[str, Float64] = {}  # by name, of those that were turned: (n, 4), in each one's own frame
+
+    def apply(
+        self,
+        poses: Float64,
+        edits: Iterable[tuple[str, tuple[float, ...]]],
+        instances: Sequence[Instance],
+        meshes: Sequence[Mesh],
+    ) -> None:
+        """Move and turn instances, and give hidden ones no extent: matrices of zeros, which rays and samples pass.
+
+        poses : (at least as many as instances, 4, 4), world from object, changed; edits : Shading.objects
+        """
+        for path, value in edits:
+            if not self._rows:
+                for row, instance in enumerate(instances):
+                    self._rows.setdefault(instance.name, []).append(row)
+            name, _, what = path.removeprefix(OBJECTS).rpartition(".")
+            own = self._rows.get(name, [])
+            if what == OFFSET:
+                poses[own, :3, 3] += value
+            elif what == ROTATION:
+                middle = self._middle(name, poses[own], [meshes[instances[row].mesh] for row in own])
+                turn = rotation_of(value)
+                poses[own, :3, :3] = turn @ poses[own, :3, :3]
+                poses[own, :3, 3] = (poses[own, :3, 3] - middle) @ turn.T + middle
+            elif value[0] == 0.0:
+                poses[own, :3, :3] = 0.0
+
+    def _middle(self, name: str, poses: Float64, meshes: Sequence[Mesh]) -> Float64:
+        """(3,) world: the mean of the middles of their bounding boxes."""
+        if name not in self._middles:
+            middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0 for mesh in meshes]
+            self._middles[name] = np.array([[*middle, 1.0] for middle in middles], np.float64)
+        return np.asarray((poses @ self._middles[name][:, :, None])[:, :3, 0].mean(axis=0))
+
+
+def rotation_of(degrees: Sequence[float]) -> Float64:
+    """(3, 3): a turn about the x axis, then about y, then about z, each counterclockwise seen from its tip."""
+    (cx, sx), (cy, sy), (cz, sz) = ((math.cos(math.radians(a)), math.sin(math.radians(a))) for a in degrees)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(about_z @ about_y @ about_x)

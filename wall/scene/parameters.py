@@ -19,14 +19,16 @@ from wall.core.fields import BRIGHTEST, FARTHEST, LARGEST_IOR, MOST_DEPTH, MOST_
 from wall.scene.build import Scene
 from wall.scene.model import Environment, Material
 from wall.scene.needs import Needs, needs
-from wall.scene.object_edits import OBJECTS, OFFSET, VISIBLE
+from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
 from wall.scene.shading import LIGHT_FIELDS, SKY_COLOURS, material_names
 
-Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position"]
+Kind: TypeAlias = Literal["number", "whole", "color", "light", "direction", "position", "angles"]
 Numbers: TypeAlias = tuple[float, ...]
 
 EXPOSURE, FOCUS = "exposure", "lens.focus"
-WIDTH: Mapping[Kind, int] = {"number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3}
+WIDTH: Mapping[Kind, int] = {
+    "number": 1, "whole": 1, "color": 3, "light": 3, "direction": 3, "position": 3, "angles": 3,
+}  # fmt: skip
 NAMES_SHOWN = 8
 NEAREST = 1e-6  # world units
 SCENES_AWAY = 1e4  # radii of the scene, or world units, that an object may be moved; page/parameters.js has the same
@@ -147,6 +149,9 @@ def _objects(scene: Scene) -> Iterator[Parameter]:
         path, far = f"{OBJECTS}{name}", SCENES_AWAY * max(scene.radius, 1.0)
         yield Parameter(
             name=f"{path}.{OFFSET}", kind="position", low=-far, high=far, unit="world units", default=(0.0, 0.0, 0.0)
+        )
+        yield Parameter(
+            name=f"{path}.{ROTATION}", kind="angles", low=-360.0, high=360.0, unit="degrees", default=(0.0, 0.0, 0.0)
         )
         if name not in lamps:
             yield Parameter(name=f"{path}.{VISIBLE}", kind="whole", low=0, high=1, default=(1.0,))

@@ -75,11 +75,16 @@ def _cores(word: str) -> float:
 
 def counts_of(option: str, text: str) -> tuple[int, ...]:
     """Whole numbers such as 1,4,16, from small to large. Raises ConfigError."""
-    return tuple(sorted(each(option, text, _count, f"whole numbers from 1 to {MOST_COUNT}")))
+    return tuple(sorted(numbers_of(option, text, most=MOST_COUNT, wanted="whole numbers")))
 
 
-def _count(word: str) -> int:
-    count = int(word)
-    if not 1 <= count <= MOST_COUNT:
-        raise ValueError(word)
-    return count
+def numbers_of(option: str, text: str, *, most: int, wanted: str, otherwise: str = "") -> tuple[int, ...]:
+    """Whole numbers from 1 to `most`, each once; `wanted`: what they are, in errors. Raises ConfigError."""
+
+    def parse(word: str) -> int:
+        number = int(word)
+        if not 1 <= number <= most:
+            raise ValueError(word)
+        return number
+
+    return each(option, text, parse, f"{wanted} from 1 to {most}{otherwise}")

@@ -116,7 +116,7 @@ PLACEMENT = {
     "samples with a compositor": (
         nodes(f"{S0}, on: head", *WHOLE[1:]),
         "7:46: graph.nodes[0].on = 'head': samples come from renderers; "
-        "accepted: rank: N, or group: NAME, instead of on",
+        "accepted: host NAME; or rank: N, or group: NAME, instead of on",
     ),
     "only the head": (
         nodes(S0, f"{P0}, on: rank 5", *WHOLE[2:]),
@@ -144,8 +144,9 @@ PLACEMENT = {
         "accepted: head or compositor N",
     ),
     "a sink away from the head": (
-        nodes(*WHOLE[:5], f"{PNG}w, on: compositor 1", head=TWO),
-        "13:52: graph.nodes[5].on = 'compositor 1': a png sink runs on the head; accepted: head, or kind: window",
+        nodes(*WHOLE[:5], "id: page, op: sink, kind: browser, input: w, on: compositor 1", head=TWO),
+        "13:57: graph.nodes[5].on = 'compositor 1': the page is served by the head, which knows how all are; "
+        "accepted: head",
     ),
 }
 PIXELS = {

@@ -13,15 +13,14 @@ from dataclasses import replace
 import aiohttp
 import numpy as np
 import pytest
+from page_viewer import PATIENCE_S, run, until, with_viewer
 from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RunError
 from wall.display.browser import IN_FLIGHT, Browser
 from wall.display.png import whole_wall
-from wall.display.stream import HEADER, STATISTICS_HEADER
-
-PATIENCE_S = 10.0
+from wall.display.stream import STATISTICS_HEADER
 
 
 @pytest.fixture
@@ -31,10 +30,6 @@ def browser(two_panels):
         yield sink
 
 
-def run(coroutine):
-    return asyncio.run(asyncio.wait_for(coroutine, PATIENCE_S))
-
-
 async def get(browser, path="", **headers):
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     async with (
@@ -42,58 +37,6 @@ async def get(browser, path="", **headers):
         session.get(browser.address + path, headers=named) as response,
     ):
         return response.status, response.headers, await response.read()
-
-
-class Viewer:
-    """What the page does, message by message."""
-
-    def __init__(self, socket):
-        self.socket = socket
-        self.statuses = []
-
-    async def next_image(self):
-        """Number and panels {index: (version, rgb)} of the next image; a second image's index has "compared"."""
-        while (message := await self.socket.receive_json())["kind"] != "picture":
-            self.statuses.append(message)
-        panels = {}
-        for _ in range(message["panels"]):
-            data = await self.socket.receive_bytes()
-            _, _, compared, index, _, _, version, number = HEADER.unpack(data[: HEADER.size])
-            assert number == message["number"]
-            shown = ("compared", index) if compared else index
-            panels[shown] = (version, np.array(Image.open(io.BytesIO(data[HEADER.size :]))))
-        return message["number"], panels
-
-    async def drawn(self, number):
-        await self.socket.send_json({"kind": "shown", "number": number})
-
-    async def silent_while(self, seconds):
-        """Whether only status comes for a while."""
-        until = time.monotonic() + seconds
-        while (left := until - time.monotonic()) > 0:
-            try:
-                message = await self.socket.receive(timeout=left)
-            except TimeoutError:
-                return True
-            if isinstance(message.data, bytes) or json.loads(message.data)["kind"] != "status":
-                return False
-        return True
-
-
-def with_viewer(browser, act, **options):
-    async def session():
-        async with (
-            aiohttp.ClientSession() as session,
-            session.ws_connect(browser.address + "stream", **options) as ws,
-        ):
-            return await act(Viewer(ws))
-
-    return run(session())
-
-
-async def until(condition):
-    while not condition():
-        await asyncio.sleep(0.005)
 
 
 def test_only_changed_panels_are_sent(browser, image, status):

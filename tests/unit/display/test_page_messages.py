@@ -34,6 +34,7 @@ GOOD = [
     {"kind": "sampler", "value": "hilbert"},
     {"kind": "compare", "value": "framed"},
     {"kind": "overlay", "value": "age"},
+    {"kind": "display", "value": "samples"},
     {"kind": "shown", "number": 7},
 ]
 BAD = [
@@ -45,6 +46,8 @@ BAD = [
     "{",
     "{}",
     '{"kind": "explode"}',
+    '{"kind": "display", "value": "photons"}',
+    '{"kind": "display"}',
     '{"kind": ["orbit"]}',
     '{"kind": null}',
     '{"kind": "orbit", "x": 1}',
@@ -157,11 +160,12 @@ def test_websocket_origin_must_be_the_served_page(origin, ours):
 
 def test_panel_message_is_a_20_byte_header_and_a_jpeg(image):
     panel = image(2**32 + 5).panels[1]
-    message = panel_message(1, panel, jpeg=encode_jpeg(panel), number=9)
+    every = np.ones((1, 1), bool)
+    message = panel_message(1, panel, every, encoded=encode_jpeg(panel.rgb), number=9)
     assert HEADER.size == 20
-    assert HEADER.unpack(message[:20]) == (b"WP", 2, 0, 1, 16, 8, 5, 9)
-    second = panel_message(1, panel, jpeg=b"", number=9, compared=True)
-    assert HEADER.unpack(second) == (b"WP", 2, 1, 1, 16, 8, 5, 9)
+    assert HEADER.unpack(message[:20]) == (b"WP", 3, 0, 1, 16, 8, 0, 5, 9)
+    second = panel_message(1, panel, every, encoded=b"", number=9, compared=True)
+    assert HEADER.unpack(second) == (b"WP", 3, 1, 1, 16, 8, 0, 5, 9)
     assert np.array(Image.open(io.BytesIO(message[20:]))).shape == (8, 16, 3)
 
 
@@ -169,9 +173,7 @@ def test_jpeg_stays_close_to_a_smooth_image(two_panels):
     """Quality 88 quantises the low frequencies by at most 3 steps, halved by rounding; 3 channels mix them."""
     y, x = np.mgrid[:64, :96]
     rgb = np.stack([2 * x, 3 * y, 255 - x - y], -1).astype(np.uint8)
-    from wall.display.base import PanelImage
-
-    jpeg = encode_jpeg(PanelImage(id="p", rgb=rgb, screen=(0, 0), version=1))
+    jpeg = encode_jpeg(rgb)
     error = np.abs(np.array(Image.open(io.BytesIO(jpeg))).astype(int) - rgb)
     assert error.max() <= 8
     assert error.mean() <= 1.5
@@ -186,7 +188,7 @@ def test_statistics_message_is_a_16_byte_header_and_what_its_overlay_draws(overl
     )  # fmt: skip
     message = statistics_message(statistics_image, overlay)
     assert STATISTICS_HEADER.size == 16  # so that the page reads 16-bit numbers behind it
-    assert STATISTICS_HEADER.unpack(message[:16]) == (b"WS", 2, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
+    assert STATISTICS_HEADER.unpack(message[:16]) == (b"WS", 3, 1, 3, OVERLAYS.index(overlay), 2, 3, rects)
     if body is not None:
         assert message[16:] == bytes(range(body, body + 6))
     else:

@@ -22,7 +22,9 @@ from wall.config.displays import WindowConfig
 from wall.config.screens import GridConfig, PanelConfig, WallConfig
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelImage
+from wall.display.tiles import changed_since, tile_rects, updated
 from wall.display.window import WindowSink
+from wall.display.window_host import MOST_RECTS
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Panel
 
@@ -183,6 +185,57 @@ def test_a_slow_display_gets_the_newest_image_and_the_rest_is_counted(screens: t
         sink.close()
 
 
+def test_windows_get_what_changed_and_show_exactly_all_of_it(screens: tuple[str, str]) -> None:
+    """Both halves of a window change here and there, faster than it shows them."""
+    halves = panels((60, 90), (60, 90), display=screens[1], of="p", at=[(0, 0), (60, 0)])
+    rng = np.random.default_rng(1)
+    images = [updated(shown(half, np.zeros((90, 60, 3), np.uint8), 0), noise(60, 90), 1) for half in halves]
+    sink = WindowSink(halves, refresh_hz=60)
+    try:
+        sink.put(images)
+        assert sink.settled(SETTLED_S)
+        (host,) = sink.hosts
+        before = host.copied
+        assert before == 2 * 60 * 90 * 3
+        rgb = images[1].rgb.copy()
+        rgb[70, 40] ^= 255
+        images[1] = updated(images[1], rgb, 2)
+        sink.put(images)
+        assert sink.settled(SETTLED_S)
+        assert host.copied - before == (90 - 64) * (60 - 32) * 3  # the tile of that pixel, cut at the edges
+        for version in range(3, 60):
+            for k, image in enumerate(images):
+                rgb = image.rgb.copy()
+                for _ in range(rng.integers(0, 4)):
+                    rgb[rng.integers(90), rng.integers(60)] ^= 255
+                images[k] = updated(image, rgb, version)
+            sink.put(images)
+        assert sink.settled(SETTLED_S)
+        assert looks_like(screens[1], np.hstack([image.rgb for image in images]))
+        quiet = host.copied
+        sink.put(images)
+        assert host.copied == quiet
+    finally:
+        sink.close()
+
+
+def test_many_scattered_changes_are_one_rectangle(screens: tuple[str, str]) -> None:
+    [one] = panels((700, 700), display=screens[0], window=window(0, 0, 700, 700))
+    first = updated(shown(one, np.zeros((700, 700, 3), np.uint8), 0), noise(700, 700), 1)
+    rgb = first.rgb.copy()
+    rgb[::64, ::64] ^= 255
+    second = updated(first, rgb, 2)
+    assert len(tile_rects(changed_since(second, 1), 700, 700)) > MOST_RECTS
+    sink = WindowSink([one], refresh_hz=60)
+    try:
+        for image in (first, second):
+            sink.put([image])
+            assert sink.settled(SETTLED_S)
+        assert looks_like(screens[0], second.rgb[:200, :300])
+    finally:
+        sink.close()
+
+
 def test_a_display_that_cannot_be_opened_is_refused_before_anything_is_shown() -> None:
     with pytest.raises(
         RunError, match=r"panel p0: display :6553 cannot be opened \(X11: Failed to open display :6553\)"
@@ -217,10 +270,15 @@ def test_keys_steer_and_escape_ends_the_run(screens: tuple[str, str]) -> None:
     sink = WindowSink([one], refresh_hz=60)
     try:
         press(screens[1], XK.XK_Right, (60, 45))
+        press(screens[1], XK.XK_period, (60, 45))
         press(screens[1], XK.XK_space, (60, 45))
         asked: list[dict[str, Any]] = []
-        assert comes_true(lambda: asked.extend(sink.commands()) or len(asked) == 2)
-        assert asked == [{"kind": "orbit", "x": 0.04, "y": 0.0}, {"kind": "pause"}]
+        assert comes_true(lambda: asked.extend(sink.commands()) or len(asked) == 3)
+        assert {command["kind"]: command for command in asked} == {
+            "orbit": {"kind": "orbit", "x": 0.04, "y": 0.0},
+            "seek": {"kind": "seek", "x": 0.5},
+            "pause": {"kind": "pause"},
+        }
         press(screens[1], XK.XK_Escape, (60, 45))
         assert comes_true(lambda: sink.finished == "Escape was pressed in the window of panel p0")
     finally:
@@ -273,7 +331,7 @@ ALONE = """\
 import sys, time
 from test_windows import *
 sink = WindowSink(panels((120, 90), display=sys.argv[1]), refresh_hz=60)
-print(sink._hosts[0]._process.pid, flush=True)
+print(sink.hosts[0]._process.pid, flush=True)
 time.sleep(600)
 """
 

@@ -20,6 +20,7 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets import control
 from wall.packets.control import (
     MAX_COMMANDS,
+    Assignment,
     Heartbeat,
     Hello,
     Membership,
@@ -67,6 +68,8 @@ EXAMPLES: list[Message] = [
     EVENT,
     Hello(rank=1, host="node7", endpoint="tcp://10.0.0.7:4711", incarnation=4711),
     Membership(),
+    Assignment(number=0),
+    Assignment(number=3, cuts=[0, 40, 128]),
     Membership(members=(Hello(rank=1, host="n", endpoint="tcp://a:1", incarnation=5),) * 2),
     Heartbeat(rank=1, time=2.0, dropped={"no_credit": 3}, last=True, answers=[0.25, 1.5]),
     Ping(sent=1.5),

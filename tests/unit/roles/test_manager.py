@@ -11,6 +11,7 @@ import pytest
 
 from wall.config.loading import loads
 from wall.core.data import Event
+from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
 from wall.packets.control import Heartbeat, Hello, Membership, Message, Statistics, Stop, WindowInput
@@ -116,6 +117,20 @@ def test_pause_stops_scene_and_path_until_it_ends(plan: Plan) -> None:
     director.update([command(kind="pause")], 5.0)
     director.update([], 5.25)
     assert director.event.scene_time == pytest.approx(1.25), "the pause has not been counted"
+
+
+def test_seeking_moves_scene_and_path_also_while_paused_and_not_before_the_beginning(plan: Plan) -> None:
+    director = Director(plan, 0.0)
+    director.update([command(kind="pause")], 1.0)
+    before = director.event
+    assert director.update([command(kind="seek", x=2.5)], 1.0)
+    assert director.event.scene_time == pytest.approx(3.5)
+    assert director.event.camera == plan.view.camera_at(3.5)
+    assert director.event.number > before.number
+    director.update([command(kind="seek", x=-10.0)], 1.0)
+    assert director.event.scene_time == 0.0
+    with pytest.raises(RemoteProtocolError, match=r"seek: x = 4000.0: want a number from -3600 to 3600"):
+        command(kind="seek", x=4000.0)
 
 
 def test_held_view_says_once_that_it_is_paused_and_stays_where_it_is(plan: Plan) -> None:

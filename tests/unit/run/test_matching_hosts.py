@@ -16,6 +16,8 @@ A, B, C = "node1", "node2.site.org", "node3"
         ({}, [A, B, C], (0, 1, 2)),
         ({1: "node3"}, [A, B, C], (0, 2, 1)),
         ({1: "node3", 2: "node2"}, [A, B, C, A], (0, 2, 1, 3)),
+        ({1: B, 3: B}, [A, B, A, B], (0, 1, 2, 3)),  # a compositor and a renderer
+        ({2: B}, [A, B, A, B], (0, 2, 1, 3)),
         ({1: A}, [A, B, A], (0, 2, 1)),  # the head is one of node1's processes already
         ({0: A, 2: B}, [A, B, B], (0, 2, 1)),
         ({1: "display1", 2: "display2"}, [A, A, A], (0, 1, 2)),  # one machine: a simulation
@@ -31,7 +33,7 @@ def test_a_machine_that_runs_too_few_is_refused_with_what_was_launched() -> None
     with pytest.raises(ConfigError) as refused:
         assign({1: C, 2: C}, [A, A, C], config="wall.yaml")
     assert str(refused.value) == (
-        "wall.yaml: compositor 2 is wanted on node3, where no process is left; launched: 2 on node1, 1 on node3 "
+        "wall.yaml: rank 2 is wanted on node3, where no process is left; launched: 2 on node1, 1 on node3 "
         "(the first is the head)"
     )
 

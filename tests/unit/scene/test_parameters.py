@@ -43,7 +43,7 @@ def test_only_what_the_scene_has_is_offered() -> None:
     assert names == {
         "exposure", "lights.0.direction", "lights.0.irradiance", "lights.1.position", "lights.1.intensity",
         "sky.strength", "sky.zenith", "sky.horizon", "sky.ground", "materials.grey.color",
-        "objects.object0.offset", "objects.object0.visible",
+        "objects.object0.offset", "objects.object0.rotation", "objects.object0.visible",
     }  # fmt: skip
 
 

@@ -1,7 +1,9 @@
 // Connect to the run: show pictures on the wall and numbers in the readout, send commands back.
 
 import { Compare } from "./compare.js";
+import { Display } from "./display.js";
 import { Overlay } from "./overlay.js";
+import { unpack } from "./painter.js";
 import { Parameters } from "./parameters.js";
 import { Readout, short } from "./readout.js";
 import { Steering } from "./steering.js";
@@ -9,7 +11,7 @@ import { Viewports } from "./viewports.js";
 import { Wall } from "./wall.js";
 
 const HEADER_BYTES = 20;          // wall/display/stream.py, HEADER
-const STATISTICS = "S".charCodeAt(0);  // second byte of an overlay's message; a panel has "P"
+const [STATISTICS, SAMPLES] = ["S", "N"].map((letter) => letter.charCodeAt(0));  // second byte of a message; tiles: "P"
 const SILENT_MS = 3000;           // status comes four times a second; this long without any is a lost connection
 const RETRY_MS = [250, 500, 1000, 2000];
 const TOO_MANY = 1013;
@@ -31,6 +33,7 @@ const panel = document.getElementById("parameters");
 const groups = document.getElementById("parameter-groups");
 const parameters = new Parameters(panel, groups, (command) => send(command));
 const focusButton = document.getElementById("focus");
+const display = new Display(wall, (name) => send({ kind: "display", value: name }));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -63,6 +66,7 @@ function take(message, pictures) {
     wall.build(message);
     viewports.build(message);
     readout.connected();
+    display.build(message);
     if (overlay.name) overlay.repeat();
   } else if (message.kind === "picture") {
     pictures.begin(message);
@@ -73,6 +77,7 @@ function take(message, pictures) {
     steering.samplers = message.samplers;
     readout.show({ ...message, sampler: message.view_samplers[viewports.steered] ?? message.sampler });
     compare.status(message, short);
+    display.status(message);
   }
 }
 
@@ -107,23 +112,37 @@ class Pictures {
 
   panel(buffer) {
     const view = new DataView(buffer);
-    const jpeg = new Blob([new Uint8Array(buffer, HEADER_BYTES)], { type: "image/jpeg" });
-    this.#panels.push({
-      index: view.getUint16(4, true), second: view.getUint8(3) === 1, image: createImageBitmap(jpeg),
-    });
+    if (view.getUint8(1) === SAMPLES) this.#panels.push({ samples: true, image: unpack(buffer) });
+    else this.#panels.push(this.#tiles(buffer, view));
     if (this.#panels.length === this.#head.panels) this.#finish(this.#head, this.#panels);
+  }
+
+  #tiles(buffer, view) {
+    const tiles = new Uint16Array(buffer, HEADER_BYTES, view.getUint16(10, true));
+    const image = createImageBitmap(new Blob([new Uint8Array(buffer, HEADER_BYTES + tiles.byteLength)]));
+    return { index: view.getUint16(4, true), second: view.getUint8(3) === 1, tiles, image };
   }
 
   #finish(head, panels) {
     this.#drawn = this.#drawn.then(async () => {
       const images = await Promise.allSettled(panels.map((p) => p.image));
       await new Promise(requestAnimationFrame);
-      images.forEach(({ value }, k) => value && wall.draw(panels[k].index, value, panels[k].second));
+      images.forEach(({ value }, k) => this.#draw(panels[k], value));
       document.body.dataset.picture = head.number;
       if (this.#socket.readyState === WebSocket.OPEN) {
         this.#socket.send(JSON.stringify({ kind: "shown", number: head.number }));
       }
     });
+  }
+
+  #draw({ index, second, tiles, samples }, image) {
+    if (!image) return;                                        // it could not be decoded
+    if (samples) {
+      display.samples(image);
+      return;
+    }
+    wall.draw(index, image, second, tiles);
+    if (!second) display.image(index);
   }
 }
 
@@ -194,6 +213,7 @@ steering.actions = {
   choose,
   compare: () => compare.next(),
   overlay: () => overlay.next(),
+  display: () => display.next(),
   parameters: toggleParameters,
   hide: () => parameters.toggleObject(),
   focus: focusAt,

@@ -158,10 +158,8 @@ function controlsOf(parameter, value, change) {
       }),
     ];
   }
-  if (kind === "position") {
-    const offset = name.startsWith("objects.") ? parameter.high / SCENES_AWAY : 0;
-    const reach = offset || 2 * Math.max(1, ...parameter.default.map(Math.abs));
-    return AXES.map((axis, k) => slider(`${name}, ${axis}`, [parameter.default[k] - reach, parameter.default[k] + reach, reach / 500], {
+  if (kind === "position" || kind === "angles") {
+    return AXES.map((axis, k) => slider(`${name}, ${axis}`, reachOf(parameter, k), {
       of: (v) => v[k], to: (x) => change(value().map((old, n) => (n === k ? x : old))),
     }));
   }
@@ -169,6 +167,14 @@ function controlsOf(parameter, value, change) {
   if (!(name in SOFT) && parameter.high - parameter.low > WIDEST) return [stops(name, parameter.default[0], one, parameter.low)];
   const [low, high] = SOFT[name] ?? [parameter.low, parameter.high];
   return [slider(name, [low, high, kind === "whole" ? 1 : (high - low) / 960], one)];
+}
+
+// Ends and step of the slider of one axis.
+function reachOf({ name, kind, high, default: configured }, k) {
+  if (kind === "angles") return [-180, 180, 0.5];
+  const offset = name.startsWith("objects.") ? high / SCENES_AWAY : 0;
+  const reach = offset || 2 * Math.max(1, ...configured.map(Math.abs));
+  return [configured[k] - reach, configured[k] + reach, reach / 500];
 }
 
 const elevation = (v) => DEGREES * Math.asin(clamp(v[1] / Math.hypot(...v), -1, 1));

@@ -5,6 +5,7 @@ const TAP = 0.04;                         // wall heights of one short key press
 const HELD_PER_S = 0.9;                   // wall heights a second while a key is held
 const KEY_ZOOM = 1.12;
 const KEY_STOPS = 1 / 3;                  // of exposure
+const KEY_SEEK = 0.5;                     // seconds of one key press, and of each repeat while it is held
 const WHEEL_ZOOM = 0.0016;                // log of the factor for one CSS pixel of wheel
 const PINCH_WHEEL = 0.01;                 // the same for a touchpad's pinch, which comes as a wheel with ctrl
 const LINE_PX = 16, PAGE_PX = 400;
@@ -143,6 +144,8 @@ export class Steering {
     else if (e.key === "-" || e.key === "_") this.#zoom(1 / KEY_ZOOM);
     else if (e.key === "]") this.#send({ kind: "expose", x: KEY_STOPS });
     else if (e.key === "[") this.#send({ kind: "expose", x: -KEY_STOPS });
+    else if (e.key === ".") this.#send({ kind: "seek", x: KEY_SEEK });
+    else if (e.key === ",") this.#send({ kind: "seek", x: -KEY_SEEK });
     else if (e.repeat || !this.#letter(e.key)) return;
     e.preventDefault();
   }
@@ -155,6 +158,7 @@ export class Steering {
     else if (key === "z") this.#send({ kind: "undo" });
     else if (key === "c") this.actions.compare();
     else if (key === "o") this.actions.overlay();
+    else if (key === "s") this.actions.display();
     else if (key === "p") this.actions.parameters();
     else if (key === "h" || key === "?") this.actions.help();
     else if (key === "d") this.actions.details();

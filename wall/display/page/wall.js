@@ -6,6 +6,7 @@ const BELOW_HEIGHT = 232;         // what the measurements need beneath the wall
 const BELOW_ENOUGH = 344;         // and what they take when there is room
 const NARROW = 900;               // below this width everything is one scrolling column
 const FRAME = [0.012, 0.05];      // least and most width of the outer bezel, of the wall's height
+const TILE = 32;                  // pixels; wall/display/tiles.py
 const APART = 0.04;               // between two faces, of the wall's height
 
 export class Wall {
@@ -45,12 +46,17 @@ export class Wall {
     this.arrange();
   }
 
-  draw(index, image, second) {
+  // Draw an image of a panel, or of some of its tiles: their numbers, and the image in which they are packed.
+  draw(index, image, second, tiles) {
     const panel = this.#faces[second ? 1 : 0]?.panels[index];
-    panel?.context.drawImage(image, 0, 0, panel.rect.width, panel.rect.height);
+    if (panel && tiles.length) drawTiles(panel, image, tiles);
+    else panel?.context.drawImage(image, 0, 0, panel.rect.width, panel.rect.height);
     if (panel && second) this.#faces[1].element.classList.remove("empty");
     image.close();
   }
+
+  // What a panel's first image is drawn with; undefined before there is one.
+  context(index) { return this.#faces[0]?.panels[index]?.context; }
 
   // The canvas over one panel, made when first asked for, and the rectangle of the panel; undefined if it is not shown.
   cover(index, second) {
@@ -182,6 +188,12 @@ export class Wall {
     this.#room.style.setProperty("--below", `${Math.max(BELOW_HEIGHT, Math.min(BELOW_ENOUGH, left))}px`);
     return kind === "alone" ? fit(w, h) : Math.max(beside, beneath);
   }
+}
+
+function drawTiles({ context, rect }, image, tiles) {
+  const across = image.width / TILE, columns = Math.ceil(rect.width / TILE);
+  const spot = (k, n) => [TILE * (k % n), TILE * Math.floor(k / n)];
+  tiles.forEach((tile, k) => context.drawImage(image, ...spot(k, across), TILE, TILE, ...spot(tile, columns), TILE, TILE));
 }
 
 function put({ style }, left, top, width, height) {

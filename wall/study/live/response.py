@@ -29,8 +29,8 @@ from wall.roles.plan import Plan, make_layout, make_plan
 from wall.scene.parameters import Parameter, named
 from wall.study import json_lines
 from wall.study.live.cpu_limit import own_cores
-from wall.study.live.rewriting import load_without_windows, text_for
-from wall.study.live.runs import IMAGES, START_S, record_wall
+from wall.study.live.rewriting import load_without_windows
+from wall.study.live.runs import IMAGES, START_S, record_wall, written_anew
 from wall.study.quality.tables import MET, MISSED, Table
 from wall.study.speed import record
 
@@ -77,10 +77,7 @@ def measure(config: Path, method: str, *, edits: int, name: str, out: Path) -> R
     plan = make_plan(make_layout(loaded))
     parameter = edited_parameter(plan, name)
     folder = out / f"{config.stem}-{method}"
-    shutil.rmtree(folder, ignore_errors=True)  # control.json of a run that was killed, too
-    folder.mkdir(parents=True)
-    path = folder / config.name
-    path.write_text(text_for(without_rests(loaded, method), method), encoding="utf-8")
+    path = written_anew(without_rests(loaded, method), method, folder)
     sender = Sender(folder, parameter, edits)
     seconds = WARM_UP_S + edits * APART_S[1] + END_S
     try:

@@ -1,4 +1,4 @@
-"""One run of a wall as a user starts it, on some cores, its images kept: `wall run CONFIG --headless --record`."""
+"""One run of a wall as a user starts it, on some cores, its images kept: `wall run CONFIG --headless --images`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,9 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from wall.config.loading import Loaded
 from wall.core.errors import RunError
 from wall.display.image_log import LoggedImages, read_log
-from wall.study.live.cpu_limit import limited
+from wall.study.live.cpu_limit import limited, own_cores
+from wall.study.live.rewriting import text_for
 
 START_S = 120.0  # of one core, until a wall runs: a large scene, kernels that are not compiled yet
 END_S = 30.0  # from the end of its time to that of its processes
@@ -67,8 +70,22 @@ def record_wall(
 ) -> RecordedRun:
     """Run a configuration for a while, and return what it showed. Raises RunError, ConfigError; see run_wall."""
     recorded = folder / IMAGES
-    run = run_wall(config, folder, seconds=seconds, cores=cores, options=("--record", str(recorded), *options))
+    run = run_wall(config, folder, seconds=seconds, cores=cores, options=("--images", str(recorded), *options))
     return RecordedRun(images=read_log(recorded), summary=run.summary, other_cores=run.other_cores)
+
+
+def run_anew(loaded: Loaded, method: str, folder: Path, *, seconds: float) -> Run:
+    """Run a configuration under a method, on all cores, in a folder made anew. Raises RunError; see run_wall."""
+    return run_wall(written_anew(loaded, method, folder), folder, seconds=seconds, cores=own_cores())
+
+
+def written_anew(loaded: Loaded, method: str, folder: Path) -> Path:
+    """Write a configuration under a method to a folder made anew: control.json of a run that was killed is gone."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    path = folder / f"{loaded.path.stem}.yaml"
+    path.write_text(text_for(loaded, method), encoding="utf-8")
+    return path
 
 
 def run_wall(config: Path, folder: Path, *, seconds: float, cores: float, options: Sequence[str] = ()) -> Run:

@@ -6,7 +6,6 @@ Walls run as a user starts them. Rates, and each view's share of the renderers' 
 from __future__ import annotations
 
 import math
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,9 +17,8 @@ from wall.config.loading import Loaded
 from wall.config.views import MOST_VIEWS, ViewConfig, ViewportConfig
 from wall.roles.plan import make_layout
 from wall.study import json_lines, options
-from wall.study.live.cpu_limit import own_cores
-from wall.study.live.rewriting import load_without_windows, text_for
-from wall.study.live.runs import run_wall
+from wall.study.live.rewriting import load_without_windows
+from wall.study.live.runs import run_anew
 from wall.study.quality.tables import MET, MISSED, Table
 from wall.study.speed import record
 
@@ -94,12 +92,7 @@ def _with_views(loaded: Loaded, views: tuple[ViewConfig, ...]) -> Loaded:
 
 def _run(name: str, method: str, kind: str, loaded: Loaded, seconds: float, out: Path) -> list[Row]:
     views = loaded.config.views
-    folder = out / f"{name}-{method}-{kind}-{len(views)}"
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
-    path = folder / f"{name}.yaml"
-    path.write_text(text_for(loaded, method), encoding="utf-8")
-    run = run_wall(path, folder, seconds=seconds, cores=own_cores())
+    run = run_anew(loaded, method, out / f"{name}-{method}-{kind}-{len(views)}", seconds=seconds)
     rows = [
         Row(
             config=name, method=method, kind=kind, views=len(views), view=view.id, weight=view.weight,
@@ -164,11 +157,6 @@ def _grids(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
 
 def check_counts(text: str) -> tuple[int, ...]:
     """Numbers of views, such as 1,2,4; "" none. Raises ConfigError."""
-    wanted = f"numbers of views from 1 to {MOST_VIEWS}, or nothing"
-    return options.each("--counts", text, _count, wanted) if text.strip() else ()
-
-
-def _count(word: str) -> int:
-    if not 1 <= int(word) <= MOST_VIEWS:
-        raise ValueError(word)
-    return int(word)
+    if not text.strip():
+        return ()
+    return options.numbers_of("--counts", text, most=MOST_VIEWS, wanted="numbers of views", otherwise=", or nothing")

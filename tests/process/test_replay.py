@@ -1,0 +1,133 @@
+"""A real run of every sampler, recorded and traced again: the same bits, or a text that says where they differ."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from running import wall
+
+from wall.commands.replay import replay, replay_one
+from wall.config.sampling import METHODS
+from wall.core.errors import ConfigError, RunError
+from wall.run.recording import file_of
+
+VIEW = "  - {{id: {method}, panels: [r0c{k}], camera: {{position: [6, 4.5, {k}], target: [0, 0.6, 0]}}, {rest}}}\n"
+HEAD = """\
+version: 1
+scene: {source: courtyard}
+wall: {grid: {columns: 5, rows: 1, pixels: [48, 32], size: [0.4, 0.3], bezel: 0.01}}
+graph: {preset: sort-first, ranks_per_panel: 2, sinks: [png]}
+transport: {lost_after_s: 10}
+views:
+"""
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five views, one a sampler, two ranks each; those of `framed` have two workers."""
+    folder = tmp_path_factory.mktemp("replay")
+    views = [
+        VIEW.format(
+            method=method,
+            k=k,
+            rest=f"path: {{type: orbit, period_s: 5}}, sampling: {{method: {method}"
+            + (", threads: 2}" if method == "framed" else "}"),
+        )
+        for k, method in enumerate(METHODS)
+    ]
+    (folder / "wall.yaml").write_text(HEAD + "".join(views), encoding="utf-8")
+    run = wall(
+        "run", folder / "wall.yaml", "--headless", "--seconds", 1.5, "--out", folder / "out", "--record",
+        folder / "run.events",
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    return folder / "run.events"
+
+
+def silent(line: str) -> None:
+    pass
+
+
+@pytest.fixture
+def copy(recording: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(recording, tmp_path / "copy.events"))
+
+
+def test_every_sampler_gives_the_bits_of_the_run_in_one_process_or_two(recording: Path) -> None:
+    done = wall("replay", recording, "--jobs", 2)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("yes") == 10
+    said = re.search(r"([\d,]+) samples, each with the bits of the run", done.stdout)
+    assert said is not None
+    assert int(said.group(1).replace(",", "")) > 10 * 48 * 16
+    *_, last = replay(recording, ranks=(1, 10), jobs=1, say=silent)
+    assert "samples, each with the bits of the run" in str(last)
+
+
+def test_one_batch_is_shown_and_written(recording: Path, tmp_path: Path) -> None:
+    lines = [str(line) for line in replay_one(recording, 3, 5, tmp_path / "batch.npy", silent)]
+    assert lines[0].startswith("rank 3, batch 5, worker ")
+    samples = np.load(tmp_path / "batch.npy")
+    assert lines[-1] == f"wrote {tmp_path / 'batch.npy'}: {len(samples)} samples"
+    assert samples["xy"].max() < 48
+
+
+def test_another_scene_is_told_with_rank_and_batch(copy: Path) -> None:
+    about = json.loads((copy / "run.json").read_text())
+    about["config"] = about["config"].replace("source: courtyard", "source: gallery")
+    (copy / "run.json").write_text(json.dumps(about))
+    with pytest.raises(RunError, match=r"rank 1, batch 0: other samples than in the run, which wall 0\.1\.0 recorded"):
+        list(replay(copy, ranks=(1,), jobs=1, say=silent))
+
+
+def test_files_that_are_not_there_are_named(copy: Path) -> None:
+    for rank in range(2, 11):
+        file_of(copy, rank).unlink()
+    _, note, last = map(str, replay(copy, ranks=(), jobs=1, say=silent))
+    assert note.startswith(f"note: not replayed, as {copy} lacks rank-2.events, rank-3.events, ")
+    assert "each with the bits of the run" in last
+
+
+def test_a_run_that_was_killed_is_replayed_up_to_there(copy: Path) -> None:
+    path = file_of(copy, 2)
+    path.write_bytes(path.read_bytes()[:-200])
+    *_, last = replay(copy, ranks=(2,), jobs=1, say=silent)
+    assert "each with the bits of the run" in str(last)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"ranks": (0,)}, r"--rank 0: .* has no such renderer; accepted: 1, 2, 3"),
+        ({"ranks": (99,)}, r"--rank 99: .*"),
+    ],
+)
+def test_ranks_that_were_not_recorded_are_refused(recording: Path, options: dict[str, tuple[int]], said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        list(replay(recording, jobs=1, say=silent, **options))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda about: about | {"format": 9}, "format 9; accepted: 1"),
+        (lambda about: {}, "not what `wall run --record` wrote"),
+        (lambda about: about | {"at_renderers": [99]}, "not what `wall run --record` wrote"),
+        (lambda about: about | {"config": "version: 7"}, "version"),
+    ],
+)
+def test_damaged_recordings_are_refused(copy: Path, change, said: str) -> None:
+    path = copy / "run.json"
+    path.write_text(json.dumps(change(json.loads(path.read_text()))))
+    with pytest.raises(ConfigError, match=said):
+        list(replay(copy, ranks=(), jobs=1, say=silent))
+
+
+def test_a_batch_behind_the_end_is_refused(recording: Path) -> None:
+    with pytest.raises(RunError, match=r"rank-2\.events: ends at batch \d+; wanted 1000000"):
+        list(replay_one(recording, 2, 10**6, None, silent))

@@ -1,0 +1,74 @@
+"""A viewer without a page: takes in what a page is sent, answers as soon as it has it, and counts it."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+import zlib
+from dataclasses import dataclass
+
+import aiohttp
+
+from wall.core.errors import RunError
+from wall.display.stream import SAMPLES_COUNTS, SAMPLES_HEADER
+
+SETTLE_S = 2.0  # before anything is counted: the first images are of every pixel
+LOST_S = 10.0  # a run that says nothing for so long does not answer
+
+
+@dataclass(slots=True, kw_only=True)
+class Received:
+    """What a viewer got."""
+
+    seconds: float
+    images: int = 0  # of the wall
+    bytes: int = 0  # of images and samples
+    samples: int = 0
+
+    def words(self) -> str:
+        """All of it as rates."""
+        words = f"{self.bytes / self.seconds / 1e3:,.0f} kB/s, {self.images / self.seconds:.1f} images/s"
+        if not self.samples:
+            return words
+        return (
+            f"{words}, {self.samples / self.seconds / 1e3:,.0f} k samples/s, {self.bytes / self.samples:.1f} bytes each"
+        )
+
+
+def watch(address: str, *, display: str, seconds: float, drawing_s: float = 0.0) -> Received:
+    """Be a viewer of the page at `address` for a while; `display`: "images" or "samples"; `drawing_s`: of an image.
+
+    Raises RunError where there is no page.
+    """
+    try:
+        return asyncio.run(_watch(address, display, seconds, drawing_s))
+    except (aiohttp.ClientError, TypeError, ValueError, TimeoutError) as error:
+        raise RunError(f"{address}: no page of a wall answers: {error!r}") from error
+
+
+async def _watch(address: str, display: str, seconds: float, drawing_s: float) -> Received:
+    got, left, number = Received(seconds=seconds), 0, 0
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(address.rstrip("/") + "/stream", max_msg_size=0) as connection,
+    ):
+        await connection.send_json({"kind": "display", "value": display})
+        began = time.monotonic() + SETTLE_S
+        while (now := time.monotonic()) < began + seconds:
+            message = await connection.receive(timeout=LOST_S)
+            if message.type is aiohttp.WSMsgType.TEXT:
+                said = json.loads(message.data)
+                if said["kind"] == "picture":
+                    left, number = said["panels"], said["number"]
+                continue
+            left -= 1
+            if now >= began:
+                got.bytes += len(message.data)
+                got.images += left == 0
+                if message.data[:2] == b"WN":
+                    got.samples += SAMPLES_COUNTS.unpack_from(zlib.decompress(message.data[SAMPLES_HEADER.size :]))[1]
+            if left == 0:
+                await asyncio.sleep(drawing_s)
+                await connection.send_json({"kind": "shown", "number": number})
+    return got
