@@ -53,6 +53,7 @@ def run(
     images: Annotated[
         Path | None, typer.Option(help="Folder that keeps every image shown, lossless: large, for short runs")
     ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Adopt CONFIG again whenever its file is saved")] = False,
 ) -> None:
     """Run a wall: start its processes here, or use the ranks that mpirun made.
 
@@ -72,6 +73,7 @@ def run(
         still=still or until_complete,
         record=record,
         images=images,
+        watch=watch,
     )
     with StartProgress(open_page=loaded.config.output.browser.open) as progress:
         outcome = launch.run(loaded, options, progress.say, progress.opened)
@@ -115,6 +117,24 @@ def set_command(
             errors.print("note: wall set --list 'objects.*' shows those of objects", markup=False)
     if undo or any("=" in text for text in assignments or ()):
         console.print(f"set by edit {answer.edit}", markup=False)
+
+
+@app.command()
+def load(
+    config: ConfigArgument,
+    out: Annotated[Path, typer.Option(help="Folder of results of the running wall: its --out")] = Path("OUT"),
+) -> None:
+    """Let a running wall adopt another configuration: other models, objects, views, calibration.
+
+    It goes on meanwhile. Its processes and displays stay; what needs others is refused, and changes nothing.
+
+    [bold]wall load configs/demo.yaml[/]
+    """
+    from wall.client import connect
+
+    with connect(out) as run:
+        edit = run.load(config)
+    console.print(f"{config} adopted, by edit {edit}", markup=False)
 
 
 @app.command()

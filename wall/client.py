@@ -1,10 +1,11 @@
-"""Talk to a running wall from Python: read its parameters, change them, undo.
+"""Talk to a running wall from Python: read its parameters, change them, undo, load another configuration.
 
 >>> import wall.client
 >>> with wall.client.connect("OUT") as run:  # the folder of results of `wall run`
 ...     run.set({"lights.0.intensity": (8, 7, 5), "exposure": 1})
 ...     run.parameters("lights.*")["lights.0.intensity"].value
 ...     run.undo()
+...     run.load("another.yaml")
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from wall.config.loading import read_text
 from wall.core.errors import EditError, LocalProtocolError, RemoteProtocolError, RunError
 from wall.display.base import ParameterState
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
@@ -25,6 +27,7 @@ from wall.run.ports import FIRST_CLIENT
 from wall.transport.factory import connect as open_link
 
 ANSWER_S = 5.0  # wait for a wall's answer, at most
+LOAD_S = 600.0  # for a configuration: ranks load a model, and compile for it
 ASK_AGAIN_S = 1.0  # a request that found no wall yet, or whose answer was lost, is sent again: it is done once
 
 
@@ -76,8 +79,26 @@ class Client:
         """
         return self.request(undo=steps).edit
 
-    def request(self, *, assignments: Sequence[Any] = (), listed: Sequence[str] = (), undo: int = 0) -> EditAnswer:
-        """Ask the wall for something, as EditRequest has it."""
+    def load(self, configuration: str | Path, *, patience_s: float = LOAD_S) -> int:
+        """Let the wall adopt another configuration while it goes on: another model, other objects, views, calibration.
+
+        configuration : file, or its text, whose relative paths then start where those of the run's own file do
+        patience_s : seconds to wait until every rank has loaded it
+
+        Processes, displays and their pixels stay those of the run. Raises EditError where it is refused, with all
+        that is wrong in the file; then nothing has changed. Returns the number of the newest edit.
+        """
+        text, path = str(configuration), ""
+        if isinstance(configuration, Path) or "\n" not in text:
+            path = str(Path(configuration).absolute())
+            text = read_text(path)
+        return self.request(configuration=text, path=path, patience_s=patience_s).edit
+
+    def request(
+        self, *, assignments: Sequence[Any] = (), listed: Sequence[str] = (), undo: int = 0, configuration: str = "",
+        path: str = "", patience_s: float | None = None,
+    ) -> EditAnswer:  # fmt: skip
+        """Ask the wall for something, as EditRequest has it; `patience_s`: None: the client's."""
         if max(len(assignments), len(listed)) > MAX_COMMANDS:
             raise EditError(f"{max(len(assignments), len(listed))} parameters at once; at most {MAX_COMMANDS}")
         self._number += 1
@@ -85,18 +106,18 @@ class Client:
             request = serialise(
                 EditRequest(
                     client=self._client, number=self._number, key=self._control.key, assignments=list(assignments),
-                    listed=list(listed), undo=undo,
+                    listed=list(listed), undo=undo, configuration=configuration, path=path,
                 )
             )  # fmt: skip
         except LocalProtocolError as error:
             raise EditError(f"the request is too long: {error}") from error
-        answer = self._answer(request)
+        answer = self._answer(request, self._patience_s if patience_s is None else patience_s)
         if answer.refused:
             raise EditError(answer.refused)
         return answer
 
-    def _answer(self, request: bytes) -> EditAnswer:
-        limit, again = time.monotonic() + self._patience_s, -math.inf
+    def _answer(self, request: bytes, patience_s: float) -> EditAnswer:
+        limit, again = time.monotonic() + patience_s, -math.inf
         while (now := time.monotonic()) < limit:
             if now >= again:
                 self._link.send(request)
@@ -108,7 +129,7 @@ class Client:
                     return answer
         control = self._control
         raise RunError(
-            f"no answer from {control.endpoint} within {self._patience_s:g} s: the wall of process {control.pid} on "
+            f"no answer from {control.endpoint} within {patience_s:g} s: the wall of process {control.pid} on "
             f"{control.host} has ended or does not respond"
         )
 

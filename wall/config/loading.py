@@ -52,17 +52,22 @@ class Loaded:
 def load(path: str | Path) -> Loaded:
     """Read and check a configuration file. Raises ConfigError, and nothing else, whatever is wrong."""
     path = Path(path)
+    return loads(read_text(path), name=str(path), path=path)
+
+
+def read_text(path: str | Path) -> str:
+    """The text of a configuration file, unchecked. Raises ConfigError where there is none."""
+    path = Path(path)
     try:
         if path.is_dir():
             raise ConfigError(f"{path}: this is a folder; accepted: a YAML file")
-        text = path.read_bytes().decode("utf-8-sig")
+        return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: byte {error.start} is not UTF-8 text; accepted: a YAML file in UTF-8") from None
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file{_near_file(path)}") from None
     except (OSError, ValueError) as error:
         raise ConfigError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
-    return loads(text, name=str(path), path=path)
 
 
 def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loaded:

@@ -6,13 +6,17 @@ panels are their bezels.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Float32, StatisticsImage
+
+if TYPE_CHECKING:
+    from wall.geometry.panels import Wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +125,14 @@ class Steered(Sink, Protocol):
 
     def commands(self) -> list[dict[str, Any]]:
         """What viewers asked for since the last call."""
+
+
+@runtime_checkable
+class LaysOut(Sink, Protocol):
+    """A sink that tells its viewers where panels and views are."""
+
+    def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
+        """Tell these from now on; the panels are those of before."""
 
 
 @runtime_checkable

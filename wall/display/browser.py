@@ -67,6 +67,7 @@ class _Viewer:
     held: dict[_Shown, Held] = field(default_factory=lambda: defaultdict(Held))
     in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
     number: int = 0
+    layout: str = ""  # as last sent
     told: tuple[bool, str, str] | None = None  # paused, sampler, compared one, as last sent
     status_due: float = 0.0
     overlay: str = ""  # one of OVERLAYS
@@ -124,6 +125,11 @@ class Browser:
         self._newest = (image, status)
         if self._viewers:
             self._call(self._wake_viewers)
+
+    def lay_out(self, wall: Wall, views: Sequence[str], why_images: Sequence[str]) -> None:
+        """Tell all viewers where panels, insets and views are from now on; the panels are those of before."""
+        self._layout = layout_message(wall, views, why_images)
+        self._call(self._wake_viewers)
 
     def commands(self) -> list[dict[str, Any]]:
         """What viewers asked for since the last call."""
@@ -286,8 +292,10 @@ class Browser:
     async def _feed(self, viewer: _Viewer) -> None:
         """Send what is new until the connection ends."""
         try:
-            await viewer.socket.send_str(self._layout)
             while True:
+                if viewer.layout != self._layout:
+                    viewer.layout = self._layout
+                    await viewer.socket.send_str(viewer.layout)
                 if self._newest is not None:
                     await self._send(viewer, *self._newest)
                 with contextlib.suppress(TimeoutError):

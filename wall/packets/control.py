@@ -22,13 +22,15 @@ from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 11
+MAGIC, VERSION = b"WALL", 12
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
+KIND_PREPARE, KIND_PREPARED, KIND_ADOPT = 18, 19, 20
 MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
+MAX_CONFIGURATION_BYTES = 1 << 20  # of that of a message with the text of a configuration
 MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
 MAX_COUNTERS = 64
 MAX_ANSWERS = 256  # of a Heartbeat
@@ -96,6 +98,7 @@ class Heartbeat:
     time_of: dict[str, int] = field(default_factory=dict)  # by view: microseconds of a renderer, tracing and images
     refreshes_of: dict[str, int] = field(default_factory=dict)  # by view: refreshes of images that this rank makes
     assignment: int = 0  # number of the Assignment that this renderer follows
+    configuration: int = 0  # number of the configuration that this rank has adopted
     costs: dict[str, int] = field(default_factory=dict)  # by layer: of its region, in any unit; {}: not measured yet
 
 
@@ -158,6 +161,8 @@ class EditRequest:
     assignments: list[Any] = field(default_factory=list)  # [name path, value]; at most MAX_COMMANDS
     listed: list[Any] = field(default_factory=list)  # patterns, or ALL_BUT_OBJECTS: the parameters of the answer
     undo: int = 0  # edits that are to be taken back, the newest first
+    configuration: str = ""  # YAML that the run is to adopt; "": none
+    path: str = ""  # of its file: relative paths start at the file's folder; "": of the run's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,9 +177,35 @@ class EditAnswer:
     left_out: int = 0  # parameters that were asked for and have no room
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepare:
+    """Make everything that a configuration needs, beside what runs. Repeated until Prepared answers."""
+
+    number: int  # counts the configurations of a run; 0 is the one that it began with
+    text: str  # YAML
+    path: str  # of its file
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prepared:
+    """A rank has made what a configuration needs, or cannot."""
+
+    rank: int
+    number: int
+    refused: str = ""  # why it cannot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adopt:
+    """From now on the run is of this configuration. Repeated until every heartbeat says so."""
+
+    number: int
+    since: int  # its first camera event, of every view: packets of earlier ones are of what ran before
+
+
 Message: TypeAlias = (
     Event | FrameletPart | Hello | Heartbeat | Membership | Ping | Pong | Statistics | StatisticsImage
-    | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment
+    | Stop | WindowInput | EditRequest | EditAnswer | Selection | Assignment | Prepare | Prepared | Adopt
 )  # fmt: skip
 _JSON_KINDS: dict[int, type[Any]] = {
     KIND_HELLO: Hello,
@@ -189,8 +220,16 @@ _JSON_KINDS: dict[int, type[Any]] = {
     KIND_EDIT_ANSWER: EditAnswer,
     KIND_SELECTION: Selection,
     KIND_ASSIGNMENT: Assignment,
+    KIND_PREPARE: Prepare,
+    KIND_PREPARED: Prepared,
+    KIND_ADOPT: Adopt,
 }
-_MAX_BYTES: dict[type[Any], int] = {Membership: MAX_MEMBERSHIP_BYTES, EditAnswer: MAX_ANSWER_BYTES}
+_MAX_BYTES: dict[type[Any], int] = {
+    Membership: MAX_MEMBERSHIP_BYTES,
+    EditAnswer: MAX_ANSWER_BYTES,
+    EditRequest: MAX_CONFIGURATION_BYTES,
+    Prepare: MAX_CONFIGURATION_BYTES,
+}
 
 
 def serialise(message: Message) -> bytes:

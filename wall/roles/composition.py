@@ -21,7 +21,7 @@ from wall.geometry.panels import Panel
 from wall.packets.control import parse_control, serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import decode, is_samples
-from wall.roles.edges import NEVER, Number, Outlets, RemoteFramelet, needed_from_others
+from wall.roles.edges import Number, Outlets, RemoteFramelet, needed_from_others
 from wall.roles.edit_history import EditHistory
 from wall.roles.handed_samples import why_images
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
@@ -119,13 +119,17 @@ class Composition:
         if isinstance(message, StatisticsImage):
             self.keep(message)
         elif isinstance(message, FrameletPart):
-            if (nodes := self._nodes_of(message)) is not None:
+            before = message.event is not None and message.event.camera_event < self._plan.since
+            if not before and (nodes := self._nodes_of(message)) is not None:
                 nodes.insert(message)
         else:
             raise RemoteProtocolError("neither samples, a framelet nor another compositor's statistics image")
 
     def insert_batch(self, batch: Batch) -> None:
         """Take samples in. Raises RemoteProtocolError for those that no rank of this run can have traced now."""
+        if batch.camera_event < self._plan.since:  # of the configuration before
+            self.counters["late"] += len(batch.samples)
+            return
         layer = self._layer_of(batch.rank, batch.panel, batch.rect)
         if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
             wanted = f"about {self._refreshed:.6g} s"
@@ -259,10 +263,10 @@ class Composition:
         return tuple(samples for samples in taken if samples is not None)
 
     def newest_event(self, view: int = 0) -> Number:
-        """The newest event of a view that has a sample in an image."""
-        numbers = [layer.newest_event for layer in self._of_view(view)]
+        """The newest event of a view that has a sample in an image; one before the first where none has."""
+        numbers = [(self._plan.since, -1), *(layer.newest_event for layer in self._of_view(view))]
         numbers += [remote.newest_event(view) for remote in self._nodes.remote.values()]
-        return max(numbers, default=NEVER)
+        return max(numbers)
 
     @property
     def idle(self) -> bool:

@@ -279,6 +279,7 @@ class Compositor:
             camera_event=number[0],
             scene_event=number[1],
             last=last,
+            configuration=self._plan.number,
             refreshes_of={self._plan.views[k].id: self._views[k].refreshes for k in composition.views},
         )
 

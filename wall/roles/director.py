@@ -19,8 +19,10 @@ COMPARED_WITH = "adaptive"  # one of two samplers that are compared: the only on
 class Director:
     """What the viewer sees: the camera path or the steered camera, the animation's time, the sampler."""
 
-    def __init__(self, plan: Plan, now: float, view: int = 0, leader: Director | None = None) -> None:
-        """`leader`: of the view whose camera this one has; it is updated first."""
+    def __init__(
+        self, plan: Plan, now: float, view: int = 0, leader: Director | None = None, before: Director | None = None
+    ) -> None:
+        """`leader`: of the view whose camera this one has, updated first; `before`: of the configuration before."""
         self._plan, self._view, self.view = plan, plan.views[view], view
         self._leader = leader
         self._steering: Steering | None = None
@@ -30,6 +32,20 @@ class Director:
         self.compare = ""  # with the adaptive sampler, whichever `sampler` is
         self.statistics = False
         self.event = first_event(plan, now, view)
+        if before is not None:
+            self._go_on_from(before)
+
+    def _go_on_from(self, before: Director) -> None:
+        """Time goes on; the camera stays steered, and the sampler chosen, where their configurations are the same."""
+        self._scene_time, self._path_time, self._last = before._scene_time, before._path_time, before._last
+        self.paused, self.statistics = before.paused, before.statistics
+        old, new = before._view, self._view
+        if (old.still, old.path) == (new.still, new.path):
+            self._steering = before._steering
+        configured = before._plan.layout.sampling_of(before.view).method
+        if configured == self.sampler and before.sampler in samplers_of(self._plan):
+            self.sampler = before.sampler
+        self.event = replace(self.event, camera=self._camera(), scene_time=self._scene_time, paused=self.paused)
 
     def update(self, commands: list[Command], now: float, edits: Edits = NO_EDITS, stops: float | None = None) -> bool:
         """Apply what came in until `now`, with the edits of the scene. Returns whether there is a new event.
@@ -76,6 +92,11 @@ class Director:
         was, self.paused = self.event.paused, True
         self.event = replace(self.event, paused=True)
         return not was
+
+    @property
+    def name(self) -> str:
+        """Of the view."""
+        return self._view.id
 
     @property
     def steered(self) -> int:

@@ -6,6 +6,7 @@ or further prefixes of name paths.
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import json
 import math
@@ -49,6 +50,29 @@ class Editor:
         self._undoable = deque[tuple[Values, float | None]](maxlen=MOST_UNDONE)  # states before edits
         self._newest: tuple[frozenset[str], float] = (frozenset(), -math.inf)  # which parameters, when
         self._answered = dict[int, EditAnswer]()  # the newest of each client
+
+    def adopt(self, plan: Plan) -> None:
+        """Edit another configuration's scene: edits that it accepts stay, and cannot be undone any more."""
+        values, stops = self.edits.values, self.stops
+        self._plan, self.parameters, self.clicks = plan, editable(plan), Clicks(plan)
+        self._undoable.clear()
+        kept = {}
+        for name, value in values:
+            with contextlib.suppress(EditError):
+                kept[name] = named(self.parameters, name).checked(value)
+        self._count += 1
+        self.edits, self.stops = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS, stops
+
+    def check_key(self, request: EditRequest) -> None:
+        """Refuse who does not know the run's key. Raises EditError."""
+        if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):
+            self.counters["edit_without_key"] += 1
+            raise EditError("the key is not this run's")
+
+    @property
+    def count(self) -> int:
+        """Number of the newest edit."""
+        return self._count
 
     def set(self, assignments: Sequence[tuple[str, object]], now: float = 0.0) -> None:
         """Set parameters to values, all or none; None sets the configuration's. Raises EditError.
@@ -118,11 +142,8 @@ class Editor:
         return answer
 
     def _answer(self, request: EditRequest, scene_time: float, now: float) -> EditAnswer:
-        if not self._key or not hmac.compare_digest(request.key.encode(), self._key.encode()):
-            self.counters["edit_without_key"] += 1
-            refused = "the key is not this run's"
-            return EditAnswer(client=request.client, number=request.number, refused=refused, edit=0)
         try:
+            self.check_key(request)
             if request.undo > 0 and request.assignments:
                 raise EditError("to undo and to set at once: want one of them")
             if request.undo > 0:

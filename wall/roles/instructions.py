@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from wall.core.data import Batch, Event, Region
 from wall.display.base import Status, WallImage
-from wall.packets.control import Message
+from wall.packets.control import Message, Prepare
 from wall.sampling.tiles import Measured
+
+if TYPE_CHECKING:
+    from wall.roles.plan import Plan
 
 MANAGER = -1  # the address of the manager; other addresses are ranks
 Ready: TypeAlias = Callable[[int], bool]  # whether a packet to a rank would be sent at once; False before Connect
@@ -100,7 +103,23 @@ class End:
     reason: str
 
 
-Input: TypeAlias = Message | Packet | Dropped | Traced | Presented | Died | End
+@dataclass(frozen=True, slots=True)
+class PlanMade:
+    """A Make is done."""
+
+    number: int
+    plan: Plan | None  # None: refused
+    refused: str = ""  # why
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """The file of the configuration has another text."""
+
+    text: str
+
+
+Input: TypeAlias = Message | Packet | Dropped | Traced | Presented | Died | End | PlanMade | Changed
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,13 +190,20 @@ class Show:
 
 
 @dataclass(frozen=True, slots=True)
+class Make:
+    """Make a plan of a configuration beside what runs; PlanMade answers."""
+
+    wanted: Prepare
+
+
+@dataclass(frozen=True, slots=True)
 class Finish:
     """End the loop. `failure`: why that is an error, "" where it is none."""
 
     failure: str = ""
 
 
-Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Reassign | Show | Finish
+Instruction: TypeAlias = Send | Broadcast | Offer | Connect | Trace | Restart | Reassign | Show | Make | Finish
 Instructions: TypeAlias = Iterable[Instruction]
 
 

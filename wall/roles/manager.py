@@ -10,19 +10,42 @@ import enum
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 from wall.core.data import Event
 from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
-from wall.packets.control import EditRequest, Heartbeat, Hello, Selection, Statistics, Stop, WindowInput
+from wall.packets.control import (
+    EditAnswer,
+    EditRequest,
+    Heartbeat,
+    Hello,
+    Prepared,
+    Selection,
+    Statistics,
+    Stop,
+    WindowInput,
+)
 from wall.roles.balance import Balancer
 from wall.roles.director import Director
 from wall.roles.edges import summed_number
 from wall.roles.editing import Editor
-from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Instruction, Packet, Send
+from wall.roles.instructions import (
+    Broadcast,
+    Changed,
+    Died,
+    End,
+    Finish,
+    Input,
+    Instruction,
+    Packet,
+    PlanMade,
+    Send,
+)
 from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
+from wall.roles.reloading import Asked, Reloading, asked_by
 
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete image that has not changed for this long is final
@@ -45,11 +68,11 @@ class Manager:
 
     def __init__(
         self, plan: Plan, now: float, *, still: bool, seconds: float | None = None, until_complete: bool = False,
-        key: str = "",
+        key: str = "", fixed: str = "",
     ) -> None:  # fmt: skip
         """`still`: begin paused; `seconds`: when the run ends; `until_complete`: or when all is traced and shown.
 
-        `key`: see Editor.
+        `key`: see Editor; `fixed`: see Reloading.
         """
         layout = plan.layout
         self.due = now
@@ -59,27 +82,55 @@ class Manager:
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
         self.counters = Counter[str]()
-        self._layout, self._seconds, self._until_complete = layout, seconds, until_complete
+        self._seconds, self._until_complete = seconds, until_complete
         self._directors: list[Director] = []
-        for number, view in enumerate(plan.views):
-            leader = None if view.leader is None else self._directors[plan.views.index(view.leader)]
-            self._directors.append(Director(plan, now, number, leader))
+        self._reloading = Reloading(plan, fixed=fixed)
         self._register = Register()
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
         self._heard = dict.fromkeys(range(1, layout.size), now)  # by rank: when it gave a sign of life
-        self._window_ranks = window_ranks(layout)
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
-        self.balancer = Balancer(layout, now) if layout.strips is not None else None
         self._selected = ""  # the object whose parameters pages show
-        self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
         self._update_due, self._repeat_due = now, now
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
         self._phase, self._limit, self._began = Phase.RUNNING, math.inf, now
         self._complete_since: float | None = None
+        self._take(plan, now)
         if still:
             for director in self._directors:
                 director.paused = True
+
+    def _take(self, plan: Plan, now: float) -> None:
+        """Be the manager of this plan."""
+        self.plan, self._layout = plan, plan.layout
+        before = {director.name: director for director in self._directors}
+        self._directors = []
+        for number, view in enumerate(plan.views):
+            leader = None if view.leader is None else self._directors[plan.views.index(view.leader)]
+            self._directors.append(Director(plan, now, number, leader, before.get(view.id)))
+        self._window_ranks = window_ranks(plan.layout)
+        self.balancer = Balancer(plan.layout, now) if plan.layout.strips is not None else None
+        self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
+
+    def _adopt(self, plan: Plan, now: float) -> Iterator[Instruction]:
+        """Go on with another plan, which all ranks have adopted."""
+        self.counters = self.dropped() - self.editor.counters
+        self.heartbeats = {rank: beat for rank, beat in self.heartbeats.items() if beat.configuration == plan.number}
+        self._selected, self._complete_since, self._released = "", None, (-1, -1)
+        self._take(replace(plan, since=self._since), now)
+        self.editor.adopt(self.plan)
+        self._commands, self._edited, self._repeat_due = [], True, now
+        yield from self._reloading.answer(self.editor.count)
+
+    @property
+    def _since(self) -> int:
+        """The first camera event of a configuration that follows this one."""
+        return 1 + max(director.event.camera_event for director in self._directors)
+
+    def take_news(self) -> str:
+        """What came of a configuration since this was asked last, in words; "" for none."""
+        said, self._reloading.said = self._reloading.said, ""
+        return said
 
     @property
     def members(self) -> Mapping[int, Hello]:
@@ -92,7 +143,7 @@ class Manager:
             if isinstance(message, Hello):
                 self._check_rank(message.rank)
                 self._register.take(message, now)
-                for director in self._directors:  # a rank that joins late gets the state
+                for director in () if self._reloading.adopting else self._directors:  # who joins late gets the state
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:
                     yield Send(message.rank, self.balancer.assignment)
@@ -109,6 +160,15 @@ class Manager:
                     yield Send(HEAD, Selection(name=self._selected))
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
+            elif isinstance(message, EditRequest) and message.configuration:
+                yield from self._load(message, now)
+            elif isinstance(message, Changed):
+                yield from self._reloading.ask(Asked(text=message.text, path=str(self._layout.loaded.path)), now)
+            elif isinstance(message, PlanMade):
+                yield from self._reloading.made(message, now)
+            elif isinstance(message, Prepared):
+                self._check_rank(message.rank)
+                yield from self._reloading.prepared(message)
             elif isinstance(message, EditRequest):
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now))
                 self._edited = True
@@ -120,7 +180,19 @@ class Manager:
                 self.counters["stray_packet"] += 1
         except RemoteProtocolError:
             self.counters["bad_message"] += 1
+        except EditError as error:
+            self._reloading.said = str(error)
         self.due = now
+
+    def _load(self, request: EditRequest, now: float) -> Iterator[Instruction]:
+        """Begin to load a configuration; the answer comes when that is done, or refused."""
+        try:
+            self.editor.check_key(request)
+            yield from self._reloading.ask(asked_by(request, str(self._layout.loaded.path)), now)
+        except EditError as error:
+            self.counters["refused_edit"] += 1
+            refused = EditAnswer(client=request.client, number=request.number, refused=str(error), edit=0)
+            yield Send(request.client, refused)
 
     def _check_rank(self, rank: int) -> None:
         if not 0 <= rank < self._layout.size:
@@ -164,7 +236,11 @@ class Manager:
                 self._hold(now)
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
             yield from self._register.on_tick(now, self.lost)
-            yield from self._publish(now)
+            yield from self._reloading.on_tick(now, self._since, self.lost)
+            if (plan := self._reloading.adopted(self.heartbeats, now, self.lost)) is not None:
+                yield from self._adopt(plan, now)
+            if not self._reloading.adopting:
+                yield from self._publish(now)
         if self._phase is Phase.RUNNING and self.balancer is not None:
             numbers = tuple(event.number for event in self.events)
             if (assignment := self.balancer.on_tick(self.heartbeats, self.lost, numbers, now)) is not None:
@@ -268,6 +344,7 @@ class Manager:
             beat = self.heartbeats.get(rank)
             number = summed_number(self._directors[view].event for view in self._layout.views_of(rank))
             complete = beat is not None and beat.complete and (beat.camera_event, beat.scene_event) == number
+            complete &= beat is not None and beat.configuration == self.plan.number
             if beat is not None and self.balancer is not None and self._layout.role(rank) == "renderer":
                 complete &= beat.assignment == self.balancer.assignment.number
             if not complete and rank not in self.lost:

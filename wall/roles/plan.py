@@ -131,6 +131,8 @@ class Plan:
     layout: Layout
     scene: Scene
     views: tuple[View, ...]
+    number: int = 0  # of the configuration: how many the run has had before
+    since: int = 0  # its first camera event
 
     def view_of(self, panel: Panel) -> View:
         """The view that a panel or inset shows."""
@@ -178,7 +180,7 @@ def check_files(layout: Layout) -> None:
 
 
 def make_plan(layout: Layout) -> Plan:
-    """Load the scene and aim the view at it. Raises SceneError."""
+    """Load the scene and aim the view at it. Raises ConfigError."""
     try:
         scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
     except SceneError as error:
@@ -280,7 +282,7 @@ def first_event(plan: Plan, now: float, view: int = 0) -> Event:
     """What every run begins with: a view at time 0."""
     return Event(
         view=view,
-        camera_event=0,
+        camera_event=plan.since,
         scene_event=0,
         scene_time=0.0,
         input_time=now,

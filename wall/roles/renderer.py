@@ -244,5 +244,6 @@ class Renderer:
             time_of=time_of,
             refreshes_of=refreshes_of,
             assignment=self._followed,
+            configuration=self._plan.number,
             costs=self._costs(),
         )

@@ -147,9 +147,13 @@ def statistics_of(status: Status) -> Statistics:
     )
 
 
-def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds: float, cores: float) -> dict[str, Any]:
-    """What summary.json holds. `seconds`: how long the run took; `cores`: how many the head's process used."""
-    layout, beats = plan.layout, manager.heartbeats
+def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, cores: float) -> dict[str, Any]:
+    """What summary.json holds: counts since the newest configuration was adopted.
+
+    `seconds`: how long the run took; `cores`: how many the head's process used.
+    """
+    plan, beats = manager.plan, manager.heartbeats
+    layout = plan.layout
     if manager.balancer is not None:
         layout = layout.assigned(manager.balancer.assignment.cuts)
     dropped = manager.dropped()
@@ -175,6 +179,7 @@ def summary_of(plan: Plan, manager: Manager, compositor: Compositor, *, seconds:
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
+        "configurations": plan.number + 1,  # of which the newest was adopted
         "assignments": 0 if manager.balancer is None else manager.balancer.assignment.number,
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
     }

@@ -31,6 +31,7 @@ from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, ways_of
 from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
+from wall.run.succession import FileWatch, Preparer
 from wall.run.usage import cpu_seconds
 from wall.transport.factory import LOOPBACK
 from wall.transport.shared_memory import machine_id
@@ -51,6 +52,7 @@ class Options:
     still: bool = False  # begin paused
     record: Path | None = None  # folder that keeps what renderers are told, for a replay
     images: Path | None = None  # folder that keeps every image shown
+    watch: bool = False  # adopt the configuration's file again whenever it changes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,13 +84,13 @@ class Closing(ExitStack):
 class HeadProcess:
     """Rank 0 of a run, from its hubs to its summary."""
 
-    def __init__(self, plan: Plan, bootstrap: Bootstrap, options: Options) -> None:
-        self._plan, self._bootstrap, self._options = plan, bootstrap, options
+    def __init__(self, plan: Plan, bootstrap: Bootstrap, preparer: Preparer, options: Options) -> None:
+        self._plan, self._bootstrap, self._preparer, self._options = plan, bootstrap, preparer, options
         self._clock, self._cpu = HeadClock(), cpu_seconds()
         self._began = self._clock.now()
         self._ends: deque[End | Died] = deque()
         self._manager: Manager | None = None
-        self._compositor: Compositor | None = None
+        self._loop: Loop | None = None  # of the compositor
         self.failures: list[str] = []
         self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
@@ -119,17 +121,31 @@ class HeadProcess:
         log = ImageLog(options.images) if options.images is not None else None
         if log is not None:
             closing.later(log.close)
-        loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, log=log)
-        assert isinstance(loop.role, Compositor)
-        self._compositor = loop.role
+        self._loop = loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, self._preparer, log=log)
         began = clock.now()
         self._manager = Manager(
-            plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key
-        )
+            plan, began, still=options.still, seconds=options.seconds, until_complete=options.until_complete, key=key,
+            fixed="its events are recorded" if options.record is not None else "",
+        )  # fmt: skip
         if log is not None:
             log.begin(began=began, display_delay_s=plan.view.display_delay_s)
-        sources: list[Source] = [window_input_of(HEAD, sinks), self._take_ends, self._deaths]
-        managing = ManagerThread(Loop(self._manager, manager_ways, clock, sources=sources, longest_wait_s=INPUT_POLL_S))
+
+        def tell() -> tuple[()]:
+            if self._manager is not None and (news := self._manager.take_news()):
+                say(f"note: {news}")
+            return ()
+
+        sources: list[Source] = [
+            window_input_of(HEAD, sinks), self._take_ends, self._deaths, self._preparer.news, tell,
+        ]  # fmt: skip
+        if options.watch:
+            sources.append(FileWatch(plan.layout.loaded.path).changes)
+        managing = ManagerThread(
+            Loop(
+                self._manager, manager_ways, clock, sources=sources, longest_wait_s=INPUT_POLL_S,
+                succession=self._preparer,
+            )
+        )  # fmt: skip
         with ended_by_signals(self._ends), self._reachable(control.endpoint, key):
             opened(browser.address if browser else "")
             managing.start()
@@ -157,11 +173,12 @@ class HeadProcess:
         return starmap(Died, self._bootstrap.dead().items())
 
     def _write_summary(self) -> None:
-        if self._manager is None or self._compositor is None:
+        if self._manager is None or self._loop is None:
             return
+        assert isinstance(self._loop.role, Compositor)
         seconds = self._clock.now() - self._began
         cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
-        self.summary = summary_of(self._plan, self._manager, self._compositor, seconds=seconds, cores=cores)
+        self.summary = summary_of(self._manager, self._loop.role, seconds=seconds, cores=cores)
         with replaced(self._options.out / "summary.json") as part:  # what fails here is kept by Closing
             part.write_text(json.dumps(self.summary, indent=2) + "\n", encoding="utf-8")
 
@@ -173,9 +190,9 @@ class HeadProcess:
         return Outcome(summary=self.summary, failed="; ".join([*lost, *self.failures]))
 
 
-def lead(plan: Plan, bootstrap: Bootstrap, options: Options, say: Say, opened: Say) -> Outcome:
+def lead(plan: Plan, bootstrap: Bootstrap, preparer: Preparer, options: Options, say: Say, opened: Say) -> Outcome:
     """Be the head. Whatever fails, everything is closed, and what came is written."""
-    head = HeadProcess(plan, bootstrap, options)
+    head = HeadProcess(plan, bootstrap, preparer, options)
     try:
         head.run(say, opened)
     except WallError as error:

@@ -31,6 +31,7 @@ from wall.run.head import Outcome, lead
 from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording
+from wall.run.succession import Preparer
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -59,13 +60,18 @@ def check_folder(folder: Path) -> None:
 def _run_local(layout: Layout, options: Options, say: Callable[[str], None], opened: Callable[[str], None]) -> Outcome:
     if not options.headless:
         check_displays(window_panels(layout, range(layout.size)))
-    layout = reconstructed_at_renderers(layout, [""] * layout.size)
+    machines = [""] * layout.size
+    layout = reconstructed_at_renderers(layout, machines)
     plan, tracer_scene = _prepare(layout, say)
     if options.record is not None:
         begin_recording(options.record, plan)
 
     def main(bootstrap: Bootstrap) -> None:
-        serve(plan, tracer_scene, bootstrap, headless=options.headless, out=options.out, record=options.record)
+        preparer = Preparer(plan, machines)
+        serve(
+            plan, tracer_scene, bootstrap, preparer,
+            headless=options.headless, out=options.out, record=options.record,
+        )  # fmt: skip
 
     bootstrap: Bootstrap
     if layout.config.transport.kind == "loopback":
@@ -75,7 +81,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         say(f"starting {layout.size} processes")
         bootstrap = LocalBootstrap.start(layout.size, main)
     try:
-        return lead(plan, bootstrap, options, say, opened)
+        return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
     finally:
         bootstrap.finish()
 
@@ -98,11 +104,15 @@ def _run_mpi(
     plan, tracer_scene = _prepare(layout, say if bootstrap.rank == HEAD else lambda line: None)
     if options.record is not None and bootstrap.rank == HEAD:
         begin_recording(options.record, plan)
+    preparer = Preparer(plan, by_rank)
     if bootstrap.rank != HEAD:
-        serve(plan, tracer_scene, bootstrap, headless=options.headless, out=options.out, record=options.record)
+        serve(
+            plan, tracer_scene, bootstrap, preparer,
+            headless=options.headless, out=options.out, record=options.record,
+        )  # fmt: skip
         bootstrap.finish()
         return None
-    return lead(plan, bootstrap, options, say, opened)
+    return lead(plan, bootstrap, preparer, options, say, opened)
 
 
 def _placed(layout: Layout, launched: Bootstrap, machines: Sequence[str]) -> tuple[tuple[int, ...], Bootstrap]:

@@ -16,8 +16,9 @@ from wall.core.clock import Clock
 from wall.core.errors import RunError
 from wall.display.base import Sink, TakesSamples
 from wall.display.image_log import ImageLog
-from wall.packets.control import Heartbeat, Message
+from wall.packets.control import Adopt, Heartbeat, Membership, Message, Prepare
 from wall.roles.instructions import (
+    MANAGER,
     Broadcast,
     Connect,
     Dropped,
@@ -25,6 +26,7 @@ from wall.roles.instructions import (
     Input,
     Instruction,
     Instructions,
+    Make,
     Offer,
     Presented,
     Reassign,
@@ -35,6 +37,7 @@ from wall.roles.instructions import (
     Trace,
 )
 from wall.run.ports import Ports
+from wall.run.succession import Preparer, Succession
 from wall.run.tracers import Tracers
 from wall.run.usage import cpu_seconds, peak_memory
 
@@ -55,12 +58,15 @@ class Loop:
         sources: Sequence[Source] = (),
         longest_wait_s: float = 0.05,
         log: ImageLog | None = None,
+        succession: Succession | Preparer | None = None,
     ) -> None:
         """`tracers` execute Trace, `sinks` and `log` take what is shown.
 
-        `sources` are asked at least every `longest_wait_s`.
+        `sources` are asked at least every `longest_wait_s`. `succession`: of a rank, or what prepares for the manager;
+        None: the configuration stays.
         """
         self.role, self.finished = role, False
+        self._succession, self._membership = succession, Membership()
         self._log, self._cpu = log, cpu_seconds()
         self._ports, self._clock, self._tracers, self._sinks = ports, clock, tracers, sinks
         self._sample_sinks = [sink for sink in sinks if isinstance(sink, TakesSamples)]
@@ -77,15 +83,37 @@ class Loop:
             elif wait_s > 0 and not self.finished:
                 self._ports.wait(wait_s)
 
+    def close(self) -> None:
+        """End the threads that trace."""
+        if self._tracers is not None:
+            self._tracers.close()
+
     def turn(self) -> None:
         """Take in what came, do what is due."""
         done = self._tracers.finished() if self._tracers is not None else ()
         for message in chain(self._ports.receive(), done, *(source() for source in self._sources)):
-            self.tell(message)
+            if isinstance(self._succession, Succession) and isinstance(message, Prepare | Adopt):
+                self._succeed(self._succession, message)
+            else:
+                self.tell(message)
+        if isinstance(self._succession, Succession):
+            for answer in self._succession.answers():
+                self._ports.send(MANAGER, answer)
         self._execute(self.role.on_tick(self._clock.now()))
+
+    def _succeed(self, succession: Succession, message: Prepare | Adopt) -> None:
+        """Prepare for another configuration, or become what this rank is under it."""
+        if isinstance(message, Prepare):
+            succession.prepare(message)
+        elif (made := succession.adopt(message)) is not None:
+            self.close()  # waits for the batches under way
+            self.role, self._tracers = made
+            self.tell(self._membership)
 
     def tell(self, message: Input) -> None:
         """Give the role one message."""
+        if isinstance(message, Membership):
+            self._membership = message
         self._execute(self.role.on_message(message, self._clock.now()))
 
     def _execute(self, instructions: Instructions) -> None:
@@ -113,6 +141,9 @@ class Loop:
             case Reassign(regions):
                 assert self._tracers is not None
                 self._tracers.reassign(regions)
+            case Make(wanted):
+                assert isinstance(self._succession, Preparer)
+                self._succession.begin(wanted)
             case Show(images, status):
                 for sink, image in zip(self._sinks, images, strict=True):
                     if sink is not None:

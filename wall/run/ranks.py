@@ -30,7 +30,8 @@ from wall.run.event_file import EventFile
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.recording import RecordedClock, RecordedPorts, file_of
-from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
+from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, window_input_of
+from wall.run.succession import Preparer, Succession
 from wall.run.tracers import OnTraced, Tracers
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Hub, Link
@@ -45,6 +46,7 @@ def serve(
     plan: Plan,
     tracer_scene: TracerScene,
     bootstrap: Bootstrap,
+    preparer: Preparer,
     *,
     headless: bool,
     out: Path,
@@ -52,18 +54,26 @@ def serve(
 ) -> None:
     """Be a rank other than the head, until the manager says stop.
 
-    `out`: folder for files of sinks here; `record`: folder for what renderers are told.
+    `preparer`: of configurations that follow; `out`: folder for files of sinks here; `record`: folder for what
+    renderers are told.
     """
     rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
     if plan.layout.role(rank) == "renderer":
         if isinstance(bootstrap, LocalBootstrap):
             os.nice(RENDERER_NICE)
-        _render(plan, tracer_scene, rank, address, record)
+        _render(plan, tracer_scene, rank, address, preparer, record)
     else:
-        _compose(plan, rank, address, out, headless=headless)
+        _compose(plan, rank, address, preparer, out, headless=headless)
 
 
-def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[str, str], record: Path | None) -> None:
+def _render(
+    plan: Plan,
+    tracer_scene: TracerScene,
+    rank: int,
+    address: Mapping[str, str],
+    preparer: Preparer,
+    record: Path | None,
+) -> None:
     """`record`: everything that it is told is kept; then its workers take turns, so that there is one order of all."""
     head_clock, hello = HeadClock(), hello_of(rank, "")
     clock: Clock = head_clock
@@ -77,17 +87,25 @@ def _render(plan: Plan, tracer_scene: TracerScene, rank: int, address: Mapping[s
             clock, traced = RecordedClock(head_clock, events), partial(_keep, events)
             ports = RecordedPorts(hello, head_clock, *_manager_of(plan, rank, address), events)
         closing.callback(ports.close)
-        image = image_at(plan, rank, ports.ready, clock, ports.shares)
-        tracers = Tracers(plan, tracer_scene, rank, clock, threads=record is None, image=image, traced=traced)
-        closing.callback(tracers.close)
-        Loop(Renderer(plan, hello, ports.ready, image), ports, clock, tracers=tracers).run()
+
+        def make(plan: Plan, tracer_scene: TracerScene) -> tuple[Renderer, Tracers]:
+            image = image_at(plan, rank, ports.ready, clock, ports.shares)
+            tracers = Tracers(plan, tracer_scene, rank, clock, threads=record is None, image=image, traced=traced)
+            return Renderer(plan, hello, ports.ready, image), tracers
+
+        renderer, tracers = make(plan, tracer_scene)
+        loop = Loop(renderer, ports, clock, tracers=tracers, succession=Succession(rank, preparer, make))
+        closing.callback(loop.close)
+        loop.run()
 
 
 def _keep(events: EventFile, number: int, trace: Trace, result: bytes | Batch | None) -> None:
     events.batch(number, result)
 
 
-def _compose(plan: Plan, rank: int, address: Mapping[str, str], out: Path, *, headless: bool) -> None:
+def _compose(
+    plan: Plan, rank: int, address: Mapping[str, str], preparer: Preparer, out: Path, *, headless: bool
+) -> None:
     clock = HeadClock()
     with ExitStack() as closing:
         hub = open_data_hub(plan)
@@ -98,7 +116,7 @@ def _compose(plan: Plan, rank: int, address: Mapping[str, str], out: Path, *, he
             closing.callback(sink.close)
         for note in notes_of(sinks):
             print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
-        compositor_loop(plan, rank, hub, ports, clock, sinks, [window_input_of(rank, sinks)]).run()
+        compositor_loop(plan, rank, hub, ports, clock, sinks, preparer, [window_input_of(rank, sinks)]).run()
 
 
 def compositor_loop(
@@ -108,13 +126,25 @@ def compositor_loop(
     ports: Ports,
     clock: HeadClock,
     sinks: list[Sink | None],
+    preparer: Preparer,
     sources: Sequence[Source] = (),
     log: ImageLog | None = None,
 ) -> Loop:
     """A compositor, at the head or elsewhere; `log` keeps what its sinks are given."""
-    run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
-    compositor = Compositor(plan, hello_of(rank, hub.endpoint), ports.ready, run_all, ports.shares)
-    return Loop(compositor, ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, log=log)
+    hello = hello_of(rank, hub.endpoint)
+
+    def make(plan: Plan) -> Compositor:
+        run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
+        return Compositor(plan, hello, ports.ready, run_all, ports.shares)
+
+    def follow(plan: Plan, tracer_scene: TracerScene) -> tuple[Compositor, None]:
+        lay_out(plan, sinks)
+        return make(plan), None
+
+    return Loop(
+        make(plan), ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, log=log,
+        succession=Succession(rank, preparer, follow),
+    )  # fmt: skip
 
 
 def ways_of(plan: Plan, rank: int, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from wall.compositing.graph import Step
 from wall.config.graph import SinkNode
-from wall.display.base import Sink, Steered
+from wall.display.base import LaysOut, Sink, Steered
 from wall.display.png import PngSink
 from wall.display.recorder import Recorder
 from wall.display.window import WindowSink
@@ -54,6 +54,13 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
 def _windows(plan: Plan, rank: int) -> WindowSink | None:
     panels = window_panels(plan.layout, (rank,))
     return WindowSink(panels, refresh_hz=max(view.refresh_hz for view in plan.views)) if panels else None
+
+
+def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
+    """Let sinks tell their viewers of this plan's panels and views."""
+    for sink in sinks:
+        if isinstance(sink, LaysOut):
+            sink.lay_out(plan.layout.wall, [view.id for view in plan.views], why_images(plan.layout))
 
 
 def distinct(sinks: list[Sink | None]) -> list[Sink]:

@@ -39,10 +39,13 @@ ENOUGH_KERNELS = 30  # in the cache: some scene has been compiled, another one m
 TINY = Rect(x=0, y=0, width=8, height=8)
 
 
-def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None]) -> None:
-    """Run the chain on a few pixels with every sampler: a second from the cache, half a minute to compile."""
+def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None], *, beside: bool = False) -> None:
+    """Run the chain on a few pixels with every sampler: a second from the cache, half a minute to compile.
+
+    `beside`: while a wall runs in this process, which then must not fork.
+    """
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
-    second = _second_compiler(plan, tracer_scene.needs) if doing == "compiling" else nullcontext()
+    second = _second_compiler(plan, tracer_scene.needs) if doing == "compiling" and not beside else nullcontext()
     with _one_compiler(), second:
         for method in sorted(METHODS, key="adaptive".__eq__):  # last: the second compiler has begun with it
             say(f"{doing} kernels ({method})")

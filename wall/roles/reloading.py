@@ -1,0 +1,178 @@
+"""Another configuration while the run goes on, as the manager leads it.
+
+asked -> the head makes a plan of it -> every rank makes one beside what runs -> all adopt it, and a new view begins
+
+Until all adopt it, nothing has changed: what any rank refuses is refused. In between no event is published, so that
+nothing of the new configuration is sent to a rank that is still at the old one.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass
+
+from wall.compositing.graph import Step
+from wall.config.graph import SinkNode
+from wall.core.errors import ConfigError, EditError
+from wall.geometry.panels import Panel
+from wall.packets.control import Adopt, EditAnswer, EditRequest, Heartbeat, Prepare, Prepared
+from wall.roles.instructions import Broadcast, Instruction, Make, PlanMade, Send
+from wall.roles.plan import Layout, Plan, window_panels
+
+AGAIN_S = 1.0  # between copies of what is not answered
+PREPARE_S = 600.0  # for all ranks to load a model, and to compile for it
+ADOPT_S = 5.0  # for all ranks to go over; who comes later finds the events there
+
+
+class Stage(enum.Enum):
+    """How far a reload has come."""
+
+    NONE = enum.auto()
+    PLANNING = enum.auto()  # the head makes its plan
+    PREPARING = enum.auto()  # so do all others
+    ADOPTING = enum.auto()  # all go over to it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Asked:
+    """A configuration that the run is to adopt, and who waits to hear of it."""
+
+    text: str
+    path: str
+    client: int = 0  # of an EditRequest, which is answered; 0: of nobody
+    request: int = 0  # its number
+
+
+class Reloading:
+    """One reload at a time: `ask` for it, hear of plans and ranks, `on_tick` leads it through its stages."""
+
+    def __init__(self, plan: Plan, *, fixed: str = "") -> None:
+        """`fixed`: why this run keeps its configuration; "" if it need not."""
+        self._plan, self._fixed = plan, fixed
+        self._stage, self._asked = Stage.NONE, Asked(text="", path="")
+        self._number = 0  # of the newest that was asked for
+        self._made: Plan | None = None  # of it
+        self._missing: set[int] = set()  # ranks that have not prepared or adopted it
+        self._limit = self._again = math.inf
+        self.said = ""  # what came of the last one, in words
+
+    @property
+    def adopting(self) -> bool:
+        """Whether ranks go over to a configuration just now: no event is to be published."""
+        return self._stage is Stage.ADOPTING
+
+    def ask(self, asked: Asked, now: float) -> Iterator[Instruction]:
+        """Begin. Raises EditError where that cannot be."""
+        if self._stage is not Stage.NONE:
+            if (asked.client, asked.request) == (self._asked.client, self._asked.request) != (0, 0):
+                return  # said again: it is under way
+            raise EditError("another configuration is being loaded; wanted: one after the other")
+        if self._fixed:
+            raise EditError(f"this run keeps its configuration: {self._fixed}")
+        self._asked, self._stage, self._limit = asked, Stage.PLANNING, now + PREPARE_S
+        self._number += 1
+        yield Make(self._message())
+
+    def _message(self) -> Prepare:
+        return Prepare(number=self._number, text=self._asked.text, path=self._asked.path)
+
+    def made(self, made: PlanMade, now: float) -> Iterator[Instruction]:
+        """The head has made a plan, or cannot."""
+        if self._stage is not Stage.PLANNING or made.number != self._number:
+            return
+        if made.plan is None:
+            yield from self._refuse(made.refused)
+            return
+        self._made, self._stage, self._again = made.plan, Stage.PREPARING, now
+        self._missing = set(range(self._plan.layout.size))
+
+    def prepared(self, message: Prepared) -> Iterator[Instruction]:
+        """A rank has prepared, or cannot."""
+        if self._stage is Stage.PREPARING and message.number == self._number:
+            self._missing.discard(message.rank)
+            if message.refused:
+                yield from self._refuse(f"rank {message.rank}: {message.refused}")
+
+    def on_tick(self, now: float, since: int, lost: Container[int]) -> Iterator[Instruction]:
+        """Say again what is not answered; let all adopt what all have prepared. `since`: see Adopt."""
+        if self._stage in (Stage.PLANNING, Stage.PREPARING) and now >= self._limit:
+            who = "the head" if self._stage is Stage.PLANNING else f"rank {min(self._missing)}"
+            yield from self._refuse(f"{who} has not prepared it within {PREPARE_S:g} s")
+        if self._stage is Stage.PREPARING:
+            self._missing = {rank for rank in self._missing if rank not in lost}
+            if self._missing and now >= self._again:
+                self._again = now + AGAIN_S
+                yield Broadcast(self._message())
+            elif not self._missing:
+                self._stage, self._limit, self._again = Stage.ADOPTING, now + ADOPT_S, now
+                self._missing = set(range(self._plan.layout.size))
+        if self._stage is Stage.ADOPTING and now >= self._again:
+            self._again = now + AGAIN_S
+            yield Broadcast(Adopt(number=self._number, since=since))
+
+    def adopted(self, heartbeats: Mapping[int, Heartbeat], now: float, lost: Container[int]) -> Plan | None:
+        """The plan that every living rank has adopted by now; None where none is, or was before."""
+        if self._stage is not Stage.ADOPTING:
+            return None
+        self._missing = {
+            rank
+            for rank in self._missing
+            if rank not in lost and (rank not in heartbeats or heartbeats[rank].configuration != self._number)
+        }
+        if self._missing and now < self._limit:
+            return None
+        assert self._made is not None
+        self._plan, self._stage = self._made, Stage.NONE
+        return self._plan
+
+    def answer(self, edit: int) -> Iterator[Instruction]:
+        """Tell who asked that it is done; `edit`: number of the newest edit."""
+        self.said = f"{self._asked.path}: adopted"
+        yield from self._answer("", edit)
+
+    def _refuse(self, why: str) -> Iterator[Instruction]:
+        self._stage, self.said = Stage.NONE, why
+        yield from self._answer(why, 0)
+
+    def _answer(self, refused: str, edit: int) -> Iterator[Instruction]:
+        asked = self._asked
+        if asked.client:
+            yield Send(asked.client, EditAnswer(client=asked.client, number=asked.request, refused=refused, edit=edit))
+
+
+def asked_by(request: EditRequest, path: str) -> Asked:
+    """What a request wants; `path`: of the run's own configuration."""
+    return Asked(text=request.configuration, path=request.path or path, client=request.client, request=request.number)
+
+
+def check_fits(old: Layout, new: Layout) -> None:
+    """Refuse what processes and displays that are there already cannot become. Raises ConfigError."""
+    loaded = new.loaded
+    if (old.graph.compositors, len(old.regions)) != (new.graph.compositors, len(new.regions)):
+        counts = [f"{each.graph.compositors} compositors and {len(each.regions)} renderers" for each in (new, old)]
+        raise ConfigError(f"{loaded.name}: needs {counts[0]}; this run has {counts[1]}")
+    for name in ("transport", "output"):
+        if getattr(old.config, name) != getattr(new.config, name):
+            raise loaded.error((name,), "differs from that of the run, which keeps it", "the same, or a new run")
+    screens = [[(panel.id, panel.pixels, panel.span) for panel in each.wall.panels] for each in (old, new)]
+    if screens[0] != screens[1]:
+        raise loaded.error(("wall",), "has other panels or pixels than the displays of this run", "the same panels")
+    for rank in range(old.size):
+        sinks = [[_sink(step) for step in each.graph.sinks_on(rank)] for each in (old, new)]
+        windows = [[_window(panel) for panel in window_panels(each, (rank,))] for each in (old, new)]
+        if sinks[0] != sinks[1] or windows[0] != windows[1]:
+            raise loaded.error(("graph",), f"rank {rank} has other sinks or windows than in this run", "the same")
+    if old.graph.hosts != new.graph.hosts:
+        raise loaded.error(("wall",), "wants other hosts than this run", "the same hosts")
+
+
+def _sink(step: Step) -> tuple[object, ...]:
+    node = step.node
+    return node.id, node.kind if isinstance(node, SinkNode) else "", step.panels
+
+
+def _window(panel: Panel) -> tuple[object, ...]:
+    config = panel.config
+    return config.display, config.monitor, config.window, config.rotation, config.refresh_hz
