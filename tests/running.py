@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -9,14 +10,19 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
+import urllib.error
+import urllib.request
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
 WALL = (sys.executable, "-m", "wall")
+PICTURE_S = 20.0  # for a picture to come, or to change and stand still
 RUN_LIMIT_S = 90.0  # a run of a second, on a machine with more ranks than cores and a cold kernel cache
 
 WALL_YAML = """\
@@ -108,3 +114,29 @@ def panels(folder: Path) -> list[NDArray[np.uint8]]:
 def summary(folder: Path) -> dict[str, Any]:
     found: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     return found
+
+
+def shown(address: str) -> NDArray[np.int16]:
+    """The wall's picture; waits for the first one, until which the page has none (503)."""
+    limit = time.monotonic() + PICTURE_S
+    while True:
+        try:
+            with urllib.request.urlopen(address + "wall.png", timeout=5) as answer:
+                return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB")).astype(np.int16)
+        except urllib.error.HTTPError as error:
+            if error.code != 503 or time.monotonic() > limit:
+                raise
+        time.sleep(0.1)
+
+
+def until(address: str, before: NDArray[np.int16], *, changes: bool = True) -> NDArray[np.int16]:
+    """The first picture that stands still, and, if it `changes`, differs from `before`."""
+    limit, last = time.monotonic() + PICTURE_S, before
+    while time.monotonic() < limit:
+        time.sleep(0.1)
+        now = shown(address)
+        still, changed = np.array_equal(now, last), (np.abs(now - before) > 8).any(-1).mean() > 0.02
+        if still and (changed or not changes):
+            return now
+        last = now
+    pytest.fail("the picture did not change, or never stood still")

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import json
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from PIL import Image
-from running import page_of, start, wall, write_config
+from running import page_of, shown, start, until, wall, write_config
 from typer.testing import CliRunner
 
 from wall import cli
@@ -22,7 +16,6 @@ from wall.client import connect
 from wall.core.errors import EditError
 
 NOTEBOOK = Path(__file__).parents[2] / "docs/examples/client.ipynb"
-PATIENCE_S = 20.0
 LIGHT = {"lights.2.direction", "lights.2.irradiance"}
 
 
@@ -38,32 +31,6 @@ def running(tmp_path: Path) -> Iterator[tuple[Path, str]]:
         assert process.wait(20) == 0
     finally:
         process.kill()
-
-
-def shown(address: str) -> NDArray[np.int16]:
-    """The wall's picture; waits for the first one, until which the page has none (503)."""
-    limit = time.monotonic() + PATIENCE_S
-    while True:
-        try:
-            with urllib.request.urlopen(address + "wall.png", timeout=5) as answer:
-                return np.asarray(Image.open(io.BytesIO(answer.read())).convert("RGB")).astype(np.int16)
-        except urllib.error.HTTPError as error:
-            if error.code != 503 or time.monotonic() > limit:
-                raise
-        time.sleep(0.1)
-
-
-def until(address: str, before: NDArray[np.int16], *, changes: bool = True) -> NDArray[np.int16]:
-    """The first picture that stands still, and, if it `changes`, differs from `before`."""
-    limit, last = time.monotonic() + PATIENCE_S, before
-    while time.monotonic() < limit:
-        time.sleep(0.1)
-        now = shown(address)
-        still, changed = np.array_equal(now, last), (np.abs(now - before) > 8).any(-1).mean() > 0.02
-        if still and (changed or not changes):
-            return now
-        last = now
-    pytest.fail("the picture did not change, or never stood still")
 
 
 def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Path, str]) -> None:

@@ -49,7 +49,8 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     if not graph.has_sink("window"):
         return graph
     rects = {step.node.id: step.rect for step in graph.steps}
-    shown = {step.node.id: tuple(wall.panels[k] for k in step.panels) for step in graph.steps}
+    sinks = [step for step in graph.steps if isinstance(step.node, SinkNode)]
+    shown = {step.node.id: tuple(wall.panels[k] for k in step.panels) for step in sinks}
     config = with_windows(config, wall, rects, shown)
     return replace(_planned(config, wall, Refusals(loaded, config.nodes, written=False)), balanced=balanced)
 

@@ -77,6 +77,7 @@ class PixelBuffer:
         """Show an image until samples come: `radiance` (h, w, 3) of pixels traced at `times` (h, w), -inf = never."""
         self.records["shown"], self.records["time"] = radiance, times
         self.records["count"] = np.isfinite(times)
+        self._dirty[:] = True
         if self.changed is not None:
             self.changed[:] = True
 

@@ -87,6 +87,14 @@ class Composition:
         outlets = Outlets(self._plan.layout.graph, self._rank, self._ready, compared=compared, shares=self._shares)
         return _Nodes(self._plan, self._rank, sources, outlets, self.lockstep)
 
+    def begin_with(self, before: Composition) -> None:
+        """Show what another one of the same panels shows, until samples come."""
+        known = {(layer.panel.index, layer.layer.view): layer for layer in before.layers.values()}
+        for layer in self.layers.values():
+            if (old := known.get((layer.panel.index, layer.layer.view))) and old.panel.pixels == layer.panel.pixels:
+                layer.begin_with(old)
+        self._nodes.begin_with(before._nodes)
+
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
         early = self._edits.know(event.edits)
@@ -297,6 +305,14 @@ class _Nodes:
         self.outlets = outlets
         self.shown = [PanelCrops(graph, sink, layout.wall) for sink in graph.sinks_on(rank)]
         self._lockstep = lockstep
+
+    def begin_with(self, before: _Nodes) -> None:
+        known = {(old.step.node.id, old.step.rect): old.framelet for old in before.remote.values()}
+        for remote in self.remote.values():
+            if old := known.get((remote.step.node.id, remote.step.rect)):
+                remote.begin_with(old)
+        for shown, earlier in zip(self.shown, before.shown, strict=True):
+            shown.begin_with(earlier)
 
     def insert(self, part: FrameletPart) -> None:
         if part.step not in self.remote:

@@ -22,7 +22,10 @@ class Director:
     def __init__(
         self, plan: Plan, now: float, view: int = 0, leader: Director | None = None, before: Director | None = None
     ) -> None:
-        """`leader`: of the view whose camera this one has, updated first; `before`: of the configuration before."""
+        """`leader`: of the view whose camera this one has, updated first.
+
+        `before`: this view of the configuration before, or, where that had none, its first.
+        """
         self._plan, self._view, self.view = plan, plan.views[view], view
         self._leader = leader
         self._steering: Steering | None = None

@@ -36,6 +36,12 @@ class RemoteFramelet:
         self._changed: Regions = []
         self._waiting: dict[int, FrameletPart] = {}  # of what belongs together, until all is there
 
+    def begin_with(self, shown: Framelet) -> None:
+        """Show a framelet of the same pixels until parts come, as far as it has the channels."""
+        if shown.encoded == self.framelet.encoded:
+            for name in shown.channels & self.framelet.channels:
+                self.framelet.channel(name)[...] = shown.channel(name)
+
     def insert(self, part: FrameletPart) -> None:
         """Show a part when all that belong to it are there. Raises RemoteProtocolError where it is not of this node."""
         part.check(self.framelet)

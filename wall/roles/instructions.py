@@ -114,9 +114,10 @@ class PlanMade:
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """The file of the configuration has another text."""
+    """A configuration's file has another text."""
 
     text: str
+    path: str
 
 
 Input: TypeAlias = Message | Packet | Dropped | Traced | Presented | Died | End | PlanMade | Changed

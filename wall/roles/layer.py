@@ -44,6 +44,14 @@ class PanelCompositor:
         """Whether the framelet shows reprojected samples."""
         return self._routing.reprojected and self.reprojected.shows
 
+    def begin_with(self, before: PanelCompositor) -> None:
+        """Show what another layer of the same pixels shows, until samples come."""
+        old = before.newest.buffer.records
+        radiance, times = old["shown"], old["time"]
+        if before._reprojects and before.reprojected.reconstruction is not None:
+            radiance, times = before.reprojected.reconstruction.radiance, before.reprojected.arrivals.times
+        self.newest.buffer.show_image(radiance, times)
+
     def follow(self, event: Event) -> None:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
         was_reprojected, compare = self._routing.reprojected, self._routing.compare

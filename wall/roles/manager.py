@@ -103,11 +103,11 @@ class Manager:
     def _take(self, plan: Plan, now: float) -> None:
         """Be the manager of this plan."""
         self.plan, self._layout = plan, plan.layout
-        before = {director.name: director for director in self._directors}
+        before, first = {director.name: director for director in self._directors}, next(iter(self._directors), None)
         self._directors = []
         for number, view in enumerate(plan.views):
             leader = None if view.leader is None else self._directors[plan.views.index(view.leader)]
-            self._directors.append(Director(plan, now, number, leader, before.get(view.id)))
+            self._directors.append(Director(plan, now, number, leader, before.get(view.id, first)))
         self._window_ranks = window_ranks(plan.layout)
         self.balancer = Balancer(plan.layout, now) if plan.layout.strips is not None else None
         self._tick_s = 1.0 / (max(view.refresh_hz for view in plan.views) * EVENTS_A_REFRESH)
@@ -163,7 +163,7 @@ class Manager:
             elif isinstance(message, EditRequest) and message.configuration:
                 yield from self._load(message, now)
             elif isinstance(message, Changed):
-                yield from self._reloading.ask(Asked(text=message.text, path=str(self._layout.loaded.path)), now)
+                yield from self._reloading.ask(Asked(text=message.text, path=message.path), now)
             elif isinstance(message, PlanMade):
                 yield from self._reloading.made(message, now)
             elif isinstance(message, Prepared):

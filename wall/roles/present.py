@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -47,6 +48,15 @@ class PanelCrops:
                 span=spans.get(name),
             )
             for name, r in self._rects.items()
+        }
+
+    def begin_with(self, before: PanelCrops) -> None:
+        """Show what another sink of the same panels shows, until something changes."""
+        self._images = {
+            name: replace(old, screen=new.screen, span=new.span)
+            if (old := before._images.get(name)) is not None and old.rgb.shape == new.rgb.shape
+            else new
+            for name, new in self._images.items()
         }
 
     def take(self, changes: Changes, framelets: Mapping[int, Framelet]) -> None:

@@ -151,8 +151,11 @@ def check_fits(old: Layout, new: Layout) -> None:
     """Refuse what processes and displays that are there already cannot become. Raises ConfigError."""
     loaded = new.loaded
     if (old.graph.compositors, len(old.regions)) != (new.graph.compositors, len(new.regions)):
-        counts = [f"{each.graph.compositors} compositors and {len(each.regions)} renderers" for each in (new, old)]
-        raise ConfigError(f"{loaded.name}: needs {counts[0]}; this run has {counts[1]}")
+        c, r = new.graph.compositors, len(new.regions)
+        wants = f"{c} compositor{'s' * (c > 1)} and {r} renderer{'s' * (r > 1)}"
+        raise ConfigError(
+            f"{loaded.name}: wants {wants}; this run has {old.graph.compositors} and {len(old.regions)}, and keeps them"
+        )
     for name in ("transport", "output"):
         if getattr(old.config, name) != getattr(new.config, name):
             raise loaded.error((name,), "differs from that of the run, which keeps it", "the same, or a new run")
@@ -160,7 +163,7 @@ def check_fits(old: Layout, new: Layout) -> None:
     if screens[0] != screens[1]:
         raise loaded.error(("wall",), "has other panels or pixels than the displays of this run", "the same panels")
     for rank in range(old.size):
-        sinks = [[_sink(step) for step in each.graph.sinks_on(rank)] for each in (old, new)]
+        sinks = [sorted(_sink(step) for step in each.graph.sinks_on(rank)) for each in (old, new)]
         windows = [[_window(panel) for panel in window_panels(each, (rank,))] for each in (old, new)]
         if sinks[0] != sinks[1] or windows[0] != windows[1]:
             raise loaded.error(("graph",), f"rank {rank} has other sinks or windows than in this run", "the same")
@@ -168,7 +171,7 @@ def check_fits(old: Layout, new: Layout) -> None:
         raise loaded.error(("wall",), "wants other hosts than this run", "the same hosts")
 
 
-def _sink(step: Step) -> tuple[object, ...]:
+def _sink(step: Step) -> tuple[str, str, tuple[int, ...]]:
     node = step.node
     return node.id, node.kind if isinstance(node, SinkNode) else "", step.panels
 

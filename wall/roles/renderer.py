@@ -44,7 +44,7 @@ class Renderer:
 
     def __init__(self, plan: Plan, hello: Hello, ready: Ready, image: RendererImage | None = None) -> None:
         """`image`: made here of the samples, in place of packets to a compositor."""
-        layout, self._plan, self._rank, self._ready, self._image = plan.layout, plan, hello.rank, ready, image
+        layout, self._plan, self._rank, self._ready, self.image = plan.layout, plan, hello.rank, ready, image
         self.due = -math.inf
         regions = layout.regions_of(hello.rank)
         images = image.images if image is not None else (None,) * len(regions)
@@ -112,15 +112,15 @@ class Renderer:
         if self._standing.beat_due(now):
             yield from self._standing.beat(self._heartbeat(now), now)
         self.due = now + LOOK_AGAIN_S
-        if self._image is not None:
-            yield from self._show(self._image, now)
+        if self.image is not None:
+            yield from self._show(self.image, now)
         if not self._stopping:
             yield from self._reassign(now)
             if self._assigned is None:  # else workers come to rest
                 yield from self._give_work(now)
             self.due = min((region.due(now, self._ready) for region in self.regions), default=self.due)
-        if self._image is not None:
-            self.due = min(self.due, self._image.due)
+        if self.image is not None:
+            self.due = min(self.due, self.image.due)
 
     @property
     def _running(self) -> int:
@@ -182,8 +182,8 @@ class Renderer:
             yield from self._standing.beat(self._heartbeat(now), now)
 
     def _lose(self, dropped: Dropped) -> None:
-        if self._image is not None:
-            self._image.composition.lose(dropped.to, dropped.packet)
+        if self.image is not None:
+            self.image.composition.lose(dropped.to, dropped.packet)
         elif is_samples(dropped.packet):  # else tiles: the next ones replace them
             batch = decode(dropped.packet)
             for region in self.regions:
@@ -215,7 +215,7 @@ class Renderer:
         done = self.done
         samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, done.samples, self._sent.bytes, done.compared)
         number = summed_number(region.event for region in self.regions)
-        shown = self._image.composition if self._image is not None else None
+        shown = self.image.composition if self.image is not None else None
         dropped = shown.drops() if shown is not None else Counter[str]()
         dropped += Counter(not_finite=done.bad_samples, bad_message=self._bad_messages)
         samples_of, time_of, refreshes_of = self._of_views()
@@ -235,7 +235,7 @@ class Renderer:
             samples_per_pixel=min((w.samples_per_pixel for w in work), default=0),
             square_error=sum(w.square_error for w in work) / max(len(work), 1),
             complete=self.complete,
-            oldest_sample_at=self._image.oldest_sample_at(now) if self._image is not None else -1.0,
+            oldest_sample_at=self.image.oldest_sample_at(now) if self.image is not None else -1.0,
             camera_event=number[0],
             scene_event=number[1],
             last=last,

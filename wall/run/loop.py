@@ -105,7 +105,7 @@ class Loop:
         """Prepare for another configuration, or become what this rank is under it."""
         if isinstance(message, Prepare):
             succession.prepare(message)
-        elif (made := succession.adopt(message)) is not None:
+        elif (made := succession.adopt(message, self.role)) is not None:
             self.close()  # waits for the batches under way
             self.role, self._tracers = made
             self.tell(self._membership)

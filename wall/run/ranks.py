@@ -19,7 +19,7 @@ from wall.display.image_log import ImageLog
 from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
-from wall.roles.instructions import Trace
+from wall.roles.instructions import Role, Trace
 from wall.roles.plan import Plan
 from wall.roles.renderer import Renderer
 from wall.roles.renderer_image import image_at
@@ -88,12 +88,14 @@ def _render(
             ports = RecordedPorts(hello, head_clock, *_manager_of(plan, rank, address), events)
         closing.callback(ports.close)
 
-        def make(plan: Plan, tracer_scene: TracerScene) -> tuple[Renderer, Tracers]:
+        def make(plan: Plan, tracer_scene: TracerScene, before: Role | None) -> tuple[Renderer, Tracers]:
             image = image_at(plan, rank, ports.ready, clock, ports.shares)
+            if isinstance(before, Renderer) and image is not None and before.image is not None:
+                image.composition.begin_with(before.image.composition)
             tracers = Tracers(plan, tracer_scene, rank, clock, threads=record is None, image=image, traced=traced)
             return Renderer(plan, hello, ports.ready, image), tracers
 
-        renderer, tracers = make(plan, tracer_scene)
+        renderer, tracers = make(plan, tracer_scene, None)
         loop = Loop(renderer, ports, clock, tracers=tracers, succession=Succession(rank, preparer, make))
         closing.callback(loop.close)
         loop.run()
@@ -132,14 +134,19 @@ def compositor_loop(
 ) -> Loop:
     """A compositor, at the head or elsewhere; `log` keeps what its sinks are given."""
     hello = hello_of(rank, hub.endpoint)
+    sink_of = dict(zip((step.node.id for step in plan.layout.graph.sinks_on(rank)), sinks, strict=True))
 
     def make(plan: Plan) -> Compositor:
         run_all = in_threads(len(plan.layout.graph.layers_on(rank)))
         return Compositor(plan, hello, ports.ready, run_all, ports.shares)
 
-    def follow(plan: Plan, tracer_scene: TracerScene) -> tuple[Compositor, None]:
+    def follow(plan: Plan, tracer_scene: TracerScene, before: Role) -> tuple[Compositor, None]:
+        assert isinstance(before, Compositor)
+        sinks[:] = [sink_of[step.node.id] for step in plan.layout.graph.sinks_on(rank)]  # the loop's, in this order
         lay_out(plan, sinks)
-        return make(plan), None
+        compositor = make(plan)
+        compositor.composition.begin_with(before.composition)
+        return compositor, None
 
     return Loop(
         make(plan), ports, clock, sinks=sinks, sources=sources, longest_wait_s=EVENT_POLL_S, log=log,

@@ -20,7 +20,7 @@ from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 LOOK_S = 0.25  # between looks at a file that is watched
-Makes = Callable[[Plan, TracerScene], tuple[Role, Tracers | None]]  # what a rank is under a plan
+Makes = Callable[[Plan, TracerScene, Role], tuple[Role, Tracers | None]]  # what a rank is under a plan, after a role
 
 
 class Preparer:
@@ -104,14 +104,14 @@ class Succession:
             self._asked = 0
             yield Prepared(rank=self._rank, number=made.number, refused=made.refused)
 
-    def adopt(self, message: Adopt) -> tuple[Role, Tracers | None] | None:
+    def adopt(self, message: Adopt, before: Role) -> tuple[Role, Tracers | None] | None:
         """What this rank is from now on; None where nothing changes."""
         taken = self._preparer.take(message.number) if message.number > self._adopted else None
         if taken is None:
             return None
         self._adopted = message.number
         plan, scene = taken
-        return self._makes(replace(plan, since=message.since), scene)
+        return self._makes(replace(plan, since=message.since), scene, before)
 
 
 class FileWatch:
@@ -137,7 +137,7 @@ class FileWatch:
         text = _text_of(self._path) if self._stamp == before else self._text
         if text and text != self._text:
             self._text = text
-            yield Changed(text)
+            yield Changed(text, str(self._path))
 
 
 def _text_of(path: Path) -> str:

@@ -1,0 +1,140 @@
+"""Running walls that adopt another configuration: what they then show is what a new run of it shows."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from running import PICTURE_S, mpirun, page_of, panels, shown, start, summary, until, wall, write_config
+
+from wall.client import connect
+from wall.core.errors import ConfigError, EditError
+
+SINKS = "sinks: [browser, png]"
+
+
+@pytest.fixture
+def begun(tmp_path: Path) -> Iterator[list[subprocess.Popen[str]]]:
+    """Walls that a test begins; each must end in order."""
+    processes: list[subprocess.Popen[str]] = []
+    yield processes
+    for process in processes:
+        process.terminate()
+        try:
+            process.wait(20)
+        finally:
+            process.kill()
+
+
+def another(config: Path, folder: Path) -> Path:
+    """A configuration of the same displays: nearer, under another sky, with an inset of a second view."""
+    text = config.read_text()
+    text = text.replace("source: courtyard", "source: courtyard, sky: {zenith: [0.9, 0.5, 0.1]}")
+    text = text.replace("position: [6, 4.5, 10]", "position: [3, 2.5, 5]")
+    inset = "{id: map, viewport: {left: 0.05, top: 0.05, width: 0.25, height: 0.4}, "
+    text = text.replace("views: [", "views: [\n").replace(
+        "}]\nsampling",
+        "},\n" + inset + "camera: {position: [0.01, 12, 0], target: [0, 0, 0]}, refresh_hz: 5}]\nsampling",
+    )
+    found = folder / "another.yaml"
+    found.write_text(text)
+    return found
+
+
+def fresh(config: Path, folder: Path) -> NDArray[np.int16]:
+    """What a new run of a configuration shows at rest: its panels side by side."""
+    done = wall("run", config, "--headless", "--until-complete", "--seconds", 30, "--out", folder)
+    assert done.returncode == 0, done.stderr
+    return np.concatenate(panels(folder), axis=1).astype(np.int16)
+
+
+def of_panels(picture: NDArray[np.int16]) -> NDArray[np.int16]:
+    """The picture of two panels without the bezel between."""
+    return np.concatenate([picture[:, :64], picture[:, -64:]], axis=1)
+
+
+def until_alike(address: str, wanted: NDArray[np.int16], most: int) -> None:
+    """Wait until no byte of the wall's panels differs by more from what is wanted."""
+    limit = time.monotonic() + PICTURE_S
+    while True:
+        apart = np.abs(of_panels(shown(address)) - wanted)
+        if apart.max() <= most:
+            return
+        assert time.monotonic() < limit, apart.max()
+        time.sleep(0.1)
+
+
+def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_processes_cannot_become(
+    tmp_path: Path, begun: list[subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, columns=2)
+    config.write_text(config.read_text().replace("sinks: [png]", SINKS))
+    second = another(config, tmp_path)
+    wanted = fresh(second, tmp_path / "fresh")
+    process = start("run", config, "--still", "--watch", "--out", tmp_path / "OUT", "--seconds", 200)
+    begun.append(process)
+    address = page_of(process)
+    first = until(address, shown(address), changes=False)
+    with connect(tmp_path / "OUT") as run:
+        run.set({"exposure": 0.5, "sky.zenith": (0.1, 0.1, 0.1)})
+        run.set({"exposure": 0, "sky.zenith": None})
+    done = wall("load", second, "--out", tmp_path / "OUT")
+    assert (done.returncode, done.stdout.split("adopted")[-1]) == (0, ", by edit 3\n"), done.stderr
+    until_alike(address, wanted, 1)
+    now = until(address, first)
+
+    broken = tmp_path / "broken.yaml"
+    for was, becomes, says in (
+        ("columns: 2", "columns: 3", "broken.yaml: wants 1 compositor and 3 renderers; this run has 1 and 2"),
+        ("source: courtyard", "source: nosuch.glb", "nosuch.glb: there is no such file"),
+    ):
+        broken.write_text(second.read_text().replace(was, becomes))
+        refused = wall("load", broken, "--out", tmp_path / "OUT")
+        assert refused.returncode == 2, refused.stdout
+        assert says in " ".join(refused.stderr.split())
+    with connect(tmp_path / "OUT") as run:
+        with pytest.raises(ConfigError, match=r"nosuch.yaml: no such file"):
+            run.load(tmp_path / "nosuch.yaml")
+        with pytest.raises(EditError, match="version: is missing"):
+            run.load("scene: {source: courtyard}\n")
+    assert np.array_equal(shown(address), now)
+
+    config.write_text(config.read_text() + "# saved again\n")
+    until_alike(address, of_panels(first), 1)
+    process.terminate()
+    said, _ = process.communicate(timeout=20)
+    assert process.returncode == 0
+    assert f"note: {config}: adopted" in "".join(said.split("\n")).replace("  ", " ")
+    assert summary(tmp_path / "OUT")["configurations"] == 3
+    assert summary(tmp_path / "OUT")["dropped"].get("bad_packet", 0) == 0
+
+
+def test_ranks_of_mpirun_and_a_remote_compositor_go_over_together(
+    tmp_path: Path, begun: list[subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, columns=2, compositors=2, method="adaptive")
+    config.write_text(config.read_text().replace("sinks: [png]", SINKS))
+    second = another(config, tmp_path)
+    wanted = fresh(second, tmp_path / "fresh")
+    process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 200, launcher=mpirun(4))
+    begun.append(process)
+    address = page_of(process)
+    shown(address)
+    with connect(tmp_path / "OUT") as run:
+        run.load(second)
+    until_alike(address, wanted, 8)
+
+
+def test_a_recorded_run_keeps_its_configuration(tmp_path: Path, begun: list[subprocess.Popen[str]]) -> None:
+    config, events = write_config(tmp_path), tmp_path / "run.events"
+    process = start("run", config, "--headless", "--out", tmp_path / "OUT", "--seconds", 60, "--record", events)
+    begun.append(process)
+    while not (tmp_path / "OUT" / "control.json").exists():
+        assert process.poll() is None
+    with connect(tmp_path / "OUT") as run, pytest.raises(EditError, match="its events are recorded"):
+        run.load(config)
