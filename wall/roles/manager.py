@@ -82,6 +82,7 @@ class Manager:
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
         self.counters = Counter[str]()
+        self.configurations = 1  # that the run has had
         self._seconds, self._until_complete = seconds, until_complete
         self._directors: list[Director] = []
         self._reloading = Reloading(plan, fixed=fixed)
@@ -116,6 +117,7 @@ class Manager:
         """Go on with another plan, which all ranks have adopted."""
         self.counters = self.dropped() - self.editor.counters
         self.heartbeats = {rank: beat for rank, beat in self.heartbeats.items() if beat.configuration == plan.number}
+        self.configurations += 1
         self._selected, self._complete_since, self._released = "", None, (-1, -1)
         self._take(replace(plan, since=self._since), now)
         self.editor.adopt(self.plan)

@@ -131,7 +131,7 @@ class Plan:
     layout: Layout
     scene: Scene
     views: tuple[View, ...]
-    number: int = 0  # of the configuration: how many the run has had before
+    number: int = 0  # of the configuration: how many the run was asked to adopt before
     since: int = 0  # its first camera event
 
     def view_of(self, panel: Panel) -> View:

@@ -179,7 +179,7 @@ def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, core
         "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
-        "configurations": plan.number + 1,  # of which the newest was adopted
+        "configurations": manager.configurations,
         "assignments": 0 if manager.balancer is None else manager.balancer.assignment.number,
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
     }
