@@ -12,6 +12,7 @@ from wall.core.errors import RunError
 from wall.display.base import Sink, Status, WallImage
 from wall.run import head
 from wall.run.bootstrap_threads import ThreadBootstrap
+from wall.run.succession import Preparer
 
 FULL = "panel.png: no space left on device"
 
@@ -43,7 +44,7 @@ def test_after_a_full_disk_all_is_closed_and_the_summary_is_there(
     monkeypatch.setattr(head, "make_sinks", lambda *args, **options: (sinks[: len(plan.layout.graph.sinks)], None))
     bootstrap = ThreadBootstrap.start(1, lambda _: None)
 
-    outcome = head.lead(plan, bootstrap, head.Options(out=tmp_path, seconds=0.1), str, str)
+    outcome = head.lead(plan, bootstrap, Preparer(plan, ["", ""]), head.Options(out=tmp_path, seconds=0.1), str, str)
 
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary == outcome.summary

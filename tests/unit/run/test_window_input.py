@@ -21,6 +21,7 @@ from wall.run.loop import Loop
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop
 from wall.run.sinks import make_sinks, window_input_of
+from wall.run.succession import Preparer
 from wall.transport.loopback import LoopbackHub, LoopbackLink
 
 RANK = 1
@@ -55,8 +56,9 @@ def remote(plan: Plan, control: LoopbackHub) -> Iterator[tuple[Loop, WindowSink]
     assert isinstance(sink, WindowSink)
     hub, clock = LoopbackHub(credit_bytes=1 << 20), HeadClock()
     ports = Ports(RANK, clock, hub=hub, manager=LoopbackLink(control.endpoint))
+    preparer = Preparer(plan, [""] * plan.layout.size)
     try:
-        yield compositor_loop(plan, RANK, hub, ports, clock, [sink], [window_input_of(RANK, [sink])]), sink
+        yield compositor_loop(plan, RANK, hub, ports, clock, [sink], preparer, [window_input_of(RANK, [sink])]), sink
     finally:
         sink.close()
         ports.close()
