@@ -47,6 +47,8 @@ from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
 from wall.roles.reloading import Asked, Reloading, asked_by
 
+NO_RENDERER = "no renderer is left"
+SILENT_S = 60.0  # all renderers may be for so long: a machine that swaps or a switch that restarts is no death
 EVENTS_A_REFRESH = 2  # frameless samples gain from inputs between refreshes; more only costs updates
 SETTLED_S = 0.4  # a complete image that has not changed for this long is final
 HOLD_S = 0.5  # at the end the last view is held for so long at most, to get all its samples
@@ -78,6 +80,7 @@ class Manager:
         self.due = now
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
         self.lost: dict[int, str] = {}  # ranks that died or went silent: how
+        self.died: set[int] = set()  # of the lost ones: those whose process has ended
         self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
@@ -175,6 +178,7 @@ class Manager:
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now))
                 self._edited = True
             elif isinstance(message, Died):
+                self.died.add(message.rank)
                 self.lost.setdefault(message.rank, f"died ({message.how}) after {now - self._began:.1f} s")
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
@@ -322,8 +326,10 @@ class Manager:
 
     def _why_over(self, now: float) -> str:
         """Why the run is to end, "" as long as it is not."""
-        if all(rank in self.lost for rank in self._layout.renderers()):
-            return "no renderer is left"
+        renderers = self._layout.renderers()
+        silent_s = min((now - self._heard[rank] for rank in renderers if rank not in self.died), default=math.inf)
+        if silent_s > max(SILENT_S, self._layout.config.transport.lost_after_s):
+            return NO_RENDERER
         if self.escape:
             return self.escape
         if self._closed and not self._window_ranks - self._closed - self.lost.keys():
@@ -355,7 +361,7 @@ class Manager:
 
     def _hold(self, now: float) -> None:
         """Freeze the view, so that the last image shows one moment with every sample."""
-        nobody = self.ended == "no renderer is left"
+        nobody = self.ended == NO_RENDERER
         self._phase, self._limit = Phase.HOLDING, now if nobody else now + HOLD_S
 
     def _said_last(self, ranks: range | tuple[int, ...]) -> bool:

@@ -17,7 +17,7 @@ from wall.geometry.steering import Command, parse
 from wall.packets.control import Heartbeat, Hello, Membership, Message, Statistics, Stop, WindowInput
 from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Packet, Send
-from wall.roles.manager import HOLD_S, SETTLED_S, Manager
+from wall.roles.manager import HOLD_S, NO_RENDERER, SETTLED_S, SILENT_S, Manager
 from wall.roles.membership import GATHER_S, REPEAT_S
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 from wall.roles.status import Latency, samplers_of
@@ -261,8 +261,21 @@ def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks
     assert run.manager.lost == {}
     run.tell(*run.beats(1), after=0.5)
     assert run.manager.lost == {2: f"silent for {limit + 0.5:.1f} s"}
-    assert run.manager.ended == "no renderer is left"
     assert run.manager.silences == {2: limit + 0.5}
+
+
+def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    run.tell(*run.beats(1), after=SILENT_S)
+    assert run.manager.lost.keys() == {2}
+    assert run.manager.ended == ""
+    run.tell(*run.beats(2))
+    assert run.manager.lost == {}, "it is back, and the run is as it was"
+    run.tell(*run.beats(1), after=SILENT_S + 0.5)
+    assert run.manager.ended == NO_RENDERER
+    run = Run(elsewhere)
+    run.tell(Died(2, "signal 9"))
+    assert run.manager.ended == NO_RENDERER
 
 
 def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewhere: Plan) -> None:
