@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from wall.core.data import Float64
 
@@ -47,6 +45,9 @@ def crease_normals(vertices: Float64, triangles: NDArray[np.integer]) -> Smoothe
     vertices : (v, 3) finite; scaled so that squares neither overflow nor vanish
     triangles : (t, 3) indices, none without area
     """
+    from scipy.sparse import coo_array  # 0.2 s, which walls of built-in scenes need not spend
+    from scipy.sparse.csgraph import connected_components
+
     normals = face_normals(vertices, triangles)
     position = same_position(vertices)[triangles]
     links = _smooth_corners(position, normals)

@@ -96,6 +96,22 @@ def test_viewer_hears_layout_then_status(browser, image, status):
     assert first["sampler"] == "hilbert"
 
 
+def test_viewers_and_those_who_come_later_hear_of_another_layout(browser, two_panels, image, status):
+    browser.show(image(1), status)
+
+    async def act(viewer):
+        await viewer.next_image()
+        browser.lay_out(two_panels, ["main", "map"], ["", "a view lies over it"])
+        while (heard := viewer.statuses[-1])["kind"] != "layout" or heard["views"] != ["main", "map"]:
+            viewer.statuses.append(await viewer.socket.receive_json())
+        return heard
+
+    async def later(viewer):
+        return await viewer.socket.receive_json()
+
+    assert with_viewer(browser, act) == with_viewer(browser, later)
+
+
 def test_second_images_are_sent_while_there_are_some_and_only_when_they_changed(browser, image, status):
     alone, second = image(1), image(4, value=20)
     both = replace(alone, compared=second.panels)
