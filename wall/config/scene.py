@@ -28,6 +28,7 @@ from wall.core.fields import (
     refusal,
 )
 
+MOST_CUTS = 6  # every ray meets each of them
 FLATTEST_RECTANGLE = 1e-6  # sine of the angle between a rectangle's edges
 
 
@@ -241,6 +242,16 @@ MotionConfig: TypeAlias = SpinConfig | OrbitConfig | KeyframesConfig  # of bodie
 AnimationConfig = Annotated[MotionConfig | ParameterConfig, Field(discriminator="type")]
 
 
+class CutConfig(Model):
+    """A plane that cuts the scene open."""
+
+    position: Point = Field(description="a point of the plane, world units")
+    normal: Direction = Field(
+        description="at a right angle to the plane, world frame, any length; the side to which it points is removed"
+    )
+    enabled: Flag = Field(default=True, description="whether it cuts; false = as if it were not there")
+
+
 class SceneConfig(Model):
     """What is rendered."""
 
@@ -261,6 +272,9 @@ class SceneConfig(Model):
     )
     integrator: IntegratorConfig | None = Field(
         default=None, description="how light is followed; absent = the source's own, or direct"
+    )
+    cuts: Annotated[tuple[CutConfig, ...], Field(max_length=MOST_CUTS)] = Field(
+        default=(), description="planes that cut the scene open: what lies beyond any of them is not there"
     )
 
     @model_validator(mode="after")

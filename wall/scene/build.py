@@ -11,20 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.materials import AmbientOcclusionConfig, IntegratorConfig, PathConfig
-from wall.config.scene import (
-    DirectionalLightConfig,
-    LightConfig,
-    MotionConfig,
-    ParameterConfig,
-    PointLightConfig,
-    SceneConfig,
-    SpotLightConfig,
-)
+from wall.config.scene import MotionConfig, ParameterConfig, SceneConfig
 from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
 from wall.geometry.cameras import Lens, NamedCamera
 from wall.scene.animation import Moving, Tracks, Vector, compile_tracks
-from wall.scene.area_lights import area_light, emitting
+from wall.scene.area_lights import emitting
 from wall.scene.bounds import framing_sphere, middle, world_boxes
 from wall.scene.builtin.arcade import arcade
 from wall.scene.builtin.cornell import cornell
@@ -33,12 +25,14 @@ from wall.scene.builtin.forest import forest
 from wall.scene.builtin.gallery import gallery, gallery_mirrors
 from wall.scene.builtin.museum import museum
 from wall.scene.builtin.spheres import spheres
+from wall.scene.cuts import cuts_of
 from wall.scene.environment import read_environment
-from wall.scene.lights import STUDIO_SKY, default_lights, unit
+from wall.scene.lights import STUDIO_SKY, configured_light, default_lights
 from wall.scene.materials import described, with_materials
 from wall.scene.model import (
     AmbientOcclusion,
     AreaLight,
+    Cut,
     DirectionalLight,
     Environment,
     Instance,
@@ -97,6 +91,7 @@ class Scene:
     light_order: tuple[int, ...] = ()  # of each light as named: its row in Shading.lights; -1: it has an area
     parameter_tracks: tuple[ParameterTrack, ...] = ()
     lens: Lens | None = None  # of the view that shows it; None: a pinhole
+    cuts: tuple[Cut, ...] = ()
     _moments: dict[tuple[float, Edits], Moment] = field(init=False, repr=False, compare=False, default_factory=dict)
     _shadings: dict[tuple[float, Edits], Shading] = field(init=False, repr=False, compare=False, default_factory=dict)
     _edited: EditedObjects = field(init=False, repr=False, compare=False, default_factory=EditedObjects)
@@ -135,7 +130,7 @@ class Scene:
             point_lights=self.point_lights, spot_lights=self.spot_lights, directional_lights=self.directional_lights,
             sky=self.sky, materials=self.materials, path_depth=self.path_depth, lens=self.lens,
             environment_strength=1.0 if self.environment is None else self.environment.strength,
-            occlusion_distance=0.0 if self.occlusion is None else self.occlusion.distance,
+            occlusion_distance=0.0 if self.occlusion is None else self.occlusion.distance, cuts=self.cuts,
         )  # fmt: skip
 
     def at(self, time: float, edits: Edits = NO_EDITS) -> Moment:
@@ -198,7 +193,8 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
     sources = [make_source(name, base_folder) for name in sources_of(scene_config)]
-    return assemble(_configured(joined(sources), scene_config, base_folder))
+    scene = assemble(_configured(joined(sources), scene_config, base_folder))
+    return replace(scene, cuts=cuts_of(scene_config.cuts)) if scene_config.cuts else scene
 
 
 def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
@@ -257,7 +253,7 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
         depth, occlusion = _integrated(config.integrator)
         source = replace(source, path_depth=depth, occlusion=occlusion)
     if config.lights is not None:
-        source = replace(source, lights=tuple(_light(light) for light in config.lights))
+        source = replace(source, lights=tuple(configured_light(light) for light in config.lights))
     if config.sky is not None:
         sky = config.sky
         source = replace(source, sky=Sky(zenith=sky.zenith, horizon=sky.horizon, ground=sky.ground))
@@ -277,24 +273,6 @@ def _integrated(config: IntegratorConfig) -> tuple[int | None, AmbientOcclusion 
     if isinstance(config, AmbientOcclusionConfig):
         return 1, AmbientOcclusion(distance=config.distance, colors=config.colors)
     return config.depth if isinstance(config, PathConfig) else None, None
-
-
-def _light(config: LightConfig) -> Light:
-    if isinstance(config, PointLightConfig):
-        return PointLight(position=config.position, intensity=config.intensity)
-    if isinstance(config, SpotLightConfig):
-        return SpotLight(
-            position=config.position,
-            direction=unit(config.direction),
-            intensity=config.intensity,
-            inner_angle=config.inner_angle,
-            outer_angle=config.outer_angle,
-        )
-    if isinstance(config, DirectionalLightConfig):
-        return DirectionalLight(
-            direction=unit(config.direction), irradiance=config.irradiance, angular_diameter=config.angular_diameter
-        )
-    return area_light(config)
 
 
 def assemble(source: Source) -> Scene:

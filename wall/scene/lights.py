@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from wall.config.scene import DirectionalLightConfig, LightConfig, PointLightConfig, SpotLightConfig
 from wall.scene.animation import Vector, times
-from wall.scene.model import AreaLight, DirectionalLight, Light, Sky
+from wall.scene.area_lights import area_light
+from wall.scene.model import AreaLight, DirectionalLight, Light, PointLight, Sky, SpotLight
 
 KEY_DIRECTION = (0.45, 0.75, 0.48)  # right, above, towards a viewer who looks along -z
 KEY_SHARE = (0.66, 0.63, 0.58)  # irradiance / pi: slightly warm against the cool sky
@@ -40,6 +42,25 @@ def scaled(light: Light, factor: float) -> Light:
     if isinstance(light, AreaLight):
         return replace(light, position=position, corners=factor * light.corners)
     return replace(light, position=position, intensity=times(factor**2, light.intensity))
+
+
+def configured_light(config: LightConfig) -> Light:
+    """The light that a configuration describes."""
+    if isinstance(config, PointLightConfig):
+        return PointLight(position=config.position, intensity=config.intensity)
+    if isinstance(config, SpotLightConfig):
+        return SpotLight(
+            position=config.position,
+            direction=unit(config.direction),
+            intensity=config.intensity,
+            inner_angle=config.inner_angle,
+            outer_angle=config.outer_angle,
+        )
+    if isinstance(config, DirectionalLightConfig):
+        return DirectionalLight(
+            direction=unit(config.direction), irradiance=config.irradiance, angular_diameter=config.angular_diameter
+        )
+    return area_light(config)
 
 
 def default_lights() -> tuple[DirectionalLight, ...]:

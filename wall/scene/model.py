@@ -199,6 +199,15 @@ class AmbientOcclusion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """A plane beyond which, where its normal points, nothing is there."""
+
+    position: tuple[float, float, float]  # of a point of the plane, world
+    normal: tuple[float, float, float]  # world, any length; of length 0 it cuts nothing
+    enabled: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """What a file or a scene function gives, before the configuration adds to it; None = does not say."""
 
@@ -234,6 +243,7 @@ class Shading:
     environment_strength: float = 1.0  # of the scene's environment, where there is one
     occlusion_distance: float = 0.0  # world units, of ambient occlusion, where that is the light
     objects: tuple[tuple[str, tuple[float, ...]], ...] = ()  # name paths and numbers of those moved and hidden by edits
+    cuts: tuple[Cut, ...] = ()
 
     @property
     def lights(self) -> tuple[PointLight | SpotLight | DirectionalLight, ...]:

@@ -38,6 +38,7 @@ class Needs:
     absorption: bool  # inside glass, on paths
     interfaces: bool  # metal, a coat over diffuse light, or thin glass, on paths
     emitters: bool  # surfaces that light others, on paths
+    cuts: bool  # planes cut the scene open
     relighting: bool  # something moves under what can be relit, and a light visibility mask has a bit for each light
 
 
@@ -81,6 +82,7 @@ def needs(scene: Scene) -> Needs:
         absorption=paths and any(max(material.absorption) > 0.0 for material in materials),
         interfaces=thin or (paths and any(max(material.metallic, material.specular) > 0.0 for material in materials)),
         emitters=paths and emission,
+        cuts=bool(scene.cuts),
         relighting=scene.animated
         and 0 < lights <= MOST_RELIT_LIGHTS
         and not noisy

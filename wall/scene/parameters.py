@@ -55,7 +55,7 @@ class Parameter:
         if self.kind == "number":
             return f"a number {span}{unit}"
         if self.kind == "direction":
-            return "three numbers, not all zero: towards the light"
+            return "three numbers, not all zero"
         one = " or one for all of them," if self.kind in ("color", "light") else ""
         return f"three numbers,{one} {span}{unit}"
 
@@ -89,6 +89,7 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
     found = [
         Parameter(name=EXPOSURE, kind="number", low=-MOST_STOPS, high=MOST_STOPS, unit="stops", default=(exposure,)),
         *_lens(scene),
+        *_cuts(scene),
         *(_lights(scene) if scene.occlusion is None else ()),
         *(_sky(scene) if scene.environment is None else _environment(scene.environment)),
         *(_materials(scene, wanted) if scene.occlusion is None or scene.occlusion.colors else ()),
@@ -111,6 +112,15 @@ def _lens(scene: Scene) -> Iterator[Parameter]:
         width: dict[str, Any] = {"kind": "number", "high": FARTHEST, "unit": "world units"}
         yield Parameter(name="lens.aperture", default=(scene.lens.aperture,), **width)
         yield Parameter(name=FOCUS, low=NEAREST, default=(scene.lens.focus,), **width)
+
+
+def _cuts(scene: Scene) -> Iterator[Parameter]:
+    far: dict[str, Any] = {"low": -FARTHEST, "high": FARTHEST}
+    for number, cut in enumerate(scene.cuts):
+        path, enabled = f"cuts.{number}", (float(cut.enabled),)
+        yield Parameter(name=f"{path}.position", kind="position", unit="world units", default=cut.position, **far)
+        yield Parameter(name=f"{path}.normal", kind="direction", default=cut.normal, **far)
+        yield Parameter(name=f"{path}.enabled", kind="whole", low=0, high=1, default=enabled)
 
 
 def _lights(scene: Scene) -> Iterator[Parameter]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.scene.build import Scene
+from wall.scene.cuts import piece_left, planes_of
 from wall.scene.kernels.picking import first_triangle
 from wall.scene.model import Mesh, Moment, Texture
 
@@ -32,25 +33,26 @@ class Picking:
         """The first surface: how many lengths of `direction` (3,) from `origin` (3,), world; index of its instance.
 
         Infinity and -1: there is none. Where alpha makes a mask, what is cut out is passed; blended surfaces are, where
-        less than half is there.
+        less than half is there; cuts leave a piece of the ray.
         """
+        begin, end = piece_left(planes_of(moment.shading.cuts, origin), direction)
         known = np.abs(np.linalg.det(moment.world_from_object[:, :3, :3])) > 0.0
         inverse = np.zeros_like(moment.world_from_object)
         inverse[known] = np.linalg.inv(moment.world_from_object[known])
         origins = inverse[:, :3, :3] @ origin + inverse[:, :3, 3]
         directions = inverse[:, :3, :3] @ direction
         entries = np.where(known, entered(self._boxes, origins, directions), np.inf)
-        nearest, instance = math.inf, -1
+        nearest, instance = end, -1
         for k in np.argsort(entries):
             if entries[k] >= nearest:
                 break
             mesh = self._scene.meshes[self._scene.instances[k].mesh]
-            if (found := self._first(mesh, origins[k], directions[k])) < nearest:
+            if (found := self._first(mesh, origins[k], directions[k], begin)) < nearest:
                 nearest, instance = found, int(k)
-        return nearest, instance
+        return (nearest, instance) if instance >= 0 else (math.inf, instance)
 
-    def _first(self, mesh: Mesh, origin: Float64, direction: Float64) -> float:
-        after, found = 0.0, np.zeros(3)
+    def _first(self, mesh: Mesh, origin: Float64, direction: Float64, after: float) -> float:
+        found = np.zeros(3)
         while (number := first_triangle(mesh.vertices, mesh.triangles, origin, direction, after, found)) >= 0:
             if self._is_there(mesh, number, found):
                 return float(found[0])

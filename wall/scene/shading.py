@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, TypeVar, cast
 
 from wall.geometry.cameras import Lens
 from wall.scene.lights import unit
-from wall.scene.model import Light, Material, Shading, Sky
+from wall.scene.model import Cut, Light, Material, Shading, Sky
 from wall.scene.object_edits import OBJECTS
 
 Values: TypeAlias = Mapping[str, tuple[float, ...]]  # by name path
@@ -19,6 +19,7 @@ Values: TypeAlias = Mapping[str, tuple[float, ...]]  # by name path
 AnyLight = TypeVar("AnyLight", bound=Light)
 
 LIGHT_FIELDS = ("position", "intensity", "direction", "irradiance")  # of any kind of light that has them
+CUT_FIELDS = ("position", "normal")  # beside whether it is enabled
 SKY_COLOURS = ("zenith", "horizon", "ground")
 MATERIAL_FIELDS = {  # name in a path: field of Material
     "color": "base_color",
@@ -59,6 +60,7 @@ def shaded(base: Shading, lights: Sequence[Light | None], values: Values) -> Sha
         lens=_lens(base.lens, values),
         environment_strength=_number(values, "environment.strength", base.environment_strength),
         occlusion_distance=_number(values, "integrator.distance", base.occlusion_distance),
+        cuts=_cuts(base.cuts, values),
         objects=tuple((path, value) for path, value in sorted(values.items()) if path.startswith(OBJECTS)),
     )
 
@@ -86,6 +88,16 @@ def _light(light: Light, number: int, values: Values) -> Light:
     if any(wanted.get("direction", ())):  # keyframes may pass through no direction at all: it lights nothing then
         wanted["direction"] = unit(wanted["direction"])
     return replace(light, **wanted)
+
+
+def _cuts(cuts: tuple[Cut, ...], values: Values) -> tuple[Cut, ...]:
+    now = tuple(_cut(cut, f"cuts.{k}", values) for k, cut in enumerate(cuts))
+    return cuts if now == cuts else now
+
+
+def _cut(cut: Cut, path: str, values: Values) -> Cut:
+    wanted: dict[str, Any] = {field: values.get(f"{path}.{field}", getattr(cut, field)) for field in CUT_FIELDS}
+    return Cut(enabled=_number(values, f"{path}.enabled", cut.enabled) >= 0.5, **wanted)
 
 
 def _sky(sky: Sky, values: Values) -> Sky:

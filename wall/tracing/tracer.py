@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from wall.core.data import SAMPLE, Event, Float32, Float64, Samples
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import Panel
+from wall.scene.cuts import planes_of
 from wall.scene.model import AmbientOcclusion, Moment, Shading
 from wall.scene.sky import sky_irradiance
 from wall.tracing import embree
@@ -68,10 +69,10 @@ class Traced:
     bad: int
 
 
-def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT) -> Workspace:
+def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0) -> Workspace:
     """A fresh packet for one thread; the fields that no kernel changes are set here, once.
 
-    primary_mask : Embree mask of primary rays
+    primary_mask : Embree mask of primary rays; cuts : number of planes, to be written
     """
     packet = embree.aligned((rows.PACKET_FLOATS,), np.float32)
     bits = packet.view(np.uint32)
@@ -86,6 +87,7 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT) -> Workspace:
         shadow_valid=embree.aligned((embree.PACKET,), np.int32),
         arguments=embree.query_arguments(coherent=coherent),
         counts=np.zeros(COUNTS, np.int64),
+        cuts=np.zeros((cuts, 4), np.float32) if cuts else None,
     )
 
 
@@ -151,7 +153,8 @@ class Tracer:
         self._materials = tracer_scene.materials
         self._shading: Shading | None = None  # as last placed
         self._depth = tracer_scene.scene.path_depth
-        self._work = workspace(coherent=coherent, primary_mask=EVERY_OBJECT if seen is None else SEEN)
+        primary_mask, cuts = EVERY_OBJECT if seen is None else SEEN, len(tracer_scene.scene.cuts)
+        self._work = workspace(coherent=coherent, primary_mask=primary_mask, cuts=cuts)
         self._ray_frame = RayFrame(np.zeros((3, 3)), np.array(panel.screen, np.float64), 1.0, None)
         self._occlusion = _occlusion(tracer_scene.scene.occlusion)
         self._path_room = path_room(0, 0, normals=self._emitter_tree is not None)
@@ -191,6 +194,8 @@ class Tracer:
         if self._emitter_tree is not None:
             self._emitter_tree.place(moment.world_from_object, origin)
         shading = moment.shading
+        if self._work.cuts is not None:
+            self._work.cuts[:] = planes_of(shading.cuts, origin)
         points, many_points = self._points.place(moment.point_positions, shading, origin)
         spots, many_spots = self._spots.place(moment.spot_positions, shading, origin)
         self._lights = self._lights._replace(points=points, spots=spots, many_points=many_points, many_spots=many_spots)

@@ -33,6 +33,8 @@ def describe(mi: Any, plan: Plan, *, spp: int) -> dict[str, Any]:
         raise RunError("scene.lights: Mitsuba's spots fade otherwise than glTF's; wanted points, directions, surfaces")
     if any(light.angular_diameter > 0.0 for light in scene.directional_lights):
         raise RunError("scene.lights: Mitsuba's directions have no angular diameter; wanted 0")
+    if any(cut.enabled for cut in scene.shading(0.0).cuts):
+        raise RunError("scene.cuts: Mitsuba cuts nothing open; wanted none that is enabled")
     moment, method = scene.at(0.0), "path"
     if any(material.alpha_mode == "blend" for material in scene.materials):  # light for `path` stops there
         method = "volpath"

@@ -11,6 +11,7 @@ from wall.core.jit import inline_kernel
 from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import start_off_surface
+from wall.tracing.kernels.cuts import shorten_rays
 from wall.tracing.kernels.emitters import way_to_emitter
 from wall.tracing.kernels.environment import way_to_environment
 from wall.tracing.kernels.light_tree import choose_light
@@ -172,6 +173,7 @@ def add_unshadowed(first, aimed, scene, work, paths):
         return
     work.counts[SHADOW_RAYS] += aimed
     valid = work.shadow_valid
+    shorten_rays(work.cuts, SHADOW_PACKET, work)
     occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
     for lane in range(16):
         if valid[lane] != 0 and p[SHADOW_T_FAR + lane] >= ZERO:

@@ -73,7 +73,8 @@ def absorb(used, surfaces, materials, work):
         for lane in range(16):
             if p[rows.HIT + lane] == ZERO:
                 continue
-            taken, way = material_of(surfaces, materials, lane, work)["absorption"], p[embree.T_FAR + lane]
+            taken = material_of(surfaces, materials, lane, work)["absorption"]
+            way = p[embree.T_FAR + lane] - p[embree.T_NEAR + lane]
             if max(taken[0], taken[1], taken[2]) > ZERO and seen_from_inside(surfaces, lane, work):
                 p[rows.THROUGHPUT_R + lane] *= math.exp(-taken[0] * way)
                 p[rows.THROUGHPUT_G + lane] *= math.exp(-taken[1] * way)

@@ -12,6 +12,7 @@ from wall.tracing import embree
 from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import diffuse, start_off_surface
+from wall.tracing.kernels.cuts import shorten_rays
 from wall.tracing.kernels.environment import add_environment_light, see_environment
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.textures import emission_of
@@ -192,6 +193,7 @@ def add_light(light, number, scene, work):
         rays += 1 if lit else 0
     if rays == 0:
         return 0
+    shorten_rays(work.cuts, SHADOW_PACKET, work)
     occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
     red, green, blue = light[3], light[4], light[5]
     bit = np.uint32(1) << np.uint32(number) if number < MASK_BITS else np.uint32(0)

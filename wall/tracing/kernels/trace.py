@@ -16,6 +16,7 @@ from wall.tracing.embree import intersect16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import reflect
 from wall.tracing.kernels.camera import make_rays
+from wall.tracing.kernels.cuts import reopen_misses, shorten_rays
 from wall.tracing.kernels.lights import (
     add_ambient,
     add_emission,
@@ -92,7 +93,9 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
 @inline_kernel
 def intersect(scene, work):
     """Finds the nearest hits of the packet's valid lanes."""
+    shorten_rays(work.cuts, 0, work)
     intersect16(work.valid.ctypes.data, scene, work.packet.ctypes.data, work.arguments.ctypes.data)
+    reopen_misses(work.cuts, work)
 
 
 @inline_kernel
