@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from wall.core.data import Samples
 from wall.deepbuffer.kernels import accumulation as kernels_accumulation
 from wall.deepbuffer.kernels import change as kernels_change
+from wall.deepbuffer.kernels import cuts as kernels_cuts
 from wall.deepbuffer.kernels import doubt as kernels_doubt
 from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
@@ -122,6 +123,11 @@ class DeepBuffer:
         """Take confidence from samples that saw the scene before an edit; `doubted` (n + 1,), see ShadingChanges."""
         kernels_doubt.doubt(self.store, 0, self.count, doubted, self.poses.lit)
 
+    def reject_cut_away(self) -> None:
+        """Reject the samples that lie where the event shown cuts the scene away."""
+        if (planes := self.poses.cuts.take()) is not None:
+            kernels_cuts.reject_cut_away(self.store, self.count, planes)
+
     def reproject(self, moved: NDArray[np.uint8], changed: NDArray[np.uint8], tiles: NDArray[np.bool_]) -> None:
         """Bring the samples of `moved` objects (n + 1,) to the pose shown.
 
@@ -215,6 +221,8 @@ class DeepBuffer:
         self.give_back(self.part(history.dirty)[1])
         evict(store, 0, oldest_kept(store, 0, now, self._kept, self._ages))
         kernels_doubt.doubt(store, 0, 0, none, False)
+        if self.poses.cuts.used:
+            kernels_cuts.reject_cut_away(store, 0, np.zeros((objects + 1, 0, 4), np.float32))
 
     def _sort_by(self, starts: NDArray[np.int64], *, by_tile: bool) -> None:
         columns = self.history.dirty.shape[1]

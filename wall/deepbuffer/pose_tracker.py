@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float64, Rect
+from wall.deepbuffer.cuts import CutTracker
 from wall.deepbuffer.kernels.insert import InsertRules
 from wall.deepbuffer.lights import Diffuse, LightChanges
 from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown, same_camera
@@ -31,6 +32,7 @@ class PoseTracker:
         self.last: Pose | None = None  # before
         self._light_changes = LightChanges(self.diffuse.objects)
         self._shading_changes, self._shading = ShadingChanges(scene), scene.shading(0.0)
+        self.cuts = CutTracker(scene)
         self.doubted: NDArray[np.uint8] | None = None  # by the last `show`: see ShadingChanges; None: no edit
         self._poses = Poses(panel, eye, scene, self.rect, objects=objects, lit=lit)
         self._shown: Event | None = None
@@ -43,6 +45,7 @@ class PoseTracker:
         if not self.nothing_moves:
             self.pose, self.last = self._poses.of(event), self.pose
         self._shade(event)
+        self.cuts.show(event)
         if self.camera_moved:
             self.spans_moments = False  # pixels start anew
         elif shown is not None and event.scene_time != shown.scene_time:
@@ -74,6 +77,7 @@ class PoseTracker:
         """The pose of samples that are about to be inserted, and that of the image."""
         pose = self._poses.of(event)
         under = self.pose if self.pose is not None else pose
+        self.cuts.note(event)
         self._light_changes.note(pose.lights, under.lights)
         return pose, under
 

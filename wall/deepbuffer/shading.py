@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.scene.build import Scene
-from wall.scene.model import Shading
+from wall.scene.model import Cut, Shading
 
 
 class ShadingChanges:
@@ -36,9 +36,10 @@ class ShadingChanges:
         light = now.lights != was.lights
         way = [(of.path_depth, of.lens, of.occlusion_distance) for of in (now, was)]
         objects = now.objects != was.objects
-        if not (materials or sky or light or objects or way[0] != way[1]):
+        cuts = cutting(now) != cutting(was)
+        if not (materials or sky or light or objects or cuts or way[0] != way[1]):
             return None
-        if self._paths or objects:  # of shadows and of what was behind, no sample knows
+        if self._paths or objects or cuts:  # of shadows and of what was behind, no sample knows
             return np.ones_like(doubted, np.uint8)
         if sky or light:
             shadows = places_of(now) != places_of(was)  # may have moved: no sample knows
@@ -47,6 +48,11 @@ class ShadingChanges:
         if materials:
             doubted |= np.isin(self._material, materials) | self._mirrors
         return doubted.astype(np.uint8)
+
+
+def cutting(shading: Shading) -> list[Cut]:
+    """The cuts that cut anything away."""
+    return [cut for cut in shading.cuts if cut.enabled]
 
 
 def places_of(shading: Shading) -> tuple[tuple[float, float, float], ...]:

@@ -27,6 +27,7 @@ RANKS = {
     "paths/progressive": 2,
     "balance": 3,
     "cave_corner": 4,
+    "cut_away": 3,
     "demo": 5,
     "forest": 3,
     "four_by_two_bezels": 9,

@@ -87,6 +87,7 @@ function titled(name) {
   if (first < 0) return ["Picture", name];
   const head = name.slice(0, first), label = name.slice(last + 1);
   if (head === "lights") return [`Light ${name.slice(first + 1, last)}`, label];
+  if (head === "cuts") return [`Cut ${name.slice(first + 1, last)}`, label];
   if (head === "objects") return [`Object ${name.slice(first + 1, last)}`, label];
   if (head === "materials") return [name.slice(first + 1, last), label];
   return [head[0].toUpperCase() + head.slice(1), label];

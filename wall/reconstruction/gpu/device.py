@@ -19,6 +19,7 @@ from wall.core.errors import RunError
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.change import LEAST_CONFIDENCE, TRUSTED
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
+from wall.deepbuffer.kernels.cuts import NEAR
 from wall.deepbuffer.kernels.doubt import KEPT, LEAST
 from wall.deepbuffer.kernels.evict import AGE_SHIFT, AGES
 from wall.deepbuffer.kernels.lights import LEAST_SQUARE, NORMAL_STEPS
@@ -41,7 +42,7 @@ MOST_DEVICES = 16  # of EGL that are looked at
 _COMPUTE = (
     "mark_contradicted", "relight", "reproject", "nearest_slot", "nearest", "bound_depths", "ages", "cutoff", "weigh",
     "halve", "expand", "resolve", "merge", "count", "scan", "pack", "shift", "evict", "display",
-    "doubt",
+    "doubt", "cut_away",
 )  # fmt: skip
 _INTERPOLATING = ("expand", "resolve")  # read the coarser level
 _DRAWN = ("splat", "accumulate")
@@ -51,7 +52,7 @@ _CONSTANTS: dict[str, int | np.float32] = {
     "OBJECT_WORDS": OBJECT_WORDS, "LIGHT_WORDS": LIGHT_WORDS, "FAR": FAR, "NEAREST": NEAREST, "OUTSIDE": OUTSIDE,
     "LEAST_CONFIDENCE": LEAST_CONFIDENCE, "NORMAL_STEPS": NORMAL_STEPS, "LEAST_SQUARE": LEAST_SQUARE,
     "TRUSTED": TRUSTED, "SLOW_DECAY": np.float32(SLOW_DECAY), "CURVE_STEPS": np.float32(CURVE_STEPS),
-    "MEAN_ALONE": MEAN_ALONE, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST,
+    "MEAN_ALONE": MEAN_ALONE, "DOUBT_KEPT": KEPT, "DOUBT_LEAST": LEAST, "CUT_NEAR": NEAR,
     **{
         name: getattr(visibility, name)
         for name in (

@@ -206,6 +206,8 @@ class GpuReconstruction:
         if self.poses.doubted is not None:
             self._store.doubt(self.poses.doubted, unlit=self.poses.lit)
             relit = relit | (self.poses.doubted != 0)
+        if (planes := self.poses.cuts.take()) is not None:
+            self._store.reject_cut_away(planes)
         if self.poses.camera_moved:
             self._passes.clear_accumulation()
         elif stood and not self.nothing_moves:

@@ -83,6 +83,16 @@ class GpuStore:
         buffers = (self.arrays["state"], self.arrays["object_id"], objects, albedo)
         self.device.compute("doubt", self.count, buffers, unlit=int(unlit))
 
+    def reject_cut_away(self, planes: Float32) -> None:
+        """Reject the samples beyond planes, (n + 1, k, 4); see deepbuffer.kernels.cuts."""
+        if self.count == 0:
+            return
+        buffers = (
+            *(self.arrays[name] for name in ("position", "object_id", "state")),
+            self.device.context.buffer(planes),
+        )
+        self.device.compute("cut_away", self.count, buffers, planes_per_object=planes.shape[1])
+
     def drop_oldest(self, share: float) -> None:
         """Remove that share of the samples, and what is as old."""
         latest = np.quantile(self.read("state")[TIME], share)
