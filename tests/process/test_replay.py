@@ -19,7 +19,11 @@ from wall.run.recording import file_of
 VIEW = "  - {{id: {method}, panels: [r0c{k}], camera: {{position: [6, 4.5, {k}], target: [0, 0.6, 0]}}, {rest}}}\n"
 HEAD = """\
 version: 1
-scene: {source: courtyard}
+scene:
+  source: courtyard
+  cuts: [{position: [0, 0, 1], normal: [0.3, 0, 1]}]
+  animation:
+    - {type: parameter, name: cuts.0.position, keyframes: [{time: 0, value: [0, 0, 1]}, {time: 1, value: [0, 0, 0]}]}
 wall: {grid: {columns: 5, rows: 1, pixels: [48, 32], size: [0.4, 0.3], bezel: 0.01}}
 graph: {preset: sort-first, ranks_per_panel: 2, sinks: [png]}
 transport: {lost_after_s: 10}

@@ -75,8 +75,18 @@ def test_good_text_loads() -> None:
         (
             "source: courtyard",
             "sorce: x",
-            "scene.sorce: unknown key; accepted: source, materials, lights, sky, environment, animation, integrator; "
-            "did you",
+            "scene.sorce: unknown key; accepted: source, materials, lights, sky, environment, animation, integrator, "
+            "cuts; did you",
+        ),
+        (
+            "source: courtyard",
+            "source: courtyard\n  cuts: [{position: [0, 0, 0], normal: [0, 0, 0]}]",
+            "a.yaml:4:40: scene.cuts[0].normal = [0, 0, 0]: has no direction; accepted: three numbers that are not all",
+        ),
+        (
+            "source: courtyard",
+            f"source: courtyard\n  cuts: [{', '.join(['{position: [0, 0, 0], normal: [0, 1, 0]}'] * 7)}]",
+            "a.yaml:4:9: scene.cuts = [{'position': [0, 0, 0], 'normal': [0, 1, 0]}",
         ),
         ("source: courtyard", "source: a\n  source: b", "a.yaml:4:3: scene.source: this key stands on line 3 already"),
         ("target: [0, 0, 0]", "target: [0, 0, 5]", "views[0].camera.target = [0, 0, 5]: is where the eye is"),

@@ -11,7 +11,7 @@ from wall.core.jit import inline_kernel
 from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import start_off_surface
-from wall.tracing.kernels.cuts import shorten_rays
+from wall.tracing.kernels.cuts import is_cut_away, shorten_rays
 from wall.tracing.kernels.emitters import way_to_emitter
 from wall.tracing.kernels.environment import way_to_environment
 from wall.tracing.kernels.light_tree import choose_light
@@ -162,7 +162,21 @@ def add_chosen(lights, way_to, first, count, scene, surfaces, materials, work, p
             weight = ONE / (density + own)  # of aiming, over its density
             light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
             aimed += aim(dx, dy, dz, far, light, lane, work)
+            drop_cut_away(work.cuts, dx, dy, dz, far, lane, work)
         add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def drop_cut_away(cuts, dx, dy, dz, far, lane, work):
+    """Gives up a lane's shadow ray whose way (dx, dy, dz) leads from its hit to a place that is cut away: no light is
+    there. Ways without end lead to none. None does nothing.
+
+    cuts : Workspace.cuts
+    """
+    if cuts is not None:
+        px, py, pz = xyz(work.packet, rows.POSITION_X, lane)
+        if far < INF and is_cut_away(cuts, px + dx, py + dy, pz + dz):
+            work.shadow_valid[lane] = 0
 
 
 @inline_kernel

@@ -8,7 +8,7 @@ from wall.core.jit import inline_kernel
 from wall.scene import cuts as scene_cuts
 from wall.tracing import embree
 from wall.tracing.kernels.rows import xyz
-from wall.tracing.kernels.values import INF, MISS, ONE, ZERO
+from wall.tracing.kernels.values import INF, MISS, ZERO
 
 SLACK = np.float32(scene_cuts.SLACK)
 
@@ -51,12 +51,18 @@ def reopen_misses(cuts, work):
 
 
 @inline_kernel
-def unless_cut_away(cuts, x, y, z, light):
-    """Light, RGB, of a point relative to the eye: black where it is cut away."""
+def way_left(cuts, lane, p):
+    """How long the piece of a lane's ray is from where cuts let it begin to its hit; None: the whole ray."""
     if cuts is not None:
-        there = ONE
-        for k in range(cuts.shape[0]):
-            room = cuts[k, 3] - (cuts[k, 0] * x + cuts[k, 1] * y + cuts[k, 2] * z)
-            there = ZERO if room + SLACK * (abs(cuts[k, 3]) + abs(x) + abs(y) + abs(z)) < ZERO else there
-        return there * light[0], there * light[1], there * light[2]
-    return light
+        return p[embree.T_FAR + lane] - p[embree.T_NEAR + lane]
+    return p[embree.T_FAR + lane]
+
+
+@inline_kernel
+def is_cut_away(cuts, x, y, z):
+    """Whether a point relative to the eye is beyond any of (k, 4) planes."""
+    beyond = False
+    for k in range(cuts.shape[0]):
+        room = cuts[k, 3] - (cuts[k, 0] * x + cuts[k, 1] * y + cuts[k, 2] * z)
+        beyond |= room + SLACK * (abs(cuts[k, 3]) + abs(x) + abs(y) + abs(z)) < ZERO
+    return beyond

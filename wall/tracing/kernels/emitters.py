@@ -10,7 +10,6 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.tracing import embree
 from wall.tracing.kernels import rows
-from wall.tracing.kernels.cuts import unless_cut_away
 from wall.tracing.kernels.light_tree import chance_of_light, choose_light
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.texture_filter import UVS_FLAG, finest_level, texel_at, uv_column
@@ -103,7 +102,6 @@ def way_to_emitter(emitters, surfaces, materials, lane, work):
     facing = abs(facing) if material["emits_behind"] > ZERO else facing
     density = chance * square * math.sqrt(square) / facing if facing > ZERO else ZERO
     emission = emission_at(materials.emission_textures, surfaces, materials, instance, corners, s, t)
-    emission = unless_cut_away(work.cuts, px + dx, py + dy, pz + dz, emission)
     return (dx, dy, dz), emission, density, NEARLY
 
 

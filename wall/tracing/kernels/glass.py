@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from wall.core.jit import inline_kernel
-from wall.tracing import embree
 from wall.tracing.kernels import rows
+from wall.tracing.kernels.cuts import way_left
 from wall.tracing.kernels.ggx import FLATTEST_ROUGHNESS, sample_facet, slope_loss
 from wall.tracing.kernels.surface import material_of, seen_from_inside
 from wall.tracing.kernels.values import ONE, ZERO
@@ -73,8 +73,7 @@ def absorb(used, surfaces, materials, work):
         for lane in range(16):
             if p[rows.HIT + lane] == ZERO:
                 continue
-            taken = material_of(surfaces, materials, lane, work)["absorption"]
-            way = p[embree.T_FAR + lane] - p[embree.T_NEAR + lane]
+            taken, way = material_of(surfaces, materials, lane, work)["absorption"], way_left(work.cuts, lane, p)
             if max(taken[0], taken[1], taken[2]) > ZERO and seen_from_inside(surfaces, lane, work):
                 p[rows.THROUGHPUT_R + lane] *= math.exp(-taken[0] * way)
                 p[rows.THROUGHPUT_G + lane] *= math.exp(-taken[1] * way)

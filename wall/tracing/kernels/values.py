@@ -192,5 +192,5 @@ class Workspace(NamedTuple):
     valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the ray-hit packet
     shadow_valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the shadow packet
     arguments: NDArray[np.uint32]  # RTCIntersectArguments
-    cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
+    cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
