@@ -14,7 +14,7 @@ import pytest
 from wall.config.sampling import METHODS
 from wall.config.screens import GridConfig, WallConfig
 from wall.core.data import StatisticsImage
-from wall.display.base import PanelImage, ParameterState, RankStatus, Status, WallImage
+from wall.display.base import Handles, PanelImage, ParameterState, RankStatus, Status, WallImage
 from wall.display.browser import Browser
 from wall.geometry.expanding import expand
 from wall.geometry.panels import Wall
@@ -56,6 +56,7 @@ class Source(threading.Thread):
     lost_rank: bool = False
     views: tuple[str, ...] = ("main",)
     offered: tuple[ParameterState, ...] = ()
+    handles: Handles | None = None  # of the object that is selected
     values: dict[str, tuple[float, ...] | None] = field(default_factory=dict)  # None: as configured
     __hash__ = threading.Thread.__hash__
 
@@ -99,6 +100,7 @@ class Source(threading.Thread):
             width=self.wall.width, height=self.wall.height, panels=panels, time=self.refreshes * REFRESH_S,
             camera_event=self.version, scene_event=0,
             compared=self.panels(lambda k: SECOND) if self.compare else (), statistics_images=self.statistics_images(),
+            handles=self.handles,
         )  # fmt: skip
 
     def panels(self, colour: Callable[[int], tuple[int, int, int]]) -> tuple[PanelImage, ...]:

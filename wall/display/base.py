@@ -42,6 +42,25 @@ class PanelSamples:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HandlesPlace:
+    """Where one viewport shows the object that is selected."""
+
+    view: int
+    rect: tuple[int, int, int, int]  # x, y, width, height of the viewport on the virtual screen
+    wall_from_object: tuple[float, ...]  # (12,) rows w, x w, y w of 3x4: from world units away from the object's middle
+    # to virtual screen pixels x, y, up to a factor; w > 0 before the eye
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Handles:
+    """Where the object that is selected stands on the wall, and the parameter that moves it."""
+
+    parameter: str
+    value: tuple[float, float, float]  # under the event that is shown
+    places: tuple[HandlesPlace, ...]  # of every viewport, the nearest last
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class WallImage:
     """What the whole wall shows at one display refresh."""
 
@@ -54,6 +73,7 @@ class WallImage:
     scene_time: float = 0.0  # of that event, seconds
     compared: tuple[PanelImage, ...] = ()  # second images of the panels, while two samplers are compared
     statistics_images: tuple[StatisticsImage, ...] = ()  # while a viewer shows them; the same object until they change
+    handles: Handles | None = None  # of the object that is selected; the same object until they change
     samples: tuple[PanelSamples, ...] = ()  # of every panel that has some, while a sink wants them; else it is left out
 
 

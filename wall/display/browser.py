@@ -24,12 +24,13 @@ from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
-from wall.display.base import PanelImage, ParameterState, Status, WallImage
+from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
 from wall.display.parts import Held, Part, part_of
 from wall.display.png import QUICK, whole_wall
 from wall.display.sample_store import SampleStore
 from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
 from wall.display.stream import (
+    handles_message,
     image_message,
     layout_message,
     parameters_message,
@@ -74,6 +75,7 @@ class _Viewer:
     samples: bool = False  # it makes images itself, of what samples there are
     statistics_images: tuple[StatisticsImage, ...] = ()  # as last sent
     parameters: tuple[ParameterState, ...] = ()  # as last sent
+    handles: Handles | None = None  # as last sent
 
 
 class Browser:
@@ -321,6 +323,9 @@ class Browser:
             viewer.statistics_images = image.statistics_images
             for statistics_image in image.statistics_images:
                 await viewer.socket.send_bytes(statistics_message(statistics_image, viewer.overlay))
+        if image.handles is not viewer.handles:
+            viewer.handles = image.handles
+            await viewer.socket.send_str(handles_message(image.handles))
         panels = {(False, k): p for k, p in enumerate(image.panels)}
         panels |= {(True, k): p for k, p in enumerate(image.compared)}
         stores = {(False, k): store for k, store in self._stores.items()} if viewer.samples else {}

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from wall.core.data import StatisticsImage
-from wall.display.base import PanelImage, ParameterState, Status, WallImage
+from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
 from wall.display.sample_store import Samples
 from wall.display.steering import OVERLAYS
 from wall.display.tiles import packed
@@ -132,6 +132,11 @@ def statistics_message(statistics_image: StatisticsImage, overlay: str) -> bytes
             + statistics_image.error_reduction.tobytes()
         )
     return header + (statistics_image.age if overlay == "age" else statistics_image.density).tobytes()
+
+
+def handles_message(handles: Handles | None) -> str:
+    """Where the object that is selected stands; no places: none is."""
+    return json.dumps({"kind": "handles", "places": []} | ({} if handles is None else asdict(handles)), allow_nan=False)
 
 
 def layout_message(wall: Wall, views: Sequence[str], why_images: Sequence[str] = ()) -> str:

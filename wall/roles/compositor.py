@@ -19,6 +19,7 @@ from wall.packets.control import Assignment, Heartbeat, Hello, Membership, Selec
 from wall.roles.composition import Composition, RunAll, one_by_one
 from wall.roles.edges import Number, Sent, needed_from_others, summed_number, target_ranks
 from wall.roles.editing import shown_parameters, states_of
+from wall.roles.handles import HandlesMaker
 from wall.roles.instructions import (
     MANAGER,
     Dropped,
@@ -72,6 +73,8 @@ class Compositor:
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
         self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
         self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
+        self._handles = HandlesMaker(plan, "")  # of the object that is selected
+        self._shown: dict[int, Event] = {}  # by view: the event of its newest image
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
         self._statistics_images: tuple[StatisticsImage, ...] = ()
@@ -120,6 +123,7 @@ class Compositor:
             self._beats[message.rank] = message
         elif isinstance(message, Selection):
             self._parameters, self._states = shown_parameters(self._plan, message.name), None
+            self._handles = HandlesMaker(self._plan, message.name)
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
         elif isinstance(message, Assignment):
@@ -177,6 +181,7 @@ class Compositor:
         """Show the samples as `expected` when this refresh is seen; all else is as of `event`."""
         composition, self._news, self._shown_at = self.composition, False, now
         changes = composition.refresh(expected, now, force=force)
+        self._shown[view.index] = expected
         changed = bool(changes)
         if changed or self.refreshes == 0:
             came = changes.keys() & self._others
@@ -231,6 +236,7 @@ class Compositor:
     def _images(self, event: Event, now: float) -> tuple[WallImage, ...]:
         """What each sink shows, in the order of the graph."""
         compared, samples = self.composition.compared(), self.composition.take_samples()
+        handles = self._handles.handles(self._shown)
         return tuple(
             WallImage(
                 width=crops.size[0],
@@ -242,6 +248,7 @@ class Compositor:
                 scene_time=event.scene_time,
                 compared=compared[k].images() if compared else (),
                 statistics_images=self._statistics_images,
+                handles=handles,
                 samples=samples,
             )
             for k, crops in enumerate(self.composition.shown())

@@ -2,6 +2,7 @@
 
 import { Compare } from "./compare.js";
 import { Display } from "./display.js";
+import { Handles } from "./handles.js";
 import { Overlay } from "./overlay.js";
 import { unpack } from "./painter.js";
 import { Parameters } from "./parameters.js";
@@ -32,6 +33,7 @@ const compare = new Compare(wall, (command) => send(command), (name) => readout.
 const panel = document.getElementById("parameters");
 const groups = document.getElementById("parameter-groups");
 const parameters = new Parameters(panel, groups, (command) => send(command));
+const handles = new Handles(wall, (name, numbers) => send({ kind: "set", name, numbers }));
 const focusButton = document.getElementById("focus");
 const display = new Display(wall, (name) => send({ kind: "display", value: name }));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
@@ -72,7 +74,10 @@ function take(message, pictures) {
     pictures.begin(message);
   } else if (message.kind === "parameters") {
     parameters.show(message.parameters);
+    handles.limit(message.parameters);
     focusButton.hidden = !message.parameters.some((p) => p.name === "lens.focus");
+  } else if (message.kind === "handles") {
+    handles.show(message);
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
     readout.show({ ...message, sampler: message.view_samplers[viewports.steered] ?? message.sampler });

@@ -76,6 +76,19 @@ export class Wall {
     }
   }
 
+  // A drawing over the first image of the wall, in pixels of the virtual screen; undefined before there is one.
+  drawing() {
+    const face = this.#faces[0];
+    if (face && !face.drawing) {
+      const { width, height } = this.#layout, frame = this.#frame;
+      face.drawing = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+      face.drawing.setAttribute("viewBox", `${-frame} ${-frame} ${width + 2 * frame} ${height + 2 * frame}`);
+      face.drawing.setAttribute("preserveAspectRatio", "none");
+      face.element.append(face.drawing);
+    }
+    return face?.drawing;
+  }
+
   // Where a point of the page lies on the wall, in fractions of its width and height; undefined where no panel is.
   at(clientX, clientY) {
     for (const { rect, box } of this.#faces.flatMap((face) => (face.element.hidden ? [] : face.panels))) {
