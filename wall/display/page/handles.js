@@ -46,7 +46,7 @@ export class Handles {
     const { places, parameter } = this.#said;
     const key = JSON.stringify([parameter, places.map(({ rect }) => rect)]);
     if (key !== this.#key || drawing.childElementCount !== 2 * this.#groups.length) this.#build(drawing, key);
-    const scale = drawing.viewBox.baseVal.width / (drawing.clientWidth || 1);     // virtual screen pixels of a CSS pixel
+    const scale = drawing.viewBox.baseVal.width / (drawing.getBoundingClientRect().width || 1);   // pixels in a CSS pixel
     places.forEach(({ view, wall_from_object }, k) => {
       const rects = places.filter((place) => place.view === view).map(({ rect }) => rect);
       this.#groups[k].put(wall_from_object, Math.min(LENGTH * scale, LARGEST * least(rects)));
@@ -56,7 +56,8 @@ export class Handles {
   #build(drawing, key) {
     this.#key = key;
     const { places } = this.#said;
-    this.#groups = places.map((_, k) => new Group((axis, e) => this.#begin(k, axis, e), (e) => this.#move(e), () => this.#end()));
+    const move = (e) => this.#move(e), end = () => this.#end();
+    this.#groups = places.map((_, k) => new Group((axis, e) => this.#begin(k, axis, e), move, end));
     const clips = places.map(({ rect }, k) => clip(`handles-${k}`, rect, places.slice(k + 1).map((p) => p.rect)));
     this.#groups.forEach((group, k) => group.element.setAttribute("clip-path", `url(#handles-${k})`));
     drawing.replaceChildren(...clips, ...this.#groups.map((group) => group.element));
@@ -88,8 +89,10 @@ export class Handles {
   #move(e) {
     const along = this.#drag && this.#along(e);
     if (along === null) return;
-    const { parameter, start, axis, from } = this.#drag, { low, high } = this.#limits.get(parameter) ?? {};
-    const moved = start.map((s, n) => (n === axis ? Math.min(high ?? Infinity, Math.max(low ?? -Infinity, s + along - from)) : s));
+    const { parameter, start, axis, from } = this.#drag;
+    const { low, high } = this.#limits.get(parameter) ?? { low: -Infinity, high: Infinity };
+    const moved = [...start];
+    moved[axis] = Math.min(high, Math.max(low, start[axis] + along - from));
     if (!this.#due) requestAnimationFrame(() => this.#flush());
     this.#due = true;
     this.#drag.wanted = moved;
@@ -169,7 +172,8 @@ class Group {
   #axis(name, begin, move, end) {
     const group = svg("g", `handle ${name}`), tip = svg("line", "tip");
     const lines = ["grip", "edge", "axis"].map((part) => svg("line", part));
-    group.append(...lines, tip, Object.assign(svg("title"), { textContent: `Move along ${name}; Escape puts it back` }));
+    const said = Object.assign(svg("title"), { textContent: `Move along ${name}; Escape puts it back` });
+    group.append(...lines, tip, said);
     group.addEventListener("pointerdown", (e) => {
       if (e.pointerType === "mouse" && e.button !== 0) return;
       e.stopPropagation();                                    // the camera stays

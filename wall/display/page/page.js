@@ -67,6 +67,7 @@ function take(message, pictures) {
     ended = false;
     wall.build(message);
     viewports.build(message);
+    handles.show({ places: [] });                              // until the run says it anew
     readout.connected();
     display.build(message);
     if (overlay.name) overlay.repeat();
