@@ -32,6 +32,9 @@ app.command()(plan)
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
 ]
+ViewOption = Annotated[
+    str | None, typer.Option(help="Only this view, as large as its place; else the first, on all of the wall")
+]
 
 
 @app.command()
@@ -181,11 +184,13 @@ def render(
     size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels; the wall's own if left out")] = None,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
+    view: ViewOption = None,
 ) -> None:
     """Render one converged image: the same bits for a seed, however many threads or ranks.
 
     [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
     """
+    from wall.commands.one_view import plan_of_view
     from wall.commands.progress import progress_bar
     from wall.commands.render import render as render_image
     from wall.display.image_file import check_suffix, write_image
@@ -195,6 +200,8 @@ def render(
     loaded = load_config(what)
     with progress_bar("rendering") as update:
         plan = make_plan(make_layout(loaded))
+        if view is not None:
+            plan = plan_of_view(plan, view)
         image = render_image(
             plan,
             spp=spp,
@@ -242,6 +249,7 @@ def screenshot(
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
     panels: Annotated[bool, typer.Option("--panels", help="A file for each panel, wall-ID.png, instead")] = False,
     bezels: Annotated[bool, typer.Option("--bezels", help="Dark bezels; else the scene goes on behind them")] = False,
+    view: ViewOption = None,
 ) -> None:
     """Write the whole wall to a file, however large: it is drawn and written strip by strip.
 
@@ -251,7 +259,7 @@ def screenshot(
     from wall.commands.screenshot import Shot
     from wall.commands.screenshot import screenshot as take
 
-    shot = Shot(size=parse_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels)
+    shot = Shot(size=parse_size(size), scale=scale, spp=spp, seed=seed, at=at, panels=panels, bezels=bezels, view=view)
     with progress_bar("rendering", count="{task.completed} of {task.total} rows") as update:
         written = take(load_config(config), output, shot, lambda done, total: update(completed=done, total=total))
     for one in written:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 
@@ -29,11 +29,12 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     layout = make_layout(loaded)
     check_files(layout)
     plan = make_plan(layout)
-    scene, wall, sampling = plan.scene, layout.wall, layout.sampling
+    scene, wall = plan.scene, layout.wall
+    sampling = layout.sampling_of(layout.region(layout.renderers()[0]).view)
     yield f"{loaded.path}: ok"
     yield f"wall: {len(wall.panels)} panels on {wall.width}x{wall.height} pixels, shown at {plan.view.refresh_hz:g} Hz"
     if len(plan.views) > 1:
-        yield f"views: {', '.join(map(_described, layout.config.views))}"
+        yield f"views: {'; '.join(map(_described, layout.config.views))}"
     if table := _displays(wall):
         yield table
     yield (
@@ -42,15 +43,12 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         f"{len(scene.point_lights)} point, {len(scene.spot_lights)} spot and {len(scene.directional_lights)} "
         "directional lights"
     )
-    yield f"tracer: {describe(needs(scene))}"
+    yield from tracers(plan)
     for note in (*layout.notes, *scene.notes):
         yield f"note: {note}"
     yield f"launch: mpirun -n {layout.size} wall run {loaded.path}"
     yield _ranks(layout)
-    choice = choose(layout.config.reconstruction)
-    yield f"reconstruction: {choice}"
-    if choice.on == "gpu":
-        yield from on_the_cpu(layout)
+    yield from reconstructions(layout)
     yield from at_renderers(layout)
     rate, size = measured_rate(plan)
     yield (
@@ -61,7 +59,31 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
 
 
 def _described(view: ViewConfig) -> str:
-    return f"{view.id} at {view.refresh_hz:g} Hz with weight {view.weight:g}"
+    own = [] if view.integrator is None else [view.integrator.method.replace("_", " ")]
+    return ", ".join([f"{view.id} at {view.refresh_hz:g} Hz with weight {view.weight:g}", *own])
+
+
+def tracers(plan: Plan) -> Iterator[str]:
+    """A line about what is compiled in for each integrator, and the views that have it."""
+    for view, views in _alike([id(scene) for scene in plan.scenes], plan.layout):
+        yield f"tracer{views}: {describe(needs(plan.scene_of(view)))}"
+
+
+def reconstructions(layout: Layout) -> Iterator[str]:
+    """A line about what reconstructs, for each wish, and lines about layers that it is not for."""
+    wishes = [layout.config.reconstruction_of(view) for view in range(len(layout.config.views))]
+    choices = [(choose(wishes[view]), views) for view, views in _alike(wishes, layout)]
+    for choice, views in choices:
+        yield f"reconstruction{views}: {choice}"
+    if any(choice.on == "gpu" for choice, _ in choices):
+        yield from on_the_cpu(layout)
+
+
+def _alike(of_views: Sequence[int | str], layout: Layout) -> Iterator[tuple[int, str]]:
+    """The first view of each value that views have, and words for all that have it, unless these are all views."""
+    for value in dict.fromkeys(of_views):
+        names = [view.id for own, view in zip(of_views, layout.config.views, strict=True) if own == value]
+        yield of_views.index(value), f" of {_some(names)}" * (len(names) < len(of_views))
 
 
 def on_the_cpu(layout: Layout) -> Iterator[str]:
@@ -131,7 +153,7 @@ def measured_rate(plan: Plan) -> tuple[float, float]:
     clock = HeadClock()
     samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
     worker = Worker(plan, tracer_scene, rank, clock, samplers, 0)
-    event = first_event(plan, 0.0)
+    event = first_event(plan, 0.0, plan.layout.region(rank).view)
     began, size = time.perf_counter(), 0
     while time.perf_counter() - began < MEASURED_S:
         packet = worker.step(event)

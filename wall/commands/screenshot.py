@@ -21,6 +21,7 @@ from wall.commands.offline import (
     scaled,
     tiles_of,
 )
+from wall.commands.one_view import layout_of_view, plan_of_view
 from wall.commands.render import Progress
 from wall.config.loading import Loaded
 from wall.core.colour import srgb_decoded
@@ -46,6 +47,7 @@ class Shot:
     at: float = 0.0  # scene time, seconds
     panels: bool = False  # a file for each panel instead of one of the wall
     bezels: bool = False  # dark bezels; without, the scene continues behind them
+    view: str | None = None  # only this one, as large as its place; None: the first, on all of the wall
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,11 +67,15 @@ def screenshot(loaded: Loaded, path: Path, shot: Shot, progress: Progress) -> li
     """
     if under_mpi():
         raise ConfigError("wall screenshot uses the cores of one machine: start it without mpirun")
-    layout = make_layout(loaded)
+    layout = whole = make_layout(loaded)
+    if shot.view is not None:
+        layout = layout_of_view(whole, shot.view)
     files = _files(layout, path, shot)
     for name, panels in files:
         check_file(name, *image_size(panels))
-    plan = make_plan(layout)
+    plan = make_plan(whole)
+    if shot.view is not None:
+        plan = plan_of_view(plan, shot.view)
     renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, shot.at), spp=shot.spp)
     rows, written = sum(image_size(panels)[1] for _, panels in files), list[Written]()
     for name, panels in files:

@@ -11,7 +11,7 @@ from wall.config.graph import GraphConfig, PresetGraph
 from wall.config.sampling import AnySampling, FramelessSampling, SamplingConfig
 from wall.config.scene import SceneConfig
 from wall.config.screens import WallConfig
-from wall.config.views import MOST_VIEWS, ViewConfig
+from wall.config.views import MOST_VIEWS, ReconstructionWish, ViewConfig
 from wall.core.fields import Flag, Model, Number, Text, Whole, refusal
 
 
@@ -76,7 +76,7 @@ class Config(Model):
     )
     sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
     graph: GraphConfig = Field(default=PresetGraph(), description="how samples become images: sort-first, or nodes")
-    reconstruction: Literal["auto", "cpu", "gpu"] = Field(
+    reconstruction: ReconstructionWish = Field(
         default="auto", description="where adaptive samples become images; auto: on the GPU if there is a real one"
     )
     transport: TransportConfig = Field(default=TransportConfig(), description="how ranks talk")
@@ -94,8 +94,6 @@ class Config(Model):
                 raise refusal("is no view before this one", accepted=", ".join(before) or "none is", at=where)
             if view.camera.follow is not None and view.path is not None:
                 raise refusal("its camera follows another view's", accepted="no path", at=("views", k, "path"))
-            if k and view.lens is not None:
-                raise refusal("only the first view has a lens", accepted="no lens", at=("views", k, "lens"))
         if len(self.views) > 1 and self.graph.sync != "none":
             raise refusal("shows one view's frames", accepted="sync: none, or one view", at=("graph", "sync"))
         return self
@@ -103,3 +101,7 @@ class Config(Model):
     def sampling_of(self, view: int) -> AnySampling:
         """The sampling that holds for a view: its own, or the top-level one."""
         return self.views[view].sampling or self.sampling
+
+    def reconstruction_of(self, view: int) -> ReconstructionWish:
+        """Where a view's adaptive samples become images: its own wish, or the top-level one."""
+        return self.views[view].reconstruction or self.reconstruction

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field, model_validator
 
+from wall.config.materials import IntegratorConfig
 from wall.config.sampling import SamplingConfig
 from wall.core.fields import (
     Direction,
@@ -29,6 +30,8 @@ DEFAULT_FOV_DEGREES = 45.0
 ROUNDED = 1.0 + 1e-9  # shares that were worked out are not exact
 MOST_VIEWS = 64
 MOST_STOPS = 20.0  # of exposure: a million times as bright
+
+ReconstructionWish = Literal["auto", "cpu", "gpu"]
 
 
 class CameraConfig(Model):
@@ -191,6 +194,12 @@ class ViewConfig(Model):
         default=0.0, description="stops: light times 2^exposure is shown"
     )
     sampling: SamplingConfig | None = Field(default=None, description="replaces the top-level sampling for this view")
+    integrator: IntegratorConfig | None = Field(
+        default=None, description="replaces the scene's integrator for this view"
+    )
+    reconstruction: ReconstructionWish | None = Field(
+        default=None, description="replaces the top-level reconstruction for this view"
+    )
 
     @model_validator(mode="after")
     def _one_field_of_view(self) -> ViewConfig:

@@ -20,7 +20,7 @@ class ShadingChanges:
         materials = [scene.meshes[instance.mesh].material for instance in scene.instances]
         self._material = np.array([-1, *materials], np.int64)  # (n + 1,)
         self._mirrors = np.array([False, *(scene.materials[k].mirror > 0.0 for k in materials)])
-        self._paths = scene.path_depth is not None
+        self._paths, self._lit = scene.path_depth is not None, scene.occlusion is None
 
     def between(self, now: Shading, was: Shading, relit: NDArray[np.bool_]) -> NDArray[np.uint8] | None:
         """(n + 1,) uint8: objects whose samples are doubtful under `now` if they were traced under `was`.
@@ -33,7 +33,7 @@ class ShadingChanges:
         pairs = zip(now.materials, was.materials, strict=True)
         materials = [k for k, (new, old) in enumerate(pairs) if new is not old and new != old]
         sky = (now.sky, now.environment_strength) != (was.sky, was.environment_strength)
-        light = now.lights != was.lights
+        light = self._lit and now.lights != was.lights
         way = [(of.path_depth, of.lens, of.occlusion_distance) for of in (now, was)]
         objects = now.objects != was.objects
         cuts = cutting(now) != cutting(was)

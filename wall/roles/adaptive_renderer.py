@@ -45,8 +45,9 @@ class AdaptiveRenderer:
         """`band`: its part of the region; `shown`: the image that this rank makes itself."""
         panel = plan.layout.panel(region)
         self._panel_view = PanelView(plan.view_of(panel), panel)
+        scene = plan.scene_of(region.view)
         self.reconstruction = shown.reconstruction if shown is not None else Reconstruction(
-            panel, self._panel_view.eye, plan.scene, detects_change=needs(plan.scene).change_detection, rect=band,
+            panel, self._panel_view.eye, scene, detects_change=needs(scene).change_detection, rect=band,
             samples_per_pixel=sampling.samples_per_pixel,
         )  # fmt: skip
         self.sampler = AdaptiveSampler(

@@ -26,13 +26,16 @@ class Clicks:
         self._plan = plan
         self._picking: Picking | None = None  # from the first click on
 
-    def distance(self, event: Event, x: float, y: float) -> float:
-        """World units along the direction of view; inf at the sky. Raises EditError also for what is not ahead."""
+    def distance(self, events: Sequence[Event], x: float, y: float) -> float:
+        """World units along the direction of view; inf at the sky. events : the newest of every view.
+
+        Raises EditError also for what is not ahead, and in a view without a lens.
+        """
         viewport, column, row = self._place(x, y)
         where = f"focus at pixel {column:.0f}, {row:.0f}"
-        if viewport.view != event.view:
+        if self._plan.scene_of(viewport.view).lens is None:
             raise EditError(f"{where}: {viewport.id} shows no view with a lens")
-        away, _, ahead = self._hit(viewport, event, column, row)
+        away, _, ahead = self._hit(viewport, events[viewport.view], column, row)
         if not ahead > 0.0:
             raise EditError(f"{where}: what panel {viewport.id} shows there is not ahead")
         return away * ahead if math.isfinite(away) else math.inf

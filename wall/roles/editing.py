@@ -25,7 +25,7 @@ from wall.packets.edits import MAX_NAME_BYTES, fits
 from wall.roles.clicks import Clicks
 from wall.roles.plan import Plan, exposure_at
 from wall.scene.object_edits import OBJECTS, OFFSET, ROTATION, VISIBLE
-from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of
+from wall.scene.parameters import EXPOSURE, FOCUS, Parameter, named, parameters_of_views
 
 Values: TypeAlias = tuple[tuple[str, tuple[float, ...]], ...]  # as in Edits
 
@@ -124,10 +124,10 @@ class Editor:
         stops = round(self.exposure(scene_time) + more, 6)
         self.set([(EXPOSURE, min(max(stops, range_of.low), range_of.high))], now)
 
-    def focus(self, event: Event, x: float, y: float) -> None:
-        """Focus at what `event` shows at a place of the wall, see Clicks.distance; the sky is as far as can be."""
+    def focus(self, events: Sequence[Event], x: float, y: float) -> None:
+        """Focus at what is shown at a place of the wall, see Clicks.distance; the sky is as far as can be."""
         range_of = named(self.parameters, FOCUS)
-        self.set([(FOCUS, min(max(self.clicks.distance(event, x, y), range_of.low), range_of.high))])
+        self.set([(FOCUS, min(max(self.clicks.distance(events, x, y), range_of.low), range_of.high))])
 
     def answer(self, request: EditRequest, scene_time: float, now: float = 0.0) -> EditAnswer:
         """Do what another process asks for, once: a request that comes again gets the same answer."""
@@ -168,9 +168,10 @@ class Editor:
 
 def editable(plan: Plan) -> dict[str, Parameter]:
     """The parameters of a plan whose names fit a message."""
-    found = parameters_of(plan.scene, exposure=plan.layout.config.views[0].exposure)
-    if isinstance(sampling := plan.layout.sampling, ProgressiveSampling):
-        most = (float(sampling.samples_per_pixel),)
+    found = parameters_of_views(plan.scenes, exposure=plan.layout.config.views[0].exposure)
+    samplings = map(plan.layout.sampling_of, range(len(plan.views)))
+    if progressive := [each for each in samplings if isinstance(each, ProgressiveSampling)]:
+        most = (float(progressive[0].samples_per_pixel),)
         found[MOST_SAMPLES] = Parameter(
             name=MOST_SAMPLES, kind="whole", low=1, high=LARGEST_STAGE, unit="samples", default=most
         )

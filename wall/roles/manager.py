@@ -225,7 +225,7 @@ class Manager:
                     self.editor.undo()
                     self._edited = True
                 elif parsed.kind == "focus":
-                    self.editor.focus(self._shown_event, parsed.x, parsed.y)
+                    self.editor.focus(self.events, parsed.x, parsed.y)
                     self._edited = True
                 else:
                     self._commands.append(parsed)

@@ -14,8 +14,9 @@ from wall.compositing.graph import Graph, Layer
 from wall.compositing.placement import AT_RENDERER
 from wall.config.graph import NodeGraph, SinkNode
 from wall.config.loading import Loaded
-from wall.config.sampling import AnySampling
+from wall.config.sampling import AdaptiveSampling, AnySampling
 from wall.config.schema import Config
+from wall.config.views import ViewConfig
 from wall.core.data import NO_EDITS, Edits, Event, Region
 from wall.core.errors import ConfigError, RemoteProtocolError, SceneError
 from wall.geometry.cameras import Lens, View, resolve_view
@@ -27,9 +28,10 @@ from wall.geometry.strips import Strips
 from wall.geometry.viewports import with_views
 from wall.operators.base import Operator
 from wall.reconstruction.gpu.device import gpu_nodes
-from wall.scene.build import Scene
+from wall.scene.build import Scene, integrated
 from wall.scene.build import build as build_scene
-from wall.scene.parameters import EXPOSURE, with_checked_tracks
+from wall.scene.of_views import Way, shown_by
+from wall.scene.parameters import EXPOSURE, parameters_of_views, with_checked_tracks
 
 HEAD = 0
 
@@ -129,10 +131,20 @@ class Plan:
     """A layout with its scene and the views of it."""
 
     layout: Layout
-    scene: Scene
+    scene: Scene  # as the first view shows it
     views: tuple[View, ...]
     number: int = 0  # of the configuration: how many the run was asked to adopt before
     since: int = 0  # its first camera event
+    other_scenes: tuple[Scene | None, ...] = ()  # the scene as views after the first show it; None: as the first
+
+    def scene_of(self, view: int) -> Scene:
+        """The scene as a view shows it: with that view's integrator and lens."""
+        return (self.other_scenes[view - 1] if 0 < view <= len(self.other_scenes) else None) or self.scene
+
+    @property
+    def scenes(self) -> tuple[Scene, ...]:
+        """The scene as each view shows it; the same object for views that show it alike."""
+        return tuple(self.scene_of(view) for view in range(len(self.views)))
 
     def view_of(self, panel: Panel) -> View:
         """The view that a panel or inset shows."""
@@ -186,34 +198,59 @@ def make_plan(layout: Layout) -> Plan:
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
     try:
-        scene = with_checked_tracks(seen_by(layout, scene), exposure=layout.config.views[0].exposure)
+        parameters = parameters_of_views(_scenes(layout, scene), exposure=layout.config.views[0].exposure)
+        scene = with_checked_tracks(scene, parameters)
     except SceneError as error:
         raise layout.loaded.error(("scene", "animation"), str(error)) from error
     return aimed(layout, scene)
 
 
-def seen_by(layout: Layout, scene: Scene) -> Scene:
-    """The scene with the lens of the first view, the only one that has any."""
-    config = layout.config.views[0].lens
-    lens = None if config is None else Lens(radius=config.aperture / 2, focus=config.focus)
-    return scene if scene.lens == lens else replace(scene, lens=lens)
+def _scenes(layout: Layout, scene: Scene) -> tuple[Scene, ...]:
+    """A scene as each view shows it; the same object for views that show it alike."""
+    found: dict[Way, Scene] = {}
+    ways = [_way(view, scene) for view in layout.config.views]
+    return tuple(found.setdefault(way, shown_by(scene, way)) for way in ways)
+
+
+def _way(view: ViewConfig, scene: Scene) -> Way:
+    """How a view shows a scene that has an integrator of its own."""
+    depth, occlusion = scene.path_depth, scene.occlusion
+    if view.integrator is not None:
+        depth, occlusion = integrated(view.integrator)
+    lens = None if view.lens is None else Lens(radius=view.lens.aperture / 2, focus=view.lens.focus)
+    return Way(depth, occlusion, lens)
 
 
 def aimed(layout: Layout, scene: Scene) -> Plan:
     """Aim a layout's views at a scene. Raises ConfigError."""
-    count = range(len(layout.config.views))
-    for k in count:
-        if layout.config.views[k].lens is not None and scene.path_depth is None:
-            wanted = "scene.integrator: {method: path}, or no lens"
+    scenes = _scenes(layout, scene)
+    for k, shown in enumerate(scenes):
+        if shown.lens is not None and shown.path_depth is None:
+            own = layout.config.views[k].integrator is not None
+            wanted = f"{'' if own else 'scene.'}integrator: {{method: path}}, or no lens"
             raise layout.loaded.error(("views", k, "lens"), "direct light has no lens", wanted)
+    _check_reconstruction(layout, scenes)
     views: dict[str, View] = {}
-    for k in count:
+    for k in range(len(scenes)):
         view = resolve_view(
             layout.loaded, layout.wall.of_view(k), scene.center, scene.radius,
             view=k, cameras=scene.cameras, leaders=views,
         )  # fmt: skip
         views[view.id] = view
-    return Plan(layout=layout, scene=seen_by(layout, scene), views=tuple(views.values()))
+    others = tuple(None if shown is scenes[0] else shown for shown in scenes[1:])
+    return Plan(layout=layout, scene=scenes[0], views=tuple(views.values()), other_scenes=others)
+
+
+def _check_reconstruction(layout: Layout, scenes: Sequence[Scene]) -> None:
+    """Refuse a GPU that is asked for where the noise of paths is to be filtered. Raises ConfigError."""
+    config = layout.config
+    for layer in layout.graph.layers:
+        view, on_gpu = config.views[layer.view], config.reconstruction_of(layer.view) == "gpu"
+        reprojects = isinstance(layout.sampling_of(layer.view), AdaptiveSampling)
+        if on_gpu and reprojects and scenes[layer.view].path_depth is not None and not layout.graph.beyond_bytes(layer):
+            where = ("reconstruction",) if view.reconstruction is None else ("views", layer.view, "reconstruction")
+            why = f"view {view.id} has paths, whose noise is filtered on the CPU alone"
+            raise layout.loaded.error(where, why, "auto, cpu, or integrator: {method: direct}")
 
 
 def on_one_rank(plan: Plan) -> Plan:
@@ -238,7 +275,8 @@ def why_not_at_renderer(layout: Layout, layer: Layer) -> str:
         return f"{threads} threads render it"
     if beyond := layout.graph.beyond_bytes(layer):
         return f"the graph needs {' and '.join(beyond)}"
-    if layout.config.reconstruction == "gpu" or (layout.config.reconstruction == "auto" and gpu_nodes()):
+    wish = layout.config.reconstruction_of(layer.view)
+    if wish == "gpu" or (wish == "auto" and gpu_nodes()):
         return "the compositor's GPU reconstructs"
     if layout.config.output.browser.samples:
         return "the page gets samples"

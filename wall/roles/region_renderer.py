@@ -43,8 +43,8 @@ class RegionRenderer:
         self._rank, self._number, self._weight = rank, 0, view.weight
         self._workers = range(0)
         self._configured: str = sampling.method
-        self._scene = plan.scene
-        depth = plan.scene.path_depth if self._configured == PROGRESSIVE else None
+        self._scene = plan.scene_of(self.region.view)
+        depth = self._scene.path_depth if self._configured == PROGRESSIVE else None
         self._samplers: tuple[str, str, int | None] = (self._configured, "", depth)  # the second is compared
         self._resting: dict[int, tuple[Number, float]] = {}  # under which event, and when it looks again
         self._lost: dict[int, list[bytes]] = {}  # by worker: packets that were dropped

@@ -36,7 +36,9 @@ class ReprojectedLayer:
         self._panel = plan.layout.wall.viewports[layer.panel]
         self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
-        self._wish: Wish = (wish or plan.layout.config.reconstruction) if self._display_bytes_only else "cpu"
+        self._wish: Wish = (
+            (wish or plan.layout.config.reconstruction_of(layer.view)) if self._display_bytes_only else "cpu"
+        )
         self.choice: Choice | None = choose("gpu") if self._wish == "gpu" else None  # else when samples come
         self.reconstruction: AnyReconstruction | None = None
         self._coverage: Coverage | None = None  # of a transparent layer
@@ -83,7 +85,8 @@ class ReprojectedLayer:
             self._give_up(error)
 
     def _make(self) -> AnyReconstruction:
-        sampling, scene = self._plan.layout.sampling_of(self._layer.view), self._plan.scene
+        sampling = self._plan.layout.sampling_of(self._layer.view)
+        scene = self._plan.scene_of(self._layer.view)
         eye, panel = self._panel_view.eye, self._panel
         kept = sampling.samples_per_pixel if isinstance(sampling, AdaptiveSampling) else SAMPLES_PER_PIXEL
         if self._layer.at_renderer:

@@ -51,6 +51,7 @@ class Worker:
         seen = plan.scene.objects_in(share) if share is not None else None
         panel = layout.panel(region)
         self._panel_view = PanelView(plan.view_of(panel), panel)
+        tracer_scene = tracer_scene.under(plan.scene_of(panel.view))
         self._tracers = {
             coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen)
             for coherent in (False, True)
@@ -195,7 +196,7 @@ def make_samplers(
         counter = FrameCounter(workers)
         return [FramedSampler(region.rect, counter, batch=batch, worker=k, workers=workers) for k in range(workers)]
     if isinstance(sampling, ProgressiveSampling):
-        longest = depth or plan.scene.path_depth or 0
+        longest = depth or plan.scene_of(region.view).path_depth or 0
         schedule = Schedule(
             first_stage=sampling.first_stage,
             samples_per_pixel=sampling.samples_per_pixel,

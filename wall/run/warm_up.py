@@ -31,7 +31,7 @@ from wall.roles.plan import Plan, first_event
 from wall.roles.sky import SkyLayer
 from wall.roles.timewarp import Timewarp
 from wall.roles.worker import Worker, make_samplers
-from wall.scene.needs import Needs
+from wall.scene.needs import needs
 from wall.scene.picking import Picking
 from wall.tracing.tracer_scene import TracerScene
 
@@ -45,7 +45,7 @@ def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None], *
     `beside`: while a wall runs in this process, which then must not fork.
     """
     doing = "loading" if compiled_kernels() >= ENOUGH_KERNELS else "compiling"
-    second = _second_compiler(plan, tracer_scene.needs) if doing == "compiling" and not beside else nullcontext()
+    second = _second_compiler(plan) if doing == "compiling" and not beside else nullcontext()
     with _one_compiler(), second:
         for method in sorted(METHODS, key="adaptive".__eq__):  # last: the second compiler has begun with it
             say(f"{doing} kernels ({method})")
@@ -57,7 +57,7 @@ def warm_up(plan: Plan, tracer_scene: TracerScene, say: Callable[[str], None], *
 
 
 @contextmanager
-def _second_compiler(plan: Plan, wanted: Needs) -> Iterator[None]:
+def _second_compiler(plan: Plan) -> Iterator[None]:
     """Compile compositors' kernels in a process beside this one, which finds them in the cache when it comes to them.
 
     Whatever the other process did not reach, or failed at, is compiled here.
@@ -65,7 +65,7 @@ def _second_compiler(plan: Plan, wanted: Needs) -> Iterator[None]:
     if len(os.sched_getaffinity(0)) < 2:
         yield
         return
-    process = multiprocessing.get_context("fork").Process(target=_made_up_block, args=(plan, wanted), daemon=True)
+    process = multiprocessing.get_context("fork").Process(target=_made_up_blocks, args=(plan,), daemon=True)
     process.start()
     try:
         yield
@@ -74,19 +74,33 @@ def _second_compiler(plan: Plan, wanted: Needs) -> Iterator[None]:
         process.join()
 
 
-def _made_up_block(plan: Plan, wanted: Needs) -> None:
-    """The way of a few samples behind the ray tracer: encode, decode, insert, reconstruct, compare."""
-    layout = plan.layout
-    region = layout.region(layout.renderers()[0])
+def _made_up_blocks(plan: Plan) -> None:
+    """The way of a few samples behind the ray tracer, for one view of each kind."""
+    for rank, region in _one_of_each_kind(plan):
+        _made_up_block(plan, rank, region)
+
+
+def _one_of_each_kind(plan: Plan) -> list[tuple[int, Region]]:
+    """A region, and its renderer, of a view with each integrator, with a lens and without."""
+    found: dict[int, tuple[int, Region]] = {}
+    for rank in plan.layout.renderers():
+        for region in plan.layout.regions_of(rank):
+            found.setdefault(id(plan.scene_of(region.view)), (rank, region))
+    return list(found.values())
+
+
+def _made_up_block(plan: Plan, rank: int, region: Region) -> None:
+    """Encode, decode, insert, reconstruct, compare."""
+    layout, wanted = plan.layout, needs(plan.scene_of(region.view))
     samples = np.zeros(TINY.area, SAMPLE)
     samples["xy"] = np.argwhere(np.ones((TINY.height, TINY.width))) + 0.5
     samples["depth"], samples["radiance"] = 1.0, 0.5
-    event = replace(first_event(plan, 0.0), sampler="adaptive")
+    event = replace(first_event(plan, 0.0, region.view), sampler="adaptive")
     made_up = Batch(
         view=event.view,
         panel=region.panel,
         rect=region.rect,
-        rank=layout.renderers()[0],
+        rank=rank,
         sequence=1,
         camera_event=event.camera_event,
         scene_event=event.scene_event,
@@ -114,14 +128,9 @@ def _insert(panel: PanelCompositor, batch: Batch) -> None:
 
 
 def _one_pixel_block(plan: Plan, tracer_scene: TracerScene, method: str) -> None:
-    """What one view of each kind needs: with a lens, and without."""
-    regions = {
-        region.view: (rank, region) for rank in plan.layout.renderers() for region in plan.layout.regions_of(rank)
-    }
-    first = min(regions)
-    others = [] if plan.scene.lens is None else [view for view in regions if view > first][:1]
-    for view in (first, *others):
-        _one_view(plan, tracer_scene, method, *regions[view])
+    """What one view of each kind needs."""
+    for rank, region in _one_of_each_kind(plan):
+        _one_view(plan, tracer_scene, method, rank, region)
 
 
 def _one_view(plan: Plan, tracer_scene: TracerScene, method: str, rank: int, region: Region) -> None:
@@ -157,7 +166,8 @@ def _layers(plan: Plan, tracer_scene: TracerScene) -> None:
     layout, known = plan.layout, set()
     for layer in layout.graph.layers:
         step = layout.graph.step(layer.node)
-        kind = (step.channels, step.encoded, layer.transparent, layer.reprojects)
+        scene = plan.scene_of(layer.view)
+        kind = (step.channels, step.encoded, layer.transparent, layer.reprojects, id(scene))
         if kind in known or (step.encoded and step.channels == {"colour"}):
             continue
         known.add(kind)

@@ -250,7 +250,7 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
     """The source with everything that the configuration says; what it leaves out stays the source's."""
     source = with_materials(source, config.materials)
     if config.integrator is not None:
-        depth, occlusion = _integrated(config.integrator)
+        depth, occlusion = integrated(config.integrator)
         source = replace(source, path_depth=depth, occlusion=occlusion)
     if config.lights is not None:
         source = replace(source, lights=tuple(configured_light(light) for light in config.lights))
@@ -268,8 +268,8 @@ def _configured(source: Source, config: SceneConfig, base_folder: Path) -> Sourc
     return source
 
 
-def _integrated(config: IntegratorConfig) -> tuple[int | None, AmbientOcclusion | None]:
-    """Path depth and occlusion of a Source."""
+def integrated(config: IntegratorConfig) -> tuple[int | None, AmbientOcclusion | None]:
+    """Path depth and occlusion of a Source, or of a Scene."""
     if isinstance(config, AmbientOcclusionConfig):
         return 1, AmbientOcclusion(distance=config.distance, colors=config.colors)
     return config.depth if isinstance(config, PathConfig) else None, None

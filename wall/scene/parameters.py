@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Literal, TypeAlias
@@ -105,6 +105,22 @@ def parameters_of(scene: Scene, *, exposure: float = 0.0) -> dict[str, Parameter
         )
     found += _objects(scene)
     return {parameter.name: parameter for parameter in found}
+
+
+def parameters_of_views(scenes: Sequence[Scene], *, exposure: float = 0.0) -> dict[str, Parameter]:
+    """Those that any view of a scene has, with the values of the first that has it; of objects, those that all have.
+
+    scenes : one scene as each view shows it: an emitter that cannot be hidden in one view is hidden in none
+    """
+    each = [parameters_of(scene, exposure=exposure) for scene in {id(scene): scene for scene in scenes}.values()]
+    found: dict[str, Parameter] = {}
+    for parameters in each:
+        found |= {name: parameter for name, parameter in parameters.items() if name not in found}
+    return {
+        name: parameter
+        for name, parameter in found.items()
+        if not name.startswith(OBJECTS) or all(name in parameters for parameters in each)
+    }
 
 
 def _lens(scene: Scene) -> Iterator[Parameter]:
@@ -211,14 +227,14 @@ def named(parameters: Mapping[str, Parameter], name: str) -> Parameter:
     raise EditError(f"{_shown(name)}: no such parameter; {meant}there are {', '.join(known[:NAMES_SHOWN])}{more}")
 
 
-def with_checked_tracks(scene: Scene, *, exposure: float = 0.0) -> Scene:
+def with_checked_tracks(scene: Scene, parameters: Mapping[str, Parameter]) -> Scene:
     """The scene with every keyframe's numbers as its parameter takes them.
 
-    Raises SceneError where one names no parameter of the scene, or is refused by it.
+    Raises SceneError where one names none of the `parameters`, or is refused by it.
     """
     if not scene.parameter_tracks:
         return scene
-    parameters, tracks = parameters_of(scene, exposure=exposure), []
+    tracks = []
     for track in scene.parameter_tracks:
         try:
             parameter = named(parameters, track.name)

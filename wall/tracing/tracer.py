@@ -167,7 +167,7 @@ class Tracer:
         moment = self._tracer_scene.scene.at(event.scene_time, event.edits)
         self.place(event.camera.origin(), moment)
         frame = ray_frame(self._panel, self._eye, event.camera)
-        lens = moment.shading.lens if event.view == 0 else None  # the first view alone has one
+        lens = moment.shading.lens
         discs = None if lens is None else lens.rows(event.camera.rotation())
         self._ray_frame = self._ray_frame._replace(frame=frame, lens=discs)
 

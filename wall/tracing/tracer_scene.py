@@ -6,7 +6,7 @@ One copy serves all threads of a rank. Vertices and triangles are shared with Em
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from wall.core.data import Float32, Float64
 from wall.scene.build import Scene
 from wall.scene.model import Material, Mesh, PointLight, Shading, Sky, SpotLight
 from wall.scene.needs import Needs, needs
+from wall.scene.of_views import Way, way_of
 from wall.scene.sky import sky_irradiance
 from wall.tracing.embree import Device, Handle, Passing
 from wall.tracing.environment import environment_tables
@@ -53,6 +54,8 @@ class TracerScene:
     scene: Scene
     needs: Needs
     device: Device
+    trees: bool  # whether trees choose among many lights
+    vertices: Float32  # (v + 2, 3) of all meshes, which Embree reads too
     meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
     extents: Float64  # (n,) radius of each instance's mesh about its origin
     surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
@@ -63,6 +66,19 @@ class TracerScene:
     environment: Environment | None
     sky: Float32  # (3, 3), see Lights
     sky_irradiance: Float32
+    _others: dict[Way, TracerScene] = field(init=False, repr=False, compare=False, default_factory=dict)
+
+    def under(self, scene: Scene) -> TracerScene:
+        """This one, or, for another integrator or lens of the same scene, one of the same meshes, made once.
+
+        Embree's trees, vertices, their attributes and texels are shared; only tables of what emits are its own.
+        """
+        way = way_of(scene)
+        if way == way_of(self.scene):
+            return self
+        if way not in self._others:
+            self._others[way] = _for_integrator(self, scene)
+        return self._others[way]
 
     @property
     def both_sides(self) -> NDArray[np.bool_]:
@@ -116,26 +132,49 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
         normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
         colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
         uvs=_attribute(scene.meshes, "uvs", _uv_columns(scene, wanted)) if wanted.textures else None,
-        vertices=vertices if wanted.textures or wanted.emitters else None,
+        vertices=None,
         eye_from_object=np.zeros((0, 12), np.float32),
-        relit=True if wanted.relighting else None,
+        relit=None,
     )
-    return TracerScene(
+    of_any = TracerScene(
         scene=scene,
         needs=wanted,
         device=device,
+        trees=trees,
+        vertices=vertices,
         meshes=tuple(handles[k] for k in of_instance),
         extents=np.array(radii, np.float64)[of_instance],
         surfaces=surfaces,
-        materials=_materials(scene, wanted),
+        materials=_materials(*_material_rows(scene, wanted), wanted),
+        emitters=None,
+        point_tree=None,
+        spot_tree=None,
+        environment=None,
+        sky=sky_rows(scene.sky),
+        sky_irradiance=sky_irradiance(scene.sky),
+    )
+    return _for_integrator(of_any, scene)
+
+
+def _for_integrator(laid: TracerScene, scene: Scene) -> TracerScene:
+    """A laid-out scene with the tables and the features of the integrator that `scene` has; all else is shared."""
+    wanted, trees = needs(scene), laid.trees
+    surfaces = laid.surfaces._replace(
+        vertices=laid.vertices if wanted.textures or wanted.emitters else None,
+        relit=True if wanted.relighting else None,
+    )
+    return replace(
+        laid,
+        scene=scene,
+        needs=wanted,
+        surfaces=surfaces,
+        materials=_materials(laid.materials.rows, laid.materials.texels, wanted),
         emitters=_emitters(scene, surfaces if trees else None) if wanted.emitters else None,
         point_tree=_point_tree(scene, scene.point_lights if trees else (), LEAST_POINTS),
         spot_tree=_point_tree(scene, scene.spot_lights if trees else (), LEAST_SPOTS),
         environment=None
         if scene.environment is None
         else environment_tables(scene.environment, paths=scene.path_depth is not None),
-        sky=sky_rows(scene.sky),
-        sky_irradiance=sky_irradiance(scene.sky),
     )
 
 
@@ -194,8 +233,8 @@ def _uv_columns(scene: Scene, wanted: Needs) -> int:
     return 2 * (1 + max(texture.uv_set for texture in scene.textures)) if wanted.uv_sets else 2
 
 
-def _materials(scene: Scene, wanted: Needs) -> Materials:
-    """One MATERIAL row for each of the scene's materials, and the texels of all textures one after another."""
+def _material_rows(scene: Scene, wanted: Needs) -> tuple[NDArray[Any], NDArray[np.uint8] | None]:
+    """One MATERIAL row for each of the scene's materials, and the texels (p, 3) of all textures one after another."""
     texels = [mip_levels(t.texels, linear=t.linear) for t in scene.textures] if wanted.textures else []
     firsts = np.cumsum([0, *map(len, texels)])
     rows = np.zeros(len(scene.materials), MATERIAL)
@@ -208,9 +247,14 @@ def _materials(scene: Scene, wanted: Needs) -> Materials:
                 row["texture_height"][slot], row["texture_width"][slot] = texture.texels.shape[:2]
                 row["wrap_u"][slot], row["wrap_v"][slot] = (WRAPS[way] for way in texture.wrap)
                 row["uv_set"][slot] = texture.uv_set
+    return rows, np.concatenate(texels) if wanted.textures else None
+
+
+def _materials(rows: NDArray[Any], texels: NDArray[np.uint8] | None, wanted: Needs) -> Materials:
+    """Rows and texels, with what tells kernels which features to have."""
     return Materials(
         rows=rows,
-        texels=np.concatenate(texels) if wanted.textures else None,
+        texels=texels,
         linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
         value_of_byte=(np.arange(256) / 255.0).astype(np.float32),
         metallic_roughness_textures=True if wanted.metallic_roughness_textures else None,

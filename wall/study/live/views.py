@@ -81,7 +81,7 @@ def grid_of(loaded: Loaded, count: int) -> Loaded:
         across = count * (row + 1) // rows - count * row // rows
         for column in range(across):
             place = ViewportConfig(left=column / across, top=row / rows, width=1 / across, height=1 / rows)
-            own = {"id": f"view{len(views)}", "panels": None, "viewport": place, "lens": None}
+            own = {"id": f"view{len(views)}", "panels": None, "viewport": place}
             views.append(first.model_copy(update=own))
     return _with_views(loaded, tuple(views))
 
