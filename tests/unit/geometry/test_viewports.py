@@ -112,10 +112,6 @@ def test_viewports_may_cover_a_panel_together() -> None:
             MAIN + "  - {id: map, panels: [r0c1], camera: {follow: main, name: x}}\n",
             "views[1].camera: says more than once where the eye is",
         ),
-        (
-            MAIN + "  - {id: map, panels: [r0c1], lens: {aperture: 1, focus: 1}}\n",
-            "views[1].lens: only the first view has a lens",
-        ),
     ],
 )  # fmt: skip
 def test_views_that_cannot_be_are_refused_with_their_place(views: str, expected: str) -> None:

@@ -48,7 +48,7 @@ def test_the_distance_is_that_of_the_samples_there(plan: Plan) -> None:
         cosines = [-point[2] / np.linalg.norm(point) for point in points]
         wanted = np.where(np.isfinite(depths), depths, np.inf) * cosines
         assert np.isfinite(wanted).sum() >= 4
-        np.testing.assert_allclose([clicks.distance(event, *place) for place in places], wanted, rtol=1e-4)
+        np.testing.assert_allclose([clicks.distance([event], *place) for place in places], wanted, rtol=1e-4)
         names = ["", *(instance.name for instance in plan.scene.instances)]
         objects = [names[k] for k in samples["object_id"]]
         assert [clicks.object_at([event], *place) for place in places] == objects
@@ -57,17 +57,17 @@ def test_the_distance_is_that_of_the_samples_there(plan: Plan) -> None:
 
 def test_the_sky_is_as_far_as_can_be_and_between_panels_there_is_nothing(plan: Plan) -> None:
     editor, event = Editor(plan), first_event(plan, 0.0)
-    editor.focus(replace(event, camera=SKYWARD), 0.2, 0.5)
+    editor.focus([replace(event, camera=SKYWARD)], 0.2, 0.5)
     assert dict(editor.edits.values)["lens.focus"] == (1e12,)
     for x, y in ((0.5, 0.5), (1.5, 0.5), (0.2, -0.1)):
         with pytest.raises(EditError, match="no panel is there"):
-            editor.focus(event, x, y)
+            editor.focus([event], x, y)
 
 
 def test_without_a_lens_there_is_nothing_to_focus(plan: Plan) -> None:
     bare = replace(plan, scene=replace(plan.scene, lens=None))
     with pytest.raises(EditError, match=r"lens\.focus.*no such parameter"):
-        Editor(bare).focus(first_event(bare, 0.0), 0.2, 0.5)
+        Editor(bare).focus([first_event(bare, 0.0)], 0.2, 0.5)
 
 
 def test_a_click_is_an_edit_like_any_other(plan: Plan) -> None:
@@ -78,7 +78,7 @@ def test_a_click_is_an_edit_like_any_other(plan: Plan) -> None:
     (event,) = [i.message for i in told if isinstance(i, Broadcast)]
     ((name, (value,)),) = event.edits.values  # type: ignore[union-attr]
     assert name == "lens.focus"
-    assert math.isclose(value, Clicks(plan).distance(first_event(plan, 0.0), 0.35, 0.9))
+    assert math.isclose(value, Clicks(plan).distance([first_event(plan, 0.0)], 0.35, 0.9))
     (state,) = [state for state in manager.editor.states(0.0) if state.name == name]
     assert state.value == (value,)
     assert manager.dropped()["refused_edit"] == 1  # the second one, between the panels

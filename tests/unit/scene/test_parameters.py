@@ -153,6 +153,10 @@ def keyframed(name: str, *keys: tuple[float, object], loop: bool = False, **fiel
     return replace(scene(), parameter_tracks=tracks_of([config]), **fields)
 
 
+def checked(scene: Scene) -> Scene:
+    return with_checked_tracks(scene, parameters_of(scene))
+
+
 def test_keyframes_are_joined_by_straight_lines_and_the_last_stays() -> None:
     moving = keyframed("lights.1.intensity", (1.0, (0.0, 2.0, 4.0)), (3.0, (4.0, 2.0, 0.0)))
     for time, wanted in ((0.0, (0, 2, 4)), (1.0, (0, 2, 4)), (1.5, (1, 2, 3)), (3.0, (4, 2, 0)), (9.0, (4, 2, 0))):
@@ -170,7 +174,7 @@ def test_keyframes_that_loop_begin_again(time: float, wanted: float) -> None:
 
 def test_keyframes_pull_focus() -> None:
     lens = Lens(radius=0.1, focus=3.0)
-    pulled = with_checked_tracks(keyframed("lens.focus", (0.0, 3.0), (2.0, 7.0), path_depth=5, lens=lens))
+    pulled = checked(keyframed("lens.focus", (0.0, 3.0), (2.0, 7.0), path_depth=5, lens=lens))
     assert pulled.at(1.0).shading.lens == Lens(radius=0.1, focus=5.0)
 
 
@@ -181,14 +185,14 @@ def test_an_edit_hides_keyframes() -> None:
 
 def test_keyframes_of_what_there_is_not_or_cannot_be_are_refused() -> None:
     with pytest.raises(SceneError, match=r"lights\.7\.intensity.*no such parameter"):
-        with_checked_tracks(keyframed("lights.7.intensity", (0.0, 1.0)))
+        checked(keyframed("lights.7.intensity", (0.0, 1.0)))
     with pytest.raises(SceneError, match=r"sky\.strength = .*want a number from 0"):
-        with_checked_tracks(keyframed("sky.strength", (0.0, -1.0)))
+        checked(keyframed("sky.strength", (0.0, -1.0)))
 
 
 def test_one_number_in_a_keyframe_is_meant_for_all_of_a_colour() -> None:
-    checked = with_checked_tracks(keyframed("lights.1.intensity", (0.0, 1.0), (2.0, 3.0)))
-    assert checked.at(1.0).shading.point_lights[0].intensity == (2.0, 2.0, 2.0)
+    shown = checked(keyframed("lights.1.intensity", (0.0, 1.0), (2.0, 3.0)))
+    assert shown.at(1.0).shading.point_lights[0].intensity == (2.0, 2.0, 2.0)
 
 
 def test_no_two_materials_have_one_name_whatever_they_are_called() -> None:
