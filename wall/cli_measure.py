@@ -182,6 +182,31 @@ def views(
 
 
 @measure.command()
+def updates(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Walls of one renderer to run here", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive",
+    counts: Annotated[str, typer.Option(help="How many copies of the first view are to fill the wall")] = "1,2,4,8,16",
+    rate: Annotated[float, typer.Option(min=1.0, max=10000.0, help="Edits a second")] = 500.0,
+    repeats: Annotated[int, typer.Option(min=1, max=100, help="Of each run")] = 1,
+    seconds: Annotated[float, typer.Option(min=2.0, max=600.0, help="Of each run")] = 10.0,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/updates"),
+) -> None:
+    """Measure views at rates of their own while their scene is edited all the time, without and with a barrier.
+
+    [bold]wall measure updates configs/views/four_views.yaml[/]
+    """
+    from wall.study.live import updates as study
+    from wall.study.live.views import check_counts
+
+    wanted: dict[str, Any] = {"counts": check_counts(counts), "repeats": repeats, "seconds": seconds, "out": out}
+    found = _each_run(configs, methods, lambda config, method: study.measure(config, method, rate=rate, **wanted))
+    for item in study.report(found, out):
+        console.print(item)
+
+
+@measure.command()
 def balance(
     configs: Annotated[
         list[Path], typer.Argument(metavar="CONFIG...", help="Configurations of walls to run here", show_default=False)

@@ -79,6 +79,11 @@ class Config(Model):
     reconstruction: ReconstructionWish = Field(
         default="auto", description="where adaptive samples become images; auto: on the GPU if there is a real one"
     )
+    barrier: Flag = Field(
+        default=False,
+        description="each update of the scene waits until every view has shown the one before: all have the rate of "
+        "the slowest; to compare with, on walls of one renderer",
+    )
     transport: TransportConfig = Field(default=TransportConfig(), description="how ranks talk")
     output: OutputConfig = Field(default=OutputConfig(), description="where results go")
 

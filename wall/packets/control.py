@@ -22,7 +22,7 @@ from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 12
+MAGIC, VERSION = b"WALL", 13
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -100,6 +100,8 @@ class Heartbeat:
     assignment: int = 0  # number of the Assignment that this renderer follows
     configuration: int = 0  # number of the configuration that this rank has adopted
     costs: dict[str, int] = field(default_factory=dict)  # by layer: of its region, in any unit; {}: not measured yet
+    updates_shown: int = 0  # of the scene, in images that this renderer makes
+    updates_shared: int = 0  # of them, those that several of its views have shown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

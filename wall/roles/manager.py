@@ -46,6 +46,7 @@ from wall.roles.instructions import (
 from wall.roles.membership import Register
 from wall.roles.plan import HEAD, Plan, window_ranks
 from wall.roles.reloading import Asked, Reloading, asked_by
+from wall.roles.updates import EditsTaken
 
 NO_RENDERER = "no renderer is left"
 SILENT_S = 60.0  # all renderers may be for so long: a machine that swaps or a switch that restarts is no death
@@ -94,8 +95,10 @@ class Manager:
         self._heard = dict.fromkeys(range(1, layout.size), now)  # by rank: when it gave a sign of life
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
+        self.taken = EditsTaken()
         self._selected = ""  # the object whose parameters pages show
         self._update_due, self._repeat_due = now, now
+        self._input_due = now  # when what comes in is told of at once again
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
         self._phase, self._limit, self._began = Phase.RUNNING, math.inf, now
         self._complete_since: float | None = None
@@ -262,6 +265,8 @@ class Manager:
             yield Finish()
         publishes = self._phase in (Phase.RUNNING, Phase.HOLDING)
         self.due = min(self._update_due, self._limit) if publishes else self._limit
+        if self._phase is Phase.RUNNING and self._came and now < self._input_due:
+            self.due = min(self.due, self._input_due)
 
     def _meant(self, command: Command) -> int:
         """The view that a command of OF_ONE_VIEW is for; a camera's verbs go to the one whose camera it is."""
@@ -272,11 +277,14 @@ class Manager:
         """Tell everyone of new events, or of the newest again: a sign of life, and one may have been lost."""
         self._release()
         running = self._phase is Phase.RUNNING
-        wanted = running and (now >= self._update_due or bool(self._commands) or self._edited) and not self._waits()
+        came = self._came and now >= self._input_due
+        wanted = running and (now >= self._update_due or came) and not self._waits()
+        if wanted and self._came:  # what follows at once shares the next update
+            self._input_due = now + self._tick_s
         self._edited = self._edited and not wanted
         commands, self._commands = (self._commands, []) if wanted or not running else ([], self._commands)
+        editor, before = self.editor, self._shown_event.scene_event
         for director in self._directors:
-            editor = self.editor
             if wanted:
                 own = [c for c in commands if c.kind not in OF_ONE_VIEW or self._meant(c) == director.view]
                 news = director.update(own, now, editor.edits, editor.stops)
@@ -288,8 +296,15 @@ class Manager:
                     if now >= self._repeat_due and self.balancer is not None:
                         yield Broadcast(self.balancer.assignment)
                     self._repeat_due = now + self._layout.config.transport.heartbeat_s
+        if wanted:
+            self.taken.update(editor.count, changed=self._shown_event.scene_event > before)
         if now >= self._update_due:
             self._update_due = max(self._update_due + self._tick_s, now)
+
+    @property
+    def _came(self) -> bool:
+        """Whether something came in that no event tells of."""
+        return bool(self._commands) or self._edited
 
     @property
     def events(self) -> list[Event]:
@@ -302,8 +317,17 @@ class Manager:
         return self._directors[0].event
 
     def _waits(self) -> bool:
-        """In lock step: whether a frame is still under way."""
+        """In lock step: whether a frame is still under way; with a barrier, whether a view is still to be shown."""
+        if self._layout.config.barrier:
+            ranks = [rank for rank in self._layout.renderers() if rank not in self.lost]
+            return not all(self._shows_newest(rank) for rank in ranks)
         return self._layout.graph.sync != "none" and self._released < self._shown_event.number
+
+    def _shows_newest(self, rank: int) -> bool:
+        """Whether a renderer has said that it has the newest events; with a barrier, that it shows them."""
+        beat = self.heartbeats.get(rank)
+        number = summed_number(self._directors[view].event for view in self._layout.views_of(rank))
+        return beat is not None and (beat.camera_event, beat.scene_event) == number
 
     def _release(self) -> None:
         """In lock step: once every compositor is done with a frame, the next may begin."""
@@ -350,8 +374,7 @@ class Manager:
         """Whether every living rank says that nothing is left to do under the newest events. `others`: but the head."""
         for rank in range(int(others), self._layout.size):
             beat = self.heartbeats.get(rank)
-            number = summed_number(self._directors[view].event for view in self._layout.views_of(rank))
-            complete = beat is not None and beat.complete and (beat.camera_event, beat.scene_event) == number
+            complete = beat is not None and beat.complete and self._shows_newest(rank)
             complete &= beat is not None and beat.configuration == self.plan.number
             if beat is not None and self.balancer is not None and self._layout.role(rank) == "renderer":
                 complete &= beat.assignment == self.balancer.assignment.number

@@ -164,7 +164,19 @@ def make_layout(loaded: Loaded) -> Layout:
     strips = graph.strips(wall) if graph.balanced else None
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)
     _check_asked_of_renderers(layout)
+    _check_barrier(layout)
     return layout
+
+
+def _check_barrier(layout: Layout) -> None:
+    """Refuse a barrier where views are not all refreshed by one renderer. Raises ConfigError."""
+    if not layout.config.barrier:
+        return
+    if len(layout.regions) > 1:
+        raise layout.loaded.error(("barrier",), f"{len(layout.regions)} renderers", "a wall of one")
+    for layer in layout.graph.layers:
+        if why := why_not_at_renderer(layout, layer):
+            raise layout.loaded.error(("barrier",), f"its renderer cannot make all images: {why}", "false")
 
 
 def _check_asked_of_renderers(layout: Layout) -> None:
@@ -301,6 +313,8 @@ def reconstructed_at_renderers(layout: Layout, machines: Sequence[str]) -> Layou
         )
     ]
     others = {rank for layer in layout.graph.layers if layer not in makers for rank in layer.ranks}
+    if layout.config.barrier and others:
+        raise layout.loaded.error(("barrier",), "the renderer and the compositor are on two machines", "one machine")
     rank_of = {layer.index: layer.ranks[0] for layer in makers if layer.ranks[0] not in others}  # all of a rank or none
     return replace(layout, graph=layout.graph.reconstructed_at(rank_of))
 

@@ -128,7 +128,10 @@ class Renderer:
 
     def _show(self, image: RendererImage, now: float) -> Iterator[Instruction]:
         """Bring the images that this rank makes up to date, and send what changed."""
+        rounds = image.rounds
         yield from self._sent.counted(image.on_tick(now))
+        if image.rounds > rounds:  # the manager waits for it
+            yield from self._standing.beat(self._heartbeat(now), now)
         for region in self.regions:
             region.note_refreshes()
         yield from self._tell_completeness(now)
@@ -214,7 +217,9 @@ class Renderer:
         work = [each for region in self.regions for each in region.work.values()]
         done = self.done
         samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, done.samples, self._sent.bytes, done.compared)
-        number = summed_number(region.event for region in self.regions)
+        number, image = summed_number(region.event for region in self.regions), self.image
+        if image is not None and image.barrier:
+            number = image.number
         shown = self.image.composition if self.image is not None else None
         dropped = shown.drops() if shown is not None else Counter[str]()
         dropped += Counter(not_finite=done.bad_samples, bad_message=self._bad_messages)
@@ -246,4 +251,6 @@ class Renderer:
             assignment=self._followed,
             configuration=self._plan.number,
             costs=self._costs(),
+            updates_shown=image.updates.shown if image is not None else 0,
+            updates_shared=image.updates.shared if image is not None else 0,
         )

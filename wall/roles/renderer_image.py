@@ -8,9 +8,11 @@ from wall.core.clock import Clock
 from wall.core.data import Batch, Event, Region, StatisticsImage
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.composition import Composition
+from wall.roles.edges import NEVER, summed_number
 from wall.roles.instructions import Offer, Ready, Shares, shares_nothing
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan
+from wall.roles.updates import UpdatesShown
 from wall.roles.view import FollowedView
 
 SHARE_OF_TIME = 0.9  # of a view's time at most spent on refreshes; rarer ones lag by more, see docs/lab/live.md
@@ -82,20 +84,30 @@ class RendererImage:
         """`clock`: tells how long refreshes take."""
         self.composition = Composition(plan, rank, ready, shares=shares)
         self.images = tuple(OwnImage(plan, r, self.composition, clock) for r in plan.layout.regions_of(rank))
+        self.updates = UpdatesShown()
+        self.barrier = plan.layout.config.barrier
+        self.rounds = 0  # refreshes of all views at once, with a barrier
+        self.number = NEVER  # of the events of the last round, see summed_number
 
     def on_tick(self, now: float) -> Iterator[Offer]:
-        """Refresh what is due, and offer what others need as far as there is credit."""
-        for image in self.images:
+        """Refresh what is due, and offer what others need as far as there is credit; with a barrier all or nothing."""
+        together = self.barrier and now >= self.due
+        for image in self.images if together or not self.barrier else ():
             active = sum(other.weight for other in self.images if other is image or not other.rests)
             event = image.view.event
-            if image.refresh(now, image.weight / active) and event is not None and event.statistics:
+            if not image.refresh(now, image.weight / active) or event is None:
+                continue
+            self.updates.show(event.view, event.scene_event)
+            if event.statistics:
                 yield from self.composition.offer_statistics(now)
+        if together:
+            self.rounds, self.number = self.rounds + 1, summed_number(image.view.event for image in self.images)
         yield from self.composition.send()
 
     @property
     def due(self) -> float:
-        """When the next refresh is due, seconds of the head's clock."""
-        return min(image.view.due for image in self.images)
+        """When the next refresh is due, seconds of the head's clock; with a barrier, when the last view's is."""
+        return (max if self.barrier else min)(image.view.due for image in self.images)
 
     def oldest_sample_at(self, now: float) -> float:
         """That of the first region, see OwnImage."""

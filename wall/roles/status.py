@@ -180,6 +180,13 @@ def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, core
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
         "configurations": manager.configurations,
+        "scene": {
+            "updates": manager.taken.updates,
+            "edits": manager.taken.edits,
+            "edits_together": manager.taken.together,
+            "updates_shown": sum(beat.updates_shown for beat in beats.values()),
+            "updates_shared": sum(beat.updates_shared for beat in beats.values()),
+        },
         "assignments": 0 if manager.balancer is None else manager.balancer.assignment.number,
         "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
     }
