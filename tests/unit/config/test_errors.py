@@ -134,7 +134,7 @@ def test_wrong_value_is_refused_with_its_position(old: str, new: str, expected: 
         ),
         (
             "outptu: {}",
-            "outptu: unknown key; accepted: version, scene, wall, views, sampling, graph, reconstruction, "
+            "outptu: unknown key; accepted: version, scene, wall, views, sampling, graph, reconstruction, barrier, "
             "transport, output; did you mean output?",
         ),
     ],

@@ -25,7 +25,7 @@ from wall.scene.parameters import Parameter
 from wall.study import json_lines
 from wall.study.live.response import edited_parameter
 from wall.study.live.rewriting import load_without_windows
-from wall.study.live.runs import START_S, Run, run_anew
+from wall.study.live.runs import Run, run_anew
 from wall.study.live.views import grid_of
 from wall.study.quality.tables import Table
 from wall.study.speed import record
@@ -33,6 +33,7 @@ from wall.study.speed import record
 FILE = "updates.jsonl"
 RATES_HZ = (60.0, 30.0, 15.0, 5.0)  # that views ask for, by turns
 LOOK_S = 0.02  # between looks whether the wall runs
+PATIENCE_S = 1.0  # with a wall that does not answer: it has ended
 NOTE = (
     "Views ask for 60, 30, 15 and 5 Hz by turns. An edit is shared that came into an update with others; an update, "
     "that several views have shown. Update to image: until the head shows it, p50 and p95."
@@ -116,7 +117,7 @@ def _send(folder: Path, name: str, value: list[float], rate: float, ends: Any, s
     """Send edits at a rate, half of the value and all of it by turns, until the run ends."""
     while not ends.wait(LOOK_S):
         try:
-            with connect(folder, patience_s=START_S) as wall:
+            with connect(folder, patience_s=PATIENCE_S) as wall:
                 began = time.monotonic()
                 while not ends.is_set():
                     share = 0.5 + 0.5 * (sent.value % 2)
