@@ -87,6 +87,7 @@ class RendererImage:
         self.updates = UpdatesShown()
         self.barrier = plan.layout.config.barrier
         self.rounds = 0  # refreshes of all views at once, with a barrier
+        self._spent = 0.0  # seconds, in all rounds
         self.number = NEVER  # of the events of the last round, see summed_number
 
     def on_tick(self, now: float) -> Iterator[Offer]:
@@ -95,14 +96,22 @@ class RendererImage:
         for image in self.images if together or not self.barrier else ():
             active = sum(other.weight for other in self.images if other is image or not other.rests)
             event = image.view.event
-            if not image.refresh(now, image.weight / active) or event is None:
+            if not image.refresh(now, 1.0 if together else image.weight / active) or event is None:
                 continue
             self.updates.show(event.view, event.scene_event)
             if event.statistics:
                 yield from self.composition.offer_statistics(now)
         if together:
-            self.rounds, self.number = self.rounds + 1, summed_number(image.view.event for image in self.images)
+            self._end_round(now)
         yield from self.composition.send()
+
+    def _end_round(self, now: float) -> None:
+        """All views were refreshed from `now` on: that takes no more of the time than without a barrier."""
+        self.rounds, self.number = self.rounds + 1, summed_number(image.view.event for image in self.images)
+        spent = sum(image.refreshing_s for image in self.images)
+        took, self._spent = spent - self._spent, spent
+        for image in self.images:
+            image.view.due = max(image.view.due, now + took / SHARE_OF_TIME)
 
     @property
     def due(self) -> float:
