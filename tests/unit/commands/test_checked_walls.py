@@ -9,10 +9,10 @@ import pytest
 from rich.console import Console
 from rich.table import Table
 
-from wall.commands.check import check, on_the_cpu
+from wall.commands.check import check, on_the_cpu, reconstructions, tracers
 from wall.config.loading import load
 from wall.core.errors import ConfigError
-from wall.roles.plan import make_layout
+from wall.roles.plan import make_layout, make_plan
 
 CONFIG = """\
 version: 1
@@ -51,6 +51,25 @@ def test_notes_and_displays_come_before_anything_is_measured(tmp_path: Path) -> 
 
     assert "wall.yaml:11:7: wall.panels[1]: panel b: shares 0.05 x 0.3 m of light with panel a" in lines[-1]
     assert [cell for cell in ("node1", "2", "30", "turned 90") if cell not in text] == []
+
+
+def test_what_differs_between_views_is_said_of_each(tmp_path: Path) -> None:
+    views = """views:
+  - {id: main, panels: [a], reconstruction: cpu}
+  - {id: copy, viewport: {left: 0, top: 0, width: 0.1, height: 0.1}, reconstruction: cpu}
+  - {id: light, panels: [b], integrator: {method: path}}
+"""
+    both = make_layout(load(written(tmp_path, CONFIG.replace("views: [{id: main}]\n", views))))
+    said = [*tracers(make_plan(both)), *reconstructions(both)]
+    assert [line.split(":")[0] for line in said] == [
+        "tracer of main, copy", "tracer of light", "reconstruction of main, copy", "reconstruction of light",
+    ]  # fmt: skip
+    assert "paths" in said[0].split("left out:")[1]
+    assert "paths" in said[1].split("left out:")[0]
+    one = make_layout(load(written(tmp_path, CONFIG)))
+    assert [line.split(":")[0] for line in (*tracers(make_plan(one)), *reconstructions(one))] == [
+        "tracer", "reconstruction",
+    ]  # fmt: skip
 
 
 def test_wall_without_named_displays_has_no_table_of_them(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from wall.deepbuffer.shading import ShadingChanges
 from wall.deepbuffer.store import SampleStore
 from wall.geometry.cameras import Lens
 from wall.scene.build import Scene
-from wall.scene.model import DirectionalLight, Material, Shading
+from wall.scene.model import AmbientOcclusion, DirectionalLight, Material, Shading
 
 SUN = DirectionalLight(direction=(0.0, 0.0, 1.0), irradiance=(1.0, 1.0, 1.0))
 NONE, ALL = np.zeros(4, np.bool_), np.array([False, True, True, True])
@@ -66,6 +66,12 @@ def test_a_light_s_edit_doubts_what_is_not_lit_anew() -> None:
     brighter = (replace(SUN, irradiance=(2.0, 2.0, 2.0)),)
     assert changes(scene(), directional_lights=brighter) == [0, 1, 1, 1]
     assert changes(scene(), directional_lights=brighter, relit=np.array([False, True, False, True])) == [0, 0, 1, 0]
+
+
+def test_ambient_occlusion_follows_no_light() -> None:
+    shape = replace(scene(), path_depth=1, occlusion=AmbientOcclusion(distance=3.0))
+    assert changes(shape, directional_lights=(replace(SUN, irradiance=(2.0, 2.0, 2.0)),)) is None
+    assert changes(shape, occlusion_distance=2.0) == [1, 1, 1, 1]
 
 
 def test_a_light_that_is_moved_may_shade_anything() -> None:

@@ -18,9 +18,9 @@ from wall.core.data import Edits
 from wall.core.errors import EditError, SceneError
 from wall.geometry.cameras import Lens
 from wall.scene.build import Scene
-from wall.scene.model import DirectionalLight, Material, PointLight
+from wall.scene.model import AmbientOcclusion, DirectionalLight, Material, PointLight
 from wall.scene.parameter_tracks import tracks_of
-from wall.scene.parameters import named, parameters_of, with_checked_tracks
+from wall.scene.parameters import named, parameters_of, parameters_of_views, with_checked_tracks
 from wall.scene.shading import material_names
 
 SUN = DirectionalLight(direction=(0.0, 0.6, 0.8), irradiance=(1.0, 2.0, 3.0))
@@ -53,6 +53,20 @@ def test_paths_offer_depth_and_what_interfaces_read_and_equal_names_are_told_apa
     both = {f"materials.{name}.{field}" for name in ("grey", "grey #2") for field in ("roughness", "ior", "metallic")}
     assert names == both | {"integrator.depth", "materials.grey #2.color"}
     assert parameters_of(scene(depth=5))["integrator.depth"].default == (5.0,)
+
+
+def test_views_offer_what_any_has_but_hide_only_what_all_can() -> None:
+    """A surface that shines is a light on paths, and cannot be hidden there."""
+    lamp = Material(name="grey", emission=(1.0, 1.0, 1.0))
+    direct, paths = (scene(depth=depth, materials=(lamp,)) for depth in (None, 4))
+    shape = replace(direct, path_depth=1, occlusion=AmbientOcclusion(distance=3.0))
+    assert "objects.object0.visible" in parameters_of_views([direct, direct])
+    found = parameters_of_views([direct, shape, paths])
+    assert set(found) == {*parameters_of(direct), *parameters_of(shape), *parameters_of(paths)} - {
+        "objects.object0.visible"
+    }
+    assert found["integrator.depth"].default == (4.0,)
+    assert found["integrator.distance"].default == (3.0,)
 
 
 def test_glass_that_absorbs_offers_what_and_how_far() -> None:
