@@ -52,6 +52,7 @@ def batches(draw: st.DrawFn, *, most: int = 20) -> Batch:
         sequence=draw(st.integers(0, 2**64 - 1)), camera_event=draw(long), scene_event=draw(long),
         base_time=draw(st.floats(allow_nan=False, allow_infinity=False)), samples=samples, frame=draw(long),
         frame_samples=draw(long), skipped=draw(long), blend=draw(st.floats(2.0**-100, 1.0, width=32)),
+        foreseen=draw(st.booleans()),
     )  # fmt: skip
 
 

@@ -109,6 +109,9 @@ def live(
     moments: Annotated[int, typer.Option(min=1, max=10000, help="Images compared with the reference")] = 24,
     spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the reference images")] = 64,
     display_delay: Annotated[float | None, typer.Option(min=0.0, help="Seconds from a refresh to its light")] = None,
+    rows: Annotated[
+        str, typer.Option(help="What renderers make of row_time: known, ignored, or middle: one moment for all rows")
+    ] = "known",
     out: Annotated[Path, typer.Option(help="Folder of results; what is in it already is not measured again")] = Path(
         "OUT/live"
     ),
@@ -126,6 +129,7 @@ def live(
     wanted = Wanted(
         configs=command.configs_of(configs), methods=command.methods_of(methods), cores=command.cores_of(cores),
         seconds=seconds, warm_up_s=warm_up, moments=moments, spp=spp, display_delay_s=display_delay, out=out, keep=keep,
+        rows=command.rows_of(rows),
     )  # fmt: skip
     with progress_bar("{task.description:<40}", show=errors.is_terminal) as update:
         outcome = sweep(wanted, lambda what, done, of: update(description=what, completed=done, total=of))
@@ -226,6 +230,31 @@ def balance(
     wanted: dict[str, Any] = {"ranks": study.check_ranks(ranks), "repeats": repeats, "seconds": seconds, "out": out}
     found = _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted))
     for item in study.report(found, out):
+        console.print(item)
+
+
+@measure.command()
+def rows(
+    configs: Annotated[
+        list[Path], typer.Argument(metavar="CONFIG...", help="Walls of displays with a row_time", show_default=False)
+    ],
+    methods: Annotated[str, typer.Option(help="Each in turn")] = "adaptive,framed,frameless,hilbert,progressive",
+    rate: Annotated[float, typer.Option(min=1e3, max=1e9, help="Samples a second of each renderer")] = 400_000.0,
+    seconds: Annotated[float, typer.Option(min=0.1, max=600.0, help="Of the camera's path")] = 2.0,
+    moments: Annotated[int, typer.Option(min=1, max=10000, help="Images compared with the reference")] = 24,
+    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel of the reference images")] = 16,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/rows"),
+) -> None:
+    """Measure what it gains to make each row of a scanning display for the moment when it is seen.
+
+    [bold]wall measure rows configs/scanning_display.yaml[/]
+    """
+    from wall.study.live import scanning
+
+    scanning.check_installed()
+    wanted = scanning.Wanted(out=out, rate=rate, seconds=seconds, moments=moments, spp=spp)
+    found = _each_run(configs, methods, lambda config, method: scanning.measure(config, method, wanted))
+    for item in scanning.report(found, out):
         console.print(item)
 
 

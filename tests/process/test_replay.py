@@ -24,7 +24,7 @@ scene:
   cuts: [{position: [0, 0, 1], normal: [0.3, 0, 1]}]
   animation:
     - {type: parameter, name: cuts.0.position, keyframes: [{time: 0, value: [0, 0, 1]}, {time: 1, value: [0, 0, 0]}]}
-wall: {grid: {columns: 5, rows: 1, pixels: [48, 32], size: [0.4, 0.3], bezel: 0.01}}
+wall: {grid: {columns: 5, rows: 1, pixels: [48, 32], size: [0.4, 0.3], bezel: 0.01, row_time: 3.0e-4}}
 graph: {preset: sort-first, ranks_per_panel: 2, sinks: [png]}
 transport: {lost_after_s: 10}
 views:
@@ -33,7 +33,7 @@ views:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Five views, one a sampler, two ranks each; those of `framed` have two workers."""
+    """Five views on scanning displays, one a sampler, two ranks each; those of `framed` have two workers."""
     folder = tmp_path_factory.mktemp("replay")
     views = [
         VIEW.format(

@@ -16,6 +16,7 @@ from wall.config.displays import (
     Monitor,
     Pixels,
     RefreshRate,
+    RowTime,
     Sides,
     SidesConfig,
     Warp,
@@ -39,6 +40,10 @@ BEZEL = "dark frame, metres: one number or four sides"
 ROTATION = "degrees, clockwise, that the display is mounted turned; what is sent to it is turned back"
 STEREO = (
     "the eye that sees the panel, or both in one image: side_by_side, top_bottom make two panels, ID.left, ID.right"
+)
+ROW_TIME = (
+    "seconds from the light of one row of the display to that of the next, from its top row down: each row is made for "
+    "its own moment; 0 = all rows at once"
 )
 BLEND = "ramps where neighbours light the same area: none, auto (as wide as the overlap), or metres at each side"
 
@@ -98,6 +103,7 @@ class GridConfig(Model):
         default=None, description="monitor of a panel: index, or name, which may hold {row} and {column}"
     )
     refresh_hz: RefreshRate | None = Field(default=None, description="images a second; absent = the view's")
+    row_time: RowTime = Field(default=0.0, description=ROW_TIME)
 
     @model_validator(mode="after")
     def _panels_fit(self) -> GridConfig:
@@ -183,6 +189,7 @@ class PanelConfig(Model):
     )
     window: WindowConfig | None = Field(default=None, description="part of the monitor; absent = all of it")
     refresh_hz: RefreshRate | None = Field(default=None, description="images a second; absent = the view's")
+    row_time: RowTime = Field(default=0.0, description=ROW_TIME)
 
     @model_validator(mode="after")
     def _sides_are_thin(self) -> PanelConfig:

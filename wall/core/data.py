@@ -239,6 +239,7 @@ class Batch:
     camera: Camera = STILL  # that the samples saw
     scene_time: float = 0.0  # likewise, seconds of the animation
     adaptive: bool = False  # the image is made by reprojection; else every pixel shows its newest sample
+    foreseen: bool = False  # not adaptive: traced where the camera was expected; samples of the event itself replace it
     relightable: bool = False  # adaptive samples bring normals and light visibility masks
     noisy: bool = False  # adaptive samples are of paths, and bring normals and albedos
     edits: Edits = NO_EDITS  # of the scene that the samples saw

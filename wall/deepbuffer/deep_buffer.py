@@ -17,6 +17,7 @@ from wall.deepbuffer.kernels import cuts as kernels_cuts
 from wall.deepbuffer.kernels import doubt as kernels_doubt
 from wall.deepbuffer.kernels import insert as kernels_insert
 from wall.deepbuffer.kernels import reproject as kernels_reproject
+from wall.deepbuffer.kernels import reproject_rows as kernels_rows
 from wall.deepbuffer.kernels import sort as kernels_sort
 from wall.deepbuffer.kernels.accumulation import MEAN_ALONE
 from wall.deepbuffer.kernels.columns import BEFORE
@@ -82,6 +83,7 @@ class DeepBuffer:
             noisy=self.store.light.size > 0,
         )  # fmt: skip
         pose, under = self.poses.inserted(event)
+        rows = self.poses.rows_of(under)
         diffuse, doubted = self.poses.diffuse_under(pose), self.poses.doubt_of(event)
         for first in range(0, len(samples), self._largest):
             part = samples[first : first + self._largest]
@@ -89,7 +91,7 @@ class DeepBuffer:
                 self._evict(len(part))
             before = self.count
             self.count = kernels_insert.insert(
-                part, self.seconds(base_time), pose, under.panel_from_object, self.store, before, self.history,
+                part, self.seconds(base_time), pose, under.panel_from_object, rows, self.store, before, self.history,
                 diffuse, rules,
             )  # fmt: skip
             if self.poses.is_ahead(event):
@@ -142,9 +144,11 @@ class DeepBuffer:
         else:
             kernels_accumulation.mark_changed(self.store, self.count, changed, tiles, history.accumulation)
         height, width = history.nearest.shape[:2]
-        kernels_reproject.reproject(
-            self.store, self.count, pose.panel_from_object, moved, np.float32(width), np.float32(height)
-        )
+        size, table, rows = (np.float32(width), np.float32(height)), pose.panel_from_object, self.poses.rows
+        if rows is not None:
+            kernels_rows.reproject_rows(self.store, self.count, table, rows, moved, *size)
+        else:
+            kernels_reproject.reproject(self.store, self.count, table, moved, *size)
         if not everything:  # where they have come to
             kernels_accumulation.mark_changed(self.store, self.count, moved, tiles, history.accumulation[:0])
 

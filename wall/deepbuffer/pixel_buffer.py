@@ -15,6 +15,7 @@ from wall.core.data import Batch, Float32, Float64, Rect
 from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
+MOST_EVENTS = 1 << 31  # camera events until their numbers in `key` start anew: half a year at 120 a second
 JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
 
 
@@ -60,7 +61,7 @@ class PixelBuffer:
             self.frames[batch.rank] = order[:2]
 
     def _show(self, batch: Batch) -> None:
-        key = np.uint64((batch.camera_event << 32) | batch.scene_event)
+        key = np.uint64((batch.camera_event % MOST_EVENTS << 33) | batch.scene_event << 1 | (not batch.foreseen))
         complete_at = 1 if batch.blend >= 1.0 else JITTER_POSITIONS
         late, outside = kernels.insert(
             batch.samples, batch.base_time, key, np.float32(batch.blend), self.records, self._dirty, complete_at

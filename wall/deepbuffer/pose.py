@@ -102,6 +102,13 @@ class Poses:
             self._key, self._moment = key, moment
         return self._newest
 
+    def table(self, event: Posed) -> Float32:
+        """(n + 1, 12) float32: panel_from_object of an event, whose pose is not kept."""
+        placed = self._scene.rest[: len(self._scene.instances)]
+        if self._objects:
+            placed = self._scene.at(event.scene_time, event.edits).world_from_object
+        return Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect).panel_from_object
+
     def shading(self, event: Posed) -> Shading:
         """The shading that an event, or samples, saw."""
         return self._scene.shading(event.scene_time, event.edits)

@@ -8,10 +8,13 @@ from numpy.typing import NDArray
 from wall.core.data import Event, Float64, Rect
 from wall.deepbuffer.cuts import CutTracker
 from wall.deepbuffer.kernels.insert import InsertRules
+from wall.deepbuffer.kernels.reproject_rows import RowTables
 from wall.deepbuffer.lights import Diffuse, LightChanges
 from wall.deepbuffer.pose import Pose, Posed, Poses, is_shown, same_camera
 from wall.deepbuffer.shading import ShadingChanges
+from wall.geometry.moving import MovingEvent, later
 from wall.geometry.panels import Panel
+from wall.geometry.scan import ImageScan
 from wall.scene.build import Scene
 
 
@@ -30,6 +33,9 @@ class PoseTracker:
         self.spans_moments = False  # pixels may have accumulated samples of several times of the scene
         self.pose: Pose | None = None  # of the image
         self.last: Pose | None = None  # before
+        self.rows: RowTables | None = None  # of the image, where its rows are seen one after the other
+        self._last_rows: RowTables | None = None  # before
+        self._scan = ImageScan.of(panel.scan, self.rect) if panel.scan is not None else None
         self._light_changes = LightChanges(self.diffuse.objects)
         self._shading_changes, self._shading = ShadingChanges(scene), scene.shading(0.0)
         self.cuts = CutTracker(scene)
@@ -41,9 +47,11 @@ class PoseTracker:
         """Show `event` from now on; nothing moves if the event before has the same number."""
         shown, self._shown = self._shown, event
         self.nothing_moves = shown is not None and event.number == shown.number
-        self.camera_moved = not self.nothing_moves and (shown is None or event.camera != shown.camera)
+        self.camera_moved = not self.nothing_moves and (shown is None or _other_camera(event, shown))
         if not self.nothing_moves:
-            self.pose, self.last = self._poses.of(event), self.pose
+            began = self._scan.first if self._scan is not None else 0.0
+            self.pose, self.last = self._poses.of(later(event, began)), self.pose
+            self.rows, self._last_rows = self._rows_under(event), self.rows
         self._shade(event)
         self.cuts.show(event)
         if self.camera_moved:
@@ -103,8 +111,24 @@ class PoseTracker:
             return np.zeros(len(table), np.uint8)
         if self.last is None:
             return np.ones(len(table), np.uint8)
-        moved: NDArray[np.uint8] = (table != self.last.panel_from_object).any(axis=1).astype(np.uint8)
-        return moved
+        moved = (table != self.last.panel_from_object).any(axis=1)
+        if self.rows is not None and self._last_rows is not None:
+            moved |= (self.rows.last != self._last_rows.last).any(axis=1)
+        return np.asarray(moved.astype(np.uint8))
+
+    def _rows_under(self, event: Event) -> RowTables | None:
+        """How the image of an event goes on to its last row; None: all rows are seen at once."""
+        if self._scan is None:
+            return None
+        assert self.pose is not None
+        ends = later(event, self._scan.last)
+        return RowTables(self.pose.panel_from_object if ends is event else self._poses.table(ends), self._scan.share)
+
+    def rows_of(self, pose: Pose) -> RowTables | None:
+        """How an image of `pose` goes on to its last row: the image shown, or one that shows nothing yet."""
+        if self._scan is None or pose is self.pose:
+            return self.rows
+        return RowTables(pose.panel_from_object, self._scan.share)
 
     def diffuse_under(self, pose: Pose) -> Diffuse:
         """What can be lit anew, with the sky's light of a pose."""
@@ -120,6 +144,12 @@ class PoseTracker:
     def reset(self) -> None:
         """The next event counts as another one, whatever its number."""
         self._shown = None
+
+
+def _other_camera(event: Event, shown: Event) -> bool:
+    """Whether two images differ by their cameras, or by how these move from row to row."""
+    moving, before = (each.twist if isinstance(each, MovingEvent) else () for each in (event, shown))
+    return event.camera != shown.camera or moving != before
 
 
 def _newer(event: Posed, than: Posed) -> bool:

@@ -16,6 +16,7 @@ from wall.geometry.curves import catmull_rom
 from wall.geometry.eyes import default_eye as default_eye
 from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.frusta import cone_inside
+from wall.geometry.moving import MovingEvent
 from wall.geometry.panels import Panel, Wall
 from wall.geometry.twist import rotation_by
 
@@ -113,7 +114,11 @@ def seen_from(event: Event, offset: Float64) -> Event:
     if not offset.any():
         return event
     rotation = event.camera.rotation()
-    return replace(event, camera=Camera.of(event.camera.origin() + rotation @ offset, rotation))
+    seen = replace(event, camera=Camera.of(event.camera.origin() + rotation @ offset, rotation))
+    if isinstance(seen, MovingEvent):
+        turn, shift = np.array(seen.twist[:3]), np.array(seen.twist[3:])
+        return replace(seen, twist=(*turn.tolist(), *(shift + np.cross(turn, offset)).tolist()))
+    return seen
 
 
 class PanelView:

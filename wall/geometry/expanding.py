@@ -15,6 +15,7 @@ from wall.config.screens import CornersConfig, GridConfig, PanelConfig, Stereo, 
 from wall.core.data import Float64
 from wall.geometry.layout import place
 from wall.geometry.panels import Panel, Plane, Wall, widened
+from wall.geometry.scan import scan_of
 
 SHIFTS = {"left": -0.5, "right": 0.5}  # eye separations
 
@@ -82,6 +83,7 @@ def _grid_panel(grid: GridConfig, drawn: Raster, row: int, column: int, *, skip:
         rotation=grid.rotation,
         stereo=grid.stereo,
         colour=grid.colour,
+        row_time=grid.row_time,
         blend=_grid_blend(grid, set(inner)),
         **_filled(grid, row, column),
     )
@@ -188,4 +190,5 @@ def _panel(index: int, eye: Eye, plane: Plane, *, skip: bool) -> Panel:
         at=eye.at,
         skip=skip,
         blend=blend if isinstance(blend, BlendConfig) else None,
+        scan=scan_of(config, eye.at),
     )

@@ -14,6 +14,7 @@ import numpy as np
 from wall.config.displays import BlendConfig, SidesConfig
 from wall.config.screens import PanelConfig
 from wall.core.data import Float64
+from wall.geometry.scan import Scan
 
 NO_VIEW = -1
 
@@ -59,6 +60,7 @@ class Panel:
     skip: bool = False  # its pixels span its bezels too, squeezed into the lit area
     blend: BlendConfig | None = None  # metres; `auto` is worked out
     view: int = 0  # index in Config.views: what it shows, but for insets; NO_VIEW: these cover all of it
+    scan: Scan | None = None  # when its display lights it; None: all rows at once
     inset_of: int | None = None  # an inset: index of the panel whose pixels it covers with another view
 
     @property
@@ -81,6 +83,12 @@ class Panel:
     def lit(self) -> Float64:
         """(3, 3) float64, as `corners`, of what shines: without bezels where its pixels span them."""
         return widened(self.corners, self.config.bezel, -1.0) if self.skip else self.corners
+
+    @property
+    def scan_s(self) -> float:
+        """Seconds from its first row to the end of its last one; 0 where all are shown at once."""
+        width, height = self.pixels
+        return 0.0 if self.scan is None else abs(self.scan.per_x) * width + abs(self.scan.per_y) * height
 
     @property
     def sight(self) -> tuple[float, tuple[float, float, float] | None]:
@@ -122,6 +130,10 @@ class Wall:
     def viewports(self) -> tuple[Panel, ...]:
         """All that samples are traced for, at their indices: the panels, then the insets."""
         return self.panels + self.insets
+
+    def scanned(self, view: int) -> Panel | None:
+        """The first panel or inset of a view that is not lit all at once; None if there is none."""
+        return next((panel for panel in self.viewports if panel.view == view and panel.scan is not None), None)
 
     def of_view(self, view: int) -> Wall:
         """What shows a view, as a wall by itself: its panels, or its insets."""

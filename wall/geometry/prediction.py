@@ -20,12 +20,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from wall.core.data import Camera, Event, Float64
+from wall.geometry.moving import MovingEvent
 from wall.geometry.twist import between, moved
 
 SPACING_S = 0.004  # inputs nearer together count as one: their difference would be mostly noise of their times
@@ -58,9 +59,9 @@ class Foresight(NamedTuple):
 class Predictor:
     """`take` every event in its order, `at` every refresh. Without prediction it gives the newest event."""
 
-    def __init__(self, delay: float, *, on: bool = True) -> None:
-        """`delay`: seconds from a refresh to its light."""
-        self._delay, self._on = delay, on
+    def __init__(self, delay: float, *, on: bool = True, moving: bool = False) -> None:
+        """`delay`: seconds from a refresh to its light; `moving`: tell how what is expected goes on: MovingEvent."""
+        self._delay, self._on, self._moving = delay, on, moving
         self._event: Event | None = None
         self._scene_runs = False
         self._inputs: deque[Input] = deque(maxlen=REMEMBERED)
@@ -95,7 +96,7 @@ class Predictor:
         moment = now + later + self._delay
         if not self._on or not math.isfinite(moment):
             return event
-        camera = self._camera(now, moment)
+        camera, twist = self._camera(now, moment)
         ahead = min(max(moment - event.input_time, 0.0), LONGEST_S) if self._scene_runs else 0.0
         if camera == event.camera and ahead == 0.0:
             return event
@@ -105,8 +106,14 @@ class Predictor:
             self._count += 1
             number = -1 - self._count
             last = replace(event, camera_event=number, scene_event=number, camera=camera, scene_time=scene_time)
-            self._predicted = last
+            self._predicted = last = self._going_from(last, twist, ahead) if self._moving else last
         return last
+
+    def _going_from(self, event: Event, twist: Float64, ahead: float) -> Event:
+        """The event with its motion: a twist (6,) a second; the scene's time runs where it has come `ahead`."""
+        values = {field.name: getattr(event, field.name) for field in fields(event)}
+        running = 1.0 if ahead > 0.0 else 0.0
+        return MovingEvent(**values, twist=tuple(twist.tolist()), scene_rate=running)
 
     def _start(self, event: Event) -> None:
         """Forgets all inputs but this one."""
@@ -129,18 +136,20 @@ class Predictor:
         else:
             inputs[-1] = Input(event.input_time, event.camera)
 
-    def _camera(self, now: float, moment: float) -> Camera:
-        """The camera at `moment`; the very one of the newest event where it rests."""
+    def _camera(self, now: float, moment: float) -> tuple[Camera, Float64]:
+        """The camera at `moment`, the very one of the newest event where it rests, and its twist (6,) a second."""
         assert self._event is not None
         self._look_back(now)
         speed = self._speed(now)
         if not speed.any():
-            return self._event.camera
+            return self._event.camera, speed
         newest = self._inputs[-1]
-        twist = speed * min(max(moment - newest.time, 0.0), LONGEST_S)
+        ahead = min(max(moment - newest.time, 0.0), LONGEST_S)
+        twist = speed * ahead
         if not self._foresights or moment >= self._foresights[-1].moment + JUDGED_S:
             self._foresights.append(Foresight(moment, newest.camera, twist))
-        return moved(newest.camera, twist * self._trust(twist))
+        trusted = twist * self._trust(twist)
+        return moved(newest.camera, trusted), trusted / ahead if ahead > 0.0 else trusted
 
     def _speed(self, now: float) -> Float64:
         """(6,) twist a second between the newest two inputs; nothing after a cut, less and less in silence."""

@@ -15,6 +15,7 @@ from wall.core.data import Rect
 from wall.core.errors import ConfigError
 from wall.geometry.panels import NO_VIEW, Panel, Wall
 from wall.geometry.rects import Rects, panel_rect
+from wall.geometry.scan import Scan
 
 
 def with_views(loaded: Loaded, wall: Wall) -> Wall:
@@ -77,5 +78,14 @@ def _inset(panel: Panel, rect: Rect, view: ViewConfig, index: int) -> Panel:
     size = (rect.width, rect.height)
     return replace(
         panel, id=f"{panel.id}.{view.id}", pixels=size, screen=(rect.x, rect.y), span=size, blend=None, view=index,
-        inset_of=panel.index,
+        inset_of=panel.index, scan=_scan_of(panel, rect),
     )  # fmt: skip
+
+
+def _scan_of(panel: Panel, rect: Rect) -> Scan | None:
+    """When a panel's display lights a rectangle of the virtual screen, whose pixels are as large as the screen's."""
+    if panel.scan is None:
+        return None
+    across, down = (pixels / span for pixels, span in zip(panel.pixels, panel.span, strict=True))
+    x, y = (rect.x - panel.screen[0]) * across, (rect.y - panel.screen[1]) * down
+    return Scan(first=panel.scan.at(x, y), per_x=panel.scan.per_x * across, per_y=panel.scan.per_y * down)

@@ -23,7 +23,7 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
 __all__ = ["HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 4, 1
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 5, 1
 PLAIN, COMPACT = 0, 1  # layouts of the body
 MAX_SAMPLES = 65536  # of one packet
 MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits of 14
@@ -46,14 +46,15 @@ class Channel(IntFlag):
     NORMAL = 64
     LIGHT_VISIBILITY = 128
     ALBEDO = 256
+    FORESEEN = 512  # nothing more of each: all of them were traced where the camera was expected
 
 
 ALWAYS = Channel.POSITION | Channel.RADIANCE | Channel.DEPTH | Channel.TIME | Channel.OBJECT_ID
 ADAPTIVE = ALWAYS | Channel.CHANGE
 RELIGHTABLE = ADAPTIVE | Channel.NORMAL | Channel.LIGHT_VISIBILITY
 NOISY = ADAPTIVE | Channel.NORMAL | Channel.ALBEDO
-KNOWN = RELIGHTABLE | NOISY
-CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS,), COMPACT: (ADAPTIVE, RELIGHTABLE, NOISY)}
+KNOWN = RELIGHTABLE | NOISY | Channel.FORESEEN
+CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS, ALWAYS | Channel.FORESEEN), COMPACT: (ADAPTIVE, RELIGHTABLE, NOISY)}
 
 
 def is_samples(data: bytes) -> bool:
@@ -84,7 +85,7 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
             batch.samples, rect, relightable=batch.relightable, noisy=batch.noisy
         )
     else:
-        layout, channels = PLAIN, ALWAYS
+        layout, channels = PLAIN, ALWAYS | Channel.FORESEEN if batch.foreseen else ALWAYS
         raw, objects, base, bits, span, bad, outside = plain_body.pack(batch.samples, rect)
         data = b"" if bad or outside else compress(raw.data, codec)
     if bad:
@@ -142,7 +143,8 @@ def decode(data: bytes | memoryview) -> Batch:
     if channels not in CHANNELS_OF_LAYOUT.get(layout, ()):
         raise RemoteProtocolError(
             f"{where}: channels {channels:#x} in layout {layout}, bits {channels & ~KNOWN:#x} of them not known; "
-            f"wanted {int(ALWAYS):#x} in layout 0, {int(ADAPTIVE):#x}, {int(RELIGHTABLE):#x} or {int(NOISY):#x} in 1"
+            f"wanted {int(ALWAYS):#x} or {int(ALWAYS | Channel.FORESEEN):#x} in layout 0, "
+            f"{int(ADAPTIVE):#x}, {int(RELIGHTABLE):#x} or {int(NOISY):#x} in 1"
         )
     if layout == COMPACT and codec != Codec.ZSTD:
         raise RemoteProtocolError(f"{where}: layout {layout} with codec {codec}; wanted 2, zstd")
@@ -176,6 +178,7 @@ def decode(data: bytes | memoryview) -> Batch:
         adaptive=layout == COMPACT,
         relightable=channels == RELIGHTABLE,
         noisy=channels == NOISY,
+        foreseen=bool(channels & Channel.FORESEEN),
         edits=Edits(edit) if edit else NO_EDITS,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wall.core.data import Float32
+from wall.deepbuffer.kernels.reproject_rows import RowTables
 from wall.deepbuffer.store import PixelHistory, SampleStore
 from wall.reconstruction.kernels import edge_filter as kernels_filter
 from wall.reconstruction.kernels import light_change as kernels_change
@@ -18,7 +19,9 @@ EVERY_SAMPLE = np.float32(-np.inf)
 class Lighting:
     """Filters the light of samples over their surfaces, whenever enough of them are new."""
 
-    def __init__(self, height: int, width: int, objects: int) -> None:
+    def __init__(self, height: int, width: int, objects: int, *, scanned: bool = False) -> None:
+        """`scanned`: rows of the image are seen one after the other."""
+
         def zeros(rows: int) -> Float32:
             return np.zeros((rows, *kernels_filter.padded(height, width)), np.float32)
 
@@ -38,6 +41,8 @@ class Lighting:
         self._enough, self._longest = height * width // SAMPLE_EVERY, PIXEL_S * height * width
         self._new = 0  # samples since the light was filtered last,
         self._filtered, self._table = EVERY_SAMPLE, np.zeros((objects + 1, 12), np.float32)  # when, and from where
+        still = RowTables(self._table, np.zeros(3, np.float32))
+        self._rows: RowTables | None = still if scanned else None  # beside the table
         self._probes = np.zeros((*tiles, kernels_change.COLUMNS), np.float32)
         self._changes = np.ones((*tiles, 4), np.float32)
 
@@ -59,7 +64,7 @@ class Lighting:
     def probe(self, store: SampleStore, first: int, last: int) -> None:
         """Compare new samples, first..last of the store, with the light that is shown."""
         self._new += last - first
-        kernels_change.probe_light(store, first, last, self._table, self.field, self._probes)
+        kernels_change.probe_light(store, first, last, self._table, self._rows, self.field, self._probes)
 
     def correct(self, store: SampleStore, count: int, now: np.float32) -> None:
         """Bring older samples to the light that newer ones found. To be called before weights are found."""
@@ -72,22 +77,25 @@ class Lighting:
 
     def show_new(self, store: SampleStore, count: int, weight: Float32) -> None:
         """Show new samples in the light that was filtered last; older ones keep what they show, wherever they move."""
-        kernels.show_light(store, weight, count, self._filtered, self._table, self.field)
+        kernels.show_light(store, weight, count, self._filtered, self._table, self._rows, self.field)
 
     def filter(
-        self, store: SampleStore, count: int, weight: Float32, history: PixelHistory, now: np.float32, table: Float32
+        self, store: SampleStore, count: int, weight: Float32, history: PixelHistory, now: np.float32, table: Float32,
+        rows: RowTables | None = None,
     ) -> None:  # fmt: skip
         """Filter the light of all samples anew and show them in it; weights and nearest samples are known.
 
         now : float32 seconds of the store's clock; table : (objects + 1, 12) float32, panel_from_object
+        rows : of the image, where these are seen one after the other
         """
         field, self._filtered, self._table, self._new = self.field, now, table, 0
+        self._rows = rows
         kernels.gather_light(store, weight, count, history.nearest, field)
         kernels.resolve_light(store, history, field)
         kernels_filter.pool_variance(self._padded)
         kernels_filter.filter_light(self._padded)
         kernels.estimate_bias(history, field)
-        kernels.show_light(store, weight, count, EVERY_SAMPLE, table, field)
+        kernels.show_light(store, weight, count, EVERY_SAMPLE, table, rows, field)
 
     def mix(self, resolved: Float32, history: PixelHistory, shown: Float32) -> None:
         """Mix what pixels accumulated at rest into the filtered image: the dirty tiles of `shown` are redone."""

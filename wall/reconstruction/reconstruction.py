@@ -100,7 +100,8 @@ class Reconstruction:
             samples_per_pixel=samples_per_pixel, noisy=noisy,
         )  # fmt: skip
         width, height = self.rect.width, self.rect.height
-        self._lighting = Lighting(height, width, len(scene.instances)) if noisy else None
+        scanned = panel.scan is not None
+        self._lighting = Lighting(height, width, len(scene.instances), scanned=scanned) if noisy else None
         if self._lighting is not None:
             self._lighting.compile(self.buffer.store)
         self._bounds = np.ones((3, height, width), np.float32)
@@ -291,7 +292,8 @@ class Reconstruction:
         young = np.float32(YOUNG_S if self._with.visibility else np.inf)
         kernels_visibility.weigh(store, count, history.nearest, self._bounds, now, young, self._weight, self._untested)
         if lighting is not None and filters:
-            lighting.filter(store, count, self._weight, history, now, self.pose.panel_from_object)
+            table, rows = self.pose.panel_from_object, self.poses.rows
+            lighting.filter(store, count, self._weight, history, now, table, rows)
         elif lighting is not None:
             lighting.show_new(store, count, self._weight)
         kernels_splat.splat(store, self._weight, count, self._bounds, tiles, sums, history.sqrt_irradiance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,6 +13,7 @@ from wall.core.clock import Clock
 from wall.core.data import Event, Rect, Region, Samples
 from wall.core.errors import RunError
 from wall.geometry.cameras import PanelView
+from wall.geometry.moving import MovingEvent
 from wall.geometry.prediction import foreseen
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.roles.plan import Plan, make_predictor
@@ -59,7 +61,11 @@ class AdaptiveRenderer:
         self._due, self._rested = float("-inf"), 0  # refreshes since anything moved
         self._predictor = make_predictor(plan, panel.view)
         self._newest: Event | None = None
-        self._event: Event | None = None  # that rays are traced under
+        self._event: Event | None = None  # that rays are traced under, the first row's where rows are seen in turn
+        self._scan = panel.scan
+        self._expected: Event | None = None  # how that goes on
+        self._bands: deque[tuple[float, Targets]] = deque()  # see Scan.bands: chosen, but not traced yet
+        self._traced: Event | None = None  # that of the newest batch
 
     def choose(self, newest: Event) -> Targets | None:
         """Returns the next batch's targets from the sampler; first refreshes the deep buffer if that is due."""
@@ -67,12 +73,13 @@ class AdaptiveRenderer:
         if self._shown is not None:
             if self._event is None or self.reconstruction.refreshes != self._refreshes:  # rays are for what is shown
                 self._refreshes = self.reconstruction.refreshes
-                self._event = foreseen(newest, self._shown.expected or newest)
+                self._expected = self._shown.expected or newest
+                self._event = foreseen(newest, self._expected)
                 self.sampler.replan(self.reconstruction.feedback())
             elif newest.edits.number != self._event.edits.number:  # an edit is seen at once, wherever the camera is
                 self._event = replace(self._event, edits=newest.edits, scene_event=newest.scene_event)
         elif now >= self._due:
-            self.reconstruction.refresh(self._panel_view(self._expected(newest, now)), now)
+            self.reconstruction.refresh(self._panel_view(self._expect(newest, now)), now)
             self._rested = self._rested + 1 if self.reconstruction.nothing_moves else 0
             if self._rested == SURELY_SHOWN:
                 self.reconstruction.limit_means()
@@ -80,20 +87,37 @@ class AdaptiveRenderer:
             took = self._clock.now() - now
             self._due = now + max(self._interval, took / SHARE_OF_TIME)
         elif newest is not self._newest:
-            self._expected(newest, now)
-        return self.sampler.choose(self._event or newest)
+            self._expect(newest, now)
+        targets = self._choose_rows() if self._scan is not None else self.sampler.choose(self._event or newest)
+        self._traced = targets.event if targets is not None else self._traced
+        return targets
 
-    def _expected(self, newest: Event, now: float) -> Event:
+    def _choose_rows(self) -> Targets | None:
+        """The next batch, or while something moves a band of rows of it: a moment has its own camera."""
+        event, expected = self._event, self._expected
+        assert event is not None
+        assert self._scan is not None
+        if not self._bands:
+            targets = self.sampler.choose(event)
+            if targets is None or not isinstance(expected, MovingEvent):
+                return targets
+            self._bands.extend((time, replace(targets, xy=xy)) for time, xy in self._scan.bands(targets.xy))
+        seconds, targets = self._bands.popleft()
+        if isinstance(expected, MovingEvent):
+            event = foreseen(event, expected.after(seconds))
+        return replace(targets, event=event)
+
+    def _expect(self, newest: Event, now: float) -> Event:
         """What a display that is refreshed now shows; rays are traced for that moment too."""
         self._predictor.take(newest)
         expected = self._predictor.at(now)
-        self._newest, self._event = newest, foreseen(newest, expected)
+        self._newest, self._event, self._expected = newest, foreseen(newest, expected), expected
         return expected
 
     def observe(self, samples: Samples, base_time: float) -> None:
         """Insert samples into the deep buffer, and update the scores by what they contradict."""
-        if self._event is not None:
-            self.reconstruction.insert(samples, base_time, self._panel_view(self._event))
+        if self._traced is not None:
+            self.reconstruction.insert(samples, base_time, self._panel_view(self._traced))
             self.sampler.observe(samples)
 
     @property
@@ -117,6 +141,7 @@ class AdaptiveRenderer:
     def restart(self) -> None:
         """Removes all samples and makes the next refresh due at once."""
         self.reconstruction.clear()
+        self._bands.clear()
         self._due = float("-inf")
 
 

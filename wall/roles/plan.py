@@ -34,6 +34,7 @@ from wall.scene.of_views import Way, shown_by
 from wall.scene.parameters import EXPOSURE, parameters_of_views, with_checked_tracks
 
 HEAD = 0
+ROUNDED = 1.001  # rates and row times that people wrote down are not exact
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,6 +166,7 @@ def make_layout(loaded: Loaded) -> Layout:
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)
     _check_asked_of_renderers(layout)
     _check_barrier(layout)
+    _check_scanned(layout)
     return layout
 
 
@@ -177,6 +179,28 @@ def _check_barrier(layout: Layout) -> None:
     for layer in layout.graph.layers:
         if why := why_not_at_renderer(layout, layer):
             raise layout.loaded.error(("barrier",), f"its renderer cannot make all images: {why}", "false")
+
+
+def _check_scanned(layout: Layout) -> None:
+    """Refuse rows with a moment each where nothing foresees that moment. Raises ConfigError."""
+    config, loaded = layout.config, layout.loaded
+    for k, view in enumerate(config.views):
+        panel = layout.wall.scanned(k)
+        if panel is None:
+            continue
+        most = 1.0 / (panel.config.refresh_hz or view.refresh_hz)
+        if (seconds := panel.scan_s) > most * ROUNDED:
+            said = f"all rows of panel {panel.id} take {seconds:.4g} s by its row_time, and a refresh has {most:.4g} s"
+            raise loaded.error(("wall",), said, f"row_time of at most {panel.config.row_time * most / seconds:.3g}")
+        said = f"panel {panel.id} has a row_time, and rows are made for a moment that is predicted"
+        if view.prediction == "none":
+            raise loaded.error(("views", k, "prediction"), said, "velocity, or no row_time")
+        if layout.graph.sync != "none":
+            raise loaded.error(("graph", "sync"), f"{said}; in lock step nothing is", "none, or no row_time")
+        if config.reconstruction_of(k) == "gpu":
+            said = f"panel {panel.id} has a row_time, and on a GPU all rows of an image show one moment"
+            at = ("reconstruction",) if view.reconstruction is None else ("views", k, "reconstruction")
+            raise loaded.error(at, said, "cpu, auto, or no row_time")
 
 
 def _check_asked_of_renderers(layout: Layout) -> None:
@@ -326,8 +350,9 @@ def on_one_machine(plan: Plan) -> Plan:
 
 def make_predictor(plan: Plan, view: int) -> Predictor:
     """What a compositor foresees the refreshes of a view with."""
-    shown = plan.views[view]
-    return Predictor(shown.display_delay_s, on=shown.predicted and plan.layout.graph.sync == "none")
+    shown, scanned = plan.views[view], plan.layout.wall.scanned(view)
+    predicted = shown.predicted and plan.layout.graph.sync == "none"
+    return Predictor(shown.display_delay_s, on=predicted, moving=scanned is not None)
 
 
 def first_event(plan: Plan, now: float, view: int = 0) -> Event:

@@ -8,24 +8,26 @@ import numpy as np
 
 from wall.config.sampling import AdaptiveSampling, FramedSampling, HilbertSampling, ProgressiveSampling, switched
 from wall.core.clock import Clock
-from wall.core.data import Batch, Event, Region
+from wall.core.data import Batch, Event, Float32, Region, Samples
 from wall.geometry.cameras import PanelView
 from wall.packets.samples import Codec, encode
 from wall.roles.adaptive_renderer import AdaptiveRenderer, bands
 from wall.roles.instructions import Work
 from wall.roles.plan import Plan
 from wall.roles.renderer_image import OwnImage
-from wall.sampling.base import Sampler
+from wall.roles.row_prediction import Parts, RowPrediction
+from wall.sampling.base import Sampler, Targets
 from wall.sampling.framed import FrameCounter, FramedSampler
 from wall.sampling.frameless import FramelessSampler
 from wall.sampling.hilbert import HilbertSampler
 from wall.sampling.progressive import ProgressiveSampler, Schedule
 from wall.sampling.split import SplitSampler
 from wall.sampling.tiles import Measured
-from wall.tracing.tracer import Tracer
+from wall.tracing.tracer import Traced, Tracer
 from wall.tracing.tracer_scene import TracerScene
 
 MOST_ANSWERS = 64  # that are remembered
+NOWHERE: Float32 = np.empty((0, 2), np.float32)
 
 
 class Worker:
@@ -40,8 +42,13 @@ class Worker:
         samplers: list[Sampler],
         worker: int,
         region: Region | None = None,
+        *,
+        rows: RowPrediction | None = None,
     ) -> None:
-        """`samplers`: of all workers of the region; `worker`: which one this is; `region`: None: the rank's first."""
+        """`samplers`: of all workers of the region; `worker`: which one this is; `region`: None: the rank's first.
+
+        `rows`: of the region, where its display shows one row after the other.
+        """
         layout, region = plan.layout, region or plan.layout.region(rank)
         self.sampler = samplers[worker]
         self.work = Work()
@@ -62,6 +69,8 @@ class Worker:
         self._answers: tuple[float, ...] = ()
         self._sequence, self._workers = worker, len(samplers)
         self._lost: deque[Batch] = deque()
+        self._rows = rows
+        self._foreseen: tuple[int, int] | None = None  # number of the event under which rays went where it was expected
 
     def step(self, newest: Event) -> bytes | None:
         """Traces and encodes one batch at the newest event; returns the packet, or None without targets.
@@ -78,15 +87,16 @@ class Worker:
         while self._lost:
             lost = self._lost.popleft()
             _of_kind(self.sampler, lost.adaptive).forget(lost.samples, lost.base_time)
-        targets = self.sampler.choose(newest)
-        if targets is None:
+        chosen_for = self._choose(newest)
+        if chosen_for is None:
             return None
-        event = self._panel_view(targets.event)
-        tracer = self._tracer_at(event, self.sampler.coherent)
+        targets, parts = chosen_for
+        event = self._panel_view(parts[len(parts) // 2][0])
+        self._tracer_at(self._panel_view(parts[0][0]), self.sampler.coherent)
         began = self._clock.now()
         self._answer(event, began)
-        samples, cost = tracer.trace(targets.xy, targets.footprint, targets.number, targets.depth)
-        step = max(0.0, self._clock.now() - began) / len(targets.xy)
+        samples, cost = self._trace(parts, targets)
+        step = max(0.0, self._clock.now() - began) / max(len(targets.xy), 1)
         samples["time"] = np.arange(len(samples), dtype=np.float32) * np.float32(step)
         self.sampler.observe(samples, began)
         chosen = _chosen(self.sampler)
@@ -121,10 +131,56 @@ class Worker:
             camera=event.camera,
             scene_time=event.scene_time,
             adaptive=isinstance(chosen, AdaptiveRenderer),
+            foreseen=self._foreseen == event.number and not isinstance(chosen, AdaptiveRenderer),
             relightable=self._relightable,
             noisy=self._noisy,
             edits=event.edits,
         )
+
+    def _choose(self, newest: Event) -> tuple[Targets, Parts] | None:
+        """The next targets, and what is traced under which event; None where nothing is missing.
+
+        A sampler that was done under an event as it was expected starts over once that has come to rest; until then
+        its batches are empty.
+        """
+        targets, rows = self.sampler.choose(newest), self._rows
+        if rows is None or (targets is not None and isinstance(_chosen(self.sampler), AdaptiveRenderer)):
+            return None if targets is None else (targets, [(targets.event, targets.xy)])
+        now = self._clock.now()
+        if targets is None:
+            if self._foreseen != newest.number:
+                return None
+            if rows.rests(newest, now):
+                self._start_over()
+            return Targets(xy=NOWHERE, event=newest), [(newest, NOWHERE)]
+        one_image = not isinstance(_chosen(self.sampler), FramelessSampler)
+        parts = rows.parts(targets, newest, now, one_image=one_image)
+        if parts[0][0] is not targets.event:
+            self._foreseen = targets.event.number
+        elif self._foreseen == targets.event.number and not isinstance(_chosen(self.sampler), FramedSampler):
+            self._start_over()
+            return self._choose(newest)
+        else:
+            self._foreseen = None  # the next frame is whole, and of the event itself
+        return targets, parts
+
+    def _start_over(self) -> None:
+        self._foreseen = None
+        _of_kind(self.sampler, adaptive=False).restart()
+
+    def _trace(self, parts: Parts, targets: Targets) -> tuple[Samples, Traced]:
+        """Trace each part under its event."""
+        traced = []
+        for event, xy in parts:
+            tracer = self._tracer_at(self._panel_view(event), self.sampler.coherent)
+            traced.append(tracer.trace(xy, targets.footprint, targets.number, targets.depth))
+        if len(traced) == 1:
+            return traced[0]
+        samples, costs = zip(*traced, strict=True)
+        return np.concatenate(samples), Traced(
+            primary=sum(cost.primary for cost in costs), shadow=sum(cost.shadow for cost in costs),
+            secondary=sum(cost.secondary for cost in costs), bad=sum(cost.bad for cost in costs),
+        )  # fmt: skip
 
     def _demand(self, sampler: Sampler) -> float:
         if isinstance(sampler, AdaptiveRenderer):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from itertools import chain, count
+from threading import Lock
 from time import thread_time
 
 from wall.core.clock import Clock
@@ -14,6 +15,7 @@ from wall.packets.samples import decode, encode
 from wall.roles.instructions import Restart, Trace, Traced
 from wall.roles.plan import Plan
 from wall.roles.renderer_image import OwnImage, RendererImage
+from wall.roles.row_prediction import RowPrediction
 from wall.roles.worker import Worker, make_samplers
 from wall.tracing.tracer_scene import TracerScene
 
@@ -50,8 +52,10 @@ class Tracers:
 
     def _workers_of(self, region: Region, shown: OwnImage | None) -> list[Worker]:
         samplers = make_samplers(self._plan, "", region, self._clock, shown=shown)
+        scanned = self._plan.layout.panel(region).scan is not None
+        rows = RowPrediction(self._plan, region, Lock()) if scanned else None
         return [
-            Worker(self._plan, self._tracer_scene, self._rank, self._clock, samplers, k, region)
+            Worker(self._plan, self._tracer_scene, self._rank, self._clock, samplers, k, region, rows=rows)
             for k in range(len(samplers))
         ]
 

@@ -51,6 +51,7 @@ RANKS = {
     "measure/walk": 5,
     "museum": 3,
     "one_panel": 2,
+    "scanning_display": 2,
     "sampler_adaptive": 2,
     "sampler_framed": 3,
     "sampler_frameless": 3,

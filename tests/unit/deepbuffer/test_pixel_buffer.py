@@ -36,6 +36,7 @@ def batch(
         base_time=time,
         samples=joined,
         blend=more.get("blend", 1.0),
+        foreseen=bool(more.get("foreseen", False)),
         **whole,
     )
 
@@ -145,6 +146,26 @@ def test_first_samples_ever_are_not_darkened_by_the_empty_image() -> None:
     for k, (dx, dy) in enumerate(QUARTERS):
         deep.insert(batch(sample(1 + dx, 1 + dy, 6.0), time=10.0 + k, blend=0.5))
         assert value(deep, 1, 1) == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("blend", [1.0, 0.5])
+def test_samples_of_an_event_replace_those_that_were_foreseen_of_it_and_not_the_other_way_round(blend: float) -> None:
+    foreseen = [batch(sample(x, y, 9.0), foreseen=True, blend=blend, time=20.0) for x, y in QUARTERS]
+    own = [batch(sample(x, y, 2.0), blend=blend, time=30.0) for x, y in QUARTERS]
+    deep = buffer_of(*foreseen, *own)
+
+    assert value(deep, 0, 0) == 2.0
+    deep.insert(batch(sample(0.25, 0.25, 9.0), foreseen=True, blend=blend, time=40.0))
+    assert value(deep, 0, 0) == 2.0
+    assert deep.counters["late"] == 1
+    deep.insert(batch(sample(0.25, 0.25, 9.0), foreseen=True, event=2, time=40.0))
+    assert value(deep, 0, 0) == 9.0
+
+
+def test_event_numbers_of_32_bits_are_taken() -> None:
+    deep = buffer_of(batch(sample(0.5, 0.5, 3.0), event=2**32 - 1, scene_event=2**32 - 1))
+
+    assert value(deep, 0, 0) == 3.0
 
 
 def test_switching_between_whole_and_quarter_samples_within_an_event_starts_the_pixel_over() -> None:

@@ -106,7 +106,8 @@ def test_the_channels_and_columns_are_the_document_s() -> None:
     rows = re.findall(r"^\| (\d+) \| (\w+) \| \w+ samples", PAGE, re.MULTILINE)
     assert {name.upper(): int(bit) for bit, name in rows} == {channel.name: channel.value for channel in Channel}
     compact = f"{int(ADAPTIVE)}, {int(RELIGHTABLE)} or {int(NOISY)} in a compact one"
-    assert f"{int(ALWAYS)} in a plain body, {compact}" in PAGE
+    plain = f"{int(ALWAYS)} or {int(ALWAYS | Channel.FORESEEN)} in a plain body"
+    assert f"{plain}, {compact}" in PAGE
     columns = PAGE[PAGE.index("| column |") :].split("\n\n", 1)[0]
     names = re.findall(r"^\| (\w+) \| n \|", columns, re.MULTILINE)
     assert [getattr(kernels, name.upper()) for name in names] == list(range(kernels.SURFACE_COLUMNS))
@@ -120,7 +121,7 @@ def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
     assert fields["size"] == HEADER_BYTES == 154
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 4, 1, 0)
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 5, 1, 0)
     assert (fields["layout"], fields["channels"], fields["objects"]) == (0, ALWAYS, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]

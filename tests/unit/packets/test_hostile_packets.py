@@ -76,7 +76,7 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
         (42, "d", float("nan")), (42, "d", float("inf")), (50, "f", -1.0), (50, "f", float("nan")), (50, "f", 1e6),
         (54, "f", 0.0), (54, "f", 1.5), (54, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
         (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (OBJECTS_AT, "I", 1), (OBJECTS_AT, "I", 2**32 - 1),
-        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 3), (4, "B", 5), (7, "B", 1), (7, "B", 2), (8, "H", 63),
+        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 4), (4, "B", 6), (7, "B", 1), (7, "B", 2), (8, "H", 63),
         (8, "H", 1 << 8 | 31), (82, "d", float("nan")), (90, "d", float("inf")), (114, "d", float("nan")),
         (114, "d", 1.0 + 2e-6), (114, "d", 0.0), (138, "d", 1.0), (138, "d", 1e300),
     ],

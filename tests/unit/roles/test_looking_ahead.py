@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wall.config.loading import loads
 from wall.config.sampling import AdaptiveSampling
 from wall.core.clock import ManualClock
-from wall.core.data import Event
+from wall.core.data import SAMPLE, Event
 from wall.roles.adaptive_renderer import AdaptiveRenderer
 from wall.roles.plan import Plan, first_event, make_layout, make_plan
 
@@ -24,8 +25,8 @@ sampling: {method: adaptive}
 TICK_S = 1 / 120
 
 
-def plan_of(extra: str = "refresh_hz: 60") -> Plan:
-    return make_plan(make_layout(loads(TEXT.replace("EXTRA", extra), path=Path("wall.yaml"))))
+def plan_of(extra: str = "refresh_hz: 60", text: str = TEXT) -> Plan:
+    return make_plan(make_layout(loads(text.replace("EXTRA", extra), path=Path("wall.yaml"))))
 
 
 @pytest.fixture(scope="module")
@@ -83,3 +84,47 @@ def test_rays_of_a_view_at_rest_or_without_prediction_are_traced_under_the_newes
             assert targets is not None
             assert targets.event is event
             manual_clock.advance(TICK_S)
+
+
+def test_a_batch_of_a_scanning_display_is_traced_in_bands_of_rows_each_for_its_own_moment(
+    manual_clock: ManualClock, compiled_only: None
+) -> None:
+    row_s, rows = 1.0 / 60 / 80, 80
+    scanned = plan_of(
+        text=TEXT.replace("[32, 24], size: [0.4, 0.3]", f"[32, {rows}], size: [0.12, 0.3], row_time: {row_s}")
+    )
+    manual_clock.time = 0.0
+    sampler, found = sampler_of(scanned, manual_clock), []
+    for k in range(24):
+        targets = sampler.choose(moving(scanned, k))
+        assert targets is not None
+        sampler.observe(np.empty(0, SAMPLE), manual_clock.time)
+        if k > 18:
+            found.append(targets)
+        manual_clock.advance(TICK_S)
+
+    assert len({targets.event.scene_time for targets in found}) == len(found)
+    for k, targets in enumerate(found, start=19):
+        y = targets.xy[:, 1]
+        seen = k * TICK_S + scanned.view.display_delay_s + 0.5 * float(y.min() + y.max()) * row_s
+        assert np.ptp(y) <= 16
+        assert targets.event.number == moving(scanned, k).number
+        assert targets.event.scene_time == pytest.approx(seen, abs=1.1 * TICK_S)  # predicted when it was refreshed last
+        assert targets.event.camera.position == pytest.approx(
+            scanned.view.camera_at(targets.event.scene_time).position, abs=1e-3
+        )
+    tops = [float(targets.xy[:, 1].min()) for targets in found]
+    assert max(tops) > 16 + min(tops)
+
+
+def test_a_scanning_display_at_rest_gets_whole_batches_under_the_newest_event(
+    manual_clock: ManualClock, compiled_only: None
+) -> None:
+    scanned = plan_of(text=TEXT.replace("[32, 24], size: [0.4, 0.3]", "[32, 80], size: [0.12, 0.3], row_time: 0.0002"))
+    sampler, event = sampler_of(scanned, manual_clock), first_event(scanned, now=100.0)
+
+    targets = sampler.choose(event)
+
+    assert targets is not None
+    assert targets.event is event
+    assert np.ptp(targets.xy[:, 1]) > 64

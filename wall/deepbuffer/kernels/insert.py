@@ -13,7 +13,8 @@ from wall.deepbuffer.kernels.change import TRUSTED, change_of, mark_contradicted
 from wall.deepbuffer.kernels.columns import COUNT, DEPTH, IRRADIANCE, NEAREST_OBJECT, SQRT_IRRADIANCE, WEIGHT, X, Y, Z
 from wall.deepbuffer.kernels.lights import demodulate, pack_normal
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import OUTSIDE, pixel_of, position_of
+from wall.deepbuffer.kernels.reproject import OUTSIDE, position_of
+from wall.deepbuffer.kernels.reproject_rows import pixel_in
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 CHUNK = 64  # samples: first everything that they are compared with is fetched, which memory does for many at a time
@@ -32,7 +33,7 @@ class InsertRules(NamedTuple):
 
 
 @kernel
-def insert(samples, offset, pose, panel_from_object, store, count, history, diffuse, rules):
+def insert(samples, offset, pose, panel_from_object, image_rows, store, count, history, diffuse, rules):
     """Store a batch of samples and bring the pixels' history up to date.
 
     Parameters
@@ -41,6 +42,7 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
     offset : float32, seconds from the store's clock zero to the batch's base time
     pose : Pose that the samples were traced under
     panel_from_object : (n + 1, 12) float32, of the image
+    image_rows : RowTables of the image; None: all its rows are seen at once
     store : SampleStore, written from `count` on
     history : PixelHistory, updated
     diffuse : Diffuse
@@ -55,7 +57,7 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
     rows = np.empty((ROWS, CHUNK), np.float32)
     for first in range(0, samples.shape[0], CHUNK):
         last = min(first + CHUNK, samples.shape[0])
-        find_positions(samples, first, last, pose, panel_from_object, nearest.shape, rows)
+        find_positions(samples, first, last, pose, panel_from_object, image_rows, nearest.shape, rows)
         if compares:
             fetch_shown(samples, first, last, history, rows)
         for k in range(first, last):
@@ -90,7 +92,7 @@ def insert(samples, offset, pose, panel_from_object, store, count, history, diff
 
 
 @inline_kernel
-def find_positions(samples, first, last, pose, panel_from_object, shape, rows):
+def find_positions(samples, first, last, pose, panel_from_object, image_rows, shape, rows):
     """Fill rows X to SCREEN_DEPTH of a chunk; the depth is OUTSIDE beyond the image, or UNKNOWN_OBJECT."""
     bottom, right = np.float32(shape[0]), np.float32(shape[1])
     corner, object_from_eye = pose.corner, pose.object_from_eye
@@ -103,7 +105,7 @@ def find_positions(samples, first, last, pose, panel_from_object, shape, rows):
         x, y = corner[0] + sample["xy"][0], corner[1] + sample["xy"][1]
         a, b, c = position_of(x, y, sample["depth"], object_id, pose.frame, object_from_eye)
         rows[X, r], rows[Y, r], rows[Z, r] = a, b, c
-        u, v, depth = pixel_of(a, b, c, object_id, panel_from_object)
+        u, v, depth = pixel_in(a, b, c, object_id, panel_from_object, image_rows)
         rows[SCREEN_X, r], rows[SCREEN_Y, r] = u, v
         rows[SCREEN_DEPTH, r] = depth if u >= ZERO and v >= ZERO and u < right and v < bottom else OUTSIDE
 

@@ -36,7 +36,7 @@ def insert(samples, base_time, key, blend, records, dirty, complete_at):
     ----------
     samples : (n,) SAMPLE, inside the panel
     base_time : float64, seconds
-    key : uint64, camera and scene event of the batch
+    key : uint64, camera and scene event of the batch, and whether it was traced under that event itself
     blend : float32 in (0, 1]
     records : (h, w) PIXEL, updated in place: shown, history, mean (linear RGB); depth and object of the newest sample;
         its time, seconds, -inf = never; key; count of samples in mean; seen, bits of the quarters they lie in, or WHOLE

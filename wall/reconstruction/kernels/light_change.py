@@ -33,17 +33,17 @@ TINY = np.float32(1e-20)
 
 
 @kernel
-def probe_light(store, first, last, table, field, probes):
+def probe_light(store, first, last, table, rows, field, probes):
     """Compare samples first..last of the store with the filtered light of their pixels.
 
-    store : SampleStore; field : LightField, as filtered last; table : see show_light
+    store : SampleStore; field : LightField, as filtered last; table, rows : see show_light
     probes : (rows, columns, COLUMNS) float32, updated
     """
     screen, filtered = store.screen_position, field.filtered
     for k in range(first, last):
         if not screen[DEPTH, k] > ZERO:
             continue
-        found, i, j = find_surface(store, k, table, field.pixels)
+        found, i, j = find_surface(store, k, table, rows, field.pixels)
         count = filtered[L_COUNT, i, j]
         if not found or not count > ZERO or store.object_id[k] == 0:
             continue

@@ -15,7 +15,7 @@ from wall.deepbuffer.kernels.accumulation import luminance
 from wall.deepbuffer.kernels.columns import BLUE, COUNT, DEVIATIONS, GREEN, NEAREST_OBJECT, RED, X, Y, Z
 from wall.deepbuffer.kernels.lights import unpack_normal
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.deepbuffer.kernels.reproject import pixel_of
+from wall.deepbuffer.kernels.reproject_rows import pixel_in
 
 uint32 = np.uint32
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -122,31 +122,31 @@ def resolve_light(store, history, field):
 
 
 @kernel
-def show_light(store, weight, count, since, table, field):
+def show_light(store, weight, count, since, table, rows, field):
     """Show the samples in the filtered light of their pixel: `radiance` becomes albedo times that.
 
     A sample whose surface the field does not show keeps the light that it found.
 
     store : SampleStore; weight : (capacity,) float32, only samples with weight are shown; count : int, samples stored
     since : float32 seconds of the store's clock, only later samples are shown anew
-    table : (n + 1, 12) float32, panel_from_object when the light was filtered
+    table : (n + 1, 12) float32, panel_from_object when the light was filtered; rows : RowTables of then, or None
     """
     for k in range(count):
         if not weight[k] > ZERO or store.time[k] < since:
             continue
-        found, i, j = find_surface(store, k, table, field.pixels)
+        found, i, j = find_surface(store, k, table, rows, field.pixels)
         for c in range(3):
             store.radiance[k, c] = store.albedo[c, k] * (field.filtered[c, i, j] if found else store.light[k, c])
 
 
 @inline_kernel
-def find_surface(store, k, table, pixels):
+def find_surface(store, k, table, rows, pixels):
     """Whether the field shows the surface of sample k where that was when the light was filtered, and in which pixel.
 
     That is its own or one of the eight around.
     """
     object_id = np.int64(store.object_id[k])
-    x, y, depth = pixel_of(store.position[X, k], store.position[Y, k], store.position[Z, k], object_id, table)
+    x, y, depth = pixel_in(store.position[X, k], store.position[Y, k], store.position[Z, k], object_id, table, rows)
     if not (depth > ZERO and x >= ZERO and y >= ZERO and x < pixels.shape[2] and y < pixels.shape[1]):
         return False, 0, 0
     i, j, wanted = int(y), int(x), np.float32(object_id)

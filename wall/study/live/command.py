@@ -8,8 +8,10 @@ from pathlib import Path
 from rich.console import RenderableType
 
 from wall.config.sampling import METHODS
+from wall.core.errors import ConfigError
 from wall.study import options
 from wall.study.live.cpu_limit import own_cores
+from wall.study.live.rewriting import ROWS, Rows
 from wall.study.live.rows import FILE, Row
 from wall.study.live.sweep import Outcome
 from wall.study.quality.tables import Table
@@ -35,6 +37,14 @@ def methods_of(text: str) -> tuple[str, ...]:
 def cores_of(text: str) -> tuple[float, ...]:
     """Cores, such as 0.5,1,2; all that this process may use if left out. Raises ConfigError."""
     return options.cores_of(text) if text else (own_cores(),)
+
+
+def rows_of(text: str) -> Rows:
+    """What renderers make of rows' moments. Raises ConfigError."""
+    found = next((each for each in ROWS if each == text), None)
+    if found is None:
+        raise ConfigError(f"--rows {text}; wanted {', '.join(ROWS)}")
+    return found
 
 
 def configs_of(configs: Iterable[Path]) -> tuple[Path, ...]:

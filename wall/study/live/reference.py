@@ -1,5 +1,8 @@
 """The reference images of a configuration: camera and objects exactly where they are at given times of its path.
 
+A moment is that of a display's first row; where `row_time` says so, each further row is of its own, later moment: an
+image that is light at one moment shows each row so much later, too.
+
 They are traced as those of `wall measure quality`, for every panel, and kept under a hash of what they show.
 """
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 from wall.config.graph import GraphConfig, NodeGraph, SinkNode
 from wall.config.loading import Loaded, dump, load
 from wall.config.sampling import AnySampling, switched
-from wall.config.views import OrbitPathConfig
+from wall.config.views import OrbitPathConfig, ViewConfig
 from wall.core.errors import ConfigError
+from wall.geometry.expanding import expanded_config
 from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan
 
+Rows = Literal["known", "middle", "ignored"]  # what a renderer makes of `row_time`
+ROWS: tuple[Rows, ...] = get_args(Rows)
+ONE_MOMENT = 1e-12  # seconds a row: all rows are made for the same moment, and samplers predict it all the same
 ORBIT_PERIOD_S = 20.0  # of a camera in a scene where nothing else moves
 PATIENCE_S = 30.0  # a rank that few cores are slow to run is not lost
 SHOWS_PANELS = frozenset({  # nodes after which a panel still shows its own view, and nothing beside it
@@ -54,6 +58,29 @@ def text_for(loaded: Loaded, method: str) -> str:
     changed = config.model_copy(update=update)
     values = _absolute(changed.model_dump(mode="json", exclude_none=True), loaded.folder.absolute())
     return dump(type(config).model_validate(values))
+
+
+def with_rows(loaded: Loaded, rows: Rows) -> Loaded:
+    """The configuration for a renderer that knows when rows are shown, or not, or that makes all for one moment."""
+    if rows == "known":
+        return loaded
+    config, layout = loaded.config, make_layout(loaded)
+    seconds = max((panel.scan_s for panel in layout.wall.panels), default=0.0)
+    at_once = 0.0 if rows == "ignored" else ONE_MOMENT
+    wall = expanded_config(config.wall)
+    panels = tuple(
+        panel.model_copy(update={"row_time": at_once if panel.row_time else 0.0}) for panel in wall.panels or ()
+    )
+    views = config.views
+    if rows == "middle":
+        views = tuple(view.model_copy(update={"display_delay_s": delay_of(view) + 0.5 * seconds}) for view in views)
+    wall = wall.model_copy(update={"panels": panels})
+    return loaded.with_config(config.model_copy(update={"wall": wall, "views": views}))
+
+
+def delay_of(view: ViewConfig) -> float:
+    """Seconds from a refresh to the light of its first row."""
+    return 1.0 / view.refresh_hz if view.display_delay_s is None else view.display_delay_s
 
 
 def sampling_for(sampling: AnySampling, method: str) -> AnySampling:

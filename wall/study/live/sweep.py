@@ -20,7 +20,7 @@ from wall.study.live import cpu_limit
 from wall.study.live.film import film_hz
 from wall.study.live.reference import WallReference
 from wall.study.live.results import compose, keep
-from wall.study.live.rewriting import load_without_windows, moving, text_for
+from wall.study.live.rewriting import Rows, delay_of, load_without_windows, moving, text_for, with_rows
 from wall.study.live.rows import FILE, Row
 from wall.study.live.runs import IMAGES, RecordedRun, record_wall
 from wall.study.live.scores import Shown, score
@@ -49,6 +49,7 @@ class Wanted:
     spp: int = SAMPLES_A_PIXEL  # of the reference images
     keep: bool = False  # the recorded images too
     display_delay_s: float | None = None  # from a refresh to its light; None: the configuration's
+    rows: Rows = "known"  # what renderers make of `row_time`; images are scored by it in any case
 
     def check(self) -> None:
         """Raises ConfigError, RunError where this cannot be measured here."""
@@ -77,14 +78,16 @@ class Trial:
     setup: str  # a hash of what is run: the text, for how long, on what display
     folder: Path  # for all that the run leaves
     refresh_hz: float
+    display_delay_s: float  # from a refresh to its light, or that of its first row
 
     @classmethod
     def of(cls, loaded: Loaded, method: str, cores: float, wanted: Wanted) -> Trial:
         """The trial of a configuration under a method."""
-        name, text = loaded.path.stem, text_for(loaded, method)
+        name, text = loaded.path.stem, text_for(with_rows(loaded, wanted.rows), method)
+        name += "" if wanted.rows == "known" else f"-rows-{wanted.rows}"
         what = f"{wanted.seconds} {wanted.warm_up_s} {wanted.display_delay_s} {text}"
         return cls(
-            config=name, method=method, cores=cores, text=text,
+            config=name, method=method, cores=cores, text=text, display_delay_s=_light_after(loaded, wanted),
             setup=hashlib.blake2b(what.encode(), digest_size=12).hexdigest(),
             folder=wanted.out / f"{name}-{cores:g}cores" / method, refresh_hz=loaded.config.views[0].refresh_hz,
         )  # fmt: skip
@@ -97,6 +100,11 @@ class Outcome:
     rows: list[Row]  # of what was asked for, those that were there too
     failures: list[str]  # runs that failed, and why
     notes: list[str]
+
+
+def _light_after(loaded: Loaded, wanted: Wanted) -> float:
+    """Seconds from a refresh to the light of its first row."""
+    return delay_of(loaded.config.views[0]) if wanted.display_delay_s is None else wanted.display_delay_s
 
 
 def sweep(wanted: Wanted, watch: Watch) -> Outcome:
@@ -179,7 +187,7 @@ def measure(wanted: Wanted, trial: Trial, reference: WallReference) -> Row:
     seconds = wanted.warm_up_s + wanted.seconds + BEYOND_S
     try:
         run = record_wall(config, trial.folder, seconds=seconds, cores=trial.cores)
-        shown = Shown(run.images, wanted.display_delay_s)
+        shown = Shown(run.images, trial.display_delay_s)
         row = _row(wanted, trial, run, shown, reference)
         hz = film_hz(trial.refresh_hz)
         keep(trial.folder, shown, reference, first=wanted.warm_up_s, seconds=wanted.seconds, hz=hz)
@@ -212,7 +220,7 @@ def _row(wanted: Wanted, trial: Trial, run: RecordedRun, shown: Shown, reference
         warm_up_s=wanted.warm_up_s,
         panels=len(reference.wall.panels),
         pixels=pixels_of(reference.wall),
-        display_delay_s=run.images.display_delay_s if wanted.display_delay_s is None else wanted.display_delay_s,
+        display_delay_s=trial.display_delay_s,
         error_over_time=error.over_time,
         times=reference.times,
         log_cpu_s=run.images.cpu_s,

@@ -13,14 +13,14 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wall.commands.offline import OfflineRenderer, Tile, bands_of
-from wall.core.data import Event, Float32
+from wall.core.data import Event, Float32, Float64, Rect
 from wall.core.jit import PACKAGE
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel
@@ -56,12 +56,15 @@ class Reference:
         self, plan: Plan, tracer_scene: TracerScene, times: Iterable[float], *, spp: int = SAMPLES_A_PIXEL,
         panel: int = 0, cache: Path | None = None,
     ) -> None:  # fmt: skip
-        """`times` (seconds, growing) are those of the images, in order; `cache` is another folder to keep them in."""
+        """`times` (seconds, growing) are those of the images, in order; `cache` is another folder to keep them in.
+
+        Where a display shows one row after the other, they are those of its first row.
+        """
         self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
         self._panel = plan.layout.wall.panels[panel]
         self._halves = 1 if plan.scene.path_depth is None else 2
-        inputs = Inputs(plan)
-        self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in times)
+        inputs, self.times = Inputs(plan), tuple(times)
+        self.events: tuple[Event, ...] = tuple(inputs.event_at(time) for time in self.times)
         self.key = _key(plan, self._panel, self.events, spp)
         self.folder = (cache or cache_folder()) / self.key
         self._images, self._done = self._open()
@@ -81,7 +84,7 @@ class Reference:
 
     def original(self, k: int) -> int:
         """The first image that shows the same as image k: nothing moved since."""
-        while k > 0 and self.events[k - 1] is self.events[k]:
+        while k > 0 and self.events[k - 1] is self.events[k] and self._panel.scan is None:
             k -= 1
         return k
 
@@ -97,12 +100,29 @@ class Reference:
             renderer.event = self.events[k]
             for half in range(self._halves):
                 tile = Tile(panel=self._panel, seed=SEED + half)
-                image = np.concatenate([renderer.band(*band) for band in bands_of(tile)])
+                image = self._rows(renderer, tile, k) if self._panel.scan is not None else self._whole(renderer, tile)
                 self._images[k, half] = np.minimum(image, LARGEST)
             self._images.flush()
             self._done[k] = True
             self._done.flush()
             progress()
+
+    def _whole(self, renderer: OfflineRenderer, tile: Tile) -> Float64:
+        """(h, w, 3) linear RGB of the renderer's event."""
+        return np.concatenate([renderer.band(*band) for band in bands_of(tile)])
+
+    def _rows(self, renderer: OfflineRenderer, tile: Tile, k: int) -> Float64:
+        """(h, w, 3) linear RGB of image k, each row (or column, of a display that is mounted turned) of its moment."""
+        scan, event, (width, height) = self._panel.scan, self.events[k], self._panel.pixels
+        assert scan is not None
+        image = np.empty((height, width, 3))
+        size, count = ((1, height), width) if scan.per_x else ((width, 1), height)
+        for n in range(count):
+            x, y = (n, 0) if scan.per_x else (0, n)
+            time = self.times[k] + scan.at(x + 0.5, y + 0.5)
+            renderer.event = replace(event, camera=self._plan.view.camera_at(time), scene_time=time)
+            image[y : y + size[1], x : x + size[0]] = renderer.band(tile, Rect(x=x, y=y, width=size[0], height=size[1]))
+        return image
 
     def _open(self) -> tuple[np.memmap[Any, np.dtype[np.float16]], np.memmap[Any, np.dtype[np.bool_]]]:
         """The files, made whole before they get their name: another process may be at it too."""
@@ -142,6 +162,8 @@ def _key(plan: Plan, panel: Panel, events: tuple[Event, ...], spp: int) -> str:
         _feed(digest, (panel.screen, PanelView(plan.view, panel).eye))
     if scene.occlusion is not None:
         _feed(digest, scene.occlusion)
+    if panel.scan is not None:
+        _feed(digest, (panel.scan, plan.view.path, [event.scene_time for event in events]))
     for event in dict.fromkeys(events):
         _feed(digest, (event.camera, scene.at(event.scene_time)))
     _feed(digest, [event.number for event in events])
