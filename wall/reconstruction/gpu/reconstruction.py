@@ -128,7 +128,7 @@ class GpuReconstruction:
                 self._send(moving=not self.nothing_moves)
             first = self._staged
             self._staged = insert(
-                part, self._seconds(base_time), pose, under.panel_from_object, self._staged_store, first,
+                part, self._seconds(base_time), pose, under.panel_from_object, None, self._staged_store, first,
                 self._history, diffuse, rules,
             )  # fmt: skip
             if self.poses.is_ahead(event):
