@@ -45,7 +45,7 @@ def solved(positions: Float64, twist: Float64) -> Float64:
     found = np.full((len(positions), 2), np.nan)
     for k, point in enumerate(positions):
         share = 0.5
-        for _ in range(30):
+        for _ in range(8):
             camera = moved(VIEW.event.camera, share * twist)
             (pixel,), (depth,) = project(VIEW.panel, VIEW.eye, camera, point[None])
             share = min(max(pixel[1] / SIZE[1], 0.0), 1.0)
@@ -70,7 +70,7 @@ def test_a_turning_camera_keeps_the_bound_and_nearly_reaches_it(compiled_only: N
     So the error is at most an eighth of that times the squared turn. At the sides it is near that in the middle row.
     """
     turn = math.radians(degrees)
-    positions = points(1500)
+    positions = points(400)
 
     found, wanted = (
         shown(positions, np.array([0.0, turn, 0.0, 0.0, 0.0, 0.0])),
@@ -82,7 +82,7 @@ def test_a_turning_camera_keeps_the_bound_and_nearly_reaches_it(compiled_only: N
     side = SIZE[0] / 2 / FOCUS
     at_corner = math.hypot(1.0, 0.75)  # y moves too, at most by as much
     bound = FOCUS / 8 * 2 * side * (1 + side**2) * (turn * 1.05) ** 2 * at_corner
-    assert inside.sum() > 300
+    assert inside.sum() > 80
     assert off.max() <= bound + ROUNDING
     if degrees == 8.0:
         assert off.max() >= 0.4 * bound
