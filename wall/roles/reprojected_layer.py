@@ -36,14 +36,8 @@ class ReprojectedLayer:
         self._panel = plan.layout.wall.viewports[layer.panel]
         self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
-<<<<<<< HEAD
-        self._wish: Wish = (
-            (wish or plan.layout.config.reconstruction_of(layer.view)) if self._display_bytes_only else "cpu"
-        )
-=======
         on_cpu = not self._display_bytes_only or self._panel.scan is not None
-        self._wish: Wish = "cpu" if on_cpu else wish or plan.layout.config.reconstruction
->>>>>>> 769cb5d (Rows of a scanning display are made for the moment when they are seen)
+        self._wish: Wish = "cpu" if on_cpu else wish or plan.layout.config.reconstruction_of(layer.view)
         self.choice: Choice | None = choose("gpu") if self._wish == "gpu" else None  # else when samples come
         self.reconstruction: AnyReconstruction | None = None
         self._coverage: Coverage | None = None  # of a transparent layer
