@@ -40,6 +40,7 @@ def build(loaded: Loaded, wall: Wall) -> Graph:
     graph = replace(_planned(config, wall, refusals), balanced=balanced)
     checks.check_balance_fits(loaded, graph, wall)
     checks.check_sync_fits(loaded, config, refusals)
+    checks.check_rates_fit(loaded, graph, refusals)
     checks.check_compares_panels(graph, refusals)
     checks.check_compares_times(graph, refusals)
     checks.check_waits_one_way(graph, refusals)
@@ -130,22 +131,33 @@ def _layers(
     wall: Wall,
 ) -> tuple[Layer, ...]:
     of_input = {step.node.input: step for step in steps if isinstance(step.node, ReconstructNode)}
-    layers, panels = [], {panel.id: panel for panel in wall.viewports}
+    layers, panels = list[Layer](), {panel.id: panel for panel in wall.viewports}
+    taken, free = set[tuple[int, int]](), len(wall.viewports)
     for k, node in enumerate(samples):
         step = of_input[node.id]
         assert isinstance(step.node, ReconstructNode)
+        traced = panels[node.panel].index
+        pairs = {(traced, rank) for rank in ranks[node.id]}
+        if node.scale < 1.0 or pairs & taken:  # a rank's packets say by their panel which layer they are of
+            traced, free = free, free + 1
+        else:
+            taken |= pairs
         layers.append(
             Layer(
                 index=k,
                 samples=node.id,
                 node=step.node.id,
                 panel=panels[node.panel].index,
+                traced=traced,
                 view=panels[node.panel].view,
                 ranks=ranks[node.id],
                 range=node.range,
                 transparent=step.node.background == "transparent",
                 reprojects=config.sync == "none" and _compared(step, steps),
                 compositor=step.rank,
+                scale=node.scale,
+                samples_hz=node.refresh_hz,
+                refresh_hz=step.node.refresh_hz,
             )
         )
     return tuple(layers)

@@ -33,6 +33,26 @@ def check_sync_fits(loaded: Loaded, config: NodeGraph, refusals: Refusals) -> No
         refusals.add(None, ["sync"], came, "sampling: {method: framed}, or sync: none")
 
 
+def check_rates_fit(loaded: Loaded, graph: Graph, refusals: Refusals) -> None:
+    """A layer's own rates need frames that nobody waits for, samples that are worth keeping, and a faster view."""
+    nodes = {node.id: node for node in graph.nodes}
+    for layer in graph.layers:
+        view, method = loaded.config.views[layer.view], loaded.config.sampling_of(layer.view).method
+        for name, rate in ((layer.node, layer.refresh_hz), (layer.samples, layer.samples_hz)):
+            if rate is None:
+                continue
+            at: list[str | int] = ["refresh_hz"]
+            if graph.sync != "none":
+                came = "in lock step all layers of a frame are of one moment"
+                refusals.add(nodes[name], at, came, "no refresh_hz, or sync: none")
+            elif method == "progressive":
+                came = "the sampling method progressive begins anew at every input, at a rate of its own"
+                refusals.add(nodes[name], at, came, "no refresh_hz, or another method")
+            elif name == layer.node and rate >= view.refresh_hz:
+                came = f"view {view.id} is shown at {view.refresh_hz:g} Hz"
+                refusals.add(nodes[name], at, came, f"below {view.refresh_hz:g}, or no refresh_hz: at every refresh")
+
+
 def check_waits_one_way(graph: Graph, refusals: Refusals) -> None:
     """In lock step a rank waits for the ranks that it takes from, so these waits must have no cycle."""
     if graph.sync == "none":

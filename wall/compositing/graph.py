@@ -11,7 +11,7 @@ from typing import Literal
 
 from wall.config.graph import FrameSync, SinkNode
 from wall.core.data import CHANNELS, Channels, Rect, Region
-from wall.geometry.panels import Wall
+from wall.geometry.panels import Wall, of_fewer_pixels
 from wall.geometry.regions import panel_regions
 from wall.geometry.strips import Strips
 from wall.operators.base import Node
@@ -24,13 +24,22 @@ class Layer:
     index: int  # in Graph.layers
     samples: str  # ids of the two nodes
     node: str
-    panel: int  # index in Wall.viewports
+    panel: int  # index in Wall.viewports: where it is shown
+    traced: int  # index in Wall.traced: whose pixels its samples are of
     view: int  # that it shows
     ranks: tuple[int, ...]  # who renders it
     range: tuple[float, float] | None  # of the scene's objects; None: all
     transparent: bool  # where nothing is
     reprojects: bool  # its samples move with camera and objects, whichever sampler chose them
     compositor: int  # rank that reconstructs it
+    scale: float = 1.0  # pixels of what is traced, over those of what is shown, in each direction
+    samples_hz: float | None = None  # whole images a second that are traced at most; None: no limit
+    refresh_hz: float | None = None  # reconstructed so often at most, and moved between; None: at every refresh
+
+    @property
+    def of_its_own(self) -> bool:
+        """Whether it is reconstructed at a rate or a resolution of its own, and so not what is shown."""
+        return self.scale < 1.0 or self.refresh_hz is not None
 
     @property
     def at_renderer(self) -> bool:
@@ -67,8 +76,14 @@ class Graph:
     sync: FrameSync | Literal["none"] = "none"
     balanced: bool = False  # regions are strips, and move with what they cost
 
+    def with_panels_of_layers(self, wall: Wall) -> Wall:
+        """The wall with a panel for each layer that is not traced as the panel that shows it."""
+        own = {layer.traced: layer for layer in self.layers if layer.traced != layer.panel}
+        panels = (replace(of_fewer_pixels(wall.viewports[own[k].panel], own[k].scale), index=k) for k in sorted(own))
+        return replace(wall, of_layers=tuple(panels))
+
     def regions(self, wall: Wall) -> tuple[tuple[Region, ...], ...]:
-        """The regions of every renderer, in rank order: one of each view that it renders.
+        """The regions of every renderer, in rank order: one of each layer that it renders.
 
         Raises ConfigError: regions too large, or too many ranks.
         """
@@ -77,18 +92,18 @@ class Graph:
             return strips.regions(strips.evenly(self.renderers))
         found: dict[int, list[Region]] = {}
         for layer in self.layers:
-            rects = panel_regions(wall.viewports[layer.panel], len(layer.ranks))
+            rects = panel_regions(wall.traced[layer.traced], len(layer.ranks))
             for rank, rect in zip(layer.ranks, rects, strict=True):
-                region = Region(layer=layer.index, panel=layer.panel, rect=rect, view=layer.view)
+                region = Region(layer=layer.index, panel=layer.traced, rect=rect, view=layer.view)
                 found.setdefault(rank, []).append(region)
         return tuple(tuple(found[rank]) for rank in sorted(found))
 
     def strips(self, wall: Wall) -> Strips:
         """The layers as panels that strips are cut of."""
         whole = [
-            Region(layer=layer.index, panel=layer.panel, rect=rect, view=layer.view)
+            Region(layer=layer.index, panel=layer.traced, rect=rect, view=layer.view)
             for layer in self.layers
-            for rect in panel_regions(wall.viewports[layer.panel], 1)
+            for rect in panel_regions(wall.traced[layer.traced], 1)
         ]
         return Strips(tuple(whole))
 
@@ -127,7 +142,9 @@ class Graph:
         step = self.step(layer.node)
         light = () if step.encoded else ("linear light",)
         clear = ("a transparent background",) if layer.transparent else ()
-        return (*light, *(name for name in CHANNELS if name in step.channels - {"colour"}), *clear)
+        small = ("light that is enlarged",) if layer.scale < 1.0 else ()
+        slow = ("depth by which it is moved",) if layer.refresh_hz is not None else ()
+        return (*light, *(name for name in CHANNELS if name in step.channels - {"colour"}), *clear, *small, *slow)
 
     def layer_of(self, rank: int) -> Layer:
         """The first layer that a renderer renders; KeyError if it is none."""
@@ -159,4 +176,5 @@ class Graph:
     def plain(self) -> bool:
         """Whether every panel's samples are its image, and the sinks show just those."""
         ops, panels = {step.node.op_name for step in self.steps}, {layer.panel for layer in self.layers}
-        return ops <= {"reconstruct", "tile", "sink"} and len(panels) == len(self.layers)
+        as_traced = not any(layer.of_its_own for layer in self.layers)
+        return ops <= {"reconstruct", "tile", "sink"} and len(panels) == len(self.layers) and as_traced

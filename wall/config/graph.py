@@ -9,7 +9,7 @@ from functools import reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from wall.core.fields import Model, Name, Number, Order, Share, Whole, refusal
@@ -20,6 +20,8 @@ SinkKind = Literal["browser", "png", "recorder", "window"]
 MAX_NODES = 65535  # their numbers travel as two bytes
 Ranks = Annotated[Whole, Ge(1), Le(1024)]
 Rank = Annotated[Whole, Ge(0), Le(65535)]
+Scale = Annotated[Number, Gt(0.0), Le(1.0)]
+Hertz = Annotated[Number, Ge(0.1), Le(1000.0)]
 
 
 class SamplesNode(Node):
@@ -41,6 +43,13 @@ class SamplesNode(Node):
         default=None,
         description="part of the scene's objects that is seen, such as [0, 0.5]: by triangles, in the scene's order; "
         "all of them cast shadows",
+    )
+    scale: Scale = Field(
+        default=1.0,
+        description="pixels that are traced, a share of the panel's in each direction; its reconstruct node enlarges",
+    )
+    refresh_hz: Hertz | None = Field(
+        default=None, description="as many samples a second as so many whole images have, at most; absent = no limit"
     )
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "nothing"
@@ -66,6 +75,11 @@ class ReconstructNode(Node):
         default="keep", description="transparent: the sky has alpha 0, and colours are times alpha"
     )
     order: Order | None = Field(default=None, description="for `over`: the smaller is the nearer")
+    refresh_hz: Hertz | None = Field(
+        default=None,
+        description="reconstructed so often a second at most, fewer times than its view is shown; between, its pixels "
+        "go with camera and objects. Absent = at every refresh",
+    )
 
     TAKES: ClassVar[Literal["nothing", "samples", "framelet"]] = "samples"
 

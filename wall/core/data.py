@@ -134,7 +134,7 @@ class Rect:
 class Region:
     """The part of a view that one rank renders: a rectangle of one panel."""
 
-    panel: int  # index in Wall.viewports
+    panel: int  # index in Wall.traced
     rect: Rect
     layer: int = 0  # index in Graph.layers
     view: int = 0
@@ -224,7 +224,7 @@ class Batch:
     """Samples of one rectangle, traced under one event: what a packet carries."""
 
     view: int
-    panel: int
+    panel: int  # index in Wall.traced
     rect: Rect  # of panel pixels; every sample lies inside
     rank: int
     sequence: int  # counts this rank's batches
@@ -254,7 +254,7 @@ class StatisticsImage:
     """
 
     rank: int = 0  # the renderer whose tiles these are; 0: a compositor made it
-    panel: int  # index in Wall.panels
+    panel: int  # index in Wall.panels; of a renderer's tiles: in Wall.traced
     compared: bool  # of the second image, while two samplers are compared
     age: NDArray[np.uint8]  # (rows, columns) median age of the samples shown
     density: NDArray[np.uint8]  # (rows, columns) samples a pixel

@@ -11,7 +11,7 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from wall.core.data import Batch, Float32, Float64, Rect
+from wall.core.data import NO_EDITS, STILL, Batch, Camera, Edits, Float32, Float64, Rect
 from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
@@ -27,6 +27,7 @@ class PixelBuffer:
         self.counters = Counter[str]()
         self.samples_shown = 0
         self.newest_event = NEVER  # of the samples shown
+        self.newest_moment: tuple[Camera, float, Edits] = (STILL, 0.0, NO_EDITS)  # of that event, with its scene time
         self.records = np.zeros((height, width), kernels.PIXEL)
         self.records["time"], self.records["depth"] = -np.inf, np.inf
         self._dirty = np.zeros((-(-height // kernels.TILE), -(-width // kernels.TILE)), np.bool_)
@@ -73,6 +74,7 @@ class PixelBuffer:
         self.samples_shown += shown
         if shown and (batch.camera_event, batch.scene_event) > self.newest_event:
             self.newest_event = (batch.camera_event, batch.scene_event)
+            self.newest_moment = batch.camera, batch.scene_time, batch.edits
 
     def show_image(self, radiance: Float32, times: Float64) -> None:
         """Show an image until samples come: `radiance` (h, w, 3) of pixels traced at `times` (h, w), -inf = never."""

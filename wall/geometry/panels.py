@@ -125,11 +125,17 @@ class Wall:
     faces: tuple[tuple[int, ...], ...] = ()  # indices of panels that lie in the virtual screen as they stand
     overlaps: tuple[Overlap, ...] = ()  # what two panels light for the same eye, declared or not
     insets: tuple[Panel, ...] = ()  # parts of panels that show another view than the panel, the nearest last
+    of_layers: tuple[Panel, ...] = ()  # in place of a viewport, for one layer alone: mostly with fewer pixels
 
     @property
     def viewports(self) -> tuple[Panel, ...]:
-        """All that samples are traced for, at their indices: the panels, then the insets."""
+        """All that shows a view, at their indices: the panels, then the insets."""
         return self.panels + self.insets
+
+    @property
+    def traced(self) -> tuple[Panel, ...]:
+        """All that samples are traced for, at their indices: the viewports, then the panels of single layers."""
+        return self.viewports + self.of_layers
 
     def scanned(self, view: int) -> Panel | None:
         """The first panel or inset of a view that is not lit all at once; None if there is none."""
@@ -137,7 +143,7 @@ class Wall:
 
     def of_view(self, view: int) -> Wall:
         """What shows a view, as a wall by itself: its panels, or its insets."""
-        return replace(self, panels=tuple(p for p in self.viewports if p.view == view), insets=())
+        return replace(self, panels=tuple(p for p in self.viewports if p.view == view), insets=(), of_layers=())
 
     @property
     def flat(self) -> bool:
@@ -192,6 +198,22 @@ class Wall:
             if panel.id == panel_id:
                 return panel
         raise KeyError(panel_id)
+
+
+def of_fewer_pixels(panel: Panel, scale: float) -> Panel:
+    """The same panel, corners and all, with so many of its pixels in each direction: one at least.
+
+    It has a virtual screen of its own, whose top left pixel is its own. At scale 1 it is `panel` itself.
+    """
+    if scale == 1.0:
+        return panel
+    width, height = (max(1, round(scale * pixels)) for pixels in panel.pixels)
+    plane = Plane(
+        origin=panel.plane.point(*panel.screen),
+        per_x=panel.plane.per_x * (panel.pixels[0] / width),
+        per_y=panel.plane.per_y * (panel.pixels[1] / height),
+    )
+    return replace(panel, pixels=(width, height), plane=plane, screen=(0, 0), span=(width, height))
 
 
 def widened(corners: Float64, frame: SidesConfig, times: float) -> Float64:

@@ -57,7 +57,8 @@ class AdaptiveRenderer:
             tiling=sampling.tiling,
         )  # fmt: skip
         self._shown, self._refreshes = shown, 0
-        self._clock, self._interval = clock, 1.0 / plan.view_of(panel).refresh_hz
+        shown_hz = plan.layout.layer(region).refresh_hz or plan.view_of(panel).refresh_hz
+        self._clock, self._interval = clock, 1.0 / shown_hz
         self._due, self._rested = float("-inf"), 0  # refreshes since anything moved
         self._predictor = make_predictor(plan, panel.view)
         self._newest: Event | None = None

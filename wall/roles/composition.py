@@ -201,7 +201,8 @@ class Composition:
                 self.counters[f"late {name}" if counted else "late others"] += 1
         layers = self._of_view(event.view)
         on_gpu = any(layer.reprojected.on_gpu for layer in layers)  # such an image belongs to the thread that inserts
-        refreshed = (one_by_one if on_gpu else self._run_all)([partial(layer.refresh, event, now) for layer in layers])
+        run_all = one_by_one if on_gpu else self._run_all
+        refreshed = run_all([partial(layer.refresh, event, now, force=force) for layer in layers])
         fresh = self._regions_of(zip(layers, refreshed, strict=True))
         fresh |= {step: sky.refresh(event, now) for step, sky in self._skies.items() if sky.view == event.view}
         if self._compared is not None:
@@ -210,6 +211,10 @@ class Composition:
             ]
             self._compared.step(self._regions_of(seconds), event)
         return self._nodes.step(fresh, event)
+
+    def behind(self, view: int) -> bool:
+        """Whether a slower layer of a view waits for its turn to show what came, or the newest event."""
+        return any(layer.behind for layer in self._of_view(view))
 
     def _regions_of(self, dirty_tiles: Iterable[tuple[PanelCompositor, NDArray[np.bool_]]]) -> Changes:
         """What changed, by step, of the tiles of layers that changed."""
@@ -239,9 +244,10 @@ class Composition:
     def statistics_images(self, now: float, *, comparing: bool) -> tuple[StatisticsImage, ...]:
         """Statistics images of every panel and sampler: made now for own panels, the newest that came of the others.
 
-        Of several layers of a panel the first speaks for it. Insets are left out.
+        Of several layers of a panel the first speaks for it. Insets are left out, and layers of fewer pixels.
         """
-        panels = [layer for layer in self.layers.values() if layer.panel.inset_of is None]
+        whole = range(len(self._plan.layout.wall.panels))
+        panels = [layer for layer in self.layers.values() if layer.panel.index in whole]
         first = {layer.panel.index: layer for layer in reversed(panels)}
         own = [image for panel in sorted(first) for image in first[panel].statistics_images(now)]
         return (*own, *(image for image in self._statistics_images.values() if comparing or not image.compared))

@@ -187,7 +187,7 @@ class Compositor:
             came = changes.keys() & self._others
             self.refreshes += len(came) / len(self._others) if came and self._shows_only else 1.0
         view.ahead = expected.number != event.number
-        view.quiet = not changed and not view.ahead
+        view.quiet = not changed and not view.ahead and not composition.behind(view.index)
         if event.statistics:
             yield from self._make_statistics_images(event, now)
         else:
@@ -260,7 +260,8 @@ class Compositor:
             known = [view for view in self._views if view.event is not None]
             shown = (self.composition.newest_event(v.index) == v.event.number for v in known if v.event is not None)
             return all(view.quiet for view in known) and any(shown)  # a view in which nothing changed says nothing
-        return not any(view.ahead for view in self._views) and self.composition.idle
+        waits = any(view.ahead or self.composition.behind(view.index) for view in self._views)
+        return not waits and self.composition.idle
 
     def _number(self) -> Number:
         """See summed_number."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from wall.core.data import Batch, Event, StatisticsImage
 from wall.reconstruction.channels import blank_framelet
 from wall.reconstruction.choice import Wish
 from wall.roles.handed_samples import HandedSamples
+from wall.roles.layer_output import LayerOutput
 from wall.roles.pixel_layer import PixelLayer, compared_layer
 from wall.roles.plan import Plan
 from wall.roles.reprojected_layer import ReprojectedLayer
@@ -21,20 +23,29 @@ class PanelCompositor:
     """`follow` events, `insert` batches as they come, `refresh` at every display refresh.
 
     Two parts write its framelet, one at a time: `newest` shows samples where they were traced, `reprojected` where
-    they are seen now. `compared` has a framelet of its own, while a second sampler is compared.
+    they are seen now. `compared` has a framelet of its own, while a second sampler is compared. A layer with a rate or
+    a resolution of its own is written apart, and brought to the framelet by a LayerOutput.
     """
 
     def __init__(self, plan: Plan, index: int, *, reconstruction: Wish | None = None) -> None:
         """`reconstruction` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
         graph = plan.layout.graph
         self.layer, step = graph.layers[index], graph.step(graph.layers[index].node)
-        self.panel = plan.layout.wall.viewports[self.layer.panel]
-        self.framelet = blank_framelet(self.panel, step.channels, encoded=step.encoded, order=step.order)
-        self.newest = PixelLayer(self.panel, self.framelet, transparent=self.layer.transparent)
+        self.panel = plan.layout.wall.traced[self.layer.traced]  # whose pixels its samples are of
+        self._output = LayerOutput(plan, self.layer) if self.layer.of_its_own else None
+        if self._output is None:
+            self.framelet = source = blank_framelet(self.panel, step.channels, encoded=step.encoded, order=step.order)
+        else:
+            self.framelet, source = self._output.framelet, self._output.source
+        self._source = source
+        self.newest = PixelLayer(self.panel, source, transparent=self.layer.transparent)
         self.counters = self.newest.buffer.counters  # of samples that this layer drops
-        self.reprojected = ReprojectedLayer(plan, self.layer, self.framelet, self.counters, reconstruction)
+        self.reprojected = ReprojectedLayer(plan, self.layer, source, self.counters, reconstruction)
         self.compared: PixelLayer | None = None
         self.handed: HandedSamples | None = None  # while a sink wants samples
+        self.behind = False  # of a slower layer: it may show more when it is its turn
+        self._answered: tuple[tuple[int, int], float] | None = None  # by the last reconstruction: event, exposure
+        self._nothing = self.newest.buffer.take_dirty()  # no tile has changed
         self._routing = SampleRouting(
             plan.layout.sampling_of(self.layer.view).method, self.counters, reprojects=self.layer.reprojects
         )
@@ -87,6 +98,7 @@ class PanelCompositor:
 
     def insert(self, batch: Batch) -> None:
         """Give a batch to the image it belongs to; keep, or drop and count it where there is none."""
+        self.behind = self.layer.refresh_hz is not None
         destination = self._routing.destination(batch)
         if destination is Destination.REPROJECTED and not self.reprojected.given_up:
             self.reprojected.insert(batch)
@@ -94,11 +106,22 @@ class PanelCompositor:
             second = self.compared if destination is Destination.COMPARED else None
             (second or self.newest).buffer.insert(batch)
 
-    def refresh(self, event: Event, now: float) -> NDArray[np.bool_]:
+    def refresh(self, event: Event, now: float, *, force: bool = False) -> NDArray[np.bool_]:
         """Bring the framelet up to date. Returns the 16-pixel tiles that changed, (rows, columns) bool.
 
-        Raises GpuError if a GPU was asked for and is lost.
+        `force`: reconstruct it, if it is not its turn either. Raises GpuError if a GPU was asked for and is lost.
         """
+        output, asked = self._output, (event.number, event.exposure)
+        if output is None:
+            return self._reconstruct(event, now)
+        if output.begin(now, force=force):
+            dirty = self._reconstruct(event, now)
+            self._answered, self.behind = asked, self.layer.refresh_hz is not None and bool(dirty.any())
+        else:
+            dirty, self.behind = self._nothing, self.behind or self._answered != asked
+        return output.show(dirty, event, now)
+
+    def _reconstruct(self, event: Event, now: float) -> NDArray[np.bool_]:
         if self._reprojects:
             self.newest.buffer.take_dirty()
             dirty = self.reprojected.refresh(event, now)
@@ -109,8 +132,18 @@ class PanelCompositor:
             if self.handed is not None:
                 self.handed.refresh(event.exposure)
         if dirty.any():
-            self.framelet.event = event
+            self._source.event = self._moment_of_newest(event) if self._output is not None else event
         return dirty
+
+    def _moment_of_newest(self, event: Event) -> Event:
+        """The event that the source shows: `event`, or where samples stay where they were traced that of the newest."""
+        buffer = self.newest.buffer
+        if self._reprojects or buffer.samples_shown == 0:
+            return event
+        (camera, scene_time, edits), (camera_event, scene_event) = buffer.newest_moment, buffer.newest_event
+        return replace(
+            event, camera_event=camera_event, scene_event=scene_event, camera=camera, scene_time=scene_time, edits=edits
+        )
 
     def has_frame(self, number: tuple[int, int]) -> bool:
         """Whether every rank has brought a whole frame of that event, or of a newer one."""

@@ -44,7 +44,7 @@ class Layout:
     loaded: Loaded
     wall: Wall
     graph: Graph
-    regions: tuple[tuple[Region, ...], ...]  # of each renderer, in rank order: one of each view that it renders
+    regions: tuple[tuple[Region, ...], ...]  # of each renderer, in rank order: one of each layer that it renders
     notes: tuple[str, ...] = ()  # of the wall, for `wall check`
     strips: Strips | None = None  # what regions that move are cut of; None where they do not
 
@@ -86,7 +86,7 @@ class Layout:
         return self.graph.layers[region.layer]
 
     def regions_of(self, rank: int) -> tuple[Region, ...]:
-        """Returns the regions that a renderer rank samples, one of each view that it renders."""
+        """Returns the regions that a renderer rank samples, one of each layer that it renders."""
         return self.regions[rank - self.graph.compositors]
 
     def region(self, rank: int) -> Region:
@@ -94,8 +94,8 @@ class Layout:
         return self.regions_of(rank)[0]
 
     def panel(self, region: Region) -> Panel:
-        """Returns the panel or inset in which a region lies."""
-        return self.wall.viewports[region.panel]
+        """Returns the panel, inset, or panel of a single layer in which a region lies."""
+        return self.wall.traced[region.panel]
 
     def views_of(self, rank: int) -> tuple[int, ...]:
         """The views that a rank follows: a compositor all of them."""
@@ -162,6 +162,7 @@ def make_layout(loaded: Loaded) -> Layout:
     wall = with_views(loaded, expand(loaded.config.wall))
     notes = check_wall(loaded, wall)
     graph = build(loaded, wall)
+    wall = graph.with_panels_of_layers(wall)
     strips = graph.strips(wall) if graph.balanced else None
     layout = Layout(loaded=loaded, wall=wall, graph=graph, regions=graph.regions(wall), notes=notes, strips=strips)
     _check_asked_of_renderers(layout)

@@ -53,6 +53,9 @@ class RegionRenderer:
         self._refreshing_s = 0.0
         self._measured = (0, 0.0, 0.0)  # since the last cost: batches, seconds that they took, demand for each
         self._samples_then, self._cost_due = -1, -math.inf
+        images_hz = plan.layout.layer(region).samples_hz
+        self._most_per_s = math.inf if images_hz is None else images_hz * region.rect.area  # samples
+        self._waits_until = -math.inf  # since it has traced as many as it may
         self.cost = 0.0  # of a sweep, see Balancer; 0: not measured yet
 
     def place(self, number: int, first: int) -> int:
@@ -95,7 +98,7 @@ class RegionRenderer:
         if not event.statistics:
             self._tiles.clear()
         for worker in self._workers:
-            if not self.has_credit(ready):
+            if not self.has_credit(ready) or self.waits(now):
                 return
             if worker in self.running or self.rests(worker, now):
                 continue
@@ -103,6 +106,10 @@ class RegionRenderer:
             measure = event.statistics and self._tiles_due[worker].now(now)
             lost, keep = tuple(self._lost.pop(worker, ())), self.image is not None
             yield Trace(worker, event, lost=lost, keep=keep, measure=measure)
+
+    def waits(self, now: float) -> bool:
+        """Whether it has traced as many samples by now as its layer may have."""
+        return now < self._waits_until
 
     def has_credit(self, ready: Ready) -> bool:
         """Whether what is traced would be sent at once."""
@@ -114,6 +121,7 @@ class RegionRenderer:
             return now + LOOK_AGAIN_S
         idle = [worker for worker in self._workers if worker not in self.running]
         again = min((self._resting.get(worker, (NEVER, now))[1] for worker in idle), default=now + LOOK_AGAIN_S)
+        again = max(again, self._waits_until)
         return max(again, now + CREDIT_POLL_S) if not self.has_credit(ready) else again
 
     def _wanted(self, event: Event) -> tuple[str, str, int | None]:
@@ -141,6 +149,8 @@ class RegionRenderer:
     def take(self, traced: Traced, now: float) -> Iterator[bytes]:
         """Take in what a worker has traced, or let it rest. Yields the packets that are to be sent."""
         self.running.discard(traced.worker)
+        samples = traced.work.samples - self.work.get(traced.worker, Work()).samples
+        self._waits_until = max(self._waits_until, now - traced.seconds) + samples / self._most_per_s
         self.work[traced.worker] = traced.work
         self._spend(max(traced.seconds, LEAST_S))
         if traced.result is not None:

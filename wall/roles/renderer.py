@@ -168,9 +168,10 @@ class Renderer:
 
     def _give_work(self, now: float) -> Iterator[Instruction]:
         free = self._threads - self._running
-        least = min((region.used for region in self.regions if not region.idle), default=0.0)
-        for region in self.regions:
-            if region.idle:
+        rest = [region.idle or region.waits(now) for region in self.regions]
+        least = min((region.used for region, rests in zip(self.regions, rest, strict=True) if not rests), default=0.0)
+        for region, rests in zip(self.regions, rest, strict=True):
+            if rests:
                 region.used = max(region.used, least)
         for region in sorted(self.regions, key=lambda region: region.used):
             work = region.give_work(now, self._ready)

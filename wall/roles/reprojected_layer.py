@@ -33,7 +33,7 @@ class ReprojectedLayer:
     def __init__(self, plan: Plan, layer: Layer, framelet: Framelet, counters: Counter[str], wish: Wish | None) -> None:
         """`wish` overrides the configuration's. Raises GpuError if that asks for a GPU in vain."""
         self._plan, self._layer, self._framelet, self._counters = plan, layer, framelet, counters
-        self._panel = plan.layout.wall.viewports[layer.panel]
+        self._panel = plan.layout.wall.traced[layer.traced]
         self._panel_view = PanelView(plan.view_of(self._panel), self._panel)
         self._display_bytes_only = not plan.layout.graph.beyond_bytes(layer)
         on_cpu = not self._display_bytes_only or self._panel.scan is not None

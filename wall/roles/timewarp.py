@@ -12,7 +12,7 @@ from wall.roles.plan import Plan
 
 
 class Timewarp:
-    """Moves framelets of the panels of one plan; scratch arrays are kept by size."""
+    """Moves framelets of the panels of one plan."""
 
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
@@ -23,6 +23,20 @@ class Timewarp:
         Pixels that show nothing of the old framelet have no colour, infinite depth, alpha 0. Positions
         are exact to half a pixel, as pixels move whole; to one and a half where a crack closed.
         """
+        moved = Framelet.blank(framelet.rect, framelet.channels, encoded=framelet.encoded, order=framelet.order)
+        self._move(framelet, event, panel, moved, fill=False)
+        return moved
+
+    def fill(self, framelet: Framelet, event: Event, panel: int, out: Framelet) -> None:
+        """Write to `out`, which has some of its channels, all of a framelet of `panel` as it looks under `event`.
+
+        Pixels that show nothing of the old framelet show what is farther of what stands beside them.
+        """
+        for name in out.channels:
+            out.channel(name)[...] = BLANK[name][0] if name in BLANK else 0
+        self._move(framelet, event, panel, out, fill=True)
+
+    def _move(self, framelet: Framelet, event: Event, panel: int, moved: Framelet, *, fill: bool) -> None:
         assert framelet.event is not None
         assert framelet.depth is not None
         rect = framelet.rect
@@ -34,14 +48,15 @@ class Timewarp:
         kernels.move_pixels(
             framelet.depth, object_id, old.frame, corner, old.object_from_eye, new.panel_from_object, near, source
         )
-        moved = Framelet.blank(rect, framelet.channels, encoded=framelet.encoded, order=framelet.order)
+        if fill:
+            kernels.fill_unseen(near, source)
         moved.event, moved.refreshed_at = event, framelet.refreshed_at
         for name in ("colour", *BLANK):
-            if name in framelet.channels:
+            if name in moved.channels:
                 values, out = framelet.channel(name), moved.channel(name)
                 kernels.gather(source.ravel(), values.reshape(source.size, -1), out.reshape(source.size, -1))
-        kernels.true_depth(near, new.frame, corner, moved.channel("depth"))
-        return moved
+        if moved.depth is not None:
+            kernels.true_depth(near, new.frame, corner, moved.depth)
 
     def _pose(self, event: Event, index: int, rect: Rect) -> Pose:
         panel = self._plan.layout.wall.viewports[index]

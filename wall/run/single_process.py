@@ -57,12 +57,16 @@ class SingleProcess:
             self.layers |= image.composition.layers if image is not None else {}
         compositor = Compositor(on_one_rank(plan), hello_of(HEAD), ready=lambda _: True)
         self.composition = compositor.composition
-        self._refresh_s = max(1.0 / view.refresh_hz for view in plan.views)
+        rates = [layer.refresh_hz for layer in plan.layout.graph.layers if layer.refresh_hz is not None]
+        self._refresh_s = 1.0 / min([*rates, *(view.refresh_hz for view in plan.views)])
         self.layers |= self.composition.layers
         self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 
     def step(self) -> int:
-        """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: the image is complete."""
+        """One batch of every worker, shown if a refresh is due.
+
+        Returns samples traced; 0: the image is complete, unless a layer's rate lets nobody trace now.
+        """
         traced = self._traced()
         for loop in (self._compositor, *self._renderers):
             for event in (self.event, *self.other_events):
@@ -70,6 +74,10 @@ class SingleProcess:
         self._turn()
         self.clock.advance(BATCH_SECONDS)
         return self._traced() - traced
+
+    def _waits(self) -> bool:
+        now = self.clock.now()
+        return any(region.waits(now) for role in self._roles for region in role.regions)
 
     def _traced(self) -> int:
         return sum(role.done.samples for role in self._roles)
@@ -84,7 +92,7 @@ class SingleProcess:
 
     def until_complete(self) -> list[PanelImage]:
         """Step under the present event until every renderer has nothing left to do."""
-        while self.step():
+        while self.step() or self._waits():
             pass
         self.clock.advance(self._refresh_s)
         self._turn()

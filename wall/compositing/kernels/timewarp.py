@@ -89,6 +89,38 @@ def between(near, source, i, j):
 
 
 @kernel
+def fill_unseen(near, source):
+    """Give pixels that nothing reached what is farther of what stands beside them in their row: that was hidden there.
+
+    Rows that nothing reached are as the nearest row above that something did, or else below. See move_pixels.
+    """
+    height, width = source.shape
+    for i in range(height):
+        j = 0
+        while j < width:
+            end = j
+            while end < width and source[i, end] < 0:
+                end += 1
+            if end > j and not (j == 0 and end == width):
+                taken = end
+                if end == width or (j > 0 and near[i, j - 1] >= near[i, end]):
+                    taken = j - 1
+                for k in range(j, end):
+                    near[i, k], source[i, k] = near[i, taken], source[i, taken]
+            j = end + 1
+    known = 0
+    while known < height and source[known, 0] < 0:
+        known += 1
+    if known == height:
+        return
+    for i in range(height):
+        if source[i, 0] < 0:
+            near[i], source[i] = near[known], source[known]
+        else:
+            known = i
+
+
+@kernel
 def gather(source, values, out):
     """out[k] = values[source[k]], pixels whose source is negative stay. values, out : (n, c); source : (n,) int32"""
     for k in range(source.shape[0]):

@@ -114,7 +114,7 @@ class CostedLayer:
     reprojected = _Reprojected()
 
     def __init__(self, plan: Plan, layer: Layer) -> None:
-        self.layer, self.panel = layer, plan.layout.wall.viewports[layer.panel]
+        self.layer, self.panel = layer, plan.layout.wall.traced[layer.traced]
         self.pixels = self.panel.pixels[0] * self.panel.pixels[1]
         self.newest_event: Number = NEVER
         self.newest: SimulatedPacket | None = None  # that brought it, until it is shown
@@ -195,6 +195,10 @@ class CostedComposition:
         packet.arrived = self._process.now()
         self._process.charge(self._rates.insert_s)
         self.layers[packet.layer].insert(packet)
+
+    def behind(self, view: int) -> bool:
+        """Every layer shows what came at the next refresh."""
+        return False
 
     def refresh(self, event: Event, now: float, *, force: bool = False) -> Changes:
         """Show what came, as of `event`. Returns what changed, by step."""

@@ -1,0 +1,63 @@
+"""Enlarge a layer's framelet of fewer pixels to those of the panel that shows it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import TRIPLES, Channels, Float32, Framelet
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.reconstruction.display_values import update_display
+from wall.reconstruction.kernels import enlarge as kernels
+
+SMOOTH: Channels = frozenset({"colour", "alpha", "albedo", "normal"})  # others are of one surface: never a mean of two
+
+
+class Axis:
+    """For each pixel of a row or a column of the large image the two of the small one around its centre."""
+
+    def __init__(self, small: int, large: int) -> None:
+        centre = (np.arange(large) + 0.5) * (small / large) - 0.5
+        first = np.floor(centre)
+        self.pixels = np.clip(np.stack([first, first + 1], axis=1), 0, small - 1).astype(np.int32)  # (large, 2)
+        self.share: Float32 = (centre - first).astype(np.float32)  # (large,) of the second
+        self.first_tile = np.minimum.reduceat(self.pixels[:, 0], range(0, large, TILE)) // TILE
+        self.last_tile = np.maximum.reduceat(self.pixels[:, 1], range(0, large, TILE)) // TILE
+
+
+class Enlarger:
+    """Brings the framelet of a panel to what a smaller framelet shows. Colours are light, premultiplied by alpha."""
+
+    def __init__(self, small: Framelet, large: Framelet) -> None:
+        """`small`: with linear colour, and the channels of `large` at least."""
+        self._small, self._large = small, large
+        self._down, self._across = (
+            Axis(*sizes) for sizes in zip(small.colour.shape[:2], large.colour.shape[:2], strict=True)
+        )
+        size = large.colour.shape[:2]
+        self._light = np.zeros((*size, 3), np.float32) if large.encoded else large.colour
+        self._source = np.zeros(size, np.int32)
+        self._dirty = np.zeros((len(self._down.first_tile), len(self._across.first_tile)), np.bool_)
+
+    def enlarge(self, dirty: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Redo what takes from the dirty tiles of the small framelet, (rows, columns) bool.
+
+        Returns the 16-pixel tiles of the large one that changed; valid until the next call.
+        """
+        small, large, down, across = self._small, self._large, self._down, self._across
+        kernels.enlarged_tiles(dirty, down.first_tile, down.last_tile, across.first_tile, across.last_tile, self._dirty)
+        taps = (down.pixels, down.share, across.pixels, across.share, self._dirty)
+        large.event = small.event
+        large.stamp(small.refreshed_at)
+        kernels.interpolate(small.colour, *taps, self._light)
+        if large.encoded:
+            update_display(self._light, self._dirty, TILE, large.colour)
+        for name in sorted(large.channels & SMOOTH - {"colour"}):
+            depth = 3 if name in TRIPLES else 1
+            source, out = (f.channel(name).reshape(*f.colour.shape[:2], depth) for f in (small, large))
+            kernels.interpolate(source, *taps, out)
+        if rest := sorted(large.channels - SMOOTH):
+            kernels.nearest_shown(small.alpha, small.rect.width, *taps, self._source)
+            for name in rest:
+                kernels.take(small.channel(name).reshape(-1), self._source, self._dirty, large.channel(name))
+        return self._dirty

@@ -1,0 +1,98 @@
+"""Enlarge an image of fewer pixels: smooth channels bilinearly, the others by the nearest pixel that shows anything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wall.core.jit import inline_kernel, kernel
+from wall.deepbuffer.kernels.pixel_buffer import TILE
+
+ZERO, ONE = np.float32(0.0), np.float32(1.0)
+
+
+@kernel
+def enlarged_tiles(dirty, first_row, last_row, first_column, last_column, out):
+    """Which tiles of the large image take from dirty ones of the small image.
+
+    dirty : (rows, columns) bool, tiles of the small image; out : (n, m) bool, of the large one, written
+    first_row, last_row : (n,) int32, the small image's tiles that a row of tiles takes from; columns likewise, (m,)
+    """
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            found = False
+            for row in range(first_row[i], last_row[i] + 1):
+                for column in range(first_column[j], last_column[j] + 1):
+                    found = found or dirty[row, column]
+            out[i, j] = found
+
+
+@kernel
+def interpolate(source, row, row_share, column, column_share, dirty, out):
+    """Write the dirty tiles of an enlarged image: each pixel between the four around its centre.
+
+    Parameters
+    ----------
+    source : (h, w, c) float32
+    row : (H, 2) int32, the two rows of `source` around each row of `out`; row_share : (H,) float32, of the second
+    column, column_share : likewise, (W, 2) and (W,)
+    dirty : (rows, columns) bool, tiles of `out`
+    out : (H, W, c) float32, written
+    """
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            if not dirty[i // TILE, j // TILE]:
+                continue
+            a, b, c, d = row[i, 0], row[i, 1], column[j, 0], column[j, 1]
+            down, right = row_share[i], column_share[j]
+            for k in range(out.shape[2]):
+                upper = (ONE - right) * source[a, c, k] + right * source[a, d, k]
+                lower = (ONE - right) * source[b, c, k] + right * source[b, d, k]
+                out[i, j, k] = (ONE - down) * upper + down * lower
+
+
+@kernel
+def nearest_shown(alpha, width, row, row_share, column, column_share, dirty, source):
+    """Which pixel of the small image each pixel of the enlarged one has its surface of, in the dirty tiles.
+
+    Of the four around its centre the nearest that is covered at all, or else the nearest: so what has a colour has a
+    depth, and no depth lies between two surfaces.
+
+    Parameters
+    ----------
+    alpha : (h, w) float32 | None, share of each pixel that is covered; None: all are
+    width : int, w
+    row, row_share, column, column_share, dirty : see interpolate
+    source : (H, W) int32, written: index of the pixel
+    """
+    for i in range(source.shape[0]):
+        for j in range(source.shape[1]):
+            if not dirty[i // TILE, j // TILE]:
+                continue
+            best, found = -ONE, 0
+            for m in range(2):
+                for n in range(2):
+                    share = side(row_share[i], m) * side(column_share[j], n)
+                    if alpha is not None:
+                        covered = alpha[row[i, m], column[j, n]] > ZERO
+                        share = share if covered and share > ZERO else share - ONE
+                    if share > best:
+                        best, found = share, row[i, m] * width + column[j, n]
+            source[i, j] = found
+
+
+@inline_kernel
+def side(share, second):
+    """The share of the first or of the second of two pixels."""
+    return share if second else ONE - share
+
+
+@kernel
+def take(values, source, dirty, out):
+    """Copy one value for each pixel of the dirty tiles: out[i, j] = values[source[i, j]].
+
+    values : (n,); source : (H, W) int32; dirty : (rows, columns) bool, tiles of `out`; out : (H, W), written
+    """
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            if dirty[i // TILE, j // TILE]:
+                out[i, j] = values[source[i, j]]
