@@ -48,6 +48,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         yield f"note: {note}"
     yield f"launch: mpirun -n {layout.size} wall run {loaded.path}"
     yield _ranks(layout)
+    yield from layers_apart(layout)
     yield from reconstructions(layout)
     yield from at_renderers(layout)
     rate, size = measured_rate(plan)
@@ -84,6 +85,23 @@ def _alike(of_views: Sequence[int | str], layout: Layout) -> Iterator[tuple[int,
     for value in dict.fromkeys(of_views):
         names = [view.id for own, view in zip(of_views, layout.config.views, strict=True) if own == value]
         yield of_views.index(value), f" of {_some(names)}" * (len(names) < len(of_views))
+
+
+def layers_apart(layout: Layout) -> Iterator[str]:
+    """Lines about layers with a rate or a resolution of their own."""
+    for layer in layout.graph.layers:
+        width, height = layout.wall.traced[layer.traced].pixels
+        said = []
+        if layer.scale < 1.0:
+            said.append(f"traced with {width}x{height} pixels and enlarged")
+        if layer.samples_hz is not None:
+            most = layer.samples_hz * width * height
+            said.append(f"at most {layer.samples_hz:g} whole images a second traced ({most:,.0f} samples/s)")
+        if layer.refresh_hz is not None:
+            shown = layout.config.views[layer.view].refresh_hz
+            said.append(f"reconstructed at {layer.refresh_hz:g} Hz, and moved to the {shown:g} Hz of its view")
+        if said:
+            yield f"layer {layer.node}: {'; '.join(said)}"
 
 
 def on_the_cpu(layout: Layout) -> Iterator[str]:

@@ -52,7 +52,9 @@ def why_images(layout: Layout) -> tuple[str, ...]:
     pages = [s for s in graph.steps if isinstance(s.node, SinkNode) and s.node.kind == "browser"]
     found = []
     for k in range(len(wall.panels)):
-        if not graph.plain or any(page.panels != tuple(range(len(wall.panels))) for page in pages):
+        if k in layers and layers[k].of_its_own:
+            found.append("it has a rate or a resolution of its own")
+        elif not graph.plain or any(page.panels != tuple(range(len(wall.panels))) for page in pages):
             found.append("operators of the graph change them")
         elif k in covered or k not in layers:
             found.append("another view lies on a panel")

@@ -41,8 +41,8 @@ class LayerOutput:
         self._mine = plan.scene.objects_in(layer.range or (0.0, 1.0))
 
     def begin(self, now: float, *, force: bool = False) -> bool:
-        """Whether the layer is to be reconstructed at this refresh."""
-        return self._pace is None or self._pace.begin(now, force=force)
+        """Whether the layer is to be reconstructed at this refresh: at every one before it shows anything."""
+        return self._pace is None or self._pace.begin(now, force=force or self._held.event is None)
 
     def show(self, dirty: NDArray[np.bool_], event: Event, now: float) -> NDArray[np.bool_]:
         """Bring the framelet to `event`, after the dirty tiles of `source` changed.

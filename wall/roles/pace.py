@@ -16,8 +16,8 @@ class Pace:
         self._due = -math.inf
 
     def begin(self, now: float, *, force: bool = False) -> bool:
-        """Whether it may happen now; then the next time is a period later. `force`: it may."""
+        """Whether it happens now; then the next time is a period later. `force`: it does, due or not."""
         if not force and now < self._due - self._early:
             return False
-        self._due = max(self._due, now - self._early) + self.period
+        self._due = (now if force else max(self._due, now)) + self.period
         return True

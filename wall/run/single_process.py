@@ -76,6 +76,7 @@ class SingleProcess:
         return self._traced() - traced
 
     def _waits(self) -> bool:
+        """Whether a layer's rate lets somebody trace later."""
         now = self.clock.now()
         return any(region.waits(now) for role in self._roles for region in role.regions)
 
@@ -92,8 +93,10 @@ class SingleProcess:
 
     def until_complete(self) -> list[PanelImage]:
         """Step under the present event until every renderer has nothing left to do."""
-        while self.step() or self._waits():
-            pass
+        rests = False
+        while not rests:
+            waited = self._waits()
+            rests = not self.step() and not waited
         self.clock.advance(self._refresh_s)
         self._turn()
         return list(self.composition.shown()[0].images())

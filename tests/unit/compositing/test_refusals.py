@@ -9,6 +9,7 @@ PNG = "id: png, op: sink, kind: png, input: "
 S0, P0, S1, P1, W, _ = WHOLE
 ORDERED = tuple(line.replace("transparent", "transparent, order: 1") for line in (*CLEAR0, *CLEAR1))
 TWO = "  compositors: 2\n"
+FRAMED = "sampling: {method: framed}\n"
 
 STRUCTURE = {
     "a circle": (
@@ -105,6 +106,33 @@ RANKS = {
         nodes(*WHOLE, head="  compositors: 3\n"),
         "6:16: graph.compositors = 3: compositor 2 has nothing to do; "
         "accepted: nodes with `on` for each compositor, or fewer",
+    ),
+}
+LAYERS = {
+    "a layer as fast as its view": (
+        nodes(S0, f"{P0}, refresh_hz: 60", *WHOLE[2:]),
+        "8:56: graph.nodes[1].refresh_hz = 60: view main is shown at 60 Hz; "
+        "accepted: below 60, or no refresh_hz: at every refresh",
+    ),
+    "a slow layer in lock step": (
+        nodes(S0, f"{P0}, refresh_hz: 10", *WHOLE[2:], head="  sync: frame\n") + FRAMED,
+        "9:56: graph.nodes[1].refresh_hz = 10: in lock step all layers of a frame are of one moment; "
+        "accepted: no refresh_hz, or sync: none",
+    ),
+    "few samples in lock step": (
+        nodes(f"{S0}, refresh_hz: 10", *WHOLE[1:], head="  sync: frame\n") + FRAMED,
+        "8:54: graph.nodes[0].refresh_hz = 10: in lock step all layers of a frame are of one moment; "
+        "accepted: no refresh_hz, or sync: none",
+    ),
+    "few samples of a progressive image": (
+        nodes(f"{S0}, refresh_hz: 10", *WHOLE[1:]) + "sampling: {method: progressive}\n",
+        "7:54: graph.nodes[0].refresh_hz = 10: the sampling method progressive begins anew at every input, at a rate "
+        "of its own; accepted: no refresh_hz, or another method",
+    ),
+    "more pixels than the panel has": (
+        nodes(f"{S0}, scale: 1.5", *WHOLE[1:]),
+        "7:49: graph.nodes[0].scale = 1.5: is too large; accepted: a number above 0 to 1 (pixels that are traced, a share of "
+        "the panel's in each direction; its reconstruct node enlarges)",
     ),
 }
 PLACEMENT = {
@@ -269,7 +297,7 @@ CHANNELS["depths of a panel cut out of two compositors' panels"] = (
     "14:35: graph.nodes[6].inputs[0] = 'c': is cut out of panels of several compositors, which show different times; "
     "accepted: the panel's own node, or sync: frame",
 )
-ALL = STRUCTURE | RANKS | PLACEMENT | PIXELS | CHANNELS
+ALL = STRUCTURE | RANKS | LAYERS | PLACEMENT | PIXELS | CHANNELS
 
 
 @pytest.mark.parametrize("what", ALL)

@@ -34,6 +34,7 @@ RANKS = {
     "graphs/compositor_a_panel": 5,
     "graphs/compositor_tree": 11,
     "graphs/hybrid": 5,
+    "graphs/layers": 3,
     "graphs/lock_step": 5,
     "graphs/mixed_sinks": 3,
     "graphs/see_through": 3,
@@ -99,7 +100,8 @@ def test_shipped_configuration_resolves_to_regions_of_every_pixel(path: Path) ->
         views[view.id] = view
 
     assert graph.compositors + graph.renderers == RANKS[shipped_name(path)]
-    pixels = sum(math.prod(wall.viewports[layer.panel].pixels) for layer in graph.layers)
+    wall = graph.with_panels_of_layers(wall)
+    pixels = sum(math.prod(wall.traced[layer.traced].pixels) for layer in graph.layers)
     assert {layer.panel for layer in graph.layers} == {v.index for v in wall.viewports if v.view != NO_VIEW}
     assert sum(region.rect.area for regions in graph.regions(wall) for region in regions) == pixels
     assert all(view.camera_at(1.5) == view.camera_at(1.5) for view in views.values())

@@ -11,7 +11,7 @@ import numpy as np
 from wall.commands.drawing.model import TIMES, TO, Box, Diagram, Edge, Process, Role, Screen
 from wall.commands.drawing.traffic import bytes_a_sample, framelet_traffic, samples_traffic, si
 from wall.compositing.graph import Graph, Layer, Step
-from wall.config.graph import FrameSync, SinkNode
+from wall.config.graph import FrameSync, ReconstructNode, SinkNode
 from wall.core.data import Float64
 from wall.geometry.eyes import eye_of, standing_eye
 from wall.geometry.panels import Panel
@@ -137,7 +137,10 @@ def _samples_box(layout: Layout, layer: Layer) -> Box:
     """The box of a layer's samples."""
     process, panel = _ranks_key(layer.ranks), layout.wall.viewports[layer.panel]
     share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
-    return Box(id=layer.samples, op="samples", detail=f"{panel.id}{share}, {process}", process=process, source=True)
+    scale = "" if layer.scale == 1.0 else f" {TIMES} {layer.scale:g}"
+    rate = "" if layer.samples_hz is None else f", {layer.samples_hz:g} Hz"
+    detail = f"{panel.id}{share}{scale}{rate}, {process}"
+    return Box(id=layer.samples, op="samples", detail=detail, process=process, source=True)
 
 
 def _step_box(step: Step) -> Box:
@@ -146,6 +149,8 @@ def _step_box(step: Step) -> Box:
     if isinstance(node, SinkNode):
         return Box(id=node.id, op=f"{node.kind} sink", detail="", process=process, sink=True)
     size = f"{step.rect.width} {TIMES} {step.rect.height} px"
+    if isinstance(node, ReconstructNode) and node.refresh_hz is not None:
+        size += f", {node.refresh_hz:g} Hz"
     return Box(id=node.id, op=node.op_name, detail=size, process=process, source=not node.sources)
 
 
