@@ -131,8 +131,8 @@ LAYERS = {
     ),
     "more pixels than the panel has": (
         nodes(f"{S0}, scale: 1.5", *WHOLE[1:]),
-        "7:49: graph.nodes[0].scale = 1.5: is too large; accepted: a number above 0 to 1 (pixels that are traced, a share of "
-        "the panel's in each direction; its reconstruct node enlarges)",
+        "7:49: graph.nodes[0].scale = 1.5: is too large; accepted: a number above 0 to 1 (pixels that are traced, "
+        "a share of the panel's in each direction; its reconstruct node enlarges)",
     ),
 }
 PLACEMENT = {

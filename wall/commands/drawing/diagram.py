@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -137,10 +138,9 @@ def _samples_box(layout: Layout, layer: Layer) -> Box:
     """The box of a layer's samples."""
     process, panel = _ranks_key(layer.ranks), layout.wall.viewports[layer.panel]
     share = "" if layer.range is None else f" {layer.range[0]:.0%}{TO}{layer.range[1]:.0%}"
-    scale = "" if layer.scale == 1.0 else f" {TIMES} {layer.scale:g}"
-    rate = "" if layer.samples_hz is None else f", {layer.samples_hz:g} Hz"
-    detail = f"{panel.id}{share}{scale}{rate}, {process}"
-    return Box(id=layer.samples, op="samples", detail=detail, process=process, source=True)
+    op = "samples" if layer.scale == 1.0 else f"samples {TIMES} {layer.scale:g}"
+    op += "" if layer.samples_hz is None else f", {layer.samples_hz:g} Hz"
+    return Box(id=layer.samples, op=op, detail=f"{panel.id}{share}, {process}", process=process, source=True)
 
 
 def _step_box(step: Step) -> Box:
@@ -161,6 +161,12 @@ def _share(layout: Layout, layer: Layer) -> float:
     return views[layer.view].weight / sum(weights)
 
 
+def _most_samples(layout: Layout, layer: Layer) -> float:
+    """Samples a second that each of a layer's ranks may trace at most."""
+    width, height = layout.wall.traced[layer.traced].pixels
+    return math.inf if layer.samples_hz is None else layer.samples_hz * width * height / len(layer.ranks)
+
+
 def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterator[Edge]:
     """Every edge. A framelet is sent to a process once: the first edge has its bytes, others to that process none."""
     graph, refresh_hz = layout.graph, layout.config.views[0].refresh_hz
@@ -170,7 +176,8 @@ def _edges(layout: Layout, samples_per_s: float, sample_bytes: float) -> Iterato
         for name in step.node.sources:
             if name in layers:
                 share = _share(layout, layers[name])
-                amount = samples_traffic(len(layers[name].ranks), share * samples_per_s, sample_bytes)
+                most = _most_samples(layout, layers[name])
+                amount = samples_traffic(len(layers[name].ranks), min(share * samples_per_s, most), sample_bytes)
                 yield Edge(start=name, end=step.node.id, bytes_per_s=amount, crosses=True)
                 continue
             giver = graph.step(name)
