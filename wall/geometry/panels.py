@@ -208,12 +208,12 @@ def of_fewer_pixels(panel: Panel, scale: float) -> Panel:
     if scale == 1.0:
         return panel
     width, height = (max(1, round(scale * pixels)) for pixels in panel.pixels)
+    across, down = panel.pixels[0] / width, panel.pixels[1] / height
     plane = Plane(
-        origin=panel.plane.point(*panel.screen),
-        per_x=panel.plane.per_x * (panel.pixels[0] / width),
-        per_y=panel.plane.per_y * (panel.pixels[1] / height),
+        origin=panel.plane.point(*panel.screen), per_x=panel.plane.per_x * across, per_y=panel.plane.per_y * down
     )
-    return replace(panel, pixels=(width, height), plane=plane, screen=(0, 0), span=(width, height))
+    scan = panel.scan and replace(panel.scan, per_x=panel.scan.per_x * across, per_y=panel.scan.per_y * down)
+    return replace(panel, pixels=(width, height), plane=plane, screen=(0, 0), span=(width, height), scan=scan)
 
 
 def widened(corners: Float64, frame: SidesConfig, times: float) -> Float64:

@@ -166,9 +166,9 @@ def _layers(plan: Plan, tracer_scene: TracerScene) -> None:
     layout, known = plan.layout, set()
     for layer in layout.graph.layers:
         step = layout.graph.step(layer.node)
-        scene = plan.scene_of(layer.view)
-        kind = (step.channels, step.encoded, layer.transparent, layer.reprojects, id(scene))
-        if kind in known or (step.encoded and step.channels == {"colour"}):
+        scene, apart = plan.scene_of(layer.view), (layer.scale < 1.0, layer.refresh_hz is not None)
+        kind = (step.channels, step.encoded, layer.transparent, layer.reprojects, id(scene), apart)
+        if kind in known or (step.encoded and step.channels == {"colour"} and not any(apart)):
             continue
         known.add(kind)
         panel = PanelCompositor(plan, layer.index, reconstruction="cpu")
@@ -180,6 +180,12 @@ def _layers(plan: Plan, tracer_scene: TracerScene) -> None:
         if packet := worker.step(event):
             panel.insert(decode(packet))
         panel.refresh(event, 0.0)
+        if layer.refresh_hz is not None:
+            x, y, z = event.camera.position
+            camera = replace(event.camera, position=(x, y + 1e-3, z))
+            panel.refresh(
+                replace(event, camera_event=event.camera_event + 1, camera=camera), 0.0
+            )  # not reconstructed yet, but moved
         if panel.framelet.depth is not None:
             Timewarp(plan)(panel.framelet, event, layer.panel)
 

@@ -61,7 +61,7 @@ def levels(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
     for box in boxes:
         level[box.id] = max((level[name] + 1 for name in inputs[box.id]), default=0)
     for box in boxes:
-        if not inputs[box.id] and box.op != "samples" and users[box.id]:
+        if not inputs[box.id] and not box.op.startswith("samples") and users[box.id]:
             level[box.id] = min(level[name] for name in users[box.id]) - 1
     return level
 
