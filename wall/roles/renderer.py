@@ -80,6 +80,10 @@ class Renderer:
         """Whether nothing is missing under the newest events."""
         return all(region.complete for region in self.regions)
 
+    def waits(self, now: float) -> bool:
+        """Whether a region has traced as many samples by now as its layer may have."""
+        return any(region.waits(now) for region in self.regions)
+
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in the newest event, what a worker has traced, what was dropped, who is in the run."""
         if isinstance(message, Traced):

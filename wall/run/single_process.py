@@ -57,16 +57,13 @@ class SingleProcess:
             self.layers |= image.composition.layers if image is not None else {}
         compositor = Compositor(on_one_rank(plan), hello_of(HEAD), ready=lambda _: True)
         self.composition = compositor.composition
-        rates = [layer.refresh_hz for layer in plan.layout.graph.layers if layer.refresh_hz is not None]
-        self._refresh_s = 1.0 / min([*rates, *(view.refresh_hz for view in plan.views)])
+        layers = plan.layout.graph.layers
+        self._refresh_s = max(1.0 / (layer.refresh_hz or plan.views[layer.view].refresh_hz) for layer in layers)
         self.layers |= self.composition.layers
         self._compositor = Loop(compositor, self._wire, self.clock, sinks=[None] * len(self.composition.shown()))
 
     def step(self) -> int:
-        """One batch of every worker, shown if a refresh is due.
-
-        Returns samples traced; 0: the image is complete, unless a layer's rate lets nobody trace now.
-        """
+        """One batch of every worker, shown if a refresh is due. Returns samples traced; 0: it is complete, or waits."""
         traced = self._traced()
         for loop in (self._compositor, *self._renderers):
             for event in (self.event, *self.other_events):
@@ -74,11 +71,6 @@ class SingleProcess:
         self._turn()
         self.clock.advance(BATCH_SECONDS)
         return self._traced() - traced
-
-    def _waits(self) -> bool:
-        """Whether a layer's rate lets somebody trace later."""
-        now = self.clock.now()
-        return any(region.waits(now) for role in self._roles for region in role.regions)
 
     def _traced(self) -> int:
         return sum(role.done.samples for role in self._roles)
@@ -93,10 +85,10 @@ class SingleProcess:
 
     def until_complete(self) -> list[PanelImage]:
         """Step under the present event until every renderer has nothing left to do."""
-        rests = False
-        while not rests:
-            waited = self._waits()
-            rests = not self.step() and not waited
+        waits = traced = True
+        while waits or traced:
+            waits = any(role.waits(self.clock.now()) for role in self._roles)
+            traced = self.step() > 0
         self.clock.advance(self._refresh_s)
         self._turn()
         return list(self.composition.shown()[0].images())
