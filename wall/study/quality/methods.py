@@ -13,9 +13,11 @@ from wall.study.quality import (
     methods_progressive,
     methods_reduced,
     methods_render_cache,
+    methods_shading_cache,
     methods_streams,
     methods_svgf,
     methods_taa,
+    methods_tapestry,
 )
 from wall.study.quality.method import Method, Setup
 
@@ -28,6 +30,8 @@ FACTORIES: dict[str, Callable[[Setup], Method]] = {
     **methods_svgf.METHODS,
     **methods_render_cache.METHODS,
     **methods_afr.METHODS,
+    **methods_tapestry.METHODS,
+    **methods_shading_cache.METHODS,
     **methods_streams.METHODS,
 }
 METHODS: tuple[str, ...] = tuple(FACTORIES)

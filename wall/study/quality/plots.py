@@ -29,6 +29,8 @@ COLOURS = {
     "best reduced": "#e69f00",
     "render cache": "#9467bd",
     "AFR 2005": "#8c6d5a",
+    "Tapestry": "#17becf",
+    "Shading Cache": "#d62728",
 }
 STREAMED = {
     "stream_raw": "#59636e",
@@ -38,7 +40,14 @@ STREAMED = {
     "stream_h264": "#1a7f6b",
     "stream_h264_fine": "#6639ba",
 }  # shown where bytes are: elsewhere they coincide with ours
-FAMILIES = {"best TAA": "taa_", "best reduced": "reduced_", "render cache": "render_cache", "AFR 2005": "afr2005"}
+FAMILIES = {
+    "best TAA": "taa_",
+    "best reduced": "reduced_",
+    "render cache": "render_cache",
+    "AFR 2005": "afr2005",
+    "Tapestry": "tapestry",
+    "Shading Cache": "shading_cache",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

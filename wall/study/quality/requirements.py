@@ -24,7 +24,14 @@ from wall.study.quality.traffic import Rest, Traffic, at_rest, traffic
 
 EQUAL_ERROR = 40.0  # times faster that framed must be
 AT_REST_S = 2.0  # after everything stopped, an image is held against the progressive renderer's
-RIVALS = ("taa_", "reduced_", "render_cache", "afr2005")  # of "best other": all must have run on all scenes
+RIVALS = (
+    "taa_",
+    "reduced_",
+    "render_cache",
+    "afr2005",
+    "tapestry",
+    "shading_cache",
+)  # of "best other": all must have run on all scenes
 BYTES_A_SAMPLE = 7.0  # at most, while something moves
 OF_RAW = 0.25  # of the bytes of raw frames, at most
 OF_RAW_AT = (256, 256, 60.0, 400_000.0)  # width, height, refreshes and rays a second that OF_RAW is about
