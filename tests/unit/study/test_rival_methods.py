@@ -16,13 +16,21 @@ from wall.core.data import Camera, Float32, Float64
 from wall.deepbuffer.kernels.reproject import pixel_of, position_of
 from wall.geometry.frusta import project
 from wall.roles.plan import make_layout, make_plan
-from wall.study.quality import methods_afr, methods_reduced, methods_render_cache, methods_taa
-from wall.study.quality.baseline import FramedMethod, world_maps
+from wall.study.quality import (
+    methods_afr,
+    methods_reduced,
+    methods_render_cache,
+    methods_shading_cache,
+    methods_taa,
+    methods_tapestry,
+)
+from wall.study.quality.baseline import FramedMethod, FramelessMethod, world_maps
 from wall.study.quality.method import INPUT_STEP_S, Inputs, Method, Setup
 from wall.tracing.tracer_scene import make_tracer_scene
 
 FRAMED = {**methods_taa.METHODS, **methods_reduced.METHODS}
-FRAMELESS = {**methods_render_cache.METHODS, **methods_afr.METHODS}
+MESHES = {**methods_tapestry.METHODS, **methods_shading_cache.METHODS}
+FRAMELESS = {**methods_render_cache.METHODS, **methods_afr.METHODS, **MESHES}
 CROSSHAIR = 6  # rays that are chosen together
 REFRESH_HZ = 60.0
 WIDTH, HEIGHT = 48, 32
@@ -117,7 +125,7 @@ def test_equal_setups_show_equal_images_of_finite_light(name: str, setup: MakeSe
 
 
 @pytest.mark.usefixtures("compiled_only")
-@pytest.mark.parametrize("name", ["taa_half", "reduced_64", "render_cache", "afr2005"])
+@pytest.mark.parametrize("name", ["taa_half", "reduced_64", "render_cache", "afr2005", "tapestry", "shading_cache"])
 def test_a_method_told_how_many_rays_to_spend_spends_those(name: str, setup: MakeSetup) -> None:
     method = (FRAMED | FRAMELESS)[name](setup(CAMERA_ORBITS))
     method.advance(0.1, rays=700)
@@ -170,7 +178,7 @@ def test_the_warp_takes_away_most_of_a_frames_lateness(moves: tuple[str, str], s
 
 
 @pytest.mark.usefixtures("compiled_only")
-@pytest.mark.parametrize("name", ["render_cache", "afr2005"])
+@pytest.mark.parametrize("name", ["render_cache", "afr2005", "tapestry"])
 def test_points_of_objects_follow_them_and_points_of_the_world_do_not(name: str, setup: MakeSetup) -> None:
     given, errors = setup(THE_FLOOR_TURNS), {}
     for space in (name, f"{name}_object"):
@@ -187,6 +195,59 @@ def test_where_only_the_camera_moves_points_of_objects_gain_nothing(name: str, s
     near = run(FRAMELESS[name.removesuffix("_object")](given), 0.2)
     ours = run(FRAMELESS[name](given), 0.2)
     assert abs(error(given, near, 0.2) - error(given, ours, 0.2)) < 0.1 * error(given, ours, 0.2)
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", MESHES)
+def test_a_mesh_of_a_still_scene_converges(name: str, setup: MakeSetup) -> None:
+    given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ)
+    method = MESHES[name](given)
+    one, many = error(given, method.show(0.0), 0.0), error(given, run(method, 0.4), 0.0)
+    assert many < 0.75 * one
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", ["tapestry_object", "shading_cache"])
+@pytest.mark.parametrize("moves", [CAMERA_ORBITS, THE_FLOOR_TURNS], ids=["camera", "object"])
+def test_a_mesh_is_seen_from_where_the_camera_is_now(name: str, moves: tuple[str, str], setup: MakeSetup) -> None:
+    given = setup(moves)
+    late = methods_reduced.reduced(methods_reduced.FULL_ROWS, setup(moves, rate=1.0))
+    method = MESHES[name](given)
+    late.advance(0.1)
+    method.advance(0.1, rays=0)  # only the free image's samples, 0.1 s old
+    assert error(given, method.show(0.1), 0.1) < 0.9 * error(given, late.show(0.1), 0.1)
+
+
+@pytest.mark.usefixtures("compiled_only")
+@pytest.mark.parametrize("name", ["tapestry_object", "shading_cache"])
+def test_a_mesh_of_a_view_without_objects_shows_the_sky(name: str, setup: MakeSetup) -> None:
+    given = setup(NOTHING_MOVES)
+    view, far = given.plan.view, np.array([1e5, 0.0, 0.0])
+    away = replace(view, still=shifted(view.still, far), target=view.target + far)
+    there = replace(given, plan=replace(given.plan, views=(away,)))
+    method = MESHES[name](there)
+    shown = run(method, 0.1)
+    assert 2000 - CROSSHAIR < method.rays <= 2000
+    assert np.isfinite(shown).all()
+    np.testing.assert_allclose(shown, MESHES[name](there).show(0.0), atol=0.02)
+    assert error(there, shown, 0.0) < 0.01
+
+
+@pytest.mark.usefixtures("compiled_only")
+def test_a_full_shading_cache_starts_over_from_the_scenes_own_vertices(
+    setup: MakeSetup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given = setup(NOTHING_MOVES)
+    monkeypatch.setattr(methods_shading_cache, "FULL", 1e-6)  # every image finds it full
+    cache = methods_shading_cache.ShadingCache(given)
+    method = FramelessMethod(given, cache)
+    roots = len(cache._patches.turn)
+    method.advance(0.1, rays=2000)
+    assert cache._patches.counts[0] > roots
+    shown = method.show(0.1)
+    assert cache._patches.counts[0] == roots
+    assert (cache._patches.child[:roots] == -1).all()
+    assert np.isfinite(shown).all()
 
 
 def test_world_points_far_from_the_origin_are_projected_as_exactly_as_near_ones(setup: MakeSetup) -> None:

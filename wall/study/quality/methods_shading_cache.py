@@ -115,7 +115,7 @@ class ShadingCache:
         image_kernels.shade(self._points, patches, self._values, self._image, self._priority, self._seen)
         if not self._image[:, :, 3].all():
             fill_holes(self._image)
-        self._wanted, self._since = max(self._since, 1), 0
+        self._wanted, self._since = self._since or self._wanted, 0
         self._plan()
         return self._image[:, :, :3]
 

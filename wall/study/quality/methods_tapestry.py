@@ -109,7 +109,7 @@ class Tapestry:
         kernels.average(self._points, self._image)
         if not self._image[:, :, 3].all():
             fill_holes(self._image)
-        self._wanted, self._since = max(self._since, 1), 0
+        self._wanted, self._since = self._since or self._wanted, 0
         self._plan()
         return self._image[:, :, :3]
 

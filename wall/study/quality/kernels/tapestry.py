@@ -308,7 +308,11 @@ def average(points, image):
             for k in range(SUBPIXELS * i, SUBPIXELS * (i + 1)):
                 for m in range(SUBPIXELS * j, SUBPIXELS * (j + 1)):
                     for n in range(4):
-                        image[i, j, n] += points[k, m, n] * share
+                        image[i, j, n] += points[k, m, n]
+            scale = ONE / max(image[i, j, 3], ONE)
+            for n in range(3):
+                image[i, j, n] *= scale
+            image[i, j, 3] *= share
 
 
 @kernel
