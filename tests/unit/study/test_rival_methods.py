@@ -198,12 +198,12 @@ def test_where_only_the_camera_moves_points_of_objects_gain_nothing(name: str, s
 
 
 @pytest.mark.usefixtures("compiled_only")
-@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("name", ["tapestry", "shading_cache_untextured"])
 def test_a_mesh_of_a_still_scene_converges(name: str, setup: MakeSetup) -> None:
     given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ)
     method = MESHES[name](given)
-    one, many = error(given, method.show(0.0), 0.0), error(given, run(method, 0.4), 0.0)
-    assert many < 0.75 * one
+    one, many = error(given, method.show(0.0), 0.0), error(given, run(method, 0.2), 0.0)
+    assert many < 0.6 * one
 
 
 @pytest.mark.usefixtures("compiled_only")

@@ -117,7 +117,7 @@ def middle_of(patches, a, b):
     )  # fmt: skip
     low, high = min(a, b), max(a, b)
     mask = middles.shape[0] - 1
-    slot = (low * 73856093 ^ high * 19349663) & mask
+    slot = (np.int64(low) * 73856093 ^ np.int64(high) * 19349663) & mask
     while middles[slot, 2] >= 0:
         if middles[slot, 0] == low and middles[slot, 1] == high:
             return middles[slot, 2]
