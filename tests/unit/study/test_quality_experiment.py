@@ -288,6 +288,8 @@ def test_names_are_picked_by_patterns_and_rates_by_words() -> None:
     assert command.methods_of("framed,*_x1?", clock="virtual") == ("framed", "framed_x10")
     assert command.rates_of("100k,4e5,1.5M,400000") == (1e5, 4e5, 1.5e6)
     assert "framed_x10" not in command.methods_of("", clock="cpu")
+    assert not any("tapestry" in name for name in command.methods_of("", clock="virtual"))
+    assert command.methods_of("tapestry", clock="virtual") == ("tapestry",)
     assert not [method for method in command.methods_of("", clock="virtual") if ":" in method]
     assert set(command.methods_of("*", clock="virtual")) == set(METHODS)
 

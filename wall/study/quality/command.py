@@ -10,6 +10,7 @@ from wall.core.jit import PACKAGE
 from wall.study import options
 from wall.study.options import cores_of as cores_of
 from wall.study.quality.methods import METHODS
+from wall.study.quality.methods_tapestry import METHODS as TAKE_HOURS
 from wall.study.quality.methods_streams import absent
 from wall.study.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
@@ -39,7 +40,7 @@ def _own(name: str) -> Path:
 
 
 def methods_of(text: str, *, clock: str) -> tuple[str, ...]:
-    """Methods by name or pattern; without any, all but the ablations, as far as the clock knows them.
+    """Methods by name or pattern; without any, all but the ablations and Tapestry, as far as the clock knows them.
 
     Patterns leave out what cannot run here. Raises ConfigError for a name that is unknown, or is of such a method.
     """
@@ -48,7 +49,8 @@ def methods_of(text: str, *, clock: str) -> tuple[str, ...]:
         if named := next((word for word in map(str.strip, text.split(",")) if word in absent()), None):
             raise ConfigError(f"--methods {named}: {absent()[named]}")
         return options.picked("--methods", text, here)
-    return tuple(name for name in here if ":" not in name and not (clock == "cpu" and name in NO_RATE_OF_ITS_OWN))
+    usual = (name for name in here if ":" not in name and name not in TAKE_HOURS)
+    return tuple(name for name in usual if not (clock == "cpu" and name in NO_RATE_OF_ITS_OWN))
 
 
 def rates_of(text: str) -> tuple[float, ...]:
