@@ -20,6 +20,7 @@ from wall.sampling.ownership import block_order
 from wall.scene.build import Scene, assemble
 from wall.scene.builtin.shapes import sphere
 from wall.scene.model import (
+    Cut,
     DirectionalLight,
     Instance,
     Light,
@@ -115,7 +116,8 @@ def with_every_feature(scene: Scene) -> Scene:
     """A still scene that looks the same, for a tracer that has every feature: numba compiles one for each set of them.
 
     Far below, away from all else, lie a small dark object with every texture, vertex colours and smooth normals, which
-    shines a little and is in part glass that absorbs, and a pane of thin glass; every kind of light is there, black.
+    shines a little and is in part glass that absorbs, and a pane of thin glass; every kind of light is there, black,
+    and a cut that is not enabled.
     The sky stays a sky, and an environment an environment.
     """
     first, texel = len(scene.textures), np.full((2, 2, 3), 9, np.uint8)
@@ -139,7 +141,8 @@ def with_every_feature(scene: Scene) -> Scene:
         DirectionalLight(direction=up, irradiance=BLACK),
         DirectionalLight(direction=up, irradiance=BLACK, angular_diameter=1.0),
     )
-    return assemble(
+    cuts = scene.cuts or (Cut(position=below, normal=up, enabled=False),)
+    whole = assemble(
         Source(
             meshes=(*scene.meshes, square, pane),
             materials=(*scene.materials, dark, thin),
@@ -151,6 +154,7 @@ def with_every_feature(scene: Scene) -> Scene:
             path_depth=scene.path_depth,
         )
     )
+    return replace(whole, cuts=cuts)
 
 
 def moved_scene(scene: Scene, by: Triple) -> Scene:

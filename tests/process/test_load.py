@@ -31,24 +31,33 @@ def begun(tmp_path: Path) -> Iterator[list[subprocess.Popen[str]]]:
             process.kill()
 
 
+def of_two_panels(folder: Path, **changes: object) -> Path:
+    """A wall with a page."""
+    config = write_config(folder, columns=2, **changes)
+    config.write_text(config.read_text().replace("sinks: [png]", SINKS))
+    return config
+
+
 def another(config: Path, folder: Path) -> Path:
-    """A configuration of the same displays: nearer, under another sky, with an inset of a second view."""
+    """A configuration of the same displays: nearer, under another sky, with an adaptive inset of a second view."""
     text = config.read_text()
     text = text.replace("source: courtyard", "source: courtyard, sky: {zenith: [0.9, 0.5, 0.1]}")
     text = text.replace("position: [6, 4.5, 10]", "position: [3, 2.5, 5]")
-    inset = "{id: map, viewport: {left: 0.05, top: 0.05, width: 0.25, height: 0.4}, "
-    text = text.replace("views: [", "views: [\n").replace(
-        "}]\nsampling",
-        "},\n" + inset + "camera: {position: [0.01, 12, 0], target: [0, 0, 0]}, refresh_hz: 5}]\nsampling",
+    inset = (
+        "  {id: map, viewport: {left: 0.05, top: 0.05, width: 0.25, height: 0.4}, refresh_hz: 5,\n"
+        "  camera: {position: [0.01, 12, 0], target: [0, 0, 0]}, sampling: {method: adaptive, samples_per_pixel: 2}}]"
     )
     found = folder / "another.yaml"
-    found.write_text(text)
+    found.write_text(text.replace("}]\nsampling", "},\n" + inset + "\nsampling"))
     return found
 
 
-def fresh(config: Path, folder: Path) -> NDArray[np.int16]:
-    """What a new run of a configuration shows at rest: its panels side by side."""
-    done = wall("run", config, "--headless", "--until-complete", "--seconds", 30, "--out", folder)
+@pytest.fixture(scope="module")
+def wanted(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.int16]:
+    """What a new run of `another` shows at rest: its panels side by side."""
+    folder = tmp_path_factory.mktemp("fresh")
+    config = another(of_two_panels(folder), folder)
+    done = wall("run", config, "--headless", "--until-complete", "--seconds", 60, "--out", folder)
     assert done.returncode == 0, done.stderr
     return np.concatenate(panels(folder), axis=1).astype(np.int16)
 
@@ -58,24 +67,23 @@ def of_panels(picture: NDArray[np.int16]) -> NDArray[np.int16]:
     return np.concatenate([picture[:, :64], picture[:, -64:]], axis=1)
 
 
-def until_alike(address: str, wanted: NDArray[np.int16], most: int) -> None:
-    """Wait until no byte of the wall's panels differs by more from what is wanted."""
+def until_alike(address: str, wanted: NDArray[np.int16]) -> None:
+    """Wait until panels are as wanted: a byte differs by 1 at most, in the adaptive inset by 8."""
     limit = time.monotonic() + PICTURE_S
     while True:
         apart = np.abs(of_panels(shown(address)) - wanted)
-        if apart.max() <= most:
+        noisy = (apart > 1).any(-1).mean()  # the inset has a tenth of the pixels
+        if apart.max() <= 8 and noisy < 0.05:
             return
-        assert time.monotonic() < limit, apart.max()
+        assert time.monotonic() < limit, (apart.max(), noisy)
         time.sleep(0.1)
 
 
 def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_processes_cannot_become(
-    tmp_path: Path, begun: list[subprocess.Popen[str]]
+    tmp_path: Path, begun: list[subprocess.Popen[str]], wanted: NDArray[np.int16]
 ) -> None:
-    config = write_config(tmp_path, columns=2)
-    config.write_text(config.read_text().replace("sinks: [png]", SINKS))
+    config = of_two_panels(tmp_path)
     second = another(config, tmp_path)
-    wanted = fresh(second, tmp_path / "fresh")
     process = start("run", config, "--still", "--watch", "--out", tmp_path / "OUT", "--seconds", 200)
     begun.append(process)
     address = page_of(process)
@@ -85,8 +93,7 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
         run.set({"exposure": 0, "sky.zenith": None})
     done = wall("load", second, "--out", tmp_path / "OUT")
     assert (done.returncode, done.stdout.split("adopted")[-1]) == (0, ", by edit 3\n"), done.stderr
-    until_alike(address, wanted, 1)
-    now = until(address, first)
+    until_alike(address, wanted)
 
     broken = tmp_path / "broken.yaml"
     for was, becomes, says in (
@@ -102,10 +109,10 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
             run.load(tmp_path / "nosuch.yaml")
         with pytest.raises(EditError, match="version: is missing"):
             run.load("scene: {source: courtyard}\n")
-    assert np.array_equal(shown(address), now)
+    until_alike(address, wanted)
 
     config.write_text(config.read_text() + "# saved again\n")
-    until_alike(address, of_panels(first), 1)
+    until_alike(address, of_panels(first))
     process.terminate()
     said, _ = process.communicate(timeout=20)
     assert process.returncode == 0
@@ -115,19 +122,17 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
 
 
 def test_ranks_of_mpirun_and_a_remote_compositor_go_over_together(
-    tmp_path: Path, begun: list[subprocess.Popen[str]]
+    tmp_path: Path, begun: list[subprocess.Popen[str]], wanted: NDArray[np.int16]
 ) -> None:
-    config = write_config(tmp_path, columns=2, compositors=2, method="adaptive")
-    config.write_text(config.read_text().replace("sinks: [png]", SINKS))
+    config = of_two_panels(tmp_path, compositors=2)
     second = another(config, tmp_path)
-    wanted = fresh(second, tmp_path / "fresh")
     process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 200, launcher=mpirun(4))
     begun.append(process)
     address = page_of(process)
     shown(address)
     with connect(tmp_path / "OUT") as run:
         run.load(second)
-    until_alike(address, wanted, 8)
+    until_alike(address, wanted)
 
 
 def test_a_recorded_run_keeps_its_configuration(tmp_path: Path, begun: list[subprocess.Popen[str]]) -> None:

@@ -80,7 +80,8 @@ def test_keyframes_move_a_plane_and_between_opposite_normals_it_cuts_nothing() -
 
     moving = track("cuts.0.position", (0.0, 0.0, 0.0), (0.0, 0.0, 4.0))
     turning = track("cuts.0.normal", (0.0, 0.0, 1.0), (0.0, 0.0, -1.0))
-    scene = with_checked_tracks(replace(SCENE, parameter_tracks=tracks_of([moving, turning])))
+    moved = replace(SCENE, parameter_tracks=tracks_of([moving, turning]))
+    scene = with_checked_tracks(moved, parameters_of(moved))
     assert scene.shading(0.25).cuts[0] == Cut(position=(0.0, 0.0, 1.0), normal=(0.0, 0.0, 0.5))
     assert not planes_of(scene.shading(0.5).cuts, np.zeros(3))[0, :3].any()
     assert needs(scene).cuts

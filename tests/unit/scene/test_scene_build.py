@@ -182,6 +182,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         interfaces=False,
         emitters=False,
         relighting=True,
+        cuts=False,
     )
     plain = needs(configured(house, source="house.obj"))
     assert describe(plain) == (

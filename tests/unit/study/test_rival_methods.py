@@ -203,7 +203,7 @@ def test_a_mesh_of_a_still_scene_converges(name: str, setup: MakeSetup) -> None:
     given = setup(NOTHING_MOVES, rate=WIDTH * HEIGHT * REFRESH_HZ)
     method = MESHES[name](given)
     one, many = error(given, method.show(0.0), 0.0), error(given, run(method, 0.2), 0.0)
-    assert many < 0.6 * one
+    assert many < 0.7 * one
 
 
 @pytest.mark.usefixtures("compiled_only")
