@@ -58,7 +58,7 @@ def pictures(running: SingleProcess, steps: int | None = None) -> list[Picture]:
     return [image.rgb.copy() for image in running.composition.shown()[0].images()]
 
 
-@pytest.mark.parametrize(("method", "steps"), [("framed", None), ("adaptive", 40)])
+@pytest.mark.parametrize(("method", "steps"), [("framed", None), ("adaptive", 12)])
 def test_a_view_has_the_bits_that_it_has_alone(
     laid: TracerScene, compiled_only: None, method: str, steps: int | None
 ) -> None:

@@ -189,7 +189,7 @@ def test_needs_of_the_courtyard_and_of_a_plain_model(house: Path) -> None:
         "compiled in: directional lights; left out: textures, metallic roughness textures, emission textures, normal "
         "textures, texture edges, uv sets, alpha, vertex colors, smooth normals, mirrors, point lights, spot lights, "
         "suns, environment, instancing, animation, emission, change detection, paths, occlusion, thin glass, "
-        "absorption, interfaces, emitters, relighting"
+        "absorption, interfaces, emitters, cuts, relighting"
     )
 
 
