@@ -49,7 +49,12 @@ def quality(
     ] = None,
     scenes: Annotated[str, typer.Option(help="Of them only these, such as orbit,light")] = "",
     methods: Annotated[
-        str, typer.Option("--methods", "--arms", help="Only these, such as framed,adaptive or 'taa_*'; left out: all but Tapestry, which takes hours")
+        str,
+        typer.Option(
+            "--methods",
+            "--arms",
+            help="Only these, such as framed,adaptive or 'taa_*'; left out: all but Tapestry, which takes hours",
+        ),
     ] = "",
     rates: Annotated[str, typer.Option(help="Rays a second")] = "100k,400k,800k",
     size: Annotated[str, typer.Option(help="WIDTHxHEIGHT of the image, pixels")] = "256x256",

@@ -10,8 +10,8 @@ from wall.core.jit import PACKAGE
 from wall.study import options
 from wall.study.options import cores_of as cores_of
 from wall.study.quality.methods import METHODS
-from wall.study.quality.methods_tapestry import METHODS as TAKE_HOURS
 from wall.study.quality.methods_streams import absent
+from wall.study.quality.methods_tapestry import METHODS as TAKE_HOURS
 from wall.study.quality.sweep import NO_RATE_OF_ITS_OWN, RATES
 
 SCENES = ("orbit", "shadows", "light", "mirrors")
