@@ -133,11 +133,14 @@ def load(
 
     [bold]wall load configs/demo.yaml[/]
     """
+    from time import monotonic
+
     from wall.client import connect
 
+    began = monotonic()
     with connect(out) as run:
         edit = run.load(config)
-    console.print(f"{config} adopted, by edit {edit}", markup=False)
+    console.print(f"{config}: adopted after {monotonic() - began:.1f} s, by edit {edit}", markup=False)
 
 
 @app.command()
