@@ -126,12 +126,19 @@ def reproject(store, count, table, moved, width, height):
     objects = store.object_id
     first = 0
     while first < count:
-        object_id, last = objects[first], first + 1
-        while last < count and objects[last] == object_id:
-            last += 1
+        object_id, last = objects[first], end_of_run(objects, first, count)
         if moved[object_id] != 0:
             reproject_run(store, first, last, table[object_id], width, height)
         first = last
+
+
+@inline_kernel
+def end_of_run(objects, first, count):
+    """The first sample behind `first`, or `count`, that is of another object than it. objects : (capacity,)"""
+    last = first + 1
+    while last < count and objects[last] == objects[first]:
+        last += 1
+    return last
 
 
 @inline_kernel

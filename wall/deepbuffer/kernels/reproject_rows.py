@@ -18,7 +18,7 @@ import numpy as np
 from wall.core.data import Float32
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import DEPTH, X, Y, Z
-from wall.deepbuffer.kernels.reproject import FAR, NEAREST, ONE, OUTSIDE, ZERO, pixel_of
+from wall.deepbuffer.kernels.reproject import FAR, NEAREST, ONE, OUTSIDE, ZERO, end_of_run, pixel_of
 
 SLOWEST = np.float32(0.25)  # of the scan past a surface: one that keeps up with it would be seen in all rows
 
@@ -41,9 +41,7 @@ def reproject_rows(store, count, table, rows, moved, width, height):
     objects = store.object_id
     first = 0
     while first < count:
-        object_id, last = objects[first], first + 1
-        while last < count and objects[last] == object_id:
-            last += 1
+        object_id, last = objects[first], end_of_run(objects, first, count)
         if moved[object_id] != 0:
             reproject_run(store, first, last, table[object_id], rows.last[object_id], rows.scan, width, height)
         first = last
@@ -69,11 +67,17 @@ def reproject_run(store, first, last, m, n, scan, width, height):
             (m[8] * a[k] + m[9] * b[k] + m[10] * c[k] + m[11]) * i0,
             (n[8] * a[k] + n[9] * b[k] + n[10] * c[k] + n[11]) * i1,
         )
-        t = (s0 + s1 * u0 + s2 * v0) / max(ONE - s1 * (u1 - u0) - s2 * (v1 - v0), SLOWEST)
-        t = min(max(t, ZERO), ONE)
+        t = moment_of(s0, s1, s2, u0, v0, u1, v1)
         u, v, w = u0 + t * (u1 - u0), v0 + t * (v1 - v0), w0 + t * (w1 - w0)
         inside = (w0 > NEAREST) & (w1 > NEAREST) & (u >= ZERO) & (v >= ZERO) & (u < width) & (v < height)
         x[k], y[k], depth[k] = u, v, (FAR if sky else w) if inside else OUTSIDE
+
+
+@inline_kernel
+def moment_of(a, b, c, x0, y0, x1, y1):
+    """When a sample's row is seen, 0 to 1, see above."""
+    t = (a + b * x0 + c * y0) / max(ONE - b * (x1 - x0) - c * (y1 - y0), SLOWEST)
+    return min(max(t, ZERO), ONE)
 
 
 @inline_kernel
@@ -85,7 +89,6 @@ def pixel_in(a, b, c, object_id, table, rows):
         if not (depth > ZERO and depth1 > ZERO):
             return ZERO, ZERO, OUTSIDE
         scan = rows.scan
-        t = (scan[0] + scan[1] * u + scan[2] * v) / max(ONE - scan[1] * (u1 - u) - scan[2] * (v1 - v), SLOWEST)
-        t = min(max(t, ZERO), ONE)
+        t = moment_of(scan[0], scan[1], scan[2], u, v, u1, v1)
         u, v, depth = u + t * (u1 - u), v + t * (v1 - v), depth + t * (depth1 - depth)
     return u, v, depth

@@ -9,6 +9,7 @@ import numpy as np
 from wall.core.jit import inline_kernel, kernel
 from wall.deepbuffer.kernels.columns import SQRT_IRRADIANCE, X, Y, Z
 from wall.deepbuffer.kernels.lights import LEAST_SQUARE, LIGHT_RED, unpack_normal
+from wall.deepbuffer.kernels.reproject import end_of_run
 
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
@@ -28,10 +29,7 @@ def relight(store, count, changed, lights, irradiance):
     sky = np.ascontiguousarray(irradiance.T)
     first = 0
     while first < count:
-        object_id = store.object_id[first]
-        last = first + 1
-        while last < count and last - first < CHUNK and store.object_id[last] == object_id:
-            last += 1
+        object_id, last = store.object_id[first], end_of_run(store.object_id, first, min(count, first + CHUNK))
         if changed[object_id] != 0:
             unpack_normals(store.normal[first:last], rows)
             light_from_sky(lights.up[object_id], sky, last - first, rows)
