@@ -97,17 +97,20 @@ class Poses:
             lights = NO_LIGHTS
             if self._lit:
                 lights = self._newest.lights if moment is self._moment else ObjectLights.at(self._scene, moment)
-            placed = moment.world_from_object if self._objects else self._scene.rest[: len(self._scene.instances)]
-            self._newest = Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect, lights=lights)
+            self._newest = Pose.of(
+                self._panel, self._eye, event.camera, self._placed(moment), rect=self._rect, lights=lights
+            )
             self._key, self._moment = key, moment
         return self._newest
 
     def table(self, event: Posed) -> Float32:
         """(n + 1, 12) float32: panel_from_object of an event, whose pose is not kept."""
-        placed = self._scene.rest[: len(self._scene.instances)]
-        if self._objects:
-            placed = self._scene.at(event.scene_time, event.edits).world_from_object
+        placed = self._placed(self._scene.at(event.scene_time, event.edits))
         return Pose.of(self._panel, self._eye, event.camera, placed, rect=self._rect).panel_from_object
+
+    def _placed(self, moment: Moment) -> Float64:
+        """(n, 4, 4) float64, world from object: at rest where no object is ever followed."""
+        return moment.world_from_object if self._objects else self._scene.rest[: len(self._scene.instances)]
 
     def shading(self, event: Posed) -> Shading:
         """The shading that an event, or samples, saw."""

@@ -73,7 +73,7 @@ class Compositor:
         self._ending: WindowInput | None = None  # the newest by which a user ends the run at this rank's windows
         self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
         self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
-        self._handles = HandlesMaker(plan, "")  # of the object that is selected
+        self._handles: HandlesMaker | None = None  # of the object that is selected
         self._shown: dict[int, Event] = {}  # by view: the event of its newest image
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
@@ -123,7 +123,7 @@ class Compositor:
             self._beats[message.rank] = message
         elif isinstance(message, Selection):
             self._parameters, self._states = shown_parameters(self._plan, message.name), None
-            self._handles = HandlesMaker(self._plan, message.name)
+            self._handles = HandlesMaker(self._plan, message.name) if message.name else None
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
         elif isinstance(message, Assignment):
@@ -236,7 +236,7 @@ class Compositor:
     def _images(self, event: Event, now: float) -> tuple[WallImage, ...]:
         """What each sink shows, in the order of the graph."""
         compared, samples = self.composition.compared(), self.composition.take_samples()
-        handles = self._handles.handles(self._shown)
+        handles = self._handles.handles(self._shown) if self._handles is not None else None
         return tuple(
             WallImage(
                 width=crops.size[0],

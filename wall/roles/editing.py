@@ -53,15 +53,14 @@ class Editor:
 
     def adopt(self, plan: Plan) -> None:
         """Edit another configuration's scene: edits that it accepts stay, and cannot be undone any more."""
-        values, stops = self.edits.values, self.stops
         self._plan, self.parameters, self.clicks = plan, editable(plan), Clicks(plan)
         self._undoable.clear()
         kept = {}
-        for name, value in values:
+        for name, value in self.edits.values:
             with contextlib.suppress(EditError):
                 kept[name] = named(self.parameters, name).checked(value)
         self._count += 1
-        self.edits, self.stops = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS, stops
+        self.edits = Edits(self._count, tuple(sorted(kept.items()))) if kept else NO_EDITS
 
     def check_key(self, request: EditRequest) -> None:
         """Refuse who does not know the run's key. Raises EditError."""

@@ -12,7 +12,7 @@ from wall.geometry.cameras import PanelView
 from wall.geometry.frusta import ray_frame
 from wall.geometry.panels import NO_VIEW, Panel
 from wall.roles.plan import Plan
-from wall.scene.object_edits import OBJECTS, OFFSET
+from wall.scene.object_edits import OBJECTS, OFFSET, middles_of, placed_middle
 
 DIGITS = 9  # of the numbers that pages get
 
@@ -24,14 +24,13 @@ class HandlesMaker:
         scene = plan.scene
         self._scene, self._parameter = scene, f"{OBJECTS}{name}.{OFFSET}"
         self._rows = [row for row, instance in enumerate(scene.instances) if instance.name == name]
-        meshes = [scene.meshes[scene.instances[row].mesh] for row in self._rows]
-        self._middles = np.array([[*((m.vertices.min(axis=0) + m.vertices.max(axis=0)) / 2), 1.0] for m in meshes])
+        self._middles = middles_of([scene.meshes[scene.instances[row].mesh] for row in self._rows])
         panels = [panel for panel in plan.layout.wall.viewports if panel.view != NO_VIEW] if self._rows else []
         self._views = [(panel, PanelView(plan.view_of(panel), panel)) for panel in panels]
         self._newest: Handles | None = None
 
     def handles(self, events: Mapping[int, Event]) -> Handles | None:
-        """events : by view, what it shows; None: none of the views shows anything, or nothing is selected."""
+        """events : by view, what it shows; None: none of the views shows anything, or no object has that name."""
         known = [(panel, seen.eye, seen(events[panel.view])) for panel, seen in self._views if panel.view in events]
         if not known:
             return None
@@ -49,7 +48,7 @@ class HandlesMaker:
 
     def _place(self, panel: Panel, eye: Float64, event: Event) -> HandlesPlace:
         placed = self._scene.at(event.scene_time, event.edits).world_from_object[self._rows]
-        middle = (placed @ self._middles[:, :, None])[:, :3, 0].mean(axis=0)
+        middle = placed_middle(placed, self._middles)
         panel_from_world = np.linalg.inv(ray_frame(panel, eye, event.camera).T)  # rows w, x w, y w
         at = panel_from_world @ (middle - event.camera.origin())
         rows = np.column_stack([panel_from_world, at])

@@ -17,7 +17,6 @@ from wall.core.errors import EditError, RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import OF_ONE_VIEW, Command, parse
 from wall.packets.control import (
-    EditAnswer,
     EditRequest,
     Heartbeat,
     Hello,
@@ -195,13 +194,13 @@ class Manager:
 
     def _load(self, request: EditRequest, now: float) -> Iterator[Instruction]:
         """Begin to load a configuration; the answer comes when that is done, or refused."""
+        asked = asked_by(request, str(self._layout.loaded.path))
         try:
             self.editor.check_key(request)
-            yield from self._reloading.ask(asked_by(request, str(self._layout.loaded.path)), now)
+            yield from self._reloading.ask(asked, now)
         except EditError as error:
             self.counters["refused_edit"] += 1
-            refused = EditAnswer(client=request.client, number=request.number, refused=str(error), edit=0)
-            yield Send(request.client, refused)
+            yield from asked.answer(str(error))
 
     def _check_rank(self, rank: int) -> None:
         if not 0 <= rank < self._layout.size:

@@ -44,6 +44,12 @@ class Asked:
     client: int = 0  # of an EditRequest, which is answered; 0: of nobody
     request: int = 0  # its number
 
+    def answer(self, refused: str = "", *, edit: int = 0) -> Iterator[Send]:
+        """What who asked is told: why not, or that it is done, as of the newest edit."""
+        if self.client:
+            answer = EditAnswer(client=self.client, number=self.request, refused=refused, edit=edit)
+            yield Send(self.client, answer)
+
 
 class Reloading:
     """One reload at a time: `ask` for it, hear of plans and ranks, `on_tick` leads it through its stages."""
@@ -130,16 +136,11 @@ class Reloading:
     def answer(self, edit: int) -> Iterator[Instruction]:
         """Tell who asked that it is done; `edit`: number of the newest edit."""
         self.said = f"{self._asked.path}: adopted"
-        yield from self._answer("", edit)
+        yield from self._asked.answer(edit=edit)
 
     def _refuse(self, why: str) -> Iterator[Instruction]:
         self._stage, self.said = Stage.NONE, why
-        yield from self._answer(why, 0)
-
-    def _answer(self, refused: str, edit: int) -> Iterator[Instruction]:
-        asked = self._asked
-        if asked.client:
-            yield Send(asked.client, EditAnswer(client=asked.client, number=asked.request, refused=refused, edit=edit))
+        yield from self._asked.answer(why)
 
 
 def asked_by(request: EditRequest, path: str) -> Asked:

@@ -50,9 +50,19 @@ class EditedObjects:
     def _middle(self, name: str, poses: Float64, meshes: Sequence[Mesh]) -> Float64:
         """(3,) world: the mean of the middles of their bounding boxes."""
         if name not in self._middles:
-            middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0 for mesh in meshes]
-            self._middles[name] = np.array([[*middle, 1.0] for middle in middles], np.float64)
-        return np.asarray((poses @ self._middles[name][:, :, None])[:, :3, 0].mean(axis=0))
+            self._middles[name] = middles_of(meshes)
+        return placed_middle(poses, self._middles[name])
+
+
+def middles_of(meshes: Sequence[Mesh]) -> Float64:
+    """(n, 4) middles of the meshes' bounding boxes, in each one's own frame, and a 1."""
+    middles = [(mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2.0 for mesh in meshes]
+    return np.array([[*middle, 1.0] for middle in middles], np.float64)
+
+
+def placed_middle(poses: Float64, middles: Float64) -> Float64:
+    """(3,) world: the mean of `middles_of` meshes at poses (n, 4, 4), world from object."""
+    return np.asarray((poses @ middles[:, :, None])[:, :3, 0].mean(axis=0))
 
 
 def rotation_of(degrees: Sequence[float]) -> Float64:
