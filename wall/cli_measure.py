@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
+from rich.console import RenderableType
 
 from wall.commands.terminal import console, errors, fail, parse_size
 
@@ -162,9 +163,10 @@ def response(
     """
     from wall.study.live import response
 
-    found = _each_run(configs, methods, lambda c, m: [response.measure(c, m, edits=edits, name=parameter, out=out)])
-    for item in response.report(found, out):
-        console.print(item)
+    def measured(config: Path, method: str) -> list[response.Row]:
+        return [response.measure(config, method, edits=edits, name=parameter, out=out)]
+
+    _each_run(configs, methods, measured, response.report, out)
 
 
 @measure.command()
@@ -185,9 +187,7 @@ def views(
     from wall.study.live import views as study
 
     wanted: dict[str, Any] = {"counts": study.check_counts(counts), "repeats": repeats, "seconds": seconds, "out": out}
-    found = _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted))
-    for item in study.report(found, out):
-        console.print(item)
+    _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted), study.report, out)
 
 
 @measure.command()
@@ -209,10 +209,10 @@ def updates(
     from wall.study.live import updates as study
     from wall.study.live.views import check_counts
 
-    wanted: dict[str, Any] = {"counts": check_counts(counts), "repeats": repeats, "seconds": seconds, "out": out}
-    found = _each_run(configs, methods, lambda config, method: study.measure(config, method, rate=rate, **wanted))
-    for item in study.report(found, out):
-        console.print(item)
+    wanted: dict[str, Any] = {
+        "counts": check_counts(counts), "rate": rate, "repeats": repeats, "seconds": seconds, "out": out,
+    }  # fmt: skip
+    _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted), study.report, out)
 
 
 @measure.command()
@@ -233,9 +233,7 @@ def balance(
     from wall.study.live import balance as study
 
     wanted: dict[str, Any] = {"ranks": study.check_ranks(ranks), "repeats": repeats, "seconds": seconds, "out": out}
-    found = _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted))
-    for item in study.report(found, out):
-        console.print(item)
+    _each_run(configs, methods, lambda config, method: study.measure(config, method, **wanted), study.report, out)
 
 
 @measure.command()
@@ -258,9 +256,7 @@ def rows(
 
     scanning.check_installed()
     wanted = scanning.Wanted(out=out, rate=rate, seconds=seconds, moments=moments, spp=spp)
-    found = _each_run(configs, methods, lambda config, method: scanning.measure(config, method, wanted))
-    for item in scanning.report(found, out):
-        console.print(item)
+    _each_run(configs, methods, lambda config, method: scanning.measure(config, method, wanted), scanning.report, out)
 
 
 @measure.command()
@@ -343,8 +339,14 @@ def page(
         console.print(f"{display}: {got.words()}")
 
 
-def _each_run(configs: list[Path], methods: str, measured: Callable[[Path, str], list[T]]) -> list[T]:
-    """The rows of each configuration under each method, with a line that says which one is measured."""
+def _each_run(
+    configs: list[Path],
+    methods: str,
+    measured: Callable[[Path, str], list[T]],
+    report: Callable[[list[T], Path], Iterable[RenderableType]],
+    out: Path,
+) -> None:
+    """Measure each configuration under each method, with a line that says which one it is, and print the report."""
     from wall.study.live import command
 
     found: list[T] = []
@@ -352,4 +354,5 @@ def _each_run(configs: list[Path], methods: str, measured: Callable[[Path, str],
         for config, method in command.runs_of(configs, methods):
             status.update(f"measuring {config.stem}, {method}")
             found += measured(config, method)
-    return found
+    for item in report(found, out):
+        console.print(item)

@@ -138,10 +138,9 @@ def test_ranks_of_mpirun_and_a_remote_compositor_go_over_together(
 
 
 def test_a_recorded_run_keeps_its_configuration(tmp_path: Path, begun: list[subprocess.Popen[str]]) -> None:
-    config, events = write_config(tmp_path), tmp_path / "run.events"
-    process = start("run", config, "--headless", "--out", tmp_path / "OUT", "--seconds", 60, "--record", events)
+    config, events = of_two_panels(tmp_path), tmp_path / "run.events"
+    process = start("run", config, "--out", tmp_path / "OUT", "--seconds", 60, "--record", events)
     begun.append(process)
-    while not (tmp_path / "OUT" / "control.json").exists():
-        assert process.poll() is None
+    page_of(process)  # the wall runs
     with connect(tmp_path / "OUT") as run, pytest.raises(EditError, match="its events are recorded"):
         run.load(config)

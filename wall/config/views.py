@@ -201,6 +201,11 @@ class ViewConfig(Model):
         default=None, description="replaces the top-level reconstruction for this view"
     )
 
+    @property
+    def light_after_s(self) -> float:
+        """Seconds from a refresh to its light, or that of its first row."""
+        return 1.0 / self.refresh_hz if self.display_delay_s is None else self.display_delay_s
+
     @model_validator(mode="after")
     def _one_field_of_view(self) -> ViewConfig:
         if self.eye is not None and self.camera.fov is not None:

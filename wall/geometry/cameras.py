@@ -210,7 +210,7 @@ def resolve_view(
         still=still,
         path=config.path,
         predicted=config.prediction == "velocity",
-        display_delay_s=1.0 / config.refresh_hz if config.display_delay_s is None else config.display_delay_s,
+        display_delay_s=config.light_after_s,
         eye_separation=config.eye_separation,
         scale=1.0 if config.scale is None else config.scale,
         leader=leader,

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from wall.config.loading import loads
-from wall.core.errors import WallError
+from wall.config.loading import loads, read_text
+from wall.core.errors import ConfigError, WallError
 from wall.packets.control import Adopt, Prepare, Prepared
 from wall.roles.instructions import Changed, PlanMade, Role
 from wall.roles.plan import Plan, check_files, make_layout, make_plan, reconstructed_at_renderers
@@ -143,6 +143,6 @@ class FileWatch:
 def _text_of(path: Path) -> str:
     """The text of a file; "" while it cannot be read."""
     try:
-        return path.read_bytes().decode("utf-8-sig")
-    except (OSError, ValueError):
+        return read_text(path)
+    except ConfigError:
         return ""

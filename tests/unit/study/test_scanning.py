@@ -10,7 +10,7 @@ import pytest
 from wall.core.errors import ConfigError
 from wall.roles.plan import Plan
 from wall.study.live import command, scanning
-from wall.study.live.rewriting import ONE_MOMENT, delay_of, load_without_windows, moving, with_rows
+from wall.study.live.rewriting import ONE_MOMENT, load_without_windows, moving, with_rows
 from wall.study.quality.reference import Reference
 from wall.tracing.tracer_scene import make_tracer_scene
 
@@ -59,8 +59,8 @@ def test_renderers_know_rows_or_ignore_them_or_make_all_for_the_middle_one(tmp_p
     assert with_rows(loaded, "known") is loaded
     assert [panel.row_time for panel in ignored.config.wall.panels or ()] == [0.0]
     assert [panel.row_time for panel in middle.config.wall.panels or ()] == [ONE_MOMENT]
-    assert delay_of(ignored.config.views[0]) == 1 / 60
-    assert delay_of(middle.config.views[0]) == pytest.approx(1 / 60 + 16 * ROW_S)
+    assert ignored.config.views[0].light_after_s == 1 / 60
+    assert middle.config.views[0].light_after_s == pytest.approx(1 / 60 + 16 * ROW_S)
 
 
 def test_rows_for_their_moments_are_nearer_than_one_moment_and_that_than_none(

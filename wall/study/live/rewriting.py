@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 from wall.config.graph import GraphConfig, NodeGraph, SinkNode
 from wall.config.loading import Loaded, dump, load
 from wall.config.sampling import AnySampling, switched
-from wall.config.views import OrbitPathConfig, ViewConfig
+from wall.config.views import OrbitPathConfig
 from wall.core.errors import ConfigError
 from wall.geometry.expanding import expanded_config
 from wall.roles.plan import Layout, Plan, aimed, make_layout, make_plan
@@ -73,14 +73,9 @@ def with_rows(loaded: Loaded, rows: Rows) -> Loaded:
     )
     views = config.views
     if rows == "middle":
-        views = tuple(view.model_copy(update={"display_delay_s": delay_of(view) + 0.5 * seconds}) for view in views)
+        views = tuple(view.model_copy(update={"display_delay_s": view.light_after_s + 0.5 * seconds}) for view in views)
     wall = wall.model_copy(update={"panels": panels})
     return loaded.with_config(config.model_copy(update={"wall": wall, "views": views}))
-
-
-def delay_of(view: ViewConfig) -> float:
-    """Seconds from a refresh to the light of its first row."""
-    return 1.0 / view.refresh_hz if view.display_delay_s is None else view.display_delay_s
 
 
 def sampling_for(sampling: AnySampling, method: str) -> AnySampling:

@@ -24,7 +24,6 @@ from wall.study.live.reference import WallReference
 from wall.study.live.rewriting import (
     ROWS,
     Rows,
-    delay_of,
     load_without_windows,
     moving,
     sampling_for,
@@ -97,7 +96,7 @@ def measure(config: Path, method: str, wanted: Wanted) -> list[Row]:
     reference.make(lambda done, of: None)
     scene, found = make_tracer_scene(plan.scene), []
     for rows in ROWS:
-        shown = _run(_variant(plan, method, rows), scene, wanted, delay_s=delay_of(plan.layout.config.views[0]))
+        shown = _run(_variant(plan, method, rows), scene, wanted, delay_s=plan.view.display_delay_s)
         error, pace = score(shown, reference), shown.timeline.intervals(wanted.warm_up_s, wanted.seconds)
         row = Row(
             config=config.stem, method=method, rows=rows, scan_s=plan.layout.wall.panels[0].scan_s,

@@ -20,7 +20,7 @@ from wall.study.live import cpu_limit
 from wall.study.live.film import film_hz
 from wall.study.live.reference import WallReference
 from wall.study.live.results import compose, keep
-from wall.study.live.rewriting import Rows, delay_of, load_without_windows, moving, text_for, with_rows
+from wall.study.live.rewriting import Rows, load_without_windows, moving, text_for, with_rows
 from wall.study.live.rows import FILE, Row
 from wall.study.live.runs import IMAGES, RecordedRun, record_wall
 from wall.study.live.scores import Shown, score
@@ -104,7 +104,7 @@ class Outcome:
 
 def _light_after(loaded: Loaded, wanted: Wanted) -> float:
     """Seconds from a refresh to the light of its first row."""
-    return delay_of(loaded.config.views[0]) if wanted.display_delay_s is None else wanted.display_delay_s
+    return loaded.config.views[0].light_after_s if wanted.display_delay_s is None else wanted.display_delay_s
 
 
 def sweep(wanted: Wanted, watch: Watch) -> Outcome:
