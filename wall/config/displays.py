@@ -14,7 +14,6 @@ Pixels = Annotated[Whole, Ge(1), Le(16384)]
 Width = Annotated[Number, Ge(0.0), Le(100.0)]
 Gain = Annotated[Number, Ge(0.0), Le(16.0)]
 PixelPlace = Annotated[Whole, Ge(-65536), Le(65536)]
-RefreshRate = Annotated[Number, Ge(0.1), Le(1000.0)]
 RowTime = Annotated[Number, Ge(0.0), Le(0.01)]
 
 

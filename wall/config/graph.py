@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from annotated_types import Ge, Gt, Le
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from wall.core.fields import Model, Name, Number, Order, Share, Whole, refusal
+from wall.core.fields import Model, Name, Number, Order, RefreshRate, Share, Whole, refusal
 from wall.operators.base import Input, Node
 from wall.operators.registry import OPERATORS, plugins
 
@@ -21,7 +21,6 @@ MAX_NODES = 65535  # their numbers travel as two bytes
 Ranks = Annotated[Whole, Ge(1), Le(1024)]
 Rank = Annotated[Whole, Ge(0), Le(65535)]
 Scale = Annotated[Number, Gt(0.0), Le(1.0)]
-Hertz = Annotated[Number, Ge(0.1), Le(1000.0)]
 
 
 class SamplesNode(Node):
@@ -48,7 +47,7 @@ class SamplesNode(Node):
         default=1.0,
         description="pixels that are traced, a share of the panel's in each direction; its reconstruct node enlarges",
     )
-    refresh_hz: Hertz | None = Field(
+    refresh_hz: RefreshRate | None = Field(
         default=None, description="as many samples a second as so many whole images have, at most; absent = no limit"
     )
 
@@ -75,7 +74,7 @@ class ReconstructNode(Node):
         default="keep", description="transparent: the sky has alpha 0, and colours are times alpha"
     )
     order: Order | None = Field(default=None, description="for `over`: the smaller is the nearer")
-    refresh_hz: Hertz | None = Field(
+    refresh_hz: RefreshRate | None = Field(
         default=None,
         description="reconstructed so often a second at most, fewer times than its view is shown; between, its pixels "
         "go with camera and objects. Absent = at every refresh",

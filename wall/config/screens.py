@@ -15,7 +15,6 @@ from wall.config.displays import (
     ColourConfig,
     Monitor,
     Pixels,
-    RefreshRate,
     RowTime,
     Sides,
     SidesConfig,
@@ -24,7 +23,7 @@ from wall.config.displays import (
     WindowConfig,
     is_number,
 )
-from wall.core.fields import NAME_PATTERN, Model, Name, Number, Point, Text, Whole, refusal
+from wall.core.fields import NAME_PATTERN, Model, Name, Number, Point, RefreshRate, Text, Whole, refusal
 
 MAX_PANELS = 1024
 SQUARENESS = 0.01  # cosine of the corner angle: half a degree off is a typing error, not a panel

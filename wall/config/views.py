@@ -19,6 +19,7 @@ from wall.core.fields import (
     Period,
     Point,
     Positive,
+    RefreshRate,
     Seconds,
     Share,
     Text,
@@ -181,7 +182,7 @@ class ViewConfig(Model):
     )
     lens: LensConfig | None = Field(default=None, description="depth of field, on paths; absent = all is in focus")
     path: PathConfig | None = Field(default=None, description="how the camera moves; absent = it stays")
-    refresh_hz: Annotated[Number, Ge(0.1), Le(1000.0)] = Field(default=60.0, description="images shown a second")
+    refresh_hz: RefreshRate = Field(default=60.0, description="images shown a second")
     prediction: Literal["velocity", "none"] = Field(
         default="velocity",
         description="velocity: samples go where camera and objects will be when a refresh becomes light, if they go on "

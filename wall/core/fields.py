@@ -29,6 +29,7 @@ Coordinate = Annotated[Number, Ge(-FARTHEST), Le(FARTHEST)]
 Brightness = Annotated[Number, Ge(0.0), Le(BRIGHTEST)]
 Seconds = Annotated[Number, Ge(0.0), Le(1e6)]
 Period = Annotated[Number, Ge(0.01), Le(1e6)]
+RefreshRate = Annotated[Number, Ge(0.1), Le(1000.0)]  # Hz
 Share = Annotated[Number, Ge(0.0), Le(1.0)]
 Depth = Annotated[Whole, Ge(1), Le(MOST_DEPTH)]
 Gamma = Annotated[Number, Ge(0.1), Le(10.0)]

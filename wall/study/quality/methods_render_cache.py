@@ -12,7 +12,6 @@ motion: the stronger one.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import partial
 
@@ -22,6 +21,7 @@ from wall.core.data import Event, Float32, Samples
 from wall.study.quality.baseline import FramelessMethod, Maps, fill_holes
 from wall.study.quality.kernels import render_cache as kernels
 from wall.study.quality.method import Method, Setup
+from wall.study.quality.pixel_plan import PixelPlan
 
 POINTS_A_PIXEL = 1.5
 AGE_AT_TURN = 128.0  # reached by an undisturbed point when its turn comes again
@@ -34,7 +34,7 @@ class RenderCache:
 
     def __init__(self, setup: Setup, *, follow_objects: bool) -> None:
         width, height = setup.size
-        self._setup, self._maps = setup, Maps(setup, follow_objects=follow_objects)
+        self._maps = Maps(setup, follow_objects=follow_objects)
         capacity = int(POINTS_A_PIXEL * width * height)
         owner, self._kept = np.full((2, height, width), -1, np.int32)
         self._cache = kernels.Cache(
@@ -44,17 +44,14 @@ class RenderCache:
         )  # fmt: skip
         self._priority = np.ones((height, width), np.float32)
         self._image = np.zeros((height, width, 4), np.float32)
-        self._chosen = np.zeros((width * height, 2), np.int32)
-        self._count = self._at = self._cursor = self._plans = 0
+        self._plan = PixelPlan(self._priority, setup.seed)
+        self._cursor = 0
         self._wanted = setup.rate / setup.refresh_hz
         self._since = 0  # rays since the last refresh
 
     def choose(self, count: int, event: Event, now: float) -> Float32:
         """Returns up to `count` pixel centres to trace next, (n, 2) float32."""
-        if self._at >= self._count:
-            self._plan()
-        pixels = self._chosen[self._at : min(self._at + count, self._count)]
-        self._at += len(pixels)
+        pixels = self._plan.take(count, self._wanted)
         xy: Float32 = (pixels + 0.5).astype(np.float32)
         return xy
 
@@ -74,17 +71,8 @@ class RenderCache:
         if not self._image[:, :, 3].all():
             fill_holes(self._image)
         self._wanted, self._since = max(self._since, 1), 0
-        self._plan()
+        self._plan.make(self._wanted)
         return self._image[:, :, :3]
-
-    def _plan(self) -> None:
-        """Choose the pixels of about one refresh, in random order."""
-        self._plans += 1
-        first_error = self._plans * 0.6180339887 % 1.0 - 0.5
-        wanted = float(math.ceil(self._wanted))
-        self._count = kernels.choose_pixels(self._priority, wanted, first_error, self._chosen)
-        self._at = 0
-        kernels.shuffle_rows(self._chosen, self._count, self._setup.seed * 1_000_003 + self._plans)
 
 
 def render_cache(follow_objects: bool, setup: Setup) -> FramelessMethod:

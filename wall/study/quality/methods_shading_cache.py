@@ -23,7 +23,6 @@ starts over from the scene's own vertices.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -33,10 +32,10 @@ import numpy as np
 from wall.core.data import SAMPLE, Event, Float32, Samples
 from wall.scene.build import Scene
 from wall.study.quality.baseline import AVERAGED_FOOTPRINT, FramelessMethod, Maps, fill_holes
-from wall.study.quality.kernels import render_cache as pixel_kernels
 from wall.study.quality.kernels import shading_cache as kernels
 from wall.study.quality.kernels import shading_cache_image as image_kernels
 from wall.study.quality.method import Method, Setup
+from wall.study.quality.pixel_plan import PixelPlan
 
 PATCHES_A_PIXEL, VERTICES_A_PIXEL = 16, 8  # room beside the scene's own
 FULL = 0.9  # of the room: then all splits are given up
@@ -68,7 +67,7 @@ class ShadingCache:
         """`textured`: textures are drawn with the meshes, else they are part of the light that is kept."""
         width, height = setup.size
         self._textured = textured
-        self._setup, self._maps = setup, Maps(setup, follow_objects=True)
+        self._maps = Maps(setup, follow_objects=True)
         own = tuning
         self._patches = patches_of(setup.plan.scene, width * height)
         self._tracer = setup.tracer(coherent=True)
@@ -81,19 +80,16 @@ class ShadingCache:
         self._priority = np.ones((height, width), np.float32)
         self._image = np.zeros((height, width, 4), np.float32)
         self._seen = np.full((height, width, 3), -1, np.int32)
-        self._chosen = np.zeros((width * height, 2), np.int32)
         self._steps = np.array([own.smallest, own.step, own.error, own.doubt], np.float32)
         self._values = np.array([own.age, own.contrast, own.least, own.unknown], np.float32)
-        self._count = self._at = self._plans = self._since = 0
+        self._plan = PixelPlan(self._priority, setup.seed)
+        self._since = 0
         self._wanted = setup.rate / setup.refresh_hz
         self._random = np.random.default_rng(setup.seed)
 
     def choose(self, count: int, event: Event, now: float) -> Float32:
         """See Renderer."""
-        if self._at >= self._count:
-            self._plan()
-        pixels = self._chosen[self._at : min(self._at + count, self._count)]
-        self._at += len(pixels)
+        pixels = self._plan.take(count, self._wanted)
         xy: Float32 = (pixels + self._random.uniform(0.01, 0.99, pixels.shape)).astype(np.float32)
         return xy
 
@@ -116,7 +112,7 @@ class ShadingCache:
         if not self._image[:, :, 3].all():
             fill_holes(self._image)
         self._wanted, self._since = self._since or self._wanted, 0
-        self._plan()
+        self._plan.make(self._wanted)
         return self._image[:, :, :3]
 
     def _look(self, xy: Float32, event: Event, points: kernels.Points) -> None:
@@ -129,15 +125,6 @@ class ShadingCache:
         image_kernels.look(given.scene, camera, xy, given.surfaces, given.materials, given.lights, given.work, points)
         if not self._textured:
             points.albedo[points.seen[:, 0] > 0] = 1.0
-
-    def _plan(self) -> None:
-        """Choose the pixels of about one refresh, in random order."""
-        self._plans += 1
-        first_error = self._plans * 0.6180339887 % 1.0 - 0.5
-        wanted = float(math.ceil(self._wanted))
-        self._count = pixel_kernels.choose_pixels(self._priority, wanted, first_error, self._chosen)
-        self._at = 0
-        pixel_kernels.shuffle_rows(self._chosen, self._count, self._setup.seed * 1_000_003 + self._plans)
 
 
 def points_of(count: int) -> kernels.Points:
