@@ -96,7 +96,7 @@ def test_integrators_share_trees_and_arrays(laid: TracerScene, monkeypatch: pyte
     for other, scene in zip(others[1:], plan.scenes[1:], strict=True):
         assert other is laid.under(scene), "made once"
         assert other.meshes is laid.meshes
-        assert other.surfaces.triangles is laid.surfaces.triangles
+        assert other.surfaces.meshes.triangles is laid.surfaces.meshes.triangles
         assert other.materials.rows is laid.materials.rows
         assert (other.scene.path_depth, other.scene.occlusion) == (scene.path_depth, scene.occlusion)
 

@@ -68,9 +68,9 @@ def emitter_tree(emitters: Emitters, surfaces: Surfaces, world_from_object: Floa
     """A tree over the triangles of `emitters` where they are at rest, with empty slots. `surfaces`: with vertices."""
     vertices = surfaces.vertices
     assert vertices is not None  # where there are emitters
-    table = surfaces.mesh_table[emitters.instance].astype(np.int64)
+    table = surfaces.meshes.mesh_table[emitters.instance].astype(np.int64)
     numbers = np.arange(len(emitters.instance)) - emitters.first[emitters.instance]
-    corners = vertices[surfaces.triangles[table[:, 0] + numbers].astype(np.int64) + table[:, 1, None]]
+    corners = vertices[surfaces.meshes.triangles[table[:, 0] + numbers].astype(np.int64) + table[:, 1, None]]
     matrices = world_from_object[emitters.instance]
     world = np.einsum("mij,mkj->mki", matrices[:, :3, :3], corners.astype(np.float64)) + matrices[:, None, :3, 3]
     middles = world.mean(axis=1)
@@ -89,7 +89,7 @@ class EmitterTree:
         self.emitters = emitters._replace(tree=self._tree)
         self._instances = np.flatnonzero(emitters.first >= 0)
         self._backs = np.where(both_sides, -1.0, 1.0).astype(np.float32)
-        self._meshes = surfaces.mesh_table, surfaces.triangles, surfaces.vertices
+        self._meshes = surfaces.meshes.mesh_table, surfaces.meshes.triangles, surfaces.vertices
         self._origin, self._changed = origin, np.zeros(len(tree.nodes), np.bool_)
         self._seen: Float64 | None = None  # as last placed: the moment's own array, and a copy of the emitters' part
         self._placed = np.full((len(self._instances), 4, 4), np.nan)

@@ -127,10 +127,9 @@ class Tracer:
         self._tracer_scene, self._panel, self._eye = tracer_scene, panel, eye
         self._scene, self._geometries = tracer_scene.device.instances(list(tracer_scene.meshes), masks)
         self._transforms = embree.aligned((n, 12), np.float32)
-        self._surfaces = tracer_scene.surfaces._replace(
-            placements=np.zeros((n, PLACEMENT_COLUMNS), np.float32),
-            eye_from_object=self._transforms,
-        )
+        placements = np.zeros((n, PLACEMENT_COLUMNS), np.float32)
+        meshes = tracer_scene.surfaces.meshes._replace(placements=placements, eye_from_object=self._transforms)
+        self._surfaces = tracer_scene.surfaces._replace(meshes=meshes)
         self._lights = Lights(
             directional=None,
             points=None,
@@ -187,7 +186,7 @@ class Tracer:
             self._scene,
             self._geometries,
             self._transforms,
-            self._surfaces.placements,
+            self._surfaces.meshes.placements,
             tracer_scene.extents,
             OFFSET_ULPS,
         )

@@ -36,7 +36,10 @@ from wall.tracing.kernels.values import (
     Environment,
     LightTree,
     Materials,
+    Meshes,
+    Scattering,
     Surfaces,
+    Textures,
 )
 from wall.tracing.light_trees import emitter_tree, make_tree
 
@@ -58,7 +61,7 @@ class TracerScene:
     vertices: Float32  # (v + 2, 3) of all meshes, which Embree reads too
     meshes: tuple[Handle, ...]  # Embree scene of each instance's mesh, instance order
     extents: Float64  # (n,) radius of each instance's mesh about its origin
-    surfaces: Surfaces  # without placements and eye_from_object, which are each Tracer's own
+    surfaces: Surfaces  # whose meshes have no placements or eye_from_object, which are each Tracer's own
     materials: Materials
     emitters: Emitters | None
     point_tree: LightTree | None  # over point lights at rest, and over spots; None: they are few, or light is direct
@@ -83,7 +86,8 @@ class TracerScene:
     @property
     def both_sides(self) -> NDArray[np.bool_]:
         """(n,) bool, whether each instance emits from behind as well."""
-        found: NDArray[np.bool_] = self.materials.rows["emits_behind"][self.surfaces.mesh_table[:, MATERIAL_ROW]] > 0.0
+        material = self.surfaces.meshes.mesh_table[:, MATERIAL_ROW]
+        found: NDArray[np.bool_] = self.materials.rows["emits_behind"][material] > 0.0
         return found
 
     def materials_of(self, shading: Shading) -> Materials:
@@ -126,14 +130,16 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
     radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in scene.meshes]
     of_instance = np.array([instance.mesh for instance in scene.instances], np.uint32)
     surfaces = Surfaces(
-        triangles=triangles,
-        mesh_table=table[of_instance],
-        placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
+        meshes=Meshes(
+            triangles=triangles,
+            mesh_table=table[of_instance],
+            placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
+            eye_from_object=np.zeros((0, 12), np.float32),
+        ),
         normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
         colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
         uvs=_attribute(scene.meshes, "uvs", _uv_columns(scene, wanted)) if wanted.textures else None,
         vertices=None,
-        eye_from_object=np.zeros((0, 12), np.float32),
         relit=None,
     )
     of_any = TracerScene(
@@ -168,7 +174,7 @@ def _for_integrator(laid: TracerScene, scene: Scene) -> TracerScene:
         scene=scene,
         needs=wanted,
         surfaces=surfaces,
-        materials=_materials(laid.materials.rows, laid.materials.texels, wanted),
+        materials=_materials(laid.materials.rows, laid.materials.textures.texels, wanted),
         emitters=_emitters(scene, surfaces if trees else None) if wanted.emitters else None,
         point_tree=_point_tree(scene, scene.point_lights if trees else (), LEAST_POINTS),
         spot_tree=_point_tree(scene, scene.spot_lights if trees else (), LEAST_SPOTS),
@@ -207,7 +213,7 @@ def sky_rows(sky: Sky) -> Float32:
 
 
 def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
-    """(meshes, 4) uint32, a row of Surfaces.mesh_table for each mesh."""
+    """(meshes, 4) uint32, a row of Meshes.mesh_table for each mesh."""
     table = np.zeros((len(meshes), 4), np.uint32)
     triangle = vertex = 0
     for row, mesh in zip(table, meshes, strict=True):
@@ -254,19 +260,23 @@ def _materials(rows: NDArray[Any], texels: NDArray[np.uint8] | None, wanted: Nee
     """Rows and texels, with what tells kernels which features to have."""
     return Materials(
         rows=rows,
-        texels=texels,
-        linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
-        value_of_byte=(np.arange(256) / 255.0).astype(np.float32),
-        metallic_roughness_textures=True if wanted.metallic_roughness_textures else None,
+        textures=Textures(
+            texels=texels,
+            linear_of_srgb=srgb_decoded(np.arange(256) / 255.0).astype(np.float32),
+            value_of_byte=(np.arange(256) / 255.0).astype(np.float32),
+            edges=True if wanted.texture_edges else None,
+            uv_sets=True if wanted.uv_sets else None,
+        ),
         emission_textures=True if wanted.emission_textures else None,
         normal_textures=True if wanted.normal_textures else None,
-        texture_edges=True if wanted.texture_edges else None,
-        uv_sets=True if wanted.uv_sets else None,
         emits=True if wanted.emission else None,
         mirrors=True if wanted.mirrors else None,
-        thin_glass=True if wanted.thin_glass else None,
         absorbs=True if wanted.absorption else None,
-        interface=interface_table() if wanted.interfaces else None,
+        scattering=Scattering(
+            metallic_roughness_textures=True if wanted.metallic_roughness_textures else None,
+            thin_glass=True if wanted.thin_glass else None,
+            interface=interface_table() if wanted.interfaces else None,
+        ),
     )
 
 

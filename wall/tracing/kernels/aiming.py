@@ -15,12 +15,12 @@ from wall.tracing.kernels.cuts import is_cut_away, shorten_rays
 from wall.tracing.kernels.emitters import way_to_emitter
 from wall.tracing.kernels.environment import way_to_environment
 from wall.tracing.kernels.light_tree import choose_light
-from wall.tracing.kernels.lights import SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR
+from wall.tracing.kernels.lights import DIRECTIONAL, POINT, SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, SPOT
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.scatter import lit_by
 from wall.tracing.kernels.values import INF, ONE, SHADOW_RAYS, ZERO
-from wall.tracing.kernels.ways import way_to_directional, way_to_point, way_to_spot, way_to_sun
+from wall.tracing.kernels.ways import SUN, way_to
 
 POINT_PAIR, SPOT_PAIR = 1 << 14, 1 << 15  # of random numbers at bounce 0, beyond those of all bounces
 ENVIRONMENT_PAIR, SUN_PAIR = 1 << 16, 2 << 16
@@ -30,17 +30,18 @@ PAIRS_APART = 1 << 16  # from a sun's pairs to the next one's
 @inline_kernel
 def add_aimed(first, count, bounce, lights, scene, surfaces, materials, work, paths):
     """Adds the light of every kind of lights on a packet's hits."""
-    add_deltas(lights.directional, way_to_directional, first, count, scene, surfaces, materials, work, paths)
-    add_deltas(lights.points, way_to_point, first, count, scene, surfaces, materials, work, paths)
-    add_deltas(lights.spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
+    table, scattering = materials.rows, materials.scattering
+    add_deltas(DIRECTIONAL, lights.directional, first, count, scene, table, scattering, work, paths)
+    add_deltas(POINT, lights.points, first, count, scene, table, scattering, work, paths)
+    add_deltas(SPOT, lights.spots, first, count, scene, table, scattering, work, paths)
     draw_light_numbers(lights.many_points, POINT_PAIR, bounce, work)
-    add_one(lights.many_points, way_to_point, first, count, scene, surfaces, materials, work, paths)
+    add_one(POINT, lights.many_points, first, count, scene, table, scattering, work, paths)
     draw_light_numbers(lights.many_spots, SPOT_PAIR, bounce, work)
-    add_one(lights.many_spots, way_to_spot, first, count, scene, surfaces, materials, work, paths)
-    add_suns(first, count, bounce, lights.suns, scene, surfaces, materials, work, paths)
+    add_one(SPOT, lights.many_spots, first, count, scene, table, scattering, work, paths)
+    add_suns(first, count, bounce, lights.suns, scene, table, scattering, work, paths)
     draw_light_numbers(lights.environment, ENVIRONMENT_PAIR, bounce, work)
-    add_chosen(lights.environment, way_to_environment, first, count, scene, surfaces, materials, work, paths)
-    add_chosen(lights.emitters, way_to_emitter, first, count, scene, surfaces, materials, work, paths)
+    add_environment(lights.environment, first, count, scene, table, scattering, work, paths)
+    add_emitters(lights.emitters, first, count, scene, surfaces, materials, work, paths)
 
 
 @inline_kernel
@@ -67,10 +68,10 @@ def add_light(k, r, g, b, paths):
 
 
 @inline_kernel
-def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, paths):
+def add_deltas(kind, lights, first, count, scene, table, scattering, work, paths):
     """Adds the light of each of `lights` (n, 6 or more), shadow rays only for lanes that face it; None does nothing.
 
-    way_to : a function of ways.py
+    kind : of ways.way_to; table : (k,) MATERIAL; scattering : Scattering
     """
     if lights is not None:
         for k in range(lights.shape[0]):
@@ -78,20 +79,20 @@ def add_deltas(lights, way_to, first, count, scene, surfaces, materials, work, p
             for lane in range(16):
                 work.shadow_valid[lane] = 0
                 if lane < count and work.packet[rows.HIT + lane] != ZERO:
-                    dx, dy, dz, scale, share, far = way_to(light, lane, work)
+                    dx, dy, dz, scale, share, far = way_to(kind, light, lane, work)
                     if not share > ZERO:
                         continue
-                    r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+                    r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
                     light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
                     aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
             add_unshadowed(first, aimed, scene, work, paths)
 
 
 @inline_kernel
-def add_one(many, way_to, first, count, scene, surfaces, materials, work, paths):
+def add_one(kind, many, first, count, scene, table, scattering, work, paths):
     """Adds the light of one of many lights for each lane, chosen with the random number LIGHT_U; None does nothing.
 
-    many : ManyLights; way_to : way_to_point or way_to_spot
+    kind : POINT or SPOT; many : ManyLights; table : (k,) MATERIAL; scattering : Scattering
     """
     if many is not None:
         aimed, p = 0, work.packet
@@ -104,10 +105,10 @@ def add_one(many, way_to, first, count, scene, surfaces, materials, work, paths)
             if not chance > ZERO:
                 continue
             light = many.rows[row]
-            dx, dy, dz, scale, share, far = way_to(light, lane, work)
+            dx, dy, dz, scale, share, far = way_to(kind, light, lane, work)
             if not share > ZERO:
                 continue
-            r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
+            r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
             share /= chance
             light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
             aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
@@ -115,12 +116,12 @@ def add_one(many, way_to, first, count, scene, surfaces, materials, work, paths)
 
 
 @inline_kernel
-def add_suns(first, count, bounce, suns, scene, surfaces, materials, work, paths):
+def add_suns(first, count, bounce, suns, scene, table, scattering, work, paths):
     """Adds the light of one direction of each of `suns` (n, 7), chosen at random; None does nothing."""
     if suns is not None:
         for k in range(suns.shape[0]):
             draw_light_numbers(suns, SUN_PAIR + PAIRS_APART * k, bounce, work)
-            add_deltas(suns[k : k + 1], way_to_sun, first, count, scene, surfaces, materials, work, paths)
+            add_deltas(SUN, suns[k : k + 1], first, count, scene, table, scattering, work, paths)
 
 
 @inline_kernel
@@ -143,27 +144,47 @@ def aim(dx, dy, dz, far, light, lane, work):
 
 
 @inline_kernel
-def add_chosen(lights, way_to, first, count, scene, surfaces, materials, work, paths):
-    """Adds the light from one direction to `lights`, chosen at random; None does nothing.
-
-    way_to : way_to_environment or way_to_emitter
-    """
-    if lights is not None:
+def add_environment(environment, first, count, scene, table, scattering, work, paths):
+    """Adds the light from one direction of an environment, chosen at random; None does nothing."""
+    if environment is not None:
         aimed = 0
         for lane in range(16):
             work.shadow_valid[lane] = 0
-            if lane >= count or work.packet[rows.HIT + lane] == ZERO:
-                continue
-            (dx, dy, dz), radiance, density, far = way_to(lights, surfaces, materials, lane, work)
-            if not density > ZERO:
-                continue
-            scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz) if far < INF else ONE
-            r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, surfaces, materials, work)
-            weight = ONE / (density + own)  # of aiming, over its density
-            light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
-            aimed += aim(dx, dy, dz, far, light, lane, work)
-            drop_cut_away(work.cuts, dx, dy, dz, far, lane, work)
+            if lane < count and work.packet[rows.HIT + lane] != ZERO:
+                aimed += aim_chosen(way_to_environment(environment, lane, work), table, scattering, lane, work)
         add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def add_emitters(emitters, first, count, scene, surfaces, materials, work, paths):
+    """Adds the light of one point of one emitting triangle, chosen at random; None does nothing."""
+    if emitters is not None:
+        aimed = 0
+        for lane in range(16):
+            work.shadow_valid[lane] = 0
+            if lane < count and work.packet[rows.HIT + lane] != ZERO:
+                way = way_to_emitter(emitters, surfaces, materials, lane, work)
+                aimed += aim_chosen(way, materials.rows, materials.scattering, lane, work)
+        add_unshadowed(first, aimed, scene, work, paths)
+
+
+@inline_kernel
+def aim_chosen(way, table, scattering, lane, work):
+    """Aims a lane's shadow ray along a way chosen at random; its light is weighed against a path's finding it by
+    itself. Returns the number of rays.
+
+    way : as of way_to_environment or way_to_emitter
+    """
+    (dx, dy, dz), radiance, density, far = way
+    if not density > ZERO:
+        return 0
+    scale = ONE / math.sqrt(dx * dx + dy * dy + dz * dz) if far < INF else ONE
+    r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
+    weight = ONE / (density + own)  # of aiming, over its density
+    light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
+    aimed = aim(dx, dy, dz, far, light, lane, work)
+    drop_cut_away(work.cuts, dx, dy, dz, far, lane, work)
+    return aimed
 
 
 @inline_kernel

@@ -40,19 +40,19 @@ def trace_ambient(scene, camera, xy, samples, surfaces, materials, lights, work,
 
     occlusion : Occlusion
     """
-    number = start_paths(camera, xy, materials, work, paths)
+    number = start_paths(camera, xy, materials.textures.texels, work, paths)
     work.counts[PRIMARY_RAYS] += number
     for first in range(0, number, 16):
         count = min(16, number - first)
         load_rays(first, count, 0, work, paths)
         intersect(scene, work)
         see_sky(lights.environment, lights, work)
-        if gather_surfaces(surfaces, materials, surfaces.normals, work) != 0:
+        if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
             finish_surfaces(work)
-            colour_by_vertices(surfaces, surfaces.colors, work)
+            colour_by_vertices(surfaces.meshes, surfaces.colors, work)
             apply_textures(surfaces, materials, surfaces.uvs, work)
             whiten(occlusion.white, work)
-        encode_normals(True, surfaces, materials, work)
+        encode_normals(True, surfaces.meshes.eye_from_object, materials.rows, work)
         record_first(xy, first, count, samples, work)
         keep_distances(camera.lens, samples, first, count, work)
         draw_light_numbers(occlusion, DIRECTION_PAIR, 0, work)

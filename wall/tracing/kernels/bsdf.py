@@ -26,8 +26,11 @@ def diffuse(cosine):
 
 
 @inline_kernel
-def reflect(surfaces, materials, work):
-    """Sends the lanes on that hit mirrors; adds what all others show to their paths. Returns how many go on."""
+def reflect(table, work):
+    """Sends the lanes on that hit mirrors; adds what all others show to their paths. Returns how many go on.
+
+    table : (k,) MATERIAL
+    """
     p, bits, valid = work.packet, work.bits, work.valid
     going = 0
     for lane in range(16):
@@ -35,7 +38,7 @@ def reflect(surfaces, materials, work):
             continue
         share = ZERO
         if p[rows.HIT + lane] != ZERO:
-            share = material_of(surfaces, materials, lane, work)["mirror"]
+            share = material_of(table, lane, work)["mirror"]
         through = p[rows.THROUGHPUT + lane]
         r, g, b = xyz(p, rows.RADIANCE_R, lane)
         p[rows.PATH_RADIANCE_R + lane] += through * (ONE - share) * r

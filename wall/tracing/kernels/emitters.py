@@ -23,7 +23,7 @@ NEARLY = np.float32(1.0 - 1e-4)  # of the way to a light, where its shadow ray e
 def corner_of(surfaces, instance, vertex):
     """A vertex of an instance relative to the eye."""
     x, y, z = surfaces.vertices[vertex, 0], surfaces.vertices[vertex, 1], surfaces.vertices[vertex, 2]
-    m = surfaces.eye_from_object[instance]
+    m = surfaces.meshes.eye_from_object[instance]
     return (
         m[0] * x + m[1] * y + m[2] * z + m[3],
         m[4] * x + m[5] * y + m[6] * z + m[7],
@@ -34,8 +34,8 @@ def corner_of(surfaces, instance, vertex):
 @inline_kernel
 def corners_of_triangle(surfaces, instance, primitive):
     """The three vertex numbers of a triangle of an instance."""
-    mesh = surfaces.mesh_table[instance]
-    corners, first = surfaces.triangles[mesh[FIRST_TRIANGLE] + primitive], mesh[FIRST_VERTEX]
+    mesh = surfaces.meshes.mesh_table[instance]
+    corners, first = surfaces.meshes.triangles[mesh[FIRST_TRIANGLE] + primitive], mesh[FIRST_VERTEX]
     return first + corners[0], first + corners[1], first + corners[2]
 
 
@@ -96,9 +96,10 @@ def way_to_emitter(emitters, surfaces, materials, lane, work):
     px, py, pz = xyz(p, rows.POSITION_X, lane)
     dx, dy, dz = a[0] + s * e[0] + t * f[0] - px, a[1] + s * e[1] + t * f[1] - py, a[2] + s * e[2] + t * f[2] - pz
     square = dx * dx + dy * dy + dz * dz
-    material = materials.rows[surfaces.mesh_table[instance, MATERIAL_ROW]]
+    material = materials.rows[surfaces.meshes.mesh_table[instance, MATERIAL_ROW]]
     facing = -HALF * (normal[0] * dx + normal[1] * dy + normal[2] * dz)  # area times cosine times distance
-    facing = facing if determinant_of(surfaces.eye_from_object[instance]) > ZERO else -facing  # mirrored: corners turn
+    placed = determinant_of(surfaces.meshes.eye_from_object[instance])
+    facing = facing if placed > ZERO else -facing  # mirrored: corners turn
     facing = abs(facing) if material["emits_behind"] > ZERO else facing
     density = chance * square * math.sqrt(square) / facing if facing > ZERO else ZERO
     emission = emission_at(materials.emission_textures, surfaces, materials, instance, corners, s, t)
@@ -111,7 +112,7 @@ def emission_at(used, surfaces, materials, instance, corners, s, t):
 
     used : Materials.emission_textures
     """
-    mesh = surfaces.mesh_table[instance]
+    mesh = surfaces.meshes.mesh_table[instance]
     material = materials.rows[mesh[MATERIAL_ROW]]
     emission = material["emission"]
     r, g, b = emission[0], emission[1], emission[2]
@@ -119,12 +120,13 @@ def emission_at(used, surfaces, materials, instance, corners, s, t):
         return r, g, b
     if material["texture_width"][EMISSION] == 0 or mesh[MESH_FLAGS] & UVS_FLAG == np.uint32(0):
         return r, g, b
-    uvs, rest, at = surfaces.uvs, ONE - s - t, uv_column(materials.uv_sets, material, EMISSION)
+    textures = materials.textures
+    uvs, rest, at = surfaces.uvs, ONE - s - t, uv_column(materials.textures.uv_sets, material, EMISSION)
     u = rest * uvs[corners[0], at] + s * uvs[corners[1], at] + t * uvs[corners[2], at]
     v = rest * uvs[corners[0], at + 1] + s * uvs[corners[1], at + 1] + t * uvs[corners[2], at + 1]
     wrap = material["wrap_u"][EMISSION], material["wrap_v"][EMISSION]
     level = finest_level(material, EMISSION)
-    tr, tg, tb = texel_at(materials.texels, level, materials.linear_of_srgb, materials.texture_edges, wrap, u, v)
+    tr, tg, tb = texel_at(textures.texels, level, textures.linear_of_srgb, textures.edges, wrap, u, v)
     return r * tr, g * tg, b * tb
 
 

@@ -75,7 +75,7 @@ def aim_at_environment(environment, pick, share):
 
 
 @inline_kernel
-def way_to_environment(environment, surfaces, materials, lane, work):
+def way_to_environment(environment, lane, work):
     """A direction of the environment by the random numbers LIGHT_U and LIGHT_V, as way_to_emitter gives a point."""
     p, strength = work.packet, environment.strength
     way, radiance, density = aim_at_environment(environment, p[rows.LIGHT_U + lane], p[rows.LIGHT_V + lane])

@@ -20,6 +20,7 @@ from wall.tracing.kernels.values import INF, ONE, ZERO
 
 SHADOW_ORIGIN, SHADOW_DIRECTION = SHADOW_PACKET + embree.ORIGIN_X, SHADOW_PACKET + embree.DIRECTION_X
 SHADOW_T_FAR = SHADOW_PACKET + embree.T_FAR
+DIRECTIONAL, POINT, SPOT = 0, 1, 2  # kinds of lights
 MASK_BITS = 32  # of a light visibility mask
 
 
@@ -72,30 +73,33 @@ def add_gradient_light(table, work):
 
 
 @inline_kernel
-def add_emission(emits, surfaces, materials, work):
-    """Adds what hit surfaces emit; emits = None does nothing."""
+def add_emission(emits, textures, table, work):
+    """Adds what hit surfaces emit; emits = None does nothing.
+
+    textures : Materials.emission_textures; table : (k,) MATERIAL
+    """
     if emits is not None:
         p = work.packet
         for lane in range(16):
             if p[rows.HIT + lane] != ZERO:
-                emission = emission_of(materials.emission_textures, surfaces, materials, lane, work)
+                emission = emission_of(textures, table, lane, work)
                 p[rows.RADIANCE_R + lane] += emission[0]
                 p[rows.RADIANCE_G + lane] += emission[1]
                 p[rows.RADIANCE_B + lane] += emission[2]
 
 
 @inline_kernel
-def add_lights(lights, aim, first, scene, work):
+def add_lights(kind, lights, first, scene, work):
     """Adds `lights` (n, 6 or more), numbered from `first`; None does nothing. Returns shadow rays.
 
-    aim : aim_directional, aim_point or aim_spot
+    kind : DIRECTIONAL, POINT or SPOT
     """
     rays = 0
     if lights is not None:
         for lane in range(16):
             start_off_surface(work.packet, SHADOW_ORIGIN, lane)
         for k in range(lights.shape[0]):
-            aim(lights[k], work)
+            aim(kind, lights[k], work)
             rays += add_light(lights[k], first + k, scene, work)
     return rays
 
@@ -106,6 +110,17 @@ def light_count(lights):
     if lights is None:
         return 0
     return lights.shape[0]
+
+
+@inline_kernel
+def aim(kind, light, work):
+    """Aims shadow rays at a light of a kind that is known when this is compiled."""
+    if kind == DIRECTIONAL:
+        aim_directional(light, work)
+    elif kind == POINT:
+        aim_point(light, work)
+    else:
+        aim_spot(light, work)
 
 
 @inline_kernel

@@ -60,7 +60,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
 
     paths : Paths, with room for n; its rays and radiance are written
     """
-    alive = start_paths(camera, xy, materials, work, paths)
+    alive = start_paths(camera, xy, materials.textures.texels, work, paths)
     work.counts[PRIMARY_RAYS] += alive
     for bounce in range(paths.depth + 1):
         going = 0
@@ -69,21 +69,22 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             load_rays(first, count, bounce, work, paths)
             intersect(scene, work)
             see_sky(lights.environment, lights, work)
-            if gather_surfaces(surfaces, materials, surfaces.normals, work) != 0:
+            if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
                 finish_surfaces(work)
-                colour_by_vertices(surfaces, surfaces.colors, work)
+                colour_by_vertices(surfaces.meshes, surfaces.colors, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
-                absorb(materials.absorbs, surfaces, materials, work)
+                absorb(materials.absorbs, surfaces.meshes.placements, materials.rows, work)
             if bounce == 0:
-                encode_normals(True, surfaces, materials, work)
+                encode_normals(True, surfaces.meshes.eye_from_object, materials.rows, work)
                 record_first(xy, first, count, samples, work)
                 keep_distances(camera.lens, samples, first, count, work)
             add_seen(first, count, bounce, materials.emits, lights, surfaces, materials, samples, work, paths)
             if bounce < paths.depth:
+                placements, scattering = surfaces.meshes.placements, materials.scattering
                 draw_numbers(bounce, work)
                 add_aimed(first, count, bounce, lights, scene, surfaces, materials, work, paths)
-                widen_footprints(materials.texels, work)
-                going = send_on(first, count, bounce, going, surfaces, materials, work, paths)
+                widen_footprints(materials.textures.texels, work)
+                going = send_on(first, count, bounce, going, placements, materials.rows, scattering, work, paths)
         alive = going
         work.counts[SECONDARY_RAYS] += going
         if alive == 0:
@@ -104,9 +105,9 @@ def count_samples(xy, counts, number):
 
 
 @inline_kernel
-def start_paths(camera, xy, materials, work, paths):
-    """Writes the primary rays of all positions; returns their number."""
-    p, rays, cone = work.packet, paths.rays, pixel_cone(camera, materials.texels)
+def start_paths(camera, xy, texels, work, paths):
+    """Writes the primary rays of all positions; returns their number. texels : Textures.texels"""
+    p, rays, cone = work.packet, paths.rays, pixel_cone(camera, texels)
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
@@ -114,7 +115,7 @@ def start_paths(camera, xy, materials, work, paths):
             x, y = np.uint32(np.int64(camera.corner[0] + xy[k, 0])), np.uint32(np.int64(camera.corner[1] + xy[k, 1]))
             paths.sample[k] = k
             paths.key[k] = hash_uint32(hash_uint32(paths.seed, x), y)
-        start_footprints(cone, materials.texels, work)
+        start_footprints(cone, texels, work)
         open_lens(camera.lens, first, count, paths, work)
         for lane in range(count):
             k = first + lane
@@ -125,7 +126,7 @@ def start_paths(camera, xy, materials, work, paths):
                 paths.radiance[k, column] = ZERO
             rays[k, 9] = -ONE
             rays[k, 10] = ZERO
-            rays[k, 11] = p[rows.CONE_SPREAD + lane] if materials.texels is not None else ZERO
+            rays[k, 11] = p[rows.CONE_SPREAD + lane] if texels is not None else ZERO
     return xy.shape[0]
 
 
@@ -181,7 +182,7 @@ def record_first(xy, first, count, samples, work):
 @inline_kernel
 def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, work, paths):
     """Adds what the rays themselves see: the sky, and surfaces that emit, weighed against aiming at them."""
-    p = work.packet
+    p, placements = work.packet, surfaces.meshes.placements
     for lane in range(count):
         r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
         if p[rows.HIT + lane] == ZERO:
@@ -190,10 +191,10 @@ def add_seen(first, count, bounce, emits, lights, surfaces, materials, samples, 
             add_light(first + lane, weight * r * x, weight * g * y, weight * b * z, paths)
             continue
         if emits is not None:
-            material = material_of(surfaces, materials, lane, work)
-            emission = emission_of(materials.emission_textures, surfaces, materials, lane, work)
+            material = material_of(materials.rows, lane, work)
+            emission = emission_of(materials.emission_textures, materials.rows, lane, work)
             shines = max(emission[0], emission[1], emission[2]) > ZERO
-            if shines and (material["emits_behind"] > ZERO or not seen_from_inside(surfaces, lane, work)):
+            if shines and (material["emits_behind"] > ZERO or not seen_from_inside(placements, lane, work)):
                 if bounce == 0:
                     samples[first + lane]["albedo"] = WHITE
                 weight = weight_of_seen(lights.emitters, surfaces, first + lane, lane, work, paths)
@@ -223,14 +224,17 @@ def weight_of_seen(emitters, surfaces, k, lane, work, paths):
 
 
 @inline_kernel
-def send_on(first, count, bounce, going, surfaces, materials, work, paths):
-    """Scatters each lane's path and writes the ray that goes on at `going`, which it counts up and returns."""
+def send_on(first, count, bounce, going, placements, table, scattering, work, paths):
+    """Scatters each lane's path and writes the ray that goes on at `going`, which it counts up and returns.
+
+    placements : see Meshes; table : (k,) MATERIAL; scattering : Scattering
+    """
     p, rays = work.packet, paths.rays
     for lane in range(count):
         if p[rows.HIT + lane] == ZERO:
             continue
         sample, key = paths.sample[first + lane], paths.key[first + lane]
-        (x, y, z), (r, g, b), density = scatter(lane, surfaces, materials, work)
+        (x, y, z), (r, g, b), density = scatter(lane, placements, table, scattering, work)
         tr, tg, tb = xyz(p, rows.THROUGHPUT_R, lane)
         r, g, b = r * tr, g * tg, b * tb
         if not max(r, g, b) > ZERO:

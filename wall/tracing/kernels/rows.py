@@ -49,8 +49,9 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
+    MATERIAL,  # uint32, row of Materials.rows that the newest ray hit; only where it hit something
     IMPORTANCE,  # of the slots of a light tree's node, not of lanes
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 82 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 83 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = IMPORTANCE + PACKET
 
 

@@ -37,41 +37,49 @@ def look_at(lane, work):
 
 
 @inline_kernel
-def lit_by(x, y, z, lane, surfaces, materials, work):
-    """BSDF times cosine at a lane's hit for light from unit direction (x, y, z), RGB, and its density in scatter."""
+def lit_by(x, y, z, lane, table, scattering, work):
+    """BSDF times cosine at a lane's hit for light from unit direction (x, y, z), RGB, and its density in scatter.
+
+    table : (k,) MATERIAL; scattering : Scattering
+    """
     p = work.packet
-    material = material_of(surfaces, materials, lane, work)
+    material = material_of(table, lane, work)
     share = (ONE - material["transmission"]) * (ONE - material["mirror"])
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     s, t, n, out = look_at(lane, work)
     to = x * s[0] + y * s[1] + z * s[2], x * t[0] + y * t[1] + z * t[2], x * n[0] + y * n[1] + z * n[2]
     if share <= ZERO or min(to[2], gx * x + gy * y + gz * z) <= ZERO:
         return ZERO, ZERO, ZERO, ZERO
-    metal, rough = roughness_of(materials.metallic_roughness_textures, material, lane, work)
-    look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], materials.interface)
+    metal, rough = roughness_of(scattering.metallic_roughness_textures, material, lane, work)
+    look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], scattering.interface)
     r, g, b, density = opaque.evaluate(look, out, to)
     return share * r, share * g, share * b, share * density
 
 
 @inline_kernel
-def scatter(lane, surfaces, materials, work):
-    """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored."""
+def scatter(lane, placements, table, scattering, work):
+    """A unit direction in which a lane's path goes on, its weight, RGB, and its density; -1 where it is mirrored.
+
+    placements : see Meshes; table : (k,) MATERIAL; scattering : Scattering
+    """
     p = work.packet
     choice, u, v = p[rows.CHOICE_NUMBER + lane], p[rows.DIRECTION_U + lane], p[rows.DIRECTION_V + lane]
-    material = material_of(surfaces, materials, lane, work)
+    material = material_of(table, lane, work)
     albedo = xyz(p, rows.ALBEDO_R, lane)
-    metal, rough = roughness_of(materials.metallic_roughness_textures, material, lane, work)
+    metal, rough = roughness_of(scattering.metallic_roughness_textures, material, lane, work)
     s, t, n, out = look_at(lane, work)
     through, mirror = material["transmission"], (ONE - material["transmission"]) * material["mirror"]
     if through <= choice < through + mirror:
         return mirrored(p, lane), (ONE, ONE, ONE), -ONE
     if choice < through:
         numbers = choice / through, u, v
-        to, weight = through_glass(materials.thin_glass, albedo, rough, out, numbers, lane, surfaces, materials, work)
+        to, weight = through_glass(
+            scattering.thin_glass, scattering.interface, albedo, rough, out, numbers, lane, placements, material, work
+        )
         density = -ONE
     else:
         rest = ONE - through - mirror
-        look = opaque.look_of(material, metal, rough, albedo, out[2], materials.interface)
+        look = opaque.look_of(material, metal, rough, albedo, out[2], scattering.interface)
         to, weight, density = opaque.sample(look, out, (choice - through - mirror) / rest, u, v)
         density = density * rest if density > ZERO else density
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
@@ -82,14 +90,14 @@ def scatter(lane, surfaces, materials, work):
 
 
 @inline_kernel
-def through_glass(thin, albedo, rough, out, numbers, lane, surfaces, materials, work):
-    """A direction in which a path goes on from glass and its weight, RGB; thin : Materials.thin_glass.
+def through_glass(thin, interface, albedo, rough, out, numbers, lane, placements, material, work):
+    """A direction in which a path goes on from glass of a MATERIAL and its weight, RGB.
 
-    numbers : three in [0, 1)
+    thin, interface : see Scattering; numbers : three in [0, 1); placements : see Meshes
     """
-    material, (choice, u, v) = material_of(surfaces, materials, lane, work), numbers
+    choice, u, v = numbers
     if thin is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
         if material["thin"] > ZERO:
-            return thin_glass.sample(albedo, material["ior"], rough, materials.interface, out, choice, u, v)
-    eta = ONE / material["ior"] if seen_from_inside(surfaces, lane, work) else material["ior"]
+            return thin_glass.sample(albedo, material["ior"], rough, interface, out, choice, u, v)
+    eta = ONE / material["ior"] if seen_from_inside(placements, lane, work) else material["ior"]
     return glass.sample(albedo, eta, rough, out, choice, u, v)

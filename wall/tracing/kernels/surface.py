@@ -29,16 +29,16 @@ NORMALS_FLAG, COLORS_FLAG = np.uint32(HAS_NORMALS), np.uint32(HAS_COLORS)
 
 
 @inline_kernel
-def material_of(surfaces, materials, lane, work):
-    """The MATERIAL record that a lane hit; only where it hit something."""
-    return materials.rows[surfaces.mesh_table[work.bits[embree.INSTANCE + lane], MATERIAL_ROW]]
+def material_of(table, lane, work):
+    """The record in `table` (k,) MATERIAL of what a lane hit; only where it hit something."""
+    return table[work.bits[rows.MATERIAL + lane]]
 
 
 @inline_kernel
-def corners_of(surfaces, lane, work):
+def corners_of(meshes, lane, work):
     """The three vertex numbers of the triangle that a lane hit."""
-    mesh = surfaces.mesh_table[work.bits[embree.INSTANCE + lane]]
-    triangle = surfaces.triangles[mesh[FIRST_TRIANGLE] + work.bits[embree.PRIMITIVE + lane]]
+    mesh = meshes.mesh_table[work.bits[embree.INSTANCE + lane]]
+    triangle = meshes.triangles[mesh[FIRST_TRIANGLE] + work.bits[embree.PRIMITIVE + lane]]
     first = mesh[FIRST_VERTEX]
     return first + triangle[0], first + triangle[1], first + triangle[2]
 
@@ -51,10 +51,10 @@ def weights_of(lane, work):
 
 
 @inline_kernel
-def gather_surfaces(surfaces, materials, normals, work):
-    """Looks up what every lane hit: normals (any length, any side), base colour, parts of the ray offset.
+def gather_surfaces(meshes, normals, table, work):
+    """Looks up what every lane hit: normals (any length, any side), material, base colour, parts of the ray offset.
 
-    normals : (v, 3) float32 | None. Returns the number of hits.
+    normals : (v, 3) float32 | None; table : (k,) MATERIAL. Returns the number of hits.
     """
     p, bits = work.packet, work.bits
     hits = 0
@@ -67,7 +67,7 @@ def gather_surfaces(surfaces, materials, normals, work):
         hits += 1
         p[rows.HIT + lane] = ONE
         instance = bits[embree.INSTANCE + lane]
-        m = surfaces.placements[instance]
+        m = meshes.placements[instance]
         a, b, c, d, e, f, g, h, i = m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8]
         x, y, z = xyz(p, embree.NORMAL_X, lane)
         size = ONE / max(abs(x), abs(y), abs(z))  # Embree's normal is twice the area: its square would leave float32
@@ -75,15 +75,16 @@ def gather_surfaces(surfaces, materials, normals, work):
         set_xyz(p, embree.NORMAL_X, lane, x, y, z)
         set_xyz(p, rows.GEOMETRIC_NORMAL_X, lane, a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
         if normals is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
-            if surfaces.mesh_table[instance, MESH_FLAGS] & NORMALS_FLAG:
-                i0, i1, i2 = corners_of(surfaces, lane, work)
+            if meshes.mesh_table[instance, MESH_FLAGS] & NORMALS_FLAG:
+                i0, i1, i2 = corners_of(meshes, lane, work)
                 w, u, v = weights_of(lane, work)
                 x = w * normals[i0, 0] + u * normals[i1, 0] + v * normals[i2, 0]
                 y = w * normals[i0, 1] + u * normals[i1, 1] + v * normals[i2, 1]
                 z = w * normals[i0, 2] + u * normals[i1, 2] + v * normals[i2, 2]
         set_xyz(p, rows.SHADING_NORMAL_X, lane, a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
         set_xyz(p, rows.OFFSET_BASE, lane, m[PLACEMENT_BASE], m[PLACEMENT_SLOPE], m[PLACEMENT_STRETCH])
-        color = materials.rows[surfaces.mesh_table[instance, MATERIAL_ROW]]["base_color"]
+        bits[rows.MATERIAL + lane] = meshes.mesh_table[instance, MATERIAL_ROW]
+        color = material_of(table, lane, work)["base_color"]
         set_xyz(p, rows.ALBEDO_R, lane, color[0], color[1], color[2])
     return hits
 
@@ -125,15 +126,15 @@ def finish_surfaces(work):
 
 
 @inline_kernel
-def colour_by_vertices(surfaces, colors, work):
+def colour_by_vertices(meshes, colors, work):
     """Multiplies albedo by vertex colours (v, 3) float32, where there are any; None does nothing."""
     if colors is not None:
         p, bits = work.packet, work.bits
         for lane in range(16):
             if p[rows.HIT + lane] == ZERO:
                 continue
-            if surfaces.mesh_table[bits[embree.INSTANCE + lane], MESH_FLAGS] & COLORS_FLAG:
-                i0, i1, i2 = corners_of(surfaces, lane, work)
+            if meshes.mesh_table[bits[embree.INSTANCE + lane], MESH_FLAGS] & COLORS_FLAG:
+                i0, i1, i2 = corners_of(meshes, lane, work)
                 w, u, v = weights_of(lane, work)
                 p[rows.ALBEDO_R + lane] *= w * colors[i0, 0] + u * colors[i1, 0] + v * colors[i2, 0]
                 p[rows.ALBEDO_G + lane] *= w * colors[i0, 1] + u * colors[i1, 1] + v * colors[i2, 1]
@@ -141,9 +142,12 @@ def colour_by_vertices(surfaces, colors, work):
 
 
 @inline_kernel
-def seen_from_inside(surfaces, lane, work):
-    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise."""
-    p, m = work.packet, surfaces.placements[work.bits[embree.INSTANCE + lane]]
+def seen_from_inside(placements, lane, work):
+    """Whether a lane's ray came from behind: where the corners of the triangle it hit go clockwise.
+
+    placements : Meshes.placements
+    """
+    p, m = work.packet, placements[work.bits[embree.INSTANCE + lane]]
     x, y, z = xyz(p, embree.NORMAL_X, lane)
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     turned = (m[0] * x + m[1] * y + m[2] * z) * gx + (m[3] * x + m[4] * y + m[5] * z) * gy

@@ -86,26 +86,29 @@ def widen_footprints(texels, work):
 
 
 @inline_kernel
-def gather_mappings(surfaces, materials, uvs, work):
+def gather_mappings(meshes, vertices, uvs, table, work):
     """Looks up how textured lanes' triangles are mapped, by set 0 of texture coordinates: rows TEXTURED to MAPPING_V2.
-    Returns how many are textured."""
-    p, bits, vertices = work.packet, work.bits, surfaces.vertices
+    Returns how many are textured.
+
+    vertices, uvs : see Surfaces; table : (k,) MATERIAL
+    """
+    p, bits = work.packet, work.bits
     textured = 0
     for lane in range(16):
         p[rows.TEXTURED + lane] = ZERO
         if p[rows.HIT + lane] == ZERO:
             continue
         instance = bits[embree.INSTANCE + lane]
-        material = material_of(surfaces, materials, lane, work)
+        material = material_of(table, lane, work)
         width = material["texture_width"]
-        if surfaces.mesh_table[instance, MESH_FLAGS] & UVS_FLAG == np.uint32(0):
+        if meshes.mesh_table[instance, MESH_FLAGS] & UVS_FLAG == np.uint32(0):
             continue
         if max(width[BASE_COLOR], width[METALLIC_ROUGHNESS], width[EMISSION], width[NORMAL]) == 0:
             continue
         textured += 1
         p[rows.TEXTURED + lane] = ONE
-        i0, i1, i2 = corners_of(surfaces, lane, work)
-        m = surfaces.eye_from_object[instance]
+        i0, i1, i2 = corners_of(meshes, lane, work)
+        m = meshes.eye_from_object[instance]
         for corner, edge in ((i1, rows.EDGE_1_X), (i2, rows.EDGE_2_X)):
             x = vertices[corner, 0] - vertices[i0, 0]
             y = vertices[corner, 1] - vertices[i0, 1]
@@ -131,21 +134,21 @@ def map_triangle(uvs, column, corners, lane, work):
 
 @inline_kernel
 def uv_column(used, material, slot):
-    """Column of Surfaces.uvs where a texture of a material finds its u; used : Materials.uv_sets."""
+    """Column of Surfaces.uvs where a texture of a material finds its u; used : Textures.uv_sets."""
     if used is None:
         return 0
     return 2 * material["uv_set"][slot]
 
 
 @inline_kernel
-def choose_mappings(used, slot, surfaces, materials, work):
+def choose_mappings(used, slot, meshes, uvs, table, work):
     """Maps textured lanes by the texture coordinates of one texture of each lane's material, and projects footprints
-    again; used : Materials.uv_sets, None does nothing."""
+    again; used : Textures.uv_sets, None does nothing."""
     if used is not None:
         for lane in range(16):
             if work.packet[rows.TEXTURED + lane] != ZERO:
-                column = uv_column(used, material_of(surfaces, materials, lane, work), slot)
-                map_triangle(surfaces.uvs, column, corners_of(surfaces, lane, work), lane, work)
+                column = uv_column(used, material_of(table, lane, work), slot)
+                map_triangle(uvs, column, corners_of(meshes, lane, work), lane, work)
         project_footprints(work)
 
 
@@ -181,15 +184,15 @@ def project_footprints(work):
 
 
 @inline_kernel
-def measure_footprints(slot, surfaces, materials, work):
+def measure_footprints(slot, meshes, uvs, table, textures, work):
     """Measures footprints in the texels of one texture of each lane's material, BASE_COLOR to NORMAL: rows TEXELS_U and
     _V, LONG_U, LONG_V (texture coordinates), and the squares of both axes in texels."""
-    choose_mappings(materials.uv_sets, slot, surfaces, materials, work)
+    choose_mappings(textures.uv_sets, slot, meshes, uvs, table, work)
     p = work.packet
     for lane in range(16):
         width, height = 0, 0
         if p[rows.TEXTURED + lane] != ZERO:
-            material = material_of(surfaces, materials, lane, work)
+            material = material_of(table, lane, work)
             width, height = material["texture_width"][slot], material["texture_height"][slot]
         p[rows.TEXELS_U + lane], p[rows.TEXELS_V + lane] = np.float32(width), np.float32(height)
     for lane in range(16):
@@ -204,13 +207,13 @@ def measure_footprints(slot, surfaces, materials, work):
 
 
 @inline_kernel
-def filtered_texel(slot, values, surfaces, materials, lane, work):
+def filtered_texel(slot, values, table, textures, lane, work):
     """Mean of a material's texture, BASE_COLOR to NORMAL, over the footprint of a lane's hit, RGB.
 
-    values : (256,) float32, what a byte stands for
+    values : (256,) float32, what a byte stands for; table : (k,) MATERIAL
     """
-    p, texels, edges = work.packet, materials.texels, materials.texture_edges
-    material = material_of(surfaces, materials, lane, work)
+    p, texels, edges = work.packet, textures.texels, textures.edges
+    material = material_of(table, lane, work)
     wrap = material["wrap_u"][slot], material["wrap_v"][slot]
     u, v, level = p[rows.MAPPING_U0 + lane], p[rows.MAPPING_V0 + lane], finest_level(material, slot)
     long = p[rows.LONG_SQUARE + lane]
@@ -237,7 +240,7 @@ def filtered_texel(slot, values, surfaces, materials, lane, work):
 
 @inline_kernel
 def finest_level(material, slot):
-    """First row of Materials.texels, width and height, texels, of one of a material's textures."""
+    """First row of Textures.texels, width and height, texels, of one of a material's textures."""
     return material["first_texel"][slot], material["texture_width"][slot], material["texture_height"][slot]
 
 

@@ -20,68 +20,71 @@ TWO = np.float32(2.0)
 def apply_textures(surfaces, materials, uvs, work):
     """Applies the textures of what a packet hit, at texture coordinates uvs (v, 2): albedo, emission, metalness,
     roughness and shading normals. None does nothing."""
-    copy_emission(materials.emission_textures, surfaces, materials, work)
-    copy_roughness(materials.metallic_roughness_textures, surfaces, materials, work)
+    meshes, table, rough = surfaces.meshes, materials.rows, materials.scattering.metallic_roughness_textures
+    copy_emission(materials.emission_textures, table, work)
+    copy_roughness(rough, table, work)
     if uvs is not None:
-        if gather_mappings(surfaces, materials, uvs, work) == 0:
+        if gather_mappings(meshes, surfaces.vertices, uvs, table, work) == 0:
             return
         project_footprints(work)
-        colour_by_textures(uvs, BASE_COLOR, rows.ALBEDO_R, surfaces, materials, work)
-        colour_by_textures(materials.emission_textures, EMISSION, rows.EMISSION_R, surfaces, materials, work)
-        roughen_by_textures(materials.metallic_roughness_textures, surfaces, materials, work)
-        turn_by_textures(materials.normal_textures, surfaces, materials, work)
+        colour_by_textures(uvs, BASE_COLOR, rows.ALBEDO_R, meshes, uvs, table, materials.textures, work)
+        colour_by_textures(
+            materials.emission_textures, EMISSION, rows.EMISSION_R, meshes, uvs, table, materials.textures, work
+        )
+        roughen_by_textures(rough, meshes, uvs, table, materials.textures, work)
+        turn_by_textures(materials.normal_textures, meshes, uvs, table, materials.textures, work)
 
 
 @inline_kernel
-def colour_by_textures(used, slot, row, surfaces, materials, work):
+def colour_by_textures(used, slot, row, meshes, uvs, table, textures, work):
     """Multiplies the colours from `row` on by textures, BASE_COLOR or EMISSION; used = None does nothing."""
     if used is not None:
         p = work.packet
-        measure_footprints(slot, surfaces, materials, work)
+        measure_footprints(slot, meshes, uvs, table, textures, work)
         for lane in range(16):
             if p[rows.TEXELS_U + lane] != ZERO:
-                r, g, b = filtered_texel(slot, materials.linear_of_srgb, surfaces, materials, lane, work)
+                r, g, b = filtered_texel(slot, textures.linear_of_srgb, table, textures, lane, work)
                 p[row + lane] *= r
                 p[row + 16 + lane] *= g
                 p[row + 32 + lane] *= b
 
 
 @inline_kernel
-def copy_emission(used, surfaces, materials, work):
-    """Sets EMISSION_R, _G, _B to the materials' own; used = None does nothing."""
+def copy_emission(used, table, work):
+    """Sets EMISSION_R, _G, _B to the materials' own, of `table` (k,) MATERIAL; used = None does nothing."""
     if used is not None:
         for lane in range(16):
             if work.packet[rows.HIT + lane] != ZERO:
-                r, g, b = material_of(surfaces, materials, lane, work)["emission"]
+                r, g, b = material_of(table, lane, work)["emission"]
                 set_xyz(work.packet, rows.EMISSION_R, lane, r, g, b)
 
 
 @inline_kernel
-def copy_roughness(used, surfaces, materials, work):
-    """Sets METALLIC and ROUGHNESS to the materials' own; used = None does nothing."""
+def copy_roughness(used, table, work):
+    """Sets METALLIC and ROUGHNESS to the materials' own, of `table` (k,) MATERIAL; used = None does nothing."""
     if used is not None:
         p = work.packet
         for lane in range(16):
             if p[rows.HIT + lane] != ZERO:
-                material = material_of(surfaces, materials, lane, work)
+                material = material_of(table, lane, work)
                 p[rows.METALLIC + lane], p[rows.ROUGHNESS + lane] = material["metallic"], material["roughness"]
 
 
 @inline_kernel
-def roughen_by_textures(used, surfaces, materials, work):
+def roughen_by_textures(used, meshes, uvs, table, textures, work):
     """Multiplies roughness by green and metalness by blue of their textures; used = None does nothing."""
     if used is not None:
         p = work.packet
-        measure_footprints(METALLIC_ROUGHNESS, surfaces, materials, work)
+        measure_footprints(METALLIC_ROUGHNESS, meshes, uvs, table, textures, work)
         for lane in range(16):
             if p[rows.TEXELS_U + lane] != ZERO:
-                _, g, b = filtered_texel(METALLIC_ROUGHNESS, materials.value_of_byte, surfaces, materials, lane, work)
+                _, g, b = filtered_texel(METALLIC_ROUGHNESS, textures.value_of_byte, table, textures, lane, work)
                 p[rows.ROUGHNESS + lane] *= g
                 p[rows.METALLIC + lane] *= b
 
 
 @inline_kernel
-def turn_by_textures(used, surfaces, materials, work):
+def turn_by_textures(used, meshes, uvs, table, textures, work):
     """Turns shading normals by normal textures; used = None does nothing.
 
     The tangent is the direction on the triangle in which u grows, made perpendicular to the shading normal. Where a
@@ -89,13 +92,14 @@ def turn_by_textures(used, surfaces, materials, work):
     """
     if used is not None:
         p = work.packet
-        measure_footprints(NORMAL, surfaces, materials, work)
+        measure_footprints(NORMAL, meshes, uvs, table, textures, work)
         for lane in range(16):
             if p[rows.TEXELS_U + lane] == ZERO:
                 continue
-            x, y, z = filtered_texel(NORMAL, materials.value_of_byte, surfaces, materials, lane, work)
-            scale = material_of(surfaces, materials, lane, work)["normal_scale"]
-            scale = -scale if seen_from_inside(surfaces, lane, work) else scale  # the other side's bumps are dents
+            x, y, z = filtered_texel(NORMAL, textures.value_of_byte, table, textures, lane, work)
+            scale = material_of(table, lane, work)["normal_scale"]
+            inside = seen_from_inside(meshes.placements, lane, work)
+            scale = -scale if inside else scale  # the other side's bumps are dents
             x, y, z = scale * (TWO * x - ONE), scale * (TWO * y - ONE), TWO * z - ONE
             ex, ey, ez = xyz(p, rows.EDGE_1_X, lane)
             fx, fy, fz = xyz(p, rows.EDGE_2_X, lane)
@@ -120,17 +124,17 @@ def turn_by_textures(used, surfaces, materials, work):
 
 
 @inline_kernel
-def emission_of(used, surfaces, materials, lane, work):
-    """What a lane's hit emits, RGB; used : Materials.emission_textures."""
+def emission_of(used, table, lane, work):
+    """What a lane's hit emits, RGB; used : Materials.emission_textures, table : (k,) MATERIAL."""
     if used is None:
-        emission = material_of(surfaces, materials, lane, work)["emission"]
+        emission = material_of(table, lane, work)["emission"]
         return emission[0], emission[1], emission[2]
     return xyz(work.packet, rows.EMISSION_R, lane)
 
 
 @inline_kernel
 def roughness_of(used, material, lane, work):
-    """Metalness and roughness of a lane's hit; used : Materials.metallic_roughness_textures."""
+    """Metalness and roughness of a lane's hit; used : Scattering.metallic_roughness_textures."""
     if used is None:
         return material["metallic"], material["roughness"]
     return work.packet[rows.METALLIC + lane], work.packet[rows.ROUGHNESS + lane]

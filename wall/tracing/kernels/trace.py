@@ -18,12 +18,12 @@ from wall.tracing.kernels.bsdf import reflect
 from wall.tracing.kernels.camera import make_rays
 from wall.tracing.kernels.cuts import reopen_misses, shorten_rays
 from wall.tracing.kernels.lights import (
+    DIRECTIONAL,
+    POINT,
+    SPOT,
     add_ambient,
     add_emission,
     add_lights,
-    aim_directional,
-    aim_point,
-    aim_spot,
     light_count,
     see_sky,
 )
@@ -74,17 +74,17 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
     -------
     kept : int, samples written; records 0..kept-1 are filled, those with NaN or infinite radiance are left out
     """
-    kept, cone = 0, pixel_cone(camera, materials.texels)
+    kept, cone = 0, pixel_cone(camera, materials.textures.texels)
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
-        start_footprints(cone, materials.texels, work)
+        start_footprints(cone, materials.textures.texels, work)
         intersect(scene, work)
         work.counts[PRIMARY_RAYS] += count
         record_hits(work)
         light_packet(scene, surfaces, materials, lights, work)
         divide_out_albedo(work)
-        encode_normals(surfaces.relit, surfaces, materials, work)
+        encode_normals(surfaces.relit, surfaces.meshes.eye_from_object, materials.rows, work)
         follow_mirrors(materials.mirrors, scene, surfaces, materials, lights, work)
         kept = write_samples(xy, first, count, samples, kept, surfaces.relit, work)
     return kept
@@ -113,20 +113,20 @@ def light_packet(scene, surfaces, materials, lights, work):
     """Radiance along each ray of an intersected packet, without mirrors, into rows RADIANCE_R, _G, _B."""
     bits = work.bits
     see_sky(lights.environment, lights, work)
-    if gather_surfaces(surfaces, materials, surfaces.normals, work) == 0:
+    if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) == 0:
         return
     finish_surfaces(work)
-    colour_by_vertices(surfaces, surfaces.colors, work)
+    colour_by_vertices(surfaces.meshes, surfaces.colors, work)
     apply_textures(surfaces, materials, surfaces.uvs, work)
     add_ambient(lights.environment, lights, work)
     for lane in range(16):
         bits[rows.LIGHT_VISIBILITY + lane] = ALL_LIGHTS
-    work.counts[SHADOW_RAYS] += add_lights(lights.directional, aim_directional, 0, scene, work)
+    work.counts[SHADOW_RAYS] += add_lights(DIRECTIONAL, lights.directional, 0, scene, work)
     first_point = light_count(lights.directional)
-    work.counts[SHADOW_RAYS] += add_lights(lights.points, aim_point, first_point, scene, work)
+    work.counts[SHADOW_RAYS] += add_lights(POINT, lights.points, first_point, scene, work)
     first_spot = first_point + light_count(lights.points)
-    work.counts[SHADOW_RAYS] += add_lights(lights.spots, aim_spot, first_spot, scene, work)
-    add_emission(materials.emits, surfaces, materials, work)
+    work.counts[SHADOW_RAYS] += add_lights(SPOT, lights.spots, first_spot, scene, work)
+    add_emission(materials.emits, materials.emission_textures, materials.rows, work)
 
 
 @inline_kernel
@@ -138,8 +138,8 @@ def follow_mirrors(mirrors, scene, surfaces, materials, lights, work):
             set_xyz(p, rows.PATH_RADIANCE_R, lane, ZERO, ZERO, ZERO)
             p[rows.THROUGHPUT + lane] = ONE
         for _bounce in range(MAX_BOUNCES):
-            widen_footprints(materials.texels, work)
-            going = reflect(surfaces, materials, work)
+            widen_footprints(materials.textures.texels, work)
+            going = reflect(materials.rows, work)
             if going == 0:
                 break
             work.counts[SECONDARY_RAYS] += going
@@ -147,7 +147,7 @@ def follow_mirrors(mirrors, scene, surfaces, materials, lights, work):
                 p[rows.IRRADIANCE + lane] = -ONE if work.valid[lane] != 0 else p[rows.IRRADIANCE + lane]
             intersect(scene, work)
             light_packet(scene, surfaces, materials, lights, work)
-        reflect(surfaces, materials, work)
+        reflect(materials.rows, work)
         for lane in range(16):
             r, g, b = xyz(p, rows.PATH_RADIANCE_R, lane)
             own = p[rows.IRRADIANCE + lane]
@@ -167,20 +167,20 @@ def divide_out_albedo(work):
 
 
 @inline_kernel
-def encode_normals(relit, surfaces, materials, work):
+def encode_normals(relit, eye_from_object, table, work):
     """Fills the rows NORMAL_CODE and SAMPLE_VISIBILITY: normals in their objects' frames, and visible lights.
 
     A code is octahedral, 2 x 8 bits. Mirrors get none: their radiance is not their surface's.
-    relit = None does nothing.
+    relit = None does nothing; eye_from_object : see Meshes; table : (k,) MATERIAL
     """
     if relit is not None:
         p, bits = work.packet, work.bits
         for lane in range(16):
-            mirror = p[rows.HIT + lane] != ZERO and material_of(surfaces, materials, lane, work)["mirror"] > ZERO
+            mirror = p[rows.HIT + lane] != ZERO and material_of(table, lane, work)["mirror"] > ZERO
             if p[rows.HIT + lane] == ZERO or mirror:
                 bits[rows.NORMAL_CODE + lane], bits[rows.SAMPLE_VISIBILITY + lane] = NO_NORMAL, ALL_LIGHTS
                 continue
-            m = surfaces.eye_from_object[bits[embree.INSTANCE + lane]]
+            m = eye_from_object[bits[embree.INSTANCE + lane]]
             a, b, c = xyz(p, rows.SHADING_NORMAL_X, lane)
             x, y, z = m[0] * a + m[4] * b + m[8] * c, m[1] * a + m[5] * b + m[9] * c, m[2] * a + m[6] * b + m[10] * c
             size = STEPS / max(abs(x) + abs(y) + abs(z), TINY)

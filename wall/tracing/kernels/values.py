@@ -78,37 +78,55 @@ class RayFrame(NamedTuple):
     lens: Float32 | None  # (3, 3) right and up times its radius, ahead over the distance in focus; None: a pinhole
 
 
-class Surfaces(NamedTuple):
+class Meshes(NamedTuple):
     """Meshes of all instances; they stand one after another in the vertex and triangle arrays."""
 
     triangles: NDArray[np.uint32]  # (t, 3) vertex numbers within the mesh
     mesh_table: NDArray[np.uint32]  # (n, 4) of each instance, columns FIRST_TRIANGLE ... MESH_FLAGS
     placements: Float32  # (n, 12) normal_from_object (9, row major), then PLACEMENT_BASE, _SLOPE, _STRETCH
+    eye_from_object: Float32  # (n, 12) row major 3x4
+
+
+class Surfaces(NamedTuple):
+    """Meshes, and what not every scene's have."""
+
+    meshes: Meshes
     normals: Float32 | None  # (v, 3) shading normals
     colors: Float32 | None  # (v, 3) linear RGB
     uvs: Float32 | None  # (v, 2 n), n sets
     vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures and emitters
-    eye_from_object: Float32  # (n, 12) row major 3x4
     relit: bool | None  # None leaves normals and visible lights out of samples
+
+
+class Textures(NamedTuple):
+    """What textures are looked up in."""
+
+    texels: NDArray[np.uint8] | None  # (p, 3) of all textures and their mip levels, as scene.model.Texture has them
+    linear_of_srgb: Float32  # (256,) linear light of an sRGB byte
+    value_of_byte: Float32  # (256,) 0..1
+    edges: bool | None  # None: all textures repeat
+    uv_sets: bool | None  # None: all textures are looked up by set 0
+
+
+class Scattering(NamedTuple):
+    """What paths meet, besides what every material has."""
+
+    metallic_roughness_textures: bool | None  # None: there are none, or no path needs them
+    thin_glass: bool | None  # None: there is none, or no path meets it
+    interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
 
 
 class Materials(NamedTuple):
     """What surfaces look like."""
 
     rows: Samples  # (k,) MATERIAL
-    texels: NDArray[np.uint8] | None  # (p, 3) of all textures and their mip levels, as scene.model.Texture has them
-    linear_of_srgb: Float32  # (256,) linear light of an sRGB byte
-    value_of_byte: Float32  # (256,) 0..1
-    metallic_roughness_textures: bool | None  # None: there are none, or no path needs them
+    textures: Textures
     emission_textures: bool | None
     normal_textures: bool | None
-    texture_edges: bool | None  # None: all textures repeat
-    uv_sets: bool | None  # None: all textures are looked up by set 0
     emits: bool | None  # None: nothing emits
     mirrors: bool | None  # None: nothing mirrors
-    thin_glass: bool | None  # None: there is none, or no path meets it
     absorbs: bool | None  # None: no glass absorbs, or no path goes through it
-    interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
+    scattering: Scattering
 
 
 class LightTree(NamedTuple):

@@ -13,15 +13,28 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.ggx import TWO_PI, frame_of
-from wall.tracing.kernels.lights import end_before, spot_share
+from wall.tracing.kernels.lights import DIRECTIONAL, POINT, end_before, spot_share
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.values import INF, ONE
 
 TWO = np.float32(2.0)
+SUN = 3  # a kind of lights, beside lights.DIRECTIONAL, POINT and SPOT
 
 
 @inline_kernel
-def way_to_directional(light, lane, work):
+def way_to(kind, light, lane, work):
+    """To a light of a kind that is known when this is compiled."""
+    if kind == DIRECTIONAL:
+        return way_to_directional(light)
+    if kind == SUN:
+        return way_to_sun(light, lane, work)
+    if kind == POINT:
+        return way_to_point(light, lane, work)
+    return way_to_spot(light, lane, work)
+
+
+@inline_kernel
+def way_to_directional(light):
     """To a light infinitely far away."""
     return light[0], light[1], light[2], ONE, ONE, INF
 

@@ -33,17 +33,17 @@ def look(scene, camera, xy, surfaces, materials, lights, work, points):
 
     scene, camera, xy, surfaces, materials, lights, work : as for tracing.kernels.trace.trace; points : Points, written
     """
-    cone = pixel_cone(camera, materials.texels)
+    cone = pixel_cone(camera, materials.textures.texels)
     p, bits = work.packet, work.bits
     for first in range(0, xy.shape[0], 16):
         count = min(16, xy.shape[0] - first)
         make_rays(camera, xy, first, count, work)
-        start_footprints(cone, materials.texels, work)
+        start_footprints(cone, materials.textures.texels, work)
         intersect(scene, work)
         see_sky(lights.environment, lights, work)
-        if gather_surfaces(surfaces, materials, surfaces.normals, work) > 0:
+        if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) > 0:
             finish_surfaces(work)
-            colour_by_vertices(surfaces, surfaces.colors, work)
+            colour_by_vertices(surfaces.meshes, surfaces.colors, work)
             apply_textures(surfaces, materials, surfaces.uvs, work)
         for lane in range(count):
             k = first + lane
@@ -55,7 +55,7 @@ def look(scene, camera, xy, surfaces, materials, lights, work, points):
                 points.seen[k, 1] = bits[embree.PRIMITIVE + lane]
                 _, points.weights[k, 0], points.weights[k, 1] = weights_of(lane, work)
                 r, g, b = xyz(p, rows.ALBEDO_R, lane)
-                material = material_of(surfaces, materials, lane, work)
+                material = material_of(materials.rows, lane, work)
                 if min(r, g, b) < DARK or material["mirror"] > ZERO or material["transmission"] > ZERO:
                     r, g, b = ONE, ONE, ONE
             points.albedo[k, 0], points.albedo[k, 1], points.albedo[k, 2] = r, g, b
