@@ -48,19 +48,24 @@ def session_of(leader: int) -> list[int]:
     return found
 
 
-def until_running(run: subprocess.Popen[str]) -> None:
-    """Read what a run says until it runs; the limit on the whole test stops one that never does."""
+def read_until(run: subprocess.Popen[str], words: str) -> str:
+    """Read what a run says until it says these words; the limit on the whole test stops one that never does."""
     assert run.stdout is not None
     said = ""
-    while "running (Ctrl-C" not in said:
+    while words not in said:
         line = run.stdout.readline()
-        assert line, f"the run ended before it began: {said}"
+        assert line, f"the run ended before that: {said}"
         said += line
+    return said
 
 
 def renderers(run: subprocess.Popen[str]) -> list[int]:
-    """The process ids of a running wall's renderers, in rank order."""
-    until_running(run)
+    """The process ids of a wall's renderers once it runs, in rank order, and of its nursery, if it has one."""
+    read_until(run, "running (Ctrl-C")
+    return renderers_of(run)
+
+
+def renderers_of(run: subprocess.Popen[str]) -> list[int]:
     return sorted(session_of(run.pid))[1:]
 
 
@@ -132,6 +137,34 @@ def test_killed_renderer_does_not_stop_the_others(
     assert not session_of(run.pid)
 
 
+def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
+    tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
+) -> None:
+    config = write_config(tmp_path, path=ORBIT, restarts=1)
+    run = running("run", config, "--headless", "--out", tmp_path / "out")
+    nursery = max(renderers(run))  # forked last
+
+    def kill_renderer() -> None:
+        (only,) = set(renderers_of(run)) - {nursery}
+        os.kill(only, signal.SIGKILL)
+
+    kill_renderer()
+    said = read_until(run, "was started again")
+    time.sleep(1.0)
+    kill_renderer()
+    output, _ = run.communicate(timeout=START_LIMIT_S)
+
+    found = summary(tmp_path / "out")
+    assert run.returncode == 1, output
+    assert "rank 1 died (signal 9)" in said
+    assert found["ended"] == "no renderer is left"
+    assert len(found["restarts"]["1"]) == 1
+    assert found["lost"].keys() == {"1"}
+    assert found["ranks"][1]["samples_traced"] > 64 * 48, "those of the second alone"
+    assert panels(tmp_path / "out")[0].std() > 10
+    assert not session_of(run.pid)
+
+
 def test_run_without_any_renderer_left_ends_at_once(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
@@ -181,7 +214,7 @@ def test_survivors_of_a_killed_mpi_rank_run_on(tmp_path: Path, running: Callable
         "run", config, "--headless", "--seconds", 3, "--out", tmp_path / "out",
         launcher=mpirun(3, "--with-ft", "ulfm"),
     )  # fmt: skip
-    until_running(run)
+    read_until(run, "running (Ctrl-C")
     (victim,) = (pid for pid in session_of(run.pid) if environment_of(pid).get("OMPI_COMM_WORLD_RANK") == "1")
 
     os.kill(victim, signal.SIGKILL)

@@ -28,6 +28,9 @@ class TransportConfig(Model):
     lost_after_s: Annotated[Number, Ge(0.1), Le(600.0)] = Field(
         default=2.0, description="seconds of silence that mean a rank is lost"
     )
+    restarts: Annotated[int, Ge(0), Le(1000)] = Field(
+        default=3, description="how often in a minute a renderer that dies is started again; not under MPI"
+    )
 
     @model_validator(mode="after")
     def _lost_is_later(self) -> TransportConfig:

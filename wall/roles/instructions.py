@@ -94,6 +94,7 @@ class Died:
 
     rank: int
     how: str
+    again: bool = False  # whether it was started again
 
 
 @dataclass(frozen=True, slots=True)

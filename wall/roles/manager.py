@@ -79,9 +79,6 @@ class Manager:
         layout = plan.layout
         self.due = now
         self.heartbeats: dict[int, Heartbeat] = {}  # the newest of each rank
-        self.lost: dict[int, str] = {}  # ranks that died or went silent: how
-        self.died: set[int] = set()  # of the lost ones: those whose process has ended
-        self.silences: dict[int, float] = {}  # the longest a rank was silent, beyond lost_after_s
         self.escape = ""  # where Escape was pressed
         self.ended = ""  # why the run ends, once it does
         self.counters = Counter[str]()
@@ -89,9 +86,8 @@ class Manager:
         self._seconds, self._until_complete = seconds, until_complete
         self._directors: list[Director] = []
         self._reloading = Reloading(plan, fixed=fixed)
-        self._register = Register()
+        self.register = Register(layout.size, now)
         self.editor, self._edited = Editor(plan, key=key), False  # whether an event is to tell of it
-        self._heard = dict.fromkeys(range(1, layout.size), now)  # by rank: when it gave a sign of life
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
         self.taken = EditsTaken()
@@ -137,19 +133,21 @@ class Manager:
     def take_news(self) -> str:
         """What came of a configuration since this was asked last, in words; "" for none."""
         said, self._reloading.said = self._reloading.said, ""
-        return said
+        news, self.register.news = [*self.register.news, *filter(None, [said])], []
+        return "; ".join(news)
 
     @property
-    def members(self) -> Mapping[int, Hello]:
-        """All ranks that were ever in the run."""
-        return self._register.members
+    def lost(self) -> Mapping[int, str]:
+        """Ranks that died or are silent: how."""
+        return self.register.lost
 
     def on_message(self, message: Input, now: float) -> Iterator[Instruction]:
         """Take in messages of ranks, input of users, news of the launcher."""
         try:
             if isinstance(message, Hello):
                 self._check_rank(message.rank)
-                self._register.take(message, now)
+                if self.register.take(message, now):
+                    self.heartbeats.pop(message.rank, None)
                 for director in () if self._reloading.adopting else self._directors:  # who joins late gets the state
                     yield Send(message.rank, director.event)
                 if self.balancer is not None:
@@ -158,7 +156,8 @@ class Manager:
                     yield Send(message.rank, Stop(reason=self.ended))
             elif isinstance(message, Heartbeat):
                 self._check_rank(message.rank)
-                self.heartbeats[message.rank], self._heard[message.rank] = message, now
+                self.heartbeats[message.rank] = message
+                self.register.hear(message.rank, now)
                 yield Send(HEAD, message)
             elif isinstance(message, WindowInput):
                 before = self._selected
@@ -180,8 +179,7 @@ class Manager:
                 yield Send(message.client, self.editor.answer(message, self._shown_event.scene_time, now))
                 self._edited = True
             elif isinstance(message, Died):
-                self.died.add(message.rank)
-                self.lost.setdefault(message.rank, f"died ({message.how}) after {now - self._began:.1f} s")
+                self.register.bury(message, now)
             elif isinstance(message, End):
                 self.ended = self.ended or message.reason
             elif isinstance(message, Packet):
@@ -243,7 +241,7 @@ class Manager:
             if self.ended:
                 self._hold(now)
         if self._phase in (Phase.RUNNING, Phase.HOLDING):
-            yield from self._register.on_tick(now, self.lost)
+            yield from self.register.on_tick(now)
             yield from self._reloading.on_tick(now, self._since, self.lost)
             if (plan := self._reloading.adopted(self.heartbeats, now, self.lost)) is not None:
                 yield from self._adopt(plan, now)
@@ -336,22 +334,14 @@ class Manager:
             self._released = number
 
     def _watch(self, now: float) -> None:
-        """Notice ranks that died or fell silent; their regions only grow old. See whether the run is over."""
-        limit = self._layout.config.transport.lost_after_s
-        for rank, heard in self._heard.items():
-            silence = now - heard
-            if silence > limit:
-                self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
-                self.lost.setdefault(rank, f"silent for {silence:.1f} s")
-            elif self.lost.get(rank, "").startswith("silent"):
-                del self.lost[rank]  # it was only late
+        """Notice ranks that fell silent; their regions only grow old. See whether the run is over."""
+        self.register.watch(now, self._layout.config.transport.lost_after_s)
         self.ended = self.ended or self._why_over(now)
 
     def _why_over(self, now: float) -> str:
         """Why the run is to end, "" as long as it is not."""
-        renderers = self._layout.renderers()
-        silent_s = min((now - self._heard[rank] for rank in renderers if rank not in self.died), default=math.inf)
-        if silent_s > max(SILENT_S, self._layout.config.transport.lost_after_s):
+        longest = max(SILENT_S, self._layout.config.transport.lost_after_s)
+        if self.register.silence(self._layout.renderers(), now) > longest:
             return NO_RENDERER
         if self.escape:
             return self.escape
@@ -377,7 +367,7 @@ class Manager:
             complete &= beat is not None and beat.configuration == self.plan.number
             if beat is not None and self.balancer is not None and self._layout.role(rank) == "renderer":
                 complete &= beat.assignment == self.balancer.assignment.number
-            if not complete and rank not in self.lost:
+            if not complete and not self.register.excused(rank):
                 return False
         return True
 

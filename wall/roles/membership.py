@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 
 from wall.config.schema import TransportConfig
 from wall.packets.control import Heartbeat, Hello, Membership
-from wall.roles.instructions import MANAGER, Broadcast, Connect, Finish, Instruction, Send
+from wall.roles.instructions import MANAGER, Broadcast, Connect, Died, Finish, Instruction, Send
 
 GATHER_S = 0.05  # ranks that join within so long are told of together
 REPEAT_S = 2.0  # membership is said again
@@ -19,22 +19,68 @@ HEAD_LOST_BEATS = 3.0  # times lost_after_s without a message of the manager, th
 
 
 class Register:
-    """The manager's list of members."""
+    """The manager's list of ranks: which are in the run, which are lost, and which took the place of dead ones."""
 
-    def __init__(self) -> None:
+    def __init__(self, size: int, now: float) -> None:
         self.members: dict[int, Hello] = {}
+        self.lost: dict[int, str] = {}  # ranks that died or are silent: how
+        self.silences: dict[int, float] = {}  # the longest that a rank was silent, beyond lost_after_s
+        self.restarts: dict[int, list[str]] = {}  # by rank: how those died in whose place another came
+        self.news: list[str] = []  # to be told
+        self._died: set[int] = set()  # of the lost ones: those whose process has ended
+        self._coming: set[int] = set()  # of those: those that were started again
+        self._heard, self._began = dict.fromkeys(range(1, size), now), now  # by rank: when it gave a sign of life
         self._absent: frozenset[int] = frozenset()  # members that are not heard of any more
-        self._due = math.inf  # when it is to be broadcast
+        self._due = math.inf  # when the list is to be broadcast
 
-    def take(self, hello: Hello, now: float) -> None:
-        """Add a rank, or replace an earlier incarnation of it."""
-        if self.members.get(hello.rank) != hello:
+    def take(self, hello: Hello, now: float) -> bool:
+        """Add a rank, or replace an earlier incarnation of it. Returns whether it takes the place of one that died."""
+        before = self.members.get(hello.rank)
+        returns = hello.rank in self._died and (before is None or hello.incarnation != before.incarnation)
+        if returns:
+            self._died.discard(hello.rank)
+            self._coming.discard(hello.rank)
+            how, self._heard[hello.rank] = self.lost.pop(hello.rank), now
+            self.restarts.setdefault(hello.rank, []).append(how)
+            self.news.append(f"rank {hello.rank} {how} and was started again")
+        if before != hello:
             self.members[hello.rank] = hello
             self._due = min(self._due, now + GATHER_S)
+        return returns
 
-    def on_tick(self, now: float, absent: Iterable[int]) -> Iterator[Broadcast]:
-        """Broadcast the membership if it changed or was not told for long. `absent`: ranks that died or are silent."""
-        if (absent := frozenset(absent)) != self._absent:
+    def hear(self, rank: int, now: float) -> None:
+        """A rank gave a sign of life."""
+        self._heard[rank] = now
+
+    def bury(self, death: Died, now: float) -> None:
+        """A rank's process has ended; one that is started again is missed until it says Hello."""
+        if death.rank not in self._died:
+            self.lost[death.rank] = f"died ({death.how}) after {now - self._began:.1f} s"
+        self._died.add(death.rank)
+        self._coming = self._coming | {death.rank} if death.again else self._coming - {death.rank}
+
+    def watch(self, now: float, lost_after_s: float) -> None:
+        """Notice ranks that fell silent, or speak again."""
+        for rank, heard in self._heard.items():
+            silence = now - heard
+            if silence > lost_after_s:
+                self.silences[rank] = max(self.silences.get(rank, 0.0), silence)
+                self.lost.setdefault(rank, f"silent for {silence:.1f} s")
+            elif self.lost.get(rank, "").startswith("silent"):
+                del self.lost[rank]  # it was only late
+
+    def silence(self, ranks: Iterable[int], now: float) -> float:
+        """For how long none of these was heard of, seconds; infinite where all have died for good."""
+        there = set(ranks) - (self._died - self._coming)
+        return min((now - self._heard[rank] for rank in there), default=math.inf)
+
+    def excused(self, rank: int) -> bool:
+        """Whether nothing is to be expected of a rank."""
+        return rank in self.lost and rank not in self._coming
+
+    def on_tick(self, now: float) -> Iterator[Broadcast]:
+        """Broadcast the membership if it changed or was not told for long."""
+        if (absent := frozenset(self.lost)) != self._absent:
             self._absent, self._due = absent, now
         if now >= self._due:
             self._due = now + REPEAT_S

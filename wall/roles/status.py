@@ -176,7 +176,8 @@ def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, core
         | {layer.panel.id: str(choice) for layer in layers if (choice := layer.reprojected.choice)},
         "dropped": dict(sorted(dropped.items())),
         "latency_ms": dict(zip(("p50", "p95", "p99"), percentiles_ms(list(compositor.latency.seconds)), strict=True)),
-        "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.silences.items())},
+        "silences": {str(rank): round(s, 2) for rank, s in sorted(manager.register.silences.items())},
+        "restarts": {str(rank): how for rank, how in sorted(manager.register.restarts.items())},
         "lost": {str(rank): how for rank, how in sorted(manager.lost.items())},
         "views": [_view_summary(plan, k, list(beats.values())) for k in range(len(plan.views))],
         "configurations": manager.configurations,
@@ -188,7 +189,7 @@ def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, core
             "updates_shared": sum(beat.updates_shared for beat in beats.values()),
         },
         "assignments": 0 if manager.balancer is None else manager.balancer.assignment.number,
-        "ranks": [_rank_summary(layout, k, beats.get(k), manager.members.get(k)) for k in range(layout.size)],
+        "ranks": [_rank_summary(layout, k, beats.get(k), manager.register.members.get(k)) for k in range(layout.size)],
     }
 
 

@@ -29,6 +29,10 @@ class Bootstrap(Protocol):
         """Ranks known to have ended badly, with how they ended; ranks that are not watched are left out."""
         ...
 
+    def start_again(self, rank: int) -> bool:
+        """Start a rank that is dead once more. Returns whether that can be tried."""
+        ...
+
     def finish(self) -> None:
         """End what was started, within a bounded time."""
         ...

@@ -1,4 +1,8 @@
-"""Ranks as forked processes of this machine, watched by rank 0."""
+"""Ranks as forked processes of this machine, watched by rank 0.
+
+A rank that died is started again by the nursery: a process forked before rank 0 had threads, which does nothing but
+fork ranks, so that they begin with the scene and the kernels that were loaded then.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError, WallError
@@ -24,33 +28,49 @@ _PR_SET_PDEATHSIG = 1
 class LocalBootstrap:
     """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
 
-    def __init__(self, rank: int, size: int, pipes: list[Connection], children: list[BaseProcess]) -> None:
+    def __init__(
+        self, rank: int, size: int, pipes: list[Connection], children: list[BaseProcess],
+        nursery: Nursery | None = None,
+    ) -> None:  # fmt: skip
         self.rank, self.size = rank, size
-        self._pipes, self._children = pipes, children
+        self._pipes, self._children, self._nursery = pipes, children, nursery
+        self._text = ""
+        self._again: set[int] = set()  # ranks that were started again: the nursery tells how they end
 
     @classmethod
-    def start(cls, size: int, main: Callable[[LocalBootstrap], None]) -> LocalBootstrap:
-        """Fork ranks 1..size-1, each running `main`, and be rank 0."""
+    def start(cls, size: int, main: Callable[[LocalBootstrap], None], *, again: bool = False) -> LocalBootstrap:
+        """Fork ranks 1..size-1, each running `main`, and be rank 0. `again`: have a nursery."""
         sys.stdout.flush()
         sys.stderr.flush()
         context = multiprocessing.get_context("fork")
         pipes = [context.Pipe(duplex=False) for _ in range(size - 1)]
-        children = []
+        to_nursery, at_nursery = context.Pipe()
+        children: list[BaseProcess] = []
         ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)  # ranks leave Ctrl-C to the head, from their start
         for rank in range(1, size):
-            args = (rank, size, pipes, main, os.getpid())
-            child = context.Process(target=_run_child, args=args, name=f"wall rank {rank}")
+            own = pipes[rank - 1][0]
+            others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
+            child = context.Process(
+                target=_run_child, args=(rank, size, own, others, main, os.getpid()), name=f"wall rank {rank}"
+            )
             child.start()
             children.append(child)
+        nursery = None
+        if again:
+            others = [end for pipe in pipes for end in pipe] + [to_nursery]
+            args = (size, at_nursery, others, main, os.getpid())
+            nursery = Nursery(context.Process(target=_nurse, args=args, name="wall nursery"), to_nursery)
         signal.signal(signal.SIGINT, ctrl_c)
         for reader, _ in pipes:
             reader.close()
-        return cls(0, size, [writer for _, writer in pipes], list(children))
+        at_nursery.close()
+        return cls(0, size, [writer for _, writer in pipes], children, nursery)
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank."""
         if self.rank != 0:
             return _receive(self._pipes[0])
+        self._text = text
         for pipe in self._pipes:
             with contextlib.suppress(BrokenPipeError):  # that rank has ended; `dead` says how
                 pipe.send_bytes(text.encode())
@@ -58,11 +78,18 @@ class LocalBootstrap:
 
     def dead(self) -> dict[int, str]:
         """Ranks that have ended badly: how."""
-        ended = {}
+        ended = self._nursery.ended() if self._nursery is not None else {}
         for rank, child in enumerate(self._children, start=1):
-            if child.exitcode:
-                ended[rank] = f"signal {-child.exitcode}" if child.exitcode < 0 else f"exit code {child.exitcode}"
+            if child.exitcode and rank not in self._again:
+                ended[rank] = _how(child.exitcode)
         return ended
+
+    def start_again(self, rank: int) -> bool:
+        """Start a rank that is dead once more. Returns whether that can be tried."""
+        if self._nursery is None or not self._nursery.fork(rank, self._text):
+            return False
+        self._again.add(rank)
+        return True
 
     def finish(self) -> None:
         """Wait for the ranks to end, then end them."""
@@ -73,29 +100,105 @@ class LocalBootstrap:
             if child.is_alive():
                 child.kill()
                 child.join(STOP_WAIT_S)
+        if self._nursery is not None:
+            self._nursery.close(max(0.0, limit - time.monotonic()))
         for pipe in self._pipes:
             pipe.close()
+
+
+class Nursery:
+    """Rank 0's side of the process that forks ranks again."""
+
+    def __init__(self, process: BaseProcess, pipe: Connection) -> None:
+        self._process, self._pipe = process, pipe
+        process.start()
+        self._ended: dict[int, str] = {}  # ranks that it forked: how they ended
+
+    def fork(self, rank: int, text: str) -> bool:
+        """Fork a rank, which gets `text` as a broadcast. Returns whether the nursery is there."""
+        self._ended.pop(rank, None)
+        try:
+            self._pipe.send((rank, text))
+        except OSError:
+            return False
+        return True
+
+    def ended(self) -> dict[int, str]:
+        """Ranks that were forked again and have ended badly: how."""
+        with contextlib.suppress(OSError, EOFError):
+            while self._pipe.poll():
+                rank, how = self._pipe.recv()
+                self._ended[rank] = how
+        return dict(self._ended)
+
+    def close(self, wait_s: float) -> None:
+        """Let its ranks end within `wait_s`, then end them, and it."""
+        self._pipe.close()
+        self._process.join(wait_s)
+        if self._process.is_alive():
+            self._process.kill()  # its ranks go with it
+            self._process.join(STOP_WAIT_S)
+
+
+def _nurse(
+    size: int, pipe: Connection, others: list[Connection], main: Callable[[LocalBootstrap], None], parent: int
+) -> None:
+    """The nursery: forks the ranks that it is told to, tells of those that end badly, ends when nobody can tell it."""
+    _belong_to(parent, others)
+    context = multiprocessing.get_context("fork")
+    children: dict[int, BaseProcess] = {}
+    while True:
+        sentinels = {child.sentinel: rank for rank, child in children.items()}
+        ready = wait([pipe, *sentinels])
+        for rank in [sentinels[each] for each in ready if isinstance(each, int)]:
+            child = children.pop(rank)
+            child.join()
+            if child.exitcode:
+                pipe.send((rank, _how(child.exitcode)))
+        if pipe in ready:
+            try:
+                rank, text = pipe.recv()
+            except (OSError, EOFError):
+                break
+            reader, writer = context.Pipe(duplex=False)
+            child = context.Process(target=_run_child, args=(rank, size, reader, [pipe, writer], main, os.getpid()))
+            child.start()
+            writer.send_bytes(text.encode())
+            reader.close()
+            writer.close()
+            children[rank] = child
+    for child in children.values():
+        child.join()  # rank 0 ends this process, and they with it, when that takes too long
+    os._exit(0)
+
+
+def _how(exit_code: int) -> str:
+    return f"signal {-exit_code}" if exit_code < 0 else f"exit code {exit_code}"
+
+
+def _belong_to(parent: int, ends: list[Connection]) -> None:
+    """Of a forked process: die with its parent, leave Ctrl-C to it, close the ends of pipes that are others'."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for end in ends:
+        end.close()
 
 
 def _run_child(
     rank: int,
     size: int,
-    pipes: list[tuple[Connection, Connection]],
+    pipe: Connection,
+    others: list[Connection],
     main: Callable[[LocalBootstrap], None],
     parent: int,
 ) -> None:
-    """A forked rank: dies with its parent, leaves Ctrl-C to it, and says why it failed."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    for k, (reader, writer) in enumerate(pipes, start=1):
-        writer.close()
-        if k != rank:
-            reader.close()
+    """A forked rank: says why it failed."""
+    _belong_to(parent, others)
     code = 1
     try:
-        main(LocalBootstrap(rank, size, [pipes[rank - 1][0]], []))
+        main(LocalBootstrap(rank, size, [pipe], []))
         code = 0
     except WallError as error:
         print(f"rank {rank}: {error}", file=sys.stderr, flush=True)

@@ -41,6 +41,10 @@ class MpiBootstrap:
         """The launcher watches its ranks; we see them go quiet by their heartbeats."""
         return {}
 
+    def start_again(self, rank: int) -> bool:
+        """MPI has no way to put a process in another's place."""
+        return False
+
     def finish(self) -> None:
         """At the exit of this process let MPI end in order, or leave with exit code 1 where it waits for the dead."""
         atexit.register(_finalize)

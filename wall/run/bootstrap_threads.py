@@ -54,6 +54,10 @@ class ThreadBootstrap:
         """Ranks that have failed: how."""
         return dict(self._shared.failed)
 
+    def start_again(self, rank: int) -> bool:
+        """A thread that failed would fail again."""
+        return False
+
     def finish(self) -> None:
         """Wait for the threads to end."""
         for thread in self._shared.threads:

@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
-from itertools import starmap
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -91,6 +90,7 @@ class HeadProcess:
         self._ends: deque[End | Died] = deque()
         self._manager: Manager | None = None
         self._loop: Loop | None = None  # of the compositor
+        self._restarts: dict[int, list[float]] = {}  # by rank: when it was started again
         self.failures: list[str] = []
         self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
@@ -170,7 +170,21 @@ class HeadProcess:
         return [self._ends.popleft() for _ in range(len(self._ends))]
 
     def _deaths(self) -> Iterator[Died]:
-        return starmap(Died, self._bootstrap.dead().items())
+        for rank, how in self._bootstrap.dead().items():
+            yield Died(rank, how, again=self._started_again(rank))
+
+    def _started_again(self, rank: int) -> bool:
+        """Start a renderer again that died, where that is wanted and can be. Returns whether that was tried."""
+        manager, now = self._manager, self._clock.now()
+        if manager is None or manager.ended or self._options.record is not None:
+            return False
+        if manager.plan.number > 0 or manager.plan.layout.role(rank) != "renderer":
+            return False
+        recent = [began for began in self._restarts.get(rank, ()) if now - began < 60.0]
+        if len(recent) >= manager.plan.layout.config.transport.restarts or not self._bootstrap.start_again(rank):
+            return False
+        self._restarts[rank] = [*recent, now]
+        return True
 
     def _write_summary(self) -> None:
         if self._manager is None or self._loop is None:

@@ -66,6 +66,10 @@ class Renumbered:
         """Ranks of the wall that have ended badly: how."""
         return {self._rank_of[process]: how for process, how in self._bootstrap.dead().items()}
 
+    def start_again(self, rank: int) -> bool:
+        """Start a rank that is dead once more. Returns whether that can be tried."""
+        return self._bootstrap.start_again(self._rank_of.index(rank))
+
     def finish(self) -> None:
         """End what was started."""
         self._bootstrap.finish()

@@ -79,7 +79,7 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         bootstrap = ThreadBootstrap.start(layout.size, main)
     else:
         say(f"starting {layout.size} processes")
-        bootstrap = LocalBootstrap.start(layout.size, main)
+        bootstrap = LocalBootstrap.start(layout.size, main, again=layout.config.transport.restarts > 0)
     try:
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
     finally:

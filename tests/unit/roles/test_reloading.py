@@ -149,7 +149,7 @@ def test_who_dies_meanwhile_is_not_waited_for(plan: Plan) -> None:
     led = Led(plan)
     led.ask()
     led.tell(PlanMade(1, numbered(plan, 1)))
-    led.manager.lost[1] = "died"
+    led.manager.register.lost[1] = "died"
     led.tell(Prepared(rank=0, number=1))
     assert not said(led.tick(AGAIN_S), Adopt), "rank 2 lives"
     led.tell(Prepared(rank=2, number=1))
