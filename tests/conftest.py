@@ -8,13 +8,13 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from small_scenes import View, instance, material, quad, scene_of, sphere_mesh, view
+from small_scenes import View, view
 
 from wall.core.clock import ManualClock
 from wall.core.data import Event
 from wall.reconstruction.gpu.device import Device, GpuError, device
 from wall.scene.build import Scene
-from wall.scene.model import DirectionalLight, PointLight
+from wall.study.accuracy import scenes
 
 JIT_DISABLED = bool(numba.config.DISABLE_JIT)
 
@@ -58,20 +58,7 @@ def manual_clock() -> ManualClock:
 @pytest.fixture(scope="session")
 def tiny_scene() -> Scene:
     """A floor, a ball and a smaller one beside it, a directional and a point light: 3 objects, 1,442 triangles."""
-    ball = sphere_mesh(1, segments=24)
-    return scene_of(
-        [quad(8.0, 8.0, material=0), ball],
-        [
-            instance(0, turn=("x", -90.0)),
-            instance(1, at=(-0.6, 1.0, 0.0)),
-            instance(1, at=(1.1, 0.4, 0.7), scale=0.4),
-        ],
-        materials=[material(0.8, 0.7, 0.5), material(0.3, 0.5, 0.9)],
-        lights=[
-            DirectionalLight(direction=(0.48, 0.64, 0.6), irradiance=(2.0, 1.9, 1.7)),
-            PointLight(position=(-2.0, 2.5, 2.0), intensity=(3.0, 3.0, 4.0)),
-        ],
-    )
+    return scenes.tiny_scene()
 
 
 @pytest.fixture

@@ -319,6 +319,37 @@ def noise(
 
 
 @measure.command()
+def accuracy(
+    only: Annotated[str, typer.Option(help="Cases by name or pattern, such as 'far_*,scale_*'")] = "",
+    long: Annotated[bool, typer.Option("--long", help="Some cases larger: takes many minutes")] = False,
+    guide: Annotated[
+        Path | None, typer.Option(help="A page whose part about hard cases is written anew from the rows")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of results")] = Path("OUT/accuracy"),
+) -> None:
+    """Run every hard case, and hold its figure against its bound. Takes about two minutes.
+
+    [bold]wall measure accuracy --out OUT/accuracy[/]
+    """
+    from wall.study.accuracy import report, rows
+    from wall.study.accuracy.cases import cases_of
+
+    wanted, found, pictures = cases_of(only), [], {}
+    with errors.status("measuring") as status:
+        for row, images in rows.measure(wanted, long=long, say=lambda name: status.update(f"measuring {name}")):
+            found.append(row)
+            pictures[row.case] = images
+    page = report.write(out, found, pictures)
+    if guide is not None:
+        report.guide(guide, found)
+    console.print(report.table(found))
+    outside = [row.case for row in found if not row.ok]
+    console.print(f"{len(found)} rows in {out / 'accuracy.jsonl'}, report in {page}")
+    if outside:
+        console.print(f"outside their bounds: {', '.join(outside)}")
+
+
+@measure.command()
 def page(
     address: Annotated[str, typer.Argument(help="Of the page of a wall that runs", show_default=False)],
     seconds: Annotated[float, typer.Option(min=1.0, max=600.0, help="Of each of the two")] = 10.0,
