@@ -129,7 +129,7 @@ def with_every_feature(scene: Scene) -> Scene:
     )  # fmt: skip
     square = quad(2.0, 2.0, material=len(scene.materials), uvs=True, colors=np.zeros((4, 3)))
     uvs = np.tile(np.asarray(square.uvs), 2)
-    square = replace(square, uvs=uvs, normals=np.tile(np.float32([0.0, 0.0, 1.0]), (4, 1)))
+    square = replace(square, uvs=uvs, normals=np.tile(np.array([0.0, 0.0, 1.0], np.float32), (4, 1)))
     pane = replace(square, material=square.material + 1, normals=None, uvs=None, colors=None)
     thin = Material(name="thin", base_color=BLACK, transmission=1.0, thin=True)
     up, below = (0.0, 1.0, 0.0), (0.0, -500.0, 0.0)

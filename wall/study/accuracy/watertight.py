@@ -1,0 +1,259 @@
+"""Rays aimed at edges and vertices of closed meshes, shadow rays past them, and seams between instances."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wall.core.data import Float32, Float64, Samples
+from wall.geometry.frusta import project
+from wall.scene.build import Scene
+from wall.scene.model import DirectionalLight, Instance, PointLight
+from wall.study.accuracy.case import Case, Found, picture
+from wall.study.accuracy.scenes import (
+    View,
+    instance,
+    quad,
+    scene_of,
+    sphere_mesh,
+    traced_image,
+    turned,
+    view,
+    with_every_feature,
+)
+from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
+
+ROUNDING = 2.0**-24
+NEAR_ROUNDINGS = 2  # of a position on the panel, either way
+SIX_WAYS = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+SEGMENTS = 48
+BATCH = 1 << 18
+SEED = 15
+
+
+def escapes_at_edges(rays: int) -> Found:
+    """Rays from inside a closed sphere, aimed at random points of its edges, that meet nothing."""
+    mesh = sphere_mesh(segments=SEGMENTS, smooth=False)
+    random = np.random.default_rng(SEED)
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    edge, share = random.integers(0, 3, rays), random.random((rays, 1))
+    face = random.integers(0, len(corners), rays)
+    points = corners[face, edge] * share + corners[face, (edge + 1) % 3] * (1.0 - share)
+    return _escapes(points, random)
+
+
+def escapes_at_vertices(rays: int) -> Found:
+    """The same, aimed at its vertices."""
+    vertices = np.unique(sphere_mesh(segments=SEGMENTS, smooth=False).vertices, axis=0).astype(np.float64)
+    random = np.random.default_rng(SEED)
+    return _escapes(vertices[random.integers(0, len(vertices), rays)], random)
+
+
+def _escapes(points: Float64, random: np.random.Generator) -> Found:
+    """Of rays from six cameras at the sphere's middle, and from six beside it."""
+    scene = make_tracer_scene(with_every_feature(scene_of([sphere_mesh(segments=SEGMENTS, smooth=False)])))
+    escaped = aimed = 0
+    for place in ((0.0, 0.0, 0.0), (0.31, -0.17, 0.23)):
+        for way in SIX_WAYS:
+            x, y, z = np.add(place, way).tolist()
+            seen = view(place, (x, y, z), pixels=(64, 64), fov=90.0, up=(0.36, 0.48, 0.8))
+            samples = samples_near(scene, seen, points, random)
+            aimed += len(samples)
+            escaped += int((samples["object_id"] == 0).sum())
+    lamp = PointLight(position=(0.0, 0.0, 0.0), intensity=(9.0, 9.0, 9.0))
+    ball = scene_of([sphere_mesh(segments=SEGMENTS, smooth=False)], lights=[lamp])
+    shown = traced_image(with_every_feature(ball), view((0.3, -0.2, 0.2), (0.0, 0.0, 1.0), pixels=(128, 128), fov=90))
+    return Found(figure=escaped, note=f"of {aimed:,}", pictures=(picture("from inside", shown.radiance),))
+
+
+def light_through_edges(rays: int) -> Found:
+    """Shadow rays from a floor to a lamp in a closed sphere, through its edges and vertices, that reach the lamp."""
+    mesh = sphere_mesh(segments=SEGMENTS, smooth=False)
+    random = np.random.default_rng(SEED)
+    corners = mesh.vertices[mesh.triangles].astype(np.float64)
+    face, share = random.integers(0, len(corners), rays), random.random((rays, 1))
+    share[::2] = 1.0  # vertices
+    points = corners[face, 0] * share + corners[face, 1] * (1.0 - share)
+    lamp, floor = np.array([0.11, 0.07, -0.13]), -3.0
+    away = points - lamp
+    below = away[:, 2] < -0.3
+    on_floor = lamp + away[below] * ((floor - lamp[2]) / away[below, 2:])
+    light = PointLight(position=(0.11, 0.07, -0.13), intensity=(9.0, 9.0, 9.0))
+    scene = scene_of([quad(80.0, 80.0), mesh], [instance(0, at=(0.0, 0.0, floor)), instance(1)], lights=[light])
+    lit = aimed = 0
+    tracer_scene = make_tracer_scene(with_every_feature(scene))
+    seen = view((0.0, 0.0, -1.6), (0.0, 0.0, -3.0), pixels=(256, 256), fov=150.0)
+    samples = samples_near(tracer_scene, seen, on_floor, random)
+    on = samples["object_id"] == 1
+    aimed, lit = int(on.sum()), int((samples["radiance"][on] > 0.0).any(axis=1).sum())
+    return Found(figure=lit, note=f"of {aimed:,}")
+
+
+def gap_between_instances(rays: int) -> Found:
+    """How far from the seam of two instances that share an edge a ray still slips through, in roundings of distance."""
+    random = np.random.default_rng(SEED)
+    widest, escaped, aimed = 0.0, 0, 0
+    for seed in range(8):
+        scene, seen, edge = _seam(seed)
+        share = random.random((rays // 8, 1))
+        points = edge[0] * share + edge[1] * (1.0 - share)
+        samples = samples_near(scene, seen, points, random, roundings=64)
+        through = samples["object_id"] == 0
+        aimed, escaped = aimed + len(samples), escaped + int(through.sum())
+        if through.any():
+            widest = max(widest, float(_off_seam(seen, samples["xy"][through].astype(np.float64), edge).max()))
+    return Found(figure=widest / ROUNDING, note=f"{escaped:,} of {aimed:,} rays within 64 roundings slip through")
+
+
+def _seam(seed: int) -> tuple[TracerScene, View, Float64]:
+    """Two squares turned at random together, the second scaled and turned by half a turn more; their edge (2, 3)."""
+    random = np.random.default_rng(seed)
+    matrix = np.eye(4)
+    q, _ = np.linalg.qr(random.normal(size=(3, 3)))
+    matrix[:3, :3] = q * np.sign(np.linalg.det(q))
+    matrix[:3, 3] = random.uniform(-1.0, 1.0, 3)
+    beside = matrix @ np.array(
+        [[-0.5, 0.0, 0.0, 1.0], [0.0, -0.5, 0.0, 0.0], [0.0, 0.0, 0.5, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    )
+    placed = [
+        Instance(name="a", mesh=0, world_from_object=matrix), Instance(name="b", mesh=1, world_from_object=beside)
+    ]  # fmt: skip
+    scene = make_tracer_scene(with_every_feature(scene_of([quad(1.0, 1.0), quad(2.0, 2.0)], placed)))
+    edge = np.array([[0.5, -0.45, 0.0], [0.5, 0.45, 0.0]]) @ matrix[:3, :3].T + matrix[:3, 3]
+    middle, normal = edge.mean(axis=0), matrix[:3, 2]
+    position = middle + 2.0 * normal + 0.3 * matrix[:3, 0]
+    up = matrix[:3, 1]
+    x, y, z = position.tolist()
+    return scene, view((x, y, z), tuple(middle.tolist()), pixels=(8, 8), fov=30.0, up=tuple(up.tolist())), edge
+
+
+def _off_seam(seen: View, xy: Float64, edge: Float64) -> Float64:
+    """(n,) distances of positions on the panel from the edge's image, in units of the distance to the panel."""
+    ends, _ = project(seen.panel, seen.eye, seen.event.camera, edge)
+    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    off = np.abs((xy - ends[0]) @ np.array([-along[1], along[0]]))
+    height = 2.0 * math.tan(math.radians(15.0)) / seen.panel.pixels[1]  # of a pixel, in such units
+    return np.asarray(off * height, np.float64)
+
+
+def samples_near(
+    scene: TracerScene, seen: View, points: Float64, random: np.random.Generator, *, roundings: int = NEAR_ROUNDINGS
+) -> Samples:
+    """Samples where points (n, 3) are seen on the panel, as far as they are, each some roundings beside it."""
+    tracer = Tracer(scene, seen.panel, seen.eye, coherent=False)
+    tracer.set_event(seen.event)
+    xy, _ = project(seen.panel, seen.eye, seen.event.camera, points)
+    width, height = seen.panel.pixels
+    with np.errstate(invalid="ignore"):
+        inside = ((xy > 0.0) & (xy < (width, height))).all(axis=1)
+    aim = beside(xy[inside].astype(np.float32), random, roundings)
+    found = [tracer.trace(part)[0].copy() for part in np.array_split(aim, max(1, math.ceil(len(aim) / BATCH)))]
+    return np.concatenate(found)
+
+
+def beside(values: Float32, random: np.random.Generator, roundings: int) -> Float32:
+    """Positive float32 numbers, each up to so many steps away."""
+    steps = random.integers(-roundings, roundings + 1, values.shape).astype(np.int32)
+    moved: NDArray[np.int32] = np.ascontiguousarray(values).view(np.int32) + steps
+    return np.maximum(moved, 0).view(np.float32)
+
+
+def coplanar_flicker(width: int) -> Found:
+    """Pixels of two equal squares in one place, under a directional light, whose code depends on the moment or view."""
+    light = DirectionalLight(direction=(0.3, 0.1, 1.0), irradiance=(math.pi,) * 3)
+    scene = scene_of([quad(4.0, 4.0)] * 2, lights=[light])
+    first = _shown(scene, width, 0.0)
+    changed = np.zeros(first.shape[:2], bool)
+    for step in range(1, 8):
+        changed |= (np.abs(_shown(scene, width, 1e-3 * step) - first) > 1e-5 * first).any(axis=2)
+    return Found(figure=int(changed.sum()), note=f"of {changed.size:,} pixels", pictures=(picture("both", first),))
+
+
+def _shown(scene: Scene, width: int, slide: float) -> Float32:
+    seen = view((0.3 + slide, 0.2, 3.0), (slide, 0.0, 0.0), pixels=(width, width), fov=30.0)
+    return traced_image(with_every_feature(scene), seen).radiance
+
+
+def needles(width: int) -> Found:
+    """Pixels of a sphere stretched 1 : 1,000 (needles of triangles) that show what is behind it."""
+    placed = instance(0, scale=(1000.0, 1.0, 1.0))
+    matrix = placed.world_from_object.copy()
+    matrix[:3, :3] = turned("z", 30.0) @ matrix[:3, :3]
+    ball = scene_of([sphere_mesh(segments=SEGMENTS, smooth=False)], [replace(placed, world_from_object=matrix)])
+    missed = total = 0
+    for way in SIX_WAYS:
+        seen = view((0.1, -0.2, 0.3), tuple(np.add((0.1, -0.2, 0.3), way)), pixels=(width, width), fov=90.0,
+                    up=(0.36, 0.48, 0.8))  # fmt: skip
+        objects = traced_image(with_every_feature(ball), seen, coherent=False).objects
+        missed, total = missed + int((objects == 0).sum()), total + objects.size
+    return Found(figure=missed, note=f"of {total:,} rays from inside")
+
+
+def along_an_axis(width: int) -> Found:
+    """Pixels of a closed sphere's inside that show what is behind it, in packets of neighbours."""
+    scene = make_tracer_scene(with_every_feature(scene_of([sphere_mesh(segments=SEGMENTS, smooth=False)])))
+    missed = total = 0
+    worst, most = np.zeros((width, width), bool), -1
+    for way in SIX_WAYS:
+        seen = view((0.0, 0.0, 0.0), way, pixels=(width, width), fov=90.0, up=(0.36, 0.48, 0.8))
+        missing = traced_image(scene, seen, coherent=True).objects == 0
+        missed, total = missed + int(missing.sum()), total + missing.size
+        if int(missing.sum()) > most:
+            worst, most = missing, int(missing.sum())
+    middle = slice(width // 2 - 16, width // 2 + 16)
+    return Found(
+        figure=missed, note=f"of {total:,} pixels",
+        pictures=(picture("the middle of the worst image, what shows the background in white", worst[middle, middle]),),
+    )  # fmt: skip
+
+
+_CLOSED = (
+    "Embree's robust traversal decides on which side of an edge a ray passes by the same numbers for both triangles, "
+    "so none may pass between them"
+)
+CASES = (
+    Case(
+        name="edges", family="Watertight", unit="rays", bound=0.0, reason=_CLOSED,
+        scene="Rays from inside a closed sphere to random points of its edges, within two roundings",
+        measure=escapes_at_edges, size=400_000, small=5_000, long=10_000_000,
+    ),
+    Case(
+        name="vertices", family="Watertight", unit="rays", bound=0.0,
+        reason="the same at a vertex, where boxes of the tree must reach around the rounded ray too",
+        scene="Rays from inside a closed sphere to its vertices, within two roundings",
+        measure=escapes_at_vertices, size=400_000, small=5_000, long=10_000_000,
+    ),
+    Case(
+        name="shadow_rays", family="Watertight", unit="rays", bound=0.0, reason=_CLOSED,
+        scene="Shadow rays to a lamp in a closed sphere, through its edges and vertices",
+        measure=light_through_edges, size=2_000_000, small=5_000, long=10_000_000,
+    ),
+    Case(
+        name="instance_seams", family="Watertight", unit="roundings of the distance", bound=20.0,
+        reason="each instance brings the ray to its own space: a hit is known to 20 roundings of float32 there (see "
+        "the ray offset), so a gap may be as wide, and no wider",
+        scene="Two squares that share an edge, instances of other meshes, scales and turns; rays beside the seam",
+        measure=gap_between_instances, size=800_000, small=8_000,
+    ),
+    Case(
+        name="coplanar", family="Watertight", unit="pixels", bound=0.0,
+        reason="which of two equal surfaces is nearer is a matter of rounding; the light of both is the same",
+        scene="Two equal squares in one place, from eight eyes 1e-3 apart; light that differs by more than 1e-5",
+        measure=coplanar_flicker, size=256, small=32,
+    ),
+    Case(
+        name="along_an_axis", family="Watertight", unit="pixels", bound=0.0, reason=_CLOSED,
+        scene="The inside of a closed sphere from its middle, along each axis of the world, the camera rolled, traced "
+        "as frames are: in packets of 4 x 4 neighbours",
+        measure=along_an_axis, size=512, small=128,
+    ),
+    Case(
+        name="needles", family="Watertight", unit="rays", bound=0.0, reason=_CLOSED,
+        scene="The inside of a closed sphere stretched 1,000 : 1",
+        measure=needles, size=512, small=48,
+    ),
+)  # fmt: skip
