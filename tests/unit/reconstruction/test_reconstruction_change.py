@@ -144,18 +144,6 @@ def test_what_a_pixel_at_rest_accumulates_is_numpys_mean_and_variance(scene: Sce
     assert_allclose(accumulated[6:8], [lights.mean(), 40 * lights.var()], rtol=1e-4)
 
 
-@pytest.mark.parametrize("value", [0.7, 1e-3, 300.0])
-def test_the_mean_of_a_million_equal_samples_is_the_sample(scene: Scene, value: float, compiled_only: None) -> None:
-    """A float32 sum of 10^6 times 0.7 is off by 1 %."""
-    image = at_rest_after(scene)
-    batch = hits(np.full((10_000, 2), (20.5, 11.5)), (value, value, value))
-    for _ in range(100):
-        image.insert(batch, START + REFRESH_S, event_at(0))
-    image.refresh(event_at(0), START + REFRESH_S)
-    assert image.accumulated_counts()[11, 20] == 1e6
-    assert_allclose(image.radiance[11, 20], value, rtol=1e-6)
-
-
 def test_at_rest_only_tiles_that_got_samples_change_and_without_samples_none(scene: Scene) -> None:
     image = at_rest_after(scene)
     image.refresh(event_at(0), START + REFRESH_S)

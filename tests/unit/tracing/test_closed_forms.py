@@ -132,15 +132,6 @@ def test_sky_is_linear_in_the_height_of_the_direction() -> None:
     np.testing.assert_allclose(got.radiance, expected, rtol=1e-5)
 
 
-def test_furnace_a_white_sphere_under_a_white_sky_is_as_bright_as_the_sky() -> None:
-    """Under a constant sky of radiance 1 the irradiance is pi everywhere, so L = albedo / pi * pi = albedo = 1."""
-    white = Sky(zenith=(1.0, 1.0, 1.0), horizon=(1.0, 1.0, 1.0), ground=(1.0, 1.0, 1.0))
-    scene = scene_of([sphere_mesh()], materials=[material(1.0, 1.0, 1.0)], sky=white)
-    got = traced_with_every_feature(scene, view((0, 0, 3), (0, 0, 0), pixels=(24, 24)))
-    assert (got.objects == 1).sum() > 200
-    np.testing.assert_allclose(got.radiance, 1.0, rtol=FLOAT32)
-
-
 def test_shadow_has_its_edges_where_geometry_puts_them() -> None:
     """A square of edge 2 at height 1 under light 45 degrees from +x shades x in [-2, 0], y in [-1, 1] of the floor.
 

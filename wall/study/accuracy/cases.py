@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from wall.core.errors import ConfigError
 from wall.study import options
-from wall.study.accuracy import place, watertight, wire
+from wall.study.accuracy import accumulation, light, place, watertight, wire
 from wall.study.accuracy.case import Case
 
-CASES: tuple[Case, ...] = (*place.CASES, *watertight.CASES, *wire.CASES)
+CASES: tuple[Case, ...] = (*place.CASES, *watertight.CASES, *light.CASES, *accumulation.CASES, *wire.CASES)
 
 
 def cases_of(text: str) -> tuple[Case, ...]:

@@ -135,7 +135,7 @@ def change_error(count: int) -> Found:
 
 
 def normal_error(step: int) -> Found:
-    """Largest angle, degrees, between octahedral normals of 8 bits and what arrives; every `step`-th along both axes."""
+    """Largest angle, degrees, between octahedral normals of 8 bits and what arrives; every `step`-th each way."""
     codes = np.arange(-127, 128, step, dtype=np.int8)
     pairs = np.stack(np.meshgrid(codes, codes), axis=-1).reshape(-1, 2)
     samples = _samples(len(pairs), radiance=1.0)
@@ -176,7 +176,7 @@ def broken_numbers(_: int) -> Found:
                     passed.append(f"{name} {value}")
         for name in ("base_time", "blend", "scene_time"):
             for value in BROKEN:
-                if not _harmless(_batch(_samples(3, depth=1.0), adaptive=adaptive, **{name: value})):
+                if not _harmless(_batch(_samples(3, depth=1.0), adaptive=adaptive, **dict[str, Any]({name: value}))):
                     passed.append(f"{name} {value}")
         for at in range(12):
             for value in BROKEN[:3]:
@@ -264,7 +264,7 @@ CASES = (
     ),
     Case(
         name="normal", family=_WIRE, unit="degrees", bound=math.degrees(math.sqrt(18.0) * 2.0 / 127.0),
-        reason="codes of 31 steps to either side are off by 2 of 127, and an octahedron turns a step of its coordinates "
+        reason="codes of 31 steps to either side are off by 2 of 127, and an octahedron turns a step of its codes "
         "into at most sqrt(18) times as many radians",
         scene="All octahedral normals of 8 bits", measure=normal_error, size=1, small=16,
     ),
