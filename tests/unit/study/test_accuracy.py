@@ -22,6 +22,7 @@ OUTSIDE = {
     "terminator_48",
     "plain_light_range",
     "compact_light_range",
+    "eye_10_um_from_the_panel",
 }
 
 

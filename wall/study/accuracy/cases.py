@@ -4,10 +4,24 @@ from __future__ import annotations
 
 from wall.core.errors import ConfigError
 from wall.study import options
-from wall.study.accuracy import accumulation, light, place, watertight, wire
+from wall.study.accuracy import (
+    accumulation,
+    inputs,
+    light,
+    motion,
+    place,
+    reprojection,
+    seams,
+    surfaces,
+    watertight,
+    wire,
+)
 from wall.study.accuracy.case import Case
 
-CASES: tuple[Case, ...] = (*place.CASES, *watertight.CASES, *light.CASES, *accumulation.CASES, *wire.CASES)
+CASES: tuple[Case, ...] = (
+    *place.CASES, *watertight.CASES, *light.CASES, *surfaces.CASES, *reprojection.CASES, *motion.CASES,
+    *accumulation.CASES, *seams.CASES, *wire.CASES, *inputs.CASES,
+)  # fmt: skip
 
 
 def cases_of(text: str) -> tuple[Case, ...]:

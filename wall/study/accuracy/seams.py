@@ -1,0 +1,85 @@
+"""Images made in parts against images made whole: the same bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from wall.core.data import Float32, Rect
+from wall.geometry.cameras import default_eye, look_at
+from wall.geometry.panels import Wall
+from wall.sampling.pixel_means import PixelMeans
+from wall.study.accuracy.case import Case, Found, picture
+from wall.study.accuracy.scenes import View, flat_wall, tiny_scene, traced_image, view, with_every_feature
+from wall.tracing.tracer import Tracer
+from wall.tracing.tracer_scene import make_tracer_scene
+
+CAMERA = look_at((3.0, 2.2, 4.1), (0.0, 0.6, 0.0), (0.1, 1.0, 0.2))
+
+
+def panels(width: int) -> Found:
+    """Pixels of 3 x 2 panels, with and without bezels, that are not those of the wall rendered whole."""
+    wrong = total = 0
+    scene = make_tracer_scene(with_every_feature(tiny_scene()))
+    event = replace(view((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), pixels=(1, 1)).event, camera=CAMERA)
+    for bezel in (0.0, 0.13):
+        wall = flat_wall(3, 2, (width, width * 3 // 4), bezel=bezel)
+        eye = default_eye(wall, 50.0)
+        first = replace(wall.panels[0], pixels=(wall.width, wall.height), screen=(0, 0))
+        whole = Wall(panels=(first,), width=wall.width, height=wall.height)
+        entire = traced_image(scene, View(wall=whole, eye=eye, event=event))
+        for panel in wall.panels:
+            part = traced_image(scene, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
+            x, y = panel.screen
+            inside = np.s_[y : y + panel.pixels[1], x : x + panel.pixels[0]]
+            differs = (part.radiance != entire.radiance[inside]).any(axis=2)
+            differs |= (part.depth != entire.depth[inside]) | (part.objects != entire.objects[inside])
+            wrong, total = wrong + int(differs.sum()), total + differs.size
+    return Found(figure=wrong, note=f"of {total:,} pixels", pictures=(picture("the wall whole", entire.radiance),))
+
+
+def parts_of_an_image(width: int) -> Found:
+    """Pixels of four random samples that depend on bands, on threads that share them, or on their order."""
+    scene = make_tracer_scene(replace(with_every_feature(tiny_scene()), path_depth=3))
+    seen = view((0.0, 2.2, 5.0), (0.0, 0.6, 0.0), pixels=(width, width))
+    height, whole = width, _converged(scene, seen, [Rect(x=0, y=0, width=width, height=width)])
+    wrong = 0
+    for rows in (1, 3, 8):
+        bands = [Rect(x=0, y=y, width=width, height=min(rows, height - y)) for y in range(0, height, rows)]
+        wrong += int((_converged(scene, seen, bands[::-1]) != whole).any(axis=2).sum())
+        columns = [Rect(x=x, y=0, width=min(rows, width - x), height=height) for x in range(0, width, rows)]
+        wrong += int((_converged(scene, seen, columns, tracers=3) != whole).any(axis=2).sum())
+    return Found(
+        figure=wrong, note=f"of {6 * whole.shape[0] * whole.shape[1]:,} pixels", pictures=(picture("whole", whole),)
+    )
+
+
+def _converged(scene: Any, seen: View, rects: list[Rect], *, tracers: int = 1) -> Float32:
+    """(h, w, 3) means of four samples a pixel, each rectangle by the next of so many tracers."""
+    width, height = seen.panel.pixels
+    made = [Tracer(scene, seen.panel, seen.eye, coherent=True) for _ in range(tracers)]
+    image = np.zeros((height, width, 3), np.float32)
+    for k, rect in enumerate(rects):
+        tracer, means = made[k % tracers], PixelMeans(rect, seed=7)
+        tracer.set_event(seen.event)
+        for number in range(4):
+            means.add(tracer.trace(means.positions(number), 0.5, number)[0])
+        image[rect.y : rect.bottom, rect.x : rect.right] = means.mean()
+    return image
+
+
+_REASON = "a sample depends on its pixel, its number and the seed, and rays of panels in one plane are of one formula"
+CASES = (
+    Case(
+        name="panels", family="Seams", unit="pixels", bound=0.0, reason=_REASON,
+        scene="3 x 2 panels, with and without bezels, each rendered apart, against the wall rendered whole",
+        measure=panels, size=192, small=16,
+    ),
+    Case(
+        name="parts_of_an_image", family="Seams", unit="pixels", bound=0.0, reason=_REASON,
+        scene="Paths of random samples in bands of rows and columns, in another order, by one and by three tracers",
+        measure=parts_of_an_image, size=64, small=9,
+    ),
+)  # fmt: skip
