@@ -68,11 +68,11 @@ def _set(values: Any, path: tuple[Any, ...], value: float) -> None:
     values[path[-1]] = value
 
 
-def models(_: int) -> Found:
+def models(most: int) -> Found:
     """Vertices of a model that are NaN, infinite, denormal or huge, and reach a scene as something not finite."""
     wrong = []
     with tempfile.TemporaryDirectory() as folder:
-        for value in ("0.5", "nan", "inf", "-inf", "1e-45", "1e39", "1e300", "-0.0"):
+        for value in ("0.5", "nan", "1e39", "inf", "-inf", "1e-45", "1e300", "-0.0")[:most]:
             (Path(folder) / "model.obj").write_text(
                 f"v {value} 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 2 3 4\n", encoding="utf-8"
             )
@@ -109,13 +109,13 @@ _REASON = "what is not a number is refused with the place where it stands, befor
 CASES = (
     Case(
         name="not_numbers_in_configurations", family="Inputs", unit="values", bound=0.0, reason=_REASON,
-        scene="NaN, infinities, denormals and 1e300 in each float of a configuration", measure=configurations, size=1000,
-        small=13,
+        scene="NaN, infinities, denormals and 1e300 in each float of a configuration",
+        measure=configurations, size=1000, small=13,
     ),
     Case(
         name="not_numbers_in_models", family="Inputs", unit="values", bound=0.0,
         reason="a vertex that is not finite leaves with its triangles, or the file is refused",
-        scene="NaN, infinities, denormals and 1e300 as a vertex of an OBJ file", measure=models, size=1, small=1,
+        scene="NaN, infinities, denormals and 1e300 as a vertex of an OBJ file", measure=models, size=8, small=2,
     ),
     Case(
         name="not_numbers_in_commands", family="Inputs", unit="commands", bound=0.0,

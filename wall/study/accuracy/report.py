@@ -17,6 +17,7 @@ from wall.study.accuracy.rows import Row
 
 STYLE = Path(__file__).parent.parent / "quality" / "report.css"
 BEGIN, END = "<!-- hard cases: begin -->", "<!-- hard cases: end -->"  # around what `guide` writes
+OWN_STYLE = ".strip figure { max-width: 370px } .strip img { image-rendering: pixelated }"
 COLUMNS = "| case | what is done | figure | bound | reason for the bound |"
 
 
@@ -79,13 +80,28 @@ def _page(rows: Sequence[Row], pictures: Mapping[str, Sequence[Picture]]) -> str
     lead = f"{len(rows)} cases, {len(rows) - len(outside)} inside their bounds, {sum(r.seconds for r in rows):.0f} s."
     said = f'<p class="missed">Outside: {escape(", ".join(outside))}</p>' if outside else ""
     families = dict.fromkeys(case_named(row.case).family for row in rows)
-    body = "".join(_family(family, rows, pictures) for family in families)
+    style = STYLE.read_text(encoding="utf-8") + OWN_STYLE
+    lines = "".join(_line(row) for row in rows)
+    head = "<tr><th class=text>case<th class=number>figure<th class=number>bound<th class=text>unit<th class=text></tr>"
+    summary = f'<div class="wide"><table>{head}{lines}</table></div>'
+    body = summary + "".join(_family(family, rows, pictures) for family in families)
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1"><meta name="color-scheme" '
-        f'content="light dark"><title>Hard cases</title><style>{STYLE.read_text(encoding="utf-8")}</style></head>\n'
+        f'content="light dark"><title>Hard cases</title><style>{style}</style></head>\n'
         f'<body><main><h1>Hard cases</h1><p class="lead">{lead}</p>{said}{body}</main></body></html>\n'
     )
+
+
+def _line(row: Row) -> str:
+    return (
+        f'<tr><td class="text"><a href="#{row.case}">{row.case}</a><td class="number">{number(row.figure)}'
+        f'<td class="number">{number(row.bound)}<td class="text">{escape(row.unit)}<td class="text">{_inside(row)}</tr>'
+    )
+
+
+def _inside(row: Row) -> str:
+    return '<span class="met">inside</span>' if row.ok else '<span class="missed">outside</span>'
 
 
 def _family(family: str, rows: Sequence[Row], pictures: Mapping[str, Sequence[Picture]]) -> str:
@@ -98,7 +114,6 @@ def _family(family: str, rows: Sequence[Row], pictures: Mapping[str, Sequence[Pi
 
 
 def _case(row: Row, case: Case, pictures: Sequence[Picture]) -> str:
-    inside = '<span class="met">inside</span>' if row.ok else '<span class="missed">outside</span>'
     cards = "".join(
         f'<figure><img src="pictures/{row.case}-{k}.png" alt="{escape(image.title)}" loading="lazy">'
         f"<figcaption>{escape(image.title)}</figcaption></figure>"
@@ -107,7 +122,7 @@ def _case(row: Row, case: Case, pictures: Sequence[Picture]) -> str:
     found = f" Found: {escape(row.note)}." if row.note else ""
     return (
         f'<h3 id="{row.case}">{row.case}: {number(row.figure)} {escape(row.unit)}, bound {number(row.bound)}, '
-        f"{inside}</h3><p>{escape(case.scene)}.</p>"
+        f"{_inside(row)}</h3><p>{escape(case.scene)}.</p>"
         f'<p class="note">Bound: {escape(case.reason)}.{found}</p>'
         + (f'<div class="strip">{cards}</div>' if cards else "")
     )

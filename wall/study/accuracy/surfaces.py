@@ -180,7 +180,7 @@ CASES = (
         Case(
             name=f"normals_{name}", family=_FAMILY, unit="of the cosine", bound=stretch * SAGITTA / FACING + 1e-5,
             reason=f"a diagonal of {SEGMENTS} segments lies {SAGITTA:.2g} below the sphere: at a cosine of {FACING} "
-            f"a ray meets it {SAGITTA / FACING:.2g} beside the place; stretching turns normals {stretch:.2g} times as far",
+            f"a ray meets it {SAGITTA / FACING:.2g} beside the place; stretching turns normals {stretch:.2g} times",
             scene=f"A smooth sphere {said}, against the formula", measure=partial(normals, scale), size=512, small=64,
         )
         for name, scale, stretch, said in (

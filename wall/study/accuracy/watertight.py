@@ -14,6 +14,7 @@ from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Instance, PointLight
 from wall.study.accuracy.case import Case, Found, picture
 from wall.study.accuracy.scenes import (
+    TracedImage,
     View,
     instance,
     quad,
@@ -64,7 +65,7 @@ def _escapes(points: Float64, random: np.random.Generator) -> Found:
             samples = samples_near(scene, seen, points, random)
             aimed += len(samples)
             escaped += int((samples["object_id"] == 0).sum())
-    lamp = PointLight(position=(0.0, 0.0, 0.0), intensity=(9.0, 9.0, 9.0))
+    lamp = PointLight(position=(0.4, 0.3, 0.2), intensity=(1.0, 1.0, 1.0))
     ball = scene_of([sphere_mesh(segments=SEGMENTS, smooth=False)], lights=[lamp])
     shown = traced_image(with_every_feature(ball), view((0.3, -0.2, 0.2), (0.0, 0.0, 1.0), pixels=(128, 128), fov=90))
     return Found(figure=escaped, note=f"of {aimed:,}", pictures=(picture("from inside", shown.radiance),))
@@ -163,19 +164,23 @@ def beside(values: Float32, random: np.random.Generator, roundings: int) -> Floa
 
 
 def coplanar_flicker(width: int) -> Found:
-    """Pixels of two equal squares in one place, under a directional light, whose code depends on the moment or view."""
+    """Pixels of two equal squares in one place, under a directional light, whose light differs from eye to eye."""
     light = DirectionalLight(direction=(0.3, 0.1, 1.0), irradiance=(math.pi,) * 3)
-    scene = scene_of([quad(4.0, 4.0)] * 2, lights=[light])
+    scene = with_every_feature(scene_of([quad(4.0, 4.0)] * 2, lights=[light]))
     first = _shown(scene, width, 0.0)
-    changed = np.zeros(first.shape[:2], bool)
+    changed = np.zeros(first.objects.shape, bool)
     for step in range(1, 8):
-        changed |= (np.abs(_shown(scene, width, 1e-3 * step) - first) > 1e-5 * first).any(axis=2)
-    return Found(figure=int(changed.sum()), note=f"of {changed.size:,} pixels", pictures=(picture("both", first),))
+        apart = np.abs(_shown(scene, width, 1e-3 * step).radiance - first.radiance)
+        changed |= (apart > 1e-5 * first.radiance).any(axis=2)
+    return Found(
+        figure=int(changed.sum()), note=f"of {changed.size:,} pixels",
+        pictures=(picture("their light", first.radiance), picture("which of the two is seen", first.objects == 2)),
+    )  # fmt: skip
 
 
-def _shown(scene: Scene, width: int, slide: float) -> Float32:
+def _shown(scene: Scene, width: int, slide: float) -> TracedImage:
     seen = view((0.3 + slide, 0.2, 3.0), (slide, 0.0, 0.0), pixels=(width, width), fov=30.0)
-    return traced_image(with_every_feature(scene), seen).radiance
+    return traced_image(scene, seen)
 
 
 def needles(width: int) -> Found:
