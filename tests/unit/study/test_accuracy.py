@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from wall.cli import app
 from wall.study.accuracy.case import Case
 from wall.study.accuracy.cases import CASES
-from wall.study.accuracy.report import BEGIN, END
+from wall.study.accuracy.report import BEGIN, END, number
 
 # Findings that are not mended: see docs/guide/accuracy.md. One that is mended is to be taken out of here.
 OUTSIDE = {
@@ -32,6 +32,16 @@ def test_a_hard_case_is_inside_its_bound(case: Case, compiled_only: None) -> Non
     if case.name in OUTSIDE and not case.ok(found.figure):
         pytest.xfail(f"known: {found.figure} {case.unit}, bound {case.bound}")
     assert case.ok(found.figure), f"{found.figure} {case.unit}, bound {case.bound}: {found.note}"
+
+
+def test_the_guide_has_every_case_with_its_bound_and_says_which_are_outside() -> None:
+    """Written by wall measure accuracy --guide docs/guide/accuracy.md."""
+    guide = (Path(__file__).parents[3] / "docs" / "guide" / "accuracy.md").read_text(encoding="utf-8")
+    rows = [line for line in guide.splitlines() if line.startswith("| `")]
+    for case in CASES:
+        (row,) = (line for line in rows if line.startswith(f"| `{case.name}` |"))
+        assert row.endswith(f"| {number(case.bound)} | {case.reason} |")
+        assert ("**outside**" in row) == (case.name in OUTSIDE)
 
 
 def test_names_are_told_apart() -> None:
