@@ -9,12 +9,13 @@ import pytest
 from small_scenes import Triple, View, flat_wall, instance, quad, scene_of, turned, view
 
 from wall.core.data import Camera, Float64
-from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE, pixel_of, position_of
+from wall.deepbuffer.kernels.reproject import FAR, OUTSIDE
 from wall.deepbuffer.pose import Pose
 from wall.geometry.cameras import default_eye, look_at
 from wall.geometry.frusta import project, ray_frame
 from wall.geometry.panels import Panel
 from wall.scene.model import Instance
+from wall.study.accuracy.reprojection import there
 
 EPSILON = 2.0**-24  # float32's rounding
 # pixels: eye to object is about as far as eye to hit and the focal length is 630 pixels, so 8 roundings add up to 3e-4;
@@ -43,17 +44,6 @@ def some_hits(n: int, nearest: float, farthest: float) -> Float64:
     random = np.random.default_rng(7)
     hits = random.uniform((0, 0, nearest), (*SIZE, farthest), (n, 3)).astype(np.float32)
     return hits.astype(np.float64)
-
-
-def there(hits: Float64, traced: Pose, shown: Pose, name: int = 1) -> Float64:
-    """(n, 3): x, y, depth along the axis, by the kernels under test."""
-    found = []
-    for x, y, depth in hits:
-        place = position_of(
-            traced.corner[0] + x, traced.corner[1] + y, np.float32(depth), name, traced.frame, traced.object_from_eye
-        )
-        found.append(pixel_of(*(np.float32(v) for v in place), name, shown.panel_from_object))
-    return np.array(found, np.float64).reshape(-1, 3)
 
 
 def twin(hits: Float64, was: Float64, before: Camera, now: Float64, after: Camera) -> Float64:
@@ -130,7 +120,7 @@ def test_a_sky_ray_depends_on_where_the_camera_looks_and_not_on_where_it_stands(
     hits = some_hits(100, 1.0, 2.0)
     hits[:, 2] = np.inf
 
-    found = there(hits, pose(None, before), pose(None, after), name=0)
+    found = there(hits, pose(None, before), pose(None, after), object_id=0)
 
     np.testing.assert_allclose(found[:, :2], hits[:, :2], rtol=0, atol=BACK_PIXEL)
     assert (found[:, 2] == FAR).all()
@@ -142,7 +132,7 @@ def test_after_the_camera_turned_a_sky_ray_is_where_an_infinitely_far_point_is()
     hits = some_hits(100, 1.0, 2.0)
     hits[:, 2] = np.inf
 
-    found = there(hits, pose(None, before), pose(None, after), name=0)
+    found = there(hits, pose(None, before), pose(None, after), object_id=0)
 
     hits[:, 2] = 1e12  # the camera's height of 1 is 1e-12 of that
     expected = twin(hits, np.eye(4), before, np.eye(4), after)

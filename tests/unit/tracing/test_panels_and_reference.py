@@ -2,52 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from small_scenes import View, flat_wall, traced_image, view
+from small_scenes import traced_image, view
 
 from wall.commands import offline
 from wall.commands.render import render
 from wall.config.loading import load
 from wall.core.data import Float32
-from wall.geometry.cameras import default_eye, look_at
-from wall.geometry.panels import Wall
 from wall.roles.plan import make_layout, make_plan
 from wall.scene.build import Scene
-from wall.tracing.tracer_scene import make_tracer_scene
-
-CAMERAS = {
-    "straight": look_at((0.0, 1.0, 5.0), (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)),
-    "turned": look_at((3.0, 2.2, 4.1), (0.0, 0.6, 0.0), (0.1, 1.0, 0.2)),
-    "far from the origin": look_at((1e6, 1e5, 3e6), (1e6, 1e5 - 1.0, 0.0), (0.0, 1.0, 0.0)),
-}
-WALLS = {"2 x 2": flat_wall(2, 2, (16, 12)), "3 x 1 with bezels": flat_wall(3, 1, (11, 17), bezel=0.13)}
-
-
-def whole(wall: Wall) -> Wall:
-    """One panel over the wall's virtual screen, in the same plane."""
-    panel = replace(wall.panels[0], pixels=(wall.width, wall.height), screen=(0, 0))
-    return Wall(panels=(panel,), width=wall.width, height=wall.height)
-
-
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS.keys())
-@pytest.mark.parametrize("wall", WALLS.values(), ids=WALLS.keys())
-def test_panels_rendered_apart_equal_the_wall_rendered_whole(
-    tiny_scene: Scene, tiny_view: View, wall: Wall, camera: object, compiled_only: None
-) -> None:
-    event, eye = replace(tiny_view.event, camera=camera), default_eye(wall, 50.0)
-    tracer_scene = make_tracer_scene(tiny_scene)
-    entire = traced_image(tracer_scene, View(wall=whole(wall), eye=eye, event=event))
-    for panel in wall.panels:
-        part = traced_image(tracer_scene, View(wall=replace(wall, panels=(panel,)), eye=eye, event=event))
-        x, y = panel.screen
-        inside = np.s_[y : y + panel.pixels[1], x : x + panel.pixels[0]]
-        np.testing.assert_array_equal(part.radiance, entire.radiance[inside])
-        np.testing.assert_array_equal(part.depth, entire.depth[inside])
-        np.testing.assert_array_equal(part.objects, entire.objects[inside])
 
 
 def test_coherent_and_incoherent_traversal_see_the_same(tiny_scene: Scene) -> None:
