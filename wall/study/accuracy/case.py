@@ -42,7 +42,7 @@ class Case:
     reason: str  # for the bound
     measure: Callable[[int], Found]  # at a size: pixels an edge, rays, steps; larger is harder and slower
     size: int  # of `wall measure accuracy`
-    small: int  # of the test command
+    small: int | None  # of the test command; None: it takes too long for that
     long: int | None = None  # of --long; None: as `size`
 
     def ok(self, figure: float) -> bool:

@@ -11,6 +11,7 @@ from wall.study.accuracy import (
     motion,
     place,
     reprojection,
+    rest,
     seams,
     surfaces,
     watertight,
@@ -20,7 +21,7 @@ from wall.study.accuracy.case import Case
 
 CASES: tuple[Case, ...] = (
     *place.CASES, *watertight.CASES, *light.CASES, *surfaces.CASES, *reprojection.CASES, *motion.CASES,
-    *accumulation.CASES, *seams.CASES, *wire.CASES, *inputs.CASES,
+    *accumulation.CASES, *seams.CASES, *wire.CASES, *inputs.CASES, *rest.CASES,
 )  # fmt: skip
 
 

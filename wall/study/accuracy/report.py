@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -32,7 +33,9 @@ def table(rows: Sequence[Row]) -> Table:
 
 
 def number(value: float) -> str:
-    """Three digits, whole numbers as such."""
+    """Three digits, whole numbers as such; what has no end, or is not a number, in words."""
+    if not math.isfinite(value):
+        return "without end" if value > 0.0 else "not a number"
     return f"{value:,.0f}" if value == int(value) and abs(value) < 1e9 else f"{value:.3g}"
 
 
