@@ -53,6 +53,10 @@ def write(out: Path, rows: Sequence[Row], pictures: Mapping[str, Sequence[Pictur
     return path
 
 
+def _figure(row: Row) -> str:
+    return f"{number(row.figure)} {row.unit}" if math.isfinite(row.figure) else number(row.figure)
+
+
 def markdown(rows: Sequence[Row]) -> str:
     """The rows as tables, a heading for each family."""
     parts = []
@@ -63,7 +67,7 @@ def markdown(rows: Sequence[Row]) -> str:
         for row in rows:
             case = case_named(row.case)
             if case.family == family:
-                figure = f"{number(row.figure)} {row.unit}" + ("" if row.ok else " **outside**")
+                figure = _figure(row) + ("" if row.ok else " **outside**")
                 parts.append(f"| `{row.case}` | {case.scene} | {figure} | {number(row.bound)} | {case.reason} |\n")
         parts.append("\n")
     return "".join(parts).rstrip() + "\n"
@@ -124,7 +128,7 @@ def _case(row: Row, case: Case, pictures: Sequence[Picture]) -> str:
     )
     found = f" Found: {escape(row.note)}." if row.note else ""
     return (
-        f'<h3 id="{row.case}">{row.case}: {number(row.figure)} {escape(row.unit)}, bound {number(row.bound)}, '
+        f'<h3 id="{row.case}">{row.case}: {escape(_figure(row))}, bound {number(row.bound)}, '
         f"{_inside(row)}</h3><p>{escape(case.scene)}.</p>"
         f'<p class="note">Bound: {escape(case.reason)}.{found}</p>'
         + (f'<div class="strip">{cards}</div>' if cards else "")
