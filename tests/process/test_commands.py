@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 from PIL import Image
-from running import mpirun, panels, summary, wall, write_config
+from running import RUN_LIMIT_S, environment, mpirun, panels, summary, wall, write_config
 from typer.testing import CliRunner
 
 from wall import cli
@@ -112,8 +113,25 @@ def test_images_of_every_kind_hold_the_same_light(tmp_path: Path) -> None:
     assert np.abs(image - np.clip(encoded, 0, 1) * 255).max() <= 0.5 + 1e-3
 
 
-def test_check_tells_ranks_features_and_rates(tmp_path: Path) -> None:
-    done = wall("check", write_config(tmp_path, columns=2, ranks=2))
+COUNTED = """\
+import sys
+from wall import cli
+try:
+    cli.main()
+except SystemExit as ended:
+    assert not ended.code
+from wall.core.jit import specialisations
+print("compiled:", *{name.split("(")[0] for name in specialisations()})
+print("loaded:", *sys.modules)
+"""
+NOT_OF_BUILT_IN_SCENES = {"trimesh", "networkx", "scipy.linalg", "scipy.sparse", "scipy.spatial", "OpenEXR", "moderngl"}
+NOT_OF_A_RATE = ("wall.reconstruction.", "wall.deepbuffer.", "wall.sampling.kernels.adaptive.")
+
+
+def test_check_tells_ranks_features_and_rates_and_loads_only_what_it_measures(tmp_path: Path) -> None:
+    config = str(write_config(tmp_path, columns=2, ranks=2))
+    command = [sys.executable, "-c", COUNTED, "check", config]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment(), timeout=RUN_LIMIT_S, check=False)
 
     assert done.returncode == 0, done.stderr
     for words in (
@@ -129,6 +147,10 @@ def test_check_tells_ranks_features_and_rates(tmp_path: Path) -> None:
         "MB/s",
     ):
         assert words in " ".join(done.stdout.split()), words
+    compiled, loaded = (line.split()[1:] for line in done.stdout.splitlines()[-2:])
+    assert not NOT_OF_BUILT_IN_SCENES & set(loaded)
+    assert "wall.tracing.kernels.trace.trace" in compiled
+    assert not [name for name in compiled if name.startswith(NOT_OF_A_RATE)]
 
 
 @pytest.fixture

@@ -15,7 +15,6 @@ from wall.roles.edges import target_ranks
 from wall.roles.plan import Layout, Plan, check_files, first_event, make_layout, make_plan, why_not_at_renderer
 from wall.roles.worker import Worker, make_samplers
 from wall.run.clock import HeadClock
-from wall.run.warm_up import warm_up
 from wall.scene.build import sources_of
 from wall.scene.needs import describe, needs
 from wall.tracing.tracer_scene import make_tracer_scene
@@ -166,17 +165,17 @@ def _displays(wall: Wall) -> Table | None:
 def measured_rate(plan: Plan) -> tuple[float, float]:
     """Measure one core of this machine on the first renderer's region: samples/s traced and encoded, bytes a sample."""
     tracer_scene = make_tracer_scene(plan.scene)
-    warm_up(plan, tracer_scene, lambda line: None)
     rank = plan.layout.renderers()[0]
     clock = HeadClock()
     samplers = make_samplers(plan, "", plan.layout.region(rank), clock)
     worker = Worker(plan, tracer_scene, rank, clock, samplers, 0)
     event = first_event(plan, 0.0, plan.layout.region(rank).view)
-    began, size = time.perf_counter(), 0
+    worker.step(event)  # which compiles its kernels, or loads them
+    before, began, size = worker.work.samples, time.perf_counter(), 0
     while time.perf_counter() - began < MEASURED_S:
         packet = worker.step(event)
         size += len(packet or b"")
         if packet is None:
             worker.sampler.restart()
-    traced = worker.work.samples
+    traced = worker.work.samples - before
     return traced / (time.perf_counter() - began), size / max(traced, 1)

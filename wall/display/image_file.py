@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -33,6 +32,8 @@ def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:
         if path.suffix.lower() == ".npy":
             np.save(part, image)
         elif path.suffix.lower() == ".exr":
+            import OpenEXR  # here, so that walls do not load it
+
             header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
             OpenEXR.File(header, {"RGB": np.ascontiguousarray(image)}).write(str(part))
         else:

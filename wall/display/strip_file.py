@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import OpenEXR
 import tifffile
 from numpy.typing import NDArray
 
@@ -95,6 +94,8 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 def _write_exr(path: Path, strips: Iterator[Float32], width: int, height: int) -> None:
+    import OpenEXR  # here, so that walls do not load it
+
     file = OpenEXR.OutputFile(str(path), OpenEXR.Header(width, height))  # R, G, B of float32, ZIP, rows downwards
     try:
         for strip in strips:

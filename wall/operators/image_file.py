@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from PIL import Image
 
 from wall.core.colour import LUMINANCE, srgb_decoded
@@ -54,6 +53,8 @@ def _read_png(path: Path) -> ImageFile:
 
 
 def _read_exr(path: Path) -> ImageFile:
+    import OpenEXR  # here, so that walls without such images do not load it
+
     with OpenEXR.File(str(path), separate_channels=True) as file:
         channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
     names = ["R", "G", "B"] if "R" in channels else ["Y"] * 3

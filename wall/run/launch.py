@@ -32,6 +32,7 @@ from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording
 from wall.run.succession import Preparer
+from wall.run.usage import give_memory_back
 from wall.run.warm_up import warm_up
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
@@ -148,4 +149,5 @@ def _prepare(layout: Layout, say: Callable[[str], None]) -> tuple[Plan, TracerSc
     say("building the ray tracing trees")
     tracer_scene = make_tracer_scene(plan.scene)
     warm_up(plan, tracer_scene, say)
+    give_memory_back()
     return plan, tracer_scene

@@ -57,9 +57,12 @@ def test_an_edit_of_an_imported_file_changes_the_hash(tmp_path: Path, monkeypatc
     (package / "used.py").write_text("VALUE = 1\n")
     monkeypatch.setattr(jit, "PACKAGE", package)
 
+    def forget() -> None:
+        for known in (jit._imports, jit._digest, jit.source_hash):
+            known.cache_clear()
+
     def fresh() -> list[str]:
-        jit._imports.cache_clear()
-        jit.source_hash.cache_clear()
+        forget()
         return [jit.source_hash(package / name) for name in ("user.py", "other.py")]
 
     try:
@@ -67,8 +70,7 @@ def test_an_edit_of_an_imported_file_changes_the_hash(tmp_path: Path, monkeypatc
         (package / "used.py").write_text("VALUE = 2\n")
         after = fresh()
     finally:
-        jit._imports.cache_clear()
-        jit.source_hash.cache_clear()
+        forget()
     assert after[0] != before[0]
     assert after[1] == before[1]
 
