@@ -59,12 +59,10 @@ class Worker:
         panel = layout.panel(region)
         self._panel_view = PanelView(plan.view_of(panel), panel)
         tracer_scene = tracer_scene.under(plan.scene_of(panel.view))
-        self._tracers = {
-            coherent: Tracer(tracer_scene, panel, self._panel_view.eye, coherent=coherent, seen=seen)
-            for coherent in (False, True)
-        }
+        eye, coherent = self._panel_view.eye, self.sampler.coherent
+        self._tracer = Tracer(tracer_scene, panel, eye, coherent=coherent, seen=seen)
         self._relightable, self._noisy = tracer_scene.needs.relighting, tracer_scene.needs.paths
-        self._placed: dict[bool, Event | None] = {False: None, True: None}
+        self._placed: Event | None = None
         self._answered: tuple[int, int] | None = None  # number of the newest event that was traced
         self._answers: tuple[float, ...] = ()
         self._sequence, self._workers = worker, len(samplers)
@@ -199,11 +197,11 @@ class Worker:
         return sampler.measure() if isinstance(sampler, AdaptiveRenderer) else None
 
     def _tracer_at(self, event: Event, coherent: bool) -> Tracer:
-        tracer = self._tracers[coherent]
-        if self._placed[coherent] is not event:
-            tracer.set_event(event)
-            self._placed[coherent] = event
-        return tracer
+        self._tracer.expect(coherent=coherent)
+        if self._placed is not event:
+            self._tracer.set_event(event)
+            self._placed = event
+        return self._tracer
 
     def forget(self, batch: Batch) -> None:
         """A packet of ours was dropped before it was sent. May be called while another thread runs `step`."""

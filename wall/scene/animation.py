@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -102,6 +102,7 @@ class Tracks:
     """Every motion of a scene, in layers: the k-th motions of all bodies are applied together, after the k-1-th."""
 
     layers: tuple[Turns | Paths, ...] = ()
+    bodies: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))  # (m,) that move, in order
 
     def __bool__(self) -> bool:
         return bool(self.layers)
@@ -128,7 +129,7 @@ def compile_tracks(motions: Sequence[Moving]) -> Tracks:
     for level in range(max(depth.values(), default=0)):
         layers += [_turns(turns[level])] if turns[level] else []
         layers += [_paths(paths[level])] if paths[level] else []
-    return Tracks(layers=tuple(layers))
+    return Tracks(layers=tuple(layers), bodies=np.array(sorted(depth), np.intp))
 
 
 def quaternion(axis: Vector, degrees: float) -> tuple[float, float, float, float]:

@@ -106,6 +106,12 @@ class Scene:
         """Whether anything changes with time."""
         return bool(self.tracks or self.parameter_tracks)
 
+    @property
+    def animated_objects(self) -> NDArray[np.intp]:
+        """(m,) instances that move by themselves, in order."""
+        rows = self.tracks.bodies
+        return rows[rows < len(self.instances)]
+
     def objects_in(self, share: tuple[float, float]) -> NDArray[np.bool_]:
         """(n,) bool, for sort-last: instances whose middle triangle lies in [from, to) of all, object after object.
 
@@ -165,11 +171,18 @@ class Scene:
         ways = directions[:, :3, 3]
         return Moment(
             world_from_object=objects,
+            moved=self._moved(shading),
             point_positions=points[:, :3, 3],
             spot_positions=spots[:, :3, 3],
             directions=ways / np.maximum(np.sqrt((ways**2).sum(axis=1, keepdims=True)), SHORTEST),
             shading=shading,
         )
+
+    def _moved(self, shading: Shading) -> NDArray[np.intp]:
+        """Instances that may be elsewhere than at rest."""
+        if not shading.objects:
+            return self.animated_objects
+        return np.union1d(self.animated_objects, self._edited.rows(shading.objects, self.instances))
 
     def _poses(self, time: float, shading: Shading) -> Float64:
         """(bodies, 4, 4), read-only, with the lights where `shading` has them at rest."""

@@ -256,6 +256,7 @@ class Moment:
     """Everything that moves or can be edited, at one scene time under one state of edits."""
 
     world_from_object: Float64  # (instances, 4, 4)
+    moved: NDArray[np.intp]  # (m,) instances, each once, in order: all others are as at rest
     point_positions: Float64  # (point lights, 3)
     spot_positions: Float64  # (spot lights, 3)
     directions: Float64  # (directional lights, 3) unit

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wall.core.data import Float64
 from wall.scene.model import Instance, Mesh
@@ -32,11 +33,8 @@ class EditedObjects:
         poses : (at least as many as instances, 4, 4), world from object, changed; edits : Shading.objects
         """
         for path, value in edits:
-            if not self._rows:
-                for row, instance in enumerate(instances):
-                    self._rows.setdefault(instance.name, []).append(row)
             name, _, what = path.removeprefix(OBJECTS).rpartition(".")
-            own = self._rows.get(name, [])
+            own = self._named(name, instances)
             if what == OFFSET:
                 poses[own, :3, 3] += value
             elif what == ROTATION:
@@ -46,6 +44,18 @@ class EditedObjects:
                 poses[own, :3, 3] = (poses[own, :3, 3] - middle) @ turn.T + middle
             elif value[0] == 0.0:
                 poses[own, :3, :3] = 0.0
+
+    def rows(self, edits: Iterable[tuple[str, tuple[float, ...]]], instances: Sequence[Instance]) -> NDArray[np.intp]:
+        """(m,) instances that edits are of."""
+        names = {path.removeprefix(OBJECTS).rpartition(".")[0] for path, _ in edits}
+        found = [row for name in names for row in self._named(name, instances)]
+        return np.array(found, np.intp)
+
+    def _named(self, name: str, instances: Sequence[Instance]) -> list[int]:
+        if not self._rows:
+            for row, instance in enumerate(instances):
+                self._rows.setdefault(instance.name, []).append(row)
+        return self._rows.get(name, [])
 
     def _middle(self, name: str, poses: Float64, meshes: Sequence[Mesh]) -> Float64:
         """(3,) world: the mean of the middles of their bounding boxes."""

@@ -84,7 +84,6 @@ intersect16 = _external("rtcIntersect16", _PACKET_CALL)  # (valid, scene, ray-hi
 occluded16 = _external("rtcOccluded16", _PACKET_CALL)  # (valid, scene, ray packet, arguments)
 set_transform = _external("rtcSetGeometryTransform", types.void(types.intp, types.uint32, types.int32, types.intp))
 commit_geometry = _external("rtcCommitGeometry", types.void(types.intp))
-commit_scene = _external("rtcCommitScene", types.void(types.intp))
 
 Handle: TypeAlias = int
 Passing: TypeAlias = tuple[int, tuple[NDArray[Any], ...]]  # a filter of hits, see Device.mesh
@@ -102,9 +101,14 @@ def aligned(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 def query_arguments(*, coherent: bool) -> NDArray[np.uint32]:
     """RTCIntersectArguments: query flags and feature mask, then null pointers."""
     arguments = aligned((16,), np.uint32)
-    arguments[0] = _QUERY_COHERENT if coherent else 0
     arguments[1] = _FEATURES
+    expect(arguments, coherent=coherent)
     return arguments
+
+
+def expect(arguments: NDArray[np.uint32], *, coherent: bool) -> None:
+    """Tell Embree in `query_arguments` whether the rays of a packet go the same way."""
+    arguments[0] = _QUERY_COHERENT if coherent else 0
 
 
 _making = threading.Lock()
@@ -125,14 +129,13 @@ def _make_device() -> Handle:
 
 
 class Device:
-    """Scenes and geometries of the process's Embree device, released together."""
+    """Meshes of the process's Embree device, released together."""
 
     def __init__(self) -> None:
         self.handle = _the_device()
         self._scenes: list[Handle] = []
-        self._geometries: list[Handle] = []
         self._kept: list[NDArray[Any]] = []
-        end = weakref.finalize(self, _release, self._scenes, self._geometries, self._kept)
+        end = weakref.finalize(self, _release, self._scenes, [], self._kept)
         end.atexit = False  # threads may still trace then
 
     def check(self, doing: str) -> None:
@@ -166,7 +169,8 @@ class Device:
             _library.rtcSetGeometryOccludedFilterFunction(geometry, passing[0])
             self._kept += passing[1]
         _library.rtcCommitGeometry(geometry)
-        scene = self._new_scene(_SCENE_ROBUST, _QUALITY_MEDIUM)
+        scene = _new_scene(self.handle, _SCENE_ROBUST, _QUALITY_MEDIUM)
+        self._scenes.append(scene)
         _library.rtcAttachGeometryByID(scene, geometry, 0)
         _library.rtcReleaseGeometry(geometry)
         _library.rtcCommitScene(scene)
@@ -174,36 +178,53 @@ class Device:
         self.check("building a mesh")
         return scene
 
-    def instances(self, meshes: list[Handle], masks: NDArray[np.uint32]) -> tuple[Handle, NDArray[np.intp]]:
-        """A scene of one instance a handle in `meshes`, to be placed and committed by `place_instances`.
-
-        masks : (n,) uint32; a ray passes instances whose mask has no bit of its own
-
-        Returns
-        -------
-        scene : handle
-        geometries : (n,) intp, the instances' handles; instance k has ID k in hits
-        """
-        scene = self._new_scene(_SCENE_ROBUST | _SCENE_DYNAMIC, _QUALITY_MEDIUM)
-        geometries = np.zeros(len(meshes), np.intp)
-        for k, mesh in enumerate(meshes):
-            geometries[k] = geometry = _library.rtcNewGeometry(self.handle, _GEOMETRY_INSTANCE)
-            _library.rtcSetGeometryInstancedScene(geometry, mesh)
-            _library.rtcSetGeometryMask(geometry, int(masks[k]))
-            _library.rtcAttachGeometryByID(scene, geometry, k)
-            self._geometries.append(geometry)
-        self.check("creating instances")
-        return scene, geometries
-
-    def _new_scene(self, flags: int, quality: int) -> Handle:
-        scene: Handle = _library.rtcNewScene(self.handle)
-        _library.rtcSetSceneFlags(scene, flags)
-        _library.rtcSetSceneBuildQuality(scene, quality)
-        self._scenes.append(scene)
+    def tree(self, of: Handles) -> Handle:
+        """A scene for instances, empty, to be committed; it is kept in `of`, which releases it."""
+        scene = _new_scene(self.handle, _SCENE_ROBUST | _SCENE_DYNAMIC, _QUALITY_MEDIUM)
+        of.scenes.append(scene)
         return scene
 
+    def instance(self, of: Handles, scene: Handle, number: int, *, mesh: Handle, mask: int) -> Handle:
+        """An instance of a mesh that has this number in hits of `scene`; a ray passes it without a bit of its mask."""
+        geometry: Handle = _library.rtcNewGeometry(self.handle, _GEOMETRY_INSTANCE)
+        _library.rtcSetGeometryInstancedScene(geometry, mesh)
+        _library.rtcSetGeometryMask(geometry, mask)
+        _library.rtcAttachGeometryByID(scene, geometry, number)
+        of.geometries.append(geometry)
+        return geometry
 
-def _release(scenes: list[Handle], geometries: list[Handle], kept: list[NDArray[Any]]) -> None:
+    def hide(self, geometry: Handle) -> None:
+        """Let every ray pass an instance, once its scene is committed."""
+        _library.rtcSetGeometryMask(geometry, 0)
+        _library.rtcCommitGeometry(geometry)
+
+    def commit(self, scene: Handle) -> None:
+        """Build a tree over the instances of a scene."""
+        _library.rtcCommitScene(scene)
+
+    def handles(self) -> Handles:
+        """Room for instances that are released with what is returned, not with this device."""
+        return Handles(self)
+
+
+class Handles:
+    """Embree's handles of instances and their scenes, released with this object; keeps the meshes' device."""
+
+    def __init__(self, device: Device) -> None:
+        self.scenes: list[Handle] = []
+        self.geometries: list[Handle] = []
+        end = weakref.finalize(self, _release, self.scenes, self.geometries, [device])
+        end.atexit = False
+
+
+def _new_scene(device: Handle, flags: int, quality: int) -> Handle:
+    scene: Handle = _library.rtcNewScene(device)
+    _library.rtcSetSceneFlags(scene, flags)
+    _library.rtcSetSceneBuildQuality(scene, quality)
+    return scene
+
+
+def _release(scenes: list[Handle], geometries: list[Handle], kept: list[Any]) -> None:
     """Releases Embree's handles, then the arrays that Embree shared."""
     for geometry in geometries:
         _library.rtcReleaseGeometry(geometry)

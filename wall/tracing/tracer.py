@@ -19,15 +19,14 @@ from wall.scene.cuts import planes_of
 from wall.scene.model import AmbientOcclusion, Moment, Shading
 from wall.scene.sky import sky_irradiance
 from wall.tracing import embree
+from wall.tracing.instance_trees import InstanceTrees
 from wall.tracing.kernels import rows
 from wall.tracing.kernels import trace as kernels
 from wall.tracing.kernels.ambient import trace_ambient
 from wall.tracing.kernels.path import count_samples, trace_paths
-from wall.tracing.kernels.placement import place_instances
 from wall.tracing.kernels.values import (
     COUNTS,
     EVERY_OBJECT,
-    PLACEMENT_COLUMNS,
     SEEN,
     UNSEEN,
     Lights,
@@ -36,6 +35,7 @@ from wall.tracing.kernels.values import (
     Paths,
     RayFrame,
     Surfaces,
+    Trees,
     Workspace,
 )
 from wall.tracing.light_trees import DeltaLights, EmitterTree
@@ -43,13 +43,12 @@ from wall.tracing.tracer_scene import TracerScene, sky_rows
 
 MOST_SURFACES = 1 << 16  # of a path: no limit
 NUMBERS = 0xFFFFFFFF  # of samples, where they begin again
-OFFSET_ULPS = 16.0  # float32 roundings from a hit to its secondary ray; eight times the need, docs/guide/accuracy.md
 
 
 class Arguments(NamedTuple):
     """Everything that kernels.trace wants, in its order."""
 
-    scene: int  # Embree handle
+    scene: Trees
     camera: RayFrame
     xy: Float32
     samples: Samples
@@ -86,6 +85,7 @@ def workspace(*, coherent: bool, primary_mask: int = EVERY_OBJECT, cuts: int = 0
         valid=embree.aligned((embree.PACKET,), np.int32),
         shadow_valid=embree.aligned((embree.PACKET,), np.int32),
         arguments=embree.query_arguments(coherent=coherent),
+        hit_before=np.zeros(embree.PACKET, np.uint32),
         counts=np.zeros(COUNTS, np.int64),
         cuts=np.zeros((cuts, 4), np.float32) if cuts else None,
     )
@@ -125,10 +125,9 @@ class Tracer:
         n = len(tracer_scene.meshes)
         masks = np.full(n, SEEN, np.uint32) if seen is None else np.where(seen, SEEN, UNSEEN).astype(np.uint32)
         self._tracer_scene, self._panel, self._eye = tracer_scene, panel, eye
-        self._scene, self._geometries = tracer_scene.device.instances(list(tracer_scene.meshes), masks)
-        self._transforms = embree.aligned((n, 12), np.float32)
-        placements = np.zeros((n, PLACEMENT_COLUMNS), np.float32)
-        meshes = tracer_scene.surfaces.meshes._replace(placements=placements, eye_from_object=self._transforms)
+        self.instances = InstanceTrees(tracer_scene, masks)
+        placements, transforms = self.instances.placements, self.instances.transforms
+        meshes = tracer_scene.surfaces.meshes._replace(placements=placements, eye_from_object=transforms)
         self._surfaces = tracer_scene.surfaces._replace(meshes=meshes)
         self._lights = Lights(
             directional=None,
@@ -159,7 +158,10 @@ class Tracer:
         self._path_room = path_room(0, 0, normals=self._emitter_tree is not None)
         self._counts = np.zeros((0, 0), np.uint32)  # samples of each pixel so far, where they are numbered here
         self.seed = 1  # of paths
-        self.singular = 0  # instances whose placement cannot be inverted, at the newest event
+
+    def expect(self, *, coherent: bool) -> None:
+        """Trace packets from now on that are small screen tiles, or not."""
+        embree.expect(self._work.arguments, coherent=coherent)
 
     def set_event(self, event: Event) -> None:
         """Places everything for `event`: its camera, its scene time, its edits."""
@@ -180,16 +182,7 @@ class Tracer:
         """Places instances and lights of a moment relative to the eye at `origin` (3,), world."""
         tracer_scene = self._tracer_scene
         self._shade(moment.shading)
-        self.singular = place_instances(
-            moment.world_from_object,
-            origin,
-            self._scene,
-            self._geometries,
-            self._transforms,
-            self._surfaces.meshes.placements,
-            tracer_scene.extents,
-            OFFSET_ULPS,
-        )
+        self.instances.place(moment, origin)
         if self._emitter_tree is not None:
             self._emitter_tree.place(moment.world_from_object, origin)
         shading = moment.shading
@@ -275,7 +268,8 @@ class Tracer:
     def arguments(self, xy: Float32, samples: Samples) -> Arguments:
         """The arguments of kernels.trace; for trace() and for measuring the kernel alone."""
         materials, lights = self._materials, self._lights
-        return Arguments(self._scene, self._ray_frame, xy, samples, self._surfaces, materials, lights, self._work)
+        trees, frame = self.instances.trees, self._ray_frame
+        return Arguments(trees, frame, xy, samples, self._surfaces, materials, lights, self._work)
 
 
 def _occlusion(wanted: AmbientOcclusion | None) -> Occlusion | None:

@@ -28,7 +28,7 @@ from small_scenes import (
 from wall.core.data import Float64
 from wall.scene.build import Scene
 from wall.scene.model import DirectionalLight, Instance, PointLight, Sky
-from wall.tracing import tracer
+from wall.tracing import instance_trees
 
 HARDEST = 4.0  # OFFSET_ULPS / 4: where the hard cases below must be free of acne already
 
@@ -119,10 +119,10 @@ def acne(scene: Scene, seen: View, monkeypatch: pytest.MonkeyPatch, *, ulps: flo
     A convex body never shadows what faces the light, so each one is an error. Facing is what an offset of 512 shows.
     Radiance below 2e-3 of the brightest is left out: there the cosine itself is within rounding of nothing.
     """
-    monkeypatch.setattr(tracer, "OFFSET_ULPS", 512.0)
+    monkeypatch.setattr(instance_trees, "OFFSET_ULPS", 512.0)
     lit = traced_image(scene, seen, coherent=False).radiance[..., 0]
     lit_side = lit > 2e-3 * lit.max()
-    monkeypatch.setattr(tracer, "OFFSET_ULPS", ulps)
+    monkeypatch.setattr(instance_trees, "OFFSET_ULPS", ulps)
     got = traced_image(scene, seen, coherent=False).radiance[..., 0]
     return int((got == 0.0)[lit_side].sum()), int(lit_side.sum())
 
@@ -131,7 +131,7 @@ def acne(scene: Scene, seen: View, monkeypatch: pytest.MonkeyPatch, *, ulps: flo
 def test_no_shadow_acne_at_a_quarter_of_the_ray_offset(
     name: str, monkeypatch: pytest.MonkeyPatch, compiled_only: None
 ) -> None:
-    assert tracer.OFFSET_ULPS >= 4 * HARDEST
+    assert instance_trees.OFFSET_ULPS >= 4 * HARDEST
     wrong, lit_side = acne(*CASES[name], monkeypatch, ulps=HARDEST)
     assert wrong == 0
     assert lit_side > 40
@@ -175,7 +175,7 @@ def test_a_mirror_far_away_shows_near_things_without_acne(monkeypatch: pytest.Mo
         lights=[directional(np.array([0.4, 0.3, -1.0]))],
     )
     seen = view((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), pixels=(48, 48), fov=math.degrees(2.0 / 2e4))
-    wrong, lit_side = acne(with_every_feature(scene), seen, monkeypatch, ulps=tracer.OFFSET_ULPS)
+    wrong, lit_side = acne(with_every_feature(scene), seen, monkeypatch, ulps=instance_trees.OFFSET_ULPS)
     assert lit_side > 500
     assert wrong == 0
 

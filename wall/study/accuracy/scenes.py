@@ -228,6 +228,11 @@ def traced_image(scene: Scene | TracerScene, seen: View, *, coherent: bool = Tru
     tracer_scene = make_tracer_scene(scene) if isinstance(scene, Scene) else scene
     tracer = Tracer(tracer_scene, seen.panel, seen.eye, coherent=coherent)
     tracer.set_event(seen.event)
+    return image_of(tracer, seen)
+
+
+def image_of(tracer: Tracer, seen: View) -> TracedImage:
+    """One sample in the middle of every pixel, under the tracer's event."""
     width, height = seen.panel.pixels
     pixels = block_order(Rect(x=0, y=0, width=width, height=height), worker=0, workers=1)
     samples, cost = tracer.trace((pixels + 0.5).astype(np.float32))

@@ -126,7 +126,7 @@ class Bench:
         ends, arguments = self._ends[packets] - shadows.start, self.tracer._work.arguments
         block = self._block_hits[:n], self._valid, self._block_shadows[:m], self._block_lit[:m]
         began = time.thread_time()
-        bare_queries(self.tracer._scene, *block, ends, arguments)
+        bare_queries(self.tracer.instances.trees.at_rest, *block, ends, arguments)
         return time.thread_time() - began
 
     def _of_block(self, first: int) -> tuple[slice, slice]:

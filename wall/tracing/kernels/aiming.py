@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 from wall.core.jit import inline_kernel
-from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import start_off_surface
 from wall.tracing.kernels.cuts import is_cut_away, shorten_rays
@@ -19,6 +18,7 @@ from wall.tracing.kernels.lights import DIRECTIONAL, POINT, SHADOW_DIRECTION, SH
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.scatter import lit_by
+from wall.tracing.kernels.trees import any_hits
 from wall.tracing.kernels.values import INF, ONE, SHADOW_RAYS, ZERO
 from wall.tracing.kernels.ways import SUN, way_to
 
@@ -209,7 +209,7 @@ def add_unshadowed(first, aimed, scene, work, paths):
     work.counts[SHADOW_RAYS] += aimed
     valid = work.shadow_valid
     shorten_rays(work.cuts, SHADOW_PACKET, work)
-    occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
+    any_hits(scene, work)
     for lane in range(16):
         if valid[lane] != 0 and p[SHADOW_T_FAR + lane] >= ZERO:
             r, g, b = xyz(p, rows.LIGHT_R, lane)

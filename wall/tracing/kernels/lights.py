@@ -9,13 +9,13 @@ import numpy as np
 from wall.core.jit import inline_kernel
 from wall.scene.sky import SKY_STEPS
 from wall.tracing import embree
-from wall.tracing.embree import occluded16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import diffuse, start_off_surface
 from wall.tracing.kernels.cuts import shorten_rays
 from wall.tracing.kernels.environment import add_environment_light, see_environment
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.textures import emission_of
+from wall.tracing.kernels.trees import any_hits
 from wall.tracing.kernels.values import INF, ONE, ZERO
 
 SHADOW_ORIGIN, SHADOW_DIRECTION = SHADOW_PACKET + embree.ORIGIN_X, SHADOW_PACKET + embree.DIRECTION_X
@@ -209,7 +209,7 @@ def add_light(light, number, scene, work):
     if rays == 0:
         return 0
     shorten_rays(work.cuts, SHADOW_PACKET, work)
-    occluded16(valid.ctypes.data, scene, p.ctypes.data + p.itemsize * SHADOW_PACKET, work.arguments.ctypes.data)
+    any_hits(scene, work)
     red, green, blue = light[3], light[4], light[5]
     bit = np.uint32(1) << np.uint32(number) if number < MASK_BITS else np.uint32(0)
     for lane in range(16):

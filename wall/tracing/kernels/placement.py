@@ -1,4 +1,4 @@
-"""Places a scene's instances relative to the eye, in Embree and in the table of normals and ray offsets."""
+"""Places instances relative to the eye, in Embree and in the table of normals and ray offsets."""
 
 from __future__ import annotations
 
@@ -7,32 +7,29 @@ import math
 import numpy as np
 
 from wall.core.jit import kernel
-from wall.tracing.embree import FORMAT_FLOAT3X4_ROW_MAJOR, commit_geometry, commit_scene, set_transform
+from wall.tracing.embree import FORMAT_FLOAT3X4_ROW_MAJOR, commit_geometry, set_transform
 from wall.tracing.kernels.values import PLACEMENT_BASE, PLACEMENT_SLOPE, PLACEMENT_STRETCH
 
 HALF_ULP = 2.0**-24  # largest relative error of one float32 rounding
 
 
 @kernel
-def place_instances(world_from_object, eye, scene, geometries, transforms, placements, extents, ulps):
-    """Places every instance relative to the eye and commits the scene.
+def place_instances(world_from_object, eye, moved, geometries, transforms, placements, extents, singular, ulps):
+    """Places instances relative to the eye; the trees that they are in are to be committed then.
 
     Parameters
     ----------
     world_from_object : (n, 4, 4) float64
     eye : (3,) float64, world
-    scene, geometries : Embree handles, int and (n,) intp
+    moved : (m,) intp, the instances to place
+    geometries : (n,) intp, Embree handles
     transforms : (n, 12) float32, row major 3x4 eye_from_object, written
     placements : (n, 12) float32, written; see Surfaces
     extents : (n,) float64, mesh radius in object space
+    singular : (n,) bool, written: the matrix has no inverse, so that normals are left unrotated
     ulps : float, how many float32 roundings a secondary ray's start is off the surface; see surface.finish_surfaces
-
-    Returns
-    -------
-    singular : int, instances whose matrix has no inverse (their normals are left unrotated)
     """
-    singular = 0
-    for k in range(world_from_object.shape[0]):
+    for k in moved:
         m = world_from_object[k]
         a, b, c = m[0, 0], m[0, 1], m[0, 2]
         d, e, f = m[1, 0], m[1, 1], m[1, 2]
@@ -48,8 +45,8 @@ def place_instances(world_from_object, eye, scene, geometries, transforms, place
         c0, c1, c2 = e * i - f * h, f * g - d * i, d * h - e * g
         determinant = a * c0 + b * c1 + c * c2
         size = math.sqrt(a * a + b * b + c * c + d * d + e * e + f * f + g * g + h * h + i * i)
-        if determinant == 0.0:
-            singular += 1
+        singular[k] = determinant == 0.0
+        if singular[k]:
             scale = 1.0
             placements[k, 0:9] = 0.0
             placements[k, 0] = placements[k, 4] = placements[k, 8] = 1.0
@@ -79,5 +76,3 @@ def place_instances(world_from_object, eye, scene, geometries, transforms, place
         placements[k, PLACEMENT_STRETCH] = root * ulps * HALF_ULP * condition
         set_transform(geometries[k], np.uint32(0), np.int32(FORMAT_FLOAT3X4_ROW_MAJOR), transforms.ctypes.data + 48 * k)
         commit_geometry(geometries[k])
-    commit_scene(scene)
-    return singular

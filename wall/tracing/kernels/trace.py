@@ -12,7 +12,6 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.tracing import embree
-from wall.tracing.embree import intersect16
 from wall.tracing.kernels import rows
 from wall.tracing.kernels.bsdf import reflect
 from wall.tracing.kernels.camera import make_rays
@@ -36,6 +35,7 @@ from wall.tracing.kernels.surface import (
 )
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.textures import apply_textures
+from wall.tracing.kernels.trees import closest_hits
 from wall.tracing.kernels.values import (
     ALL_LIGHTS,
     BAD_SAMPLES,
@@ -94,7 +94,7 @@ def trace(scene, camera, xy, samples, surfaces, materials, lights, work):
 def intersect(scene, work):
     """Finds the nearest hits of the packet's valid lanes."""
     shorten_rays(work.cuts, 0, work)
-    intersect16(work.valid.ctypes.data, scene, work.packet.ctypes.data, work.arguments.ctypes.data)
+    closest_hits(scene, work)
     reopen_misses(work.cuts, work)
 
 

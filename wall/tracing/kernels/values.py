@@ -69,6 +69,14 @@ MATERIAL = np.dtype(
 )
 
 
+class Trees(NamedTuple):
+    """Embree's trees over the instances, for one thread."""
+
+    at_rest: int  # handle of the tree whose instances have their own numbers
+    moving: int  # handle of a tree over those that move, where rebuilding the other would take long; 0: there is none
+    objects: NDArray[np.uint32]  # (m,) numbers of the instances in `moving`
+
+
 class RayFrame(NamedTuple):
     """Primary rays of a panel: direction A + X B + Y C at virtual-screen position (X, Y), from the eye at 0."""
 
@@ -210,5 +218,6 @@ class Workspace(NamedTuple):
     valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the ray-hit packet
     shadow_valid: NDArray[np.int32]  # (16,) -1 or 0, lanes of the shadow packet
     arguments: NDArray[np.uint32]  # RTCIntersectArguments
+    hit_before: NDArray[np.uint32]  # (16,) scratch of trees.closest_hits
     counts: NDArray[np.int64]  # (4,) PRIMARY_RAYS ... BAD_SAMPLES
     cuts: Float32 | None  # (k, 4) planes, unit normal and distance from the eye, see scene.cuts; None: there are none
