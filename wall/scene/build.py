@@ -50,6 +50,7 @@ from wall.scene.model import (
 )
 from wall.scene.object_edits import EditedObjects
 from wall.scene.parameter_tracks import ParameterTrack, tracks_of
+from wall.scene.placed import only_placed
 from wall.scene.shading import shaded
 
 BUILT_IN = {
@@ -289,7 +290,8 @@ def integrated(config: IntegratorConfig) -> tuple[int | None, AmbientOcclusion |
 
 
 def assemble(source: Source) -> Scene:
-    """Resolve names and defaults, and lay out what moves."""
+    """Resolve names and defaults, lay out what moves, and leave out what nothing shows."""
+    source = only_placed(source)
     lights: tuple[Light, ...] = default_lights() if source.lights is None else source.lights
     points = tuple(light for light in lights if isinstance(light, PointLight))
     spots = tuple(light for light in lights if isinstance(light, SpotLight))

@@ -103,11 +103,15 @@ class TracerScene:
     @property
     def bytes(self) -> int:
         """Memory of the arrays kept here (Embree's own trees come on top)."""
-        trees = self.emitters.tree if self.emitters else None, self.point_tree, self.spot_tree
-        of_trees = [array for tree in trees if tree is not None for array in tree]
-        lights = *(self.emitters or ()), *of_trees, *(self.environment or ()), self.sky, self.sky_irradiance
-        arrays = self.extents, *self.surfaces, *self.materials, *lights
-        return sum(a.nbytes for a in arrays if isinstance(a, np.ndarray))
+        lights = self.emitters, self.point_tree, self.spot_tree, self.environment, self.sky, self.sky_irradiance
+        return _bytes((self.extents, self.surfaces, self.materials, *lights))
+
+
+def _bytes(value: Any) -> int:
+    """Bytes of the arrays in a tuple, and in tuples in it."""
+    if isinstance(value, tuple):
+        return sum(map(_bytes, value))
+    return value.nbytes if isinstance(value, np.ndarray) else 0
 
 
 def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
@@ -116,19 +120,21 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
     trees : whether trees choose among many lights; without, as few lights are treated, to compare with
     """
     wanted = needs(scene)
-    vertex_counts = [len(mesh.vertices) for mesh in scene.meshes]
-    vertices = np.zeros((sum(vertex_counts) + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
-    np.concatenate([mesh.vertices for mesh in scene.meshes], out=vertices[:-2])
-    triangles = np.ascontiguousarray(np.concatenate([mesh.triangles for mesh in scene.meshes]), np.uint32)
-    table = _mesh_table(scene.meshes, wanted)
+    order = sorted(range(len(scene.meshes)), key=lambda k: _lacks(scene, scene.meshes[k]))
+    meshes, row_of = [scene.meshes[k] for k in order], np.argsort(order)
+    count = sum(len(mesh.vertices) for mesh in meshes)
+    vertices = np.zeros((count + 2, 3), np.float32)  # Embree may read 16 bytes past the last vertex
+    np.concatenate([mesh.vertices for mesh in meshes], out=vertices[:-2])
+    triangles = np.ascontiguousarray(np.concatenate([mesh.triangles for mesh in meshes]), np.uint32)
+    table = _mesh_table(scene, meshes, wanted)
     device = Device()
     handles = []
-    for mesh, row in zip(scene.meshes, table, strict=True):
+    for mesh, row in zip(meshes, table, strict=True):
         first, start = int(row[1]), int(row[0])
         own = vertices[first : first + len(mesh.vertices)], triangles[start : start + len(mesh.triangles)]
         handles.append(device.mesh(*own, _transparency(scene, mesh, own[1])))
-    radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in scene.meshes]
-    of_instance = np.array([instance.mesh for instance in scene.instances], np.uint32)
+    radii = [float(np.sqrt((mesh.vertices.astype(np.float64) ** 2).sum(1).max())) for mesh in meshes]
+    of_instance = row_of[[instance.mesh for instance in scene.instances]]
     surfaces = Surfaces(
         meshes=Meshes(
             triangles=triangles,
@@ -136,9 +142,9 @@ def make_tracer_scene(scene: Scene, *, trees: bool = True) -> TracerScene:
             placements=np.zeros((0, PLACEMENT_COLUMNS), np.float32),
             eye_from_object=np.zeros((0, 12), np.float32),
         ),
-        normals=_attribute(scene.meshes, "normals", 3) if wanted.smooth_normals else None,
-        colors=_attribute(scene.meshes, "colors", 3) if wanted.vertex_colors else None,
-        uvs=_attribute(scene.meshes, "uvs", _uv_columns(scene, wanted)) if wanted.textures else None,
+        normals=_attribute([mesh.normals for mesh in meshes], meshes, 3) if wanted.smooth_normals else None,
+        colors=_attribute([mesh.colors for mesh in meshes], meshes, 3) if wanted.vertex_colors else None,
+        uvs=_uvs(scene, meshes, wanted) if wanted.textures else None,
         vertices=None,
         relit=None,
     )
@@ -212,26 +218,43 @@ def sky_rows(sky: Sky) -> Float32:
     return np.array([sky.zenith, sky.horizon, sky.ground], np.float32)
 
 
-def _mesh_table(meshes: tuple[Mesh, ...], wanted: Needs) -> NDArray[np.uint32]:
+def _shows_textures(scene: Scene, mesh: Mesh) -> bool:
+    textures = scene.materials[mesh.material].textures
+    return mesh.uvs is not None and any(number is not None for number in textures)
+
+
+def _lacks(scene: Scene, mesh: Mesh) -> tuple[bool, ...]:
+    """By what meshes are laid out: those with an attribute come first, so that its array ends with the last of them."""
+    return not _shows_textures(scene, mesh), mesh.colors is None, mesh.normals is None
+
+
+def _mesh_table(scene: Scene, meshes: Sequence[Mesh], wanted: Needs) -> NDArray[np.uint32]:
     """(meshes, 4) uint32, a row of Meshes.mesh_table for each mesh."""
     table = np.zeros((len(meshes), 4), np.uint32)
     triangle = vertex = 0
     for row, mesh in zip(table, meshes, strict=True):
         flags = HAS_NORMALS * (mesh.normals is not None and wanted.smooth_normals)
-        flags += HAS_COLORS * (mesh.colors is not None) + HAS_UVS * (mesh.uvs is not None)
+        flags += HAS_COLORS * (mesh.colors is not None) + HAS_UVS * _shows_textures(scene, mesh)
         row[:] = triangle, vertex, mesh.material, flags
         triangle += len(mesh.triangles)
         vertex += len(mesh.vertices)
     return table
 
 
-def _attribute(meshes: tuple[Mesh, ...], name: str, width: int) -> Float32:
-    """(v, width) float32 of all meshes' vertices, zero where a mesh does not have the attribute."""
-    parts = [np.zeros((len(mesh.vertices), width), np.float32) for mesh in meshes]
-    for part, mesh in zip(parts, meshes, strict=True):
-        if (own := getattr(mesh, name)) is not None:
+def _attribute(rows: Sequence[Float32 | None], meshes: Sequence[Mesh], width: int) -> Float32:
+    """(v, width) float32 of the vertices of meshes up to the last that has rows; zero where one of them has none."""
+    last = max(k for k, own in enumerate(rows) if own is not None)
+    parts = [np.zeros((len(mesh.vertices), width), np.float32) for mesh in meshes[: last + 1]]
+    for part, own in zip(parts, rows, strict=False):
+        if own is not None:
             part[:, : own.shape[1]] = own[:, :width]
     return np.concatenate(parts)
+
+
+def _uvs(scene: Scene, meshes: Sequence[Mesh], wanted: Needs) -> Float32:
+    """Texture coordinates of the meshes that show textures."""
+    rows = [mesh.uvs if _shows_textures(scene, mesh) else None for mesh in meshes]
+    return _attribute(rows, meshes, _uv_columns(scene, wanted))
 
 
 def _uv_columns(scene: Scene, wanted: Needs) -> int:
