@@ -65,6 +65,7 @@ class Source(threading.Thread):
         self.sink = Browser("127.0.0.1", self.port, self.wall, views=self.views)
         self.turned, self.paused, self.sampler, self.compare, self.statistics = 0.0, False, "hilbert", "", ""
         self.version = self.refreshes = 0
+        self.bookmarks: tuple[int, ...] = ()
         self.stopping = threading.Event()
         self.start()
 
@@ -86,6 +87,8 @@ class Source(threading.Thread):
             self.sampler, self.compare = command["value"], ""
         elif command["kind"] == "compare":
             self.compare = command["value"]
+        elif command["kind"] == "bookmark":
+            self.bookmarks = (*self.bookmarks, int(command["value"]))
         elif command["kind"] == "statistics":
             self.statistics = command["value"]
         elif command["kind"] == "set":
@@ -154,6 +157,9 @@ class Source(threading.Thread):
             refreshes_per_s=30.0,
             compare=self.compare,
             compared_per_s=2e6 if self.compare else 0.0,
+            bookmarks=self.bookmarks,
+            right_ms=420.0,
+            slow="Rank 2 (r0c1) makes 3 of 30 images a second." if self.lost_rank else "",
             view_samplers=(self.sampler, *(METHODS[0] for _ in self.views[1:])),
         )
 

@@ -161,6 +161,9 @@ def test_table_and_latency_say_what_the_status_says(page, source):
     assert rows[1] == "2 r0c1 lost 1.25 M 9.50 M 200 ms 3 150 MB"
     assert page.inner_text("#ranks-note") == "1 of 4 lost"
     assert [page.inner_text(f"#{p}") for p in ("p50", "p95", "p99")] == ["21 ms", "34 ms", "55 ms"]
+    assert page.inner_text("#fact-right") == "420 ms"
+    assert page.inner_text("#slow") == "Rank 2 (r0c1) makes 3 of 30 images a second."
+    assert page.locator(".panel.gone canvas").get_attribute("data-panel") == "r0c1"
     assert "median 21 ms" in page.get_attribute("#plot", "aria-label")
     painted = (
         "() => { const c = document.getElementById('plot'); return c.getContext('2d')"
@@ -174,6 +177,10 @@ def test_page_reconnects_to_the_next_run_by_itself(page, source, grid):
     source.stop()
     find(page, "#banner:not([hidden])")
     assert page.inner_text("#banner") == "The run has ended. This is its last picture."
+    page.keyboard.press(" ")  # there is nothing to pause
+    assert page.inner_text("#state") == "Ended"
+    assert page.is_disabled("#pause")
+    assert page.is_hidden("#screenshot")
     following = type(source)(grid, port)
     following.turned = 0.8
     try:
@@ -220,7 +227,7 @@ def test_another_sites_page_cannot_steer(page, source, chromium):
     assert outcome == "refused"
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (420, 800), (1920, 600), (760, 1024)])
+@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800), (1000, 700), (1920, 600), (800, 1024)])
 def test_everything_fits_whatever_the_window(page, width, height):
     page.set_viewport_size({"width": width, "height": height})
     page.wait_for_timeout(150)
@@ -230,6 +237,22 @@ def test_everything_fits_whatever_the_window(page, width, height):
     assert box["x"] >= 0
     assert box["x"] + box["width"] <= width
     assert box["width"] >= 0.35 * width
+    if width < 900:  # a finger's tip, 44 CSS pixels, finds each of them
+        sizes = page.evaluate("""() => [...document.querySelectorAll('button, .button, .choice label')]
+          .filter((e) => e.offsetParent).map((e) => e.getBoundingClientRect()).map((r) => [r.width, r.height])""")
+        assert min(map(min, sizes)) >= 44
+
+
+def test_cameras_are_kept_and_gone_back_to(page, source):
+    page.click("#keep")
+    find(page, "[data-bookmark='1']")
+    page.keyboard.press("b")
+    find(page, "[data-bookmark='2']")
+    page.click("[data-bookmark='1']")
+    page.keyboard.press("v")
+    eventually(page, lambda: len(source.received) == 4, "all came")
+    said = [(command["kind"], command["value"]) for command in source.received]
+    assert said == [("bookmark", "1"), ("bookmark", "2"), ("recall", "1"), ("recall", "2")]
 
 
 def test_help_opens_by_key_and_closes(page, source):

@@ -62,7 +62,7 @@ class PixelBuffer:
             self.frames[batch.rank] = order[:2]
 
     def _show(self, batch: Batch) -> None:
-        key = np.uint64((batch.camera_event % MOST_EVENTS << 33) | batch.scene_event << 1 | (not batch.foreseen))
+        key = _key_of(batch)
         complete_at = 1 if batch.blend >= 1.0 else JITTER_POSITIONS
         late, outside = kernels.insert(
             batch.samples, batch.base_time, key, np.float32(batch.blend), self.records, self._dirty, complete_at
@@ -94,6 +94,16 @@ class PixelBuffer:
         """Age in seconds of the oldest sample shown; inf while a pixel never had one."""
         least, never = kernels.oldest(self.records)
         return float("inf") if never else max(0.0, now - float(least))
+
+
+def _key_of(batch: Batch) -> np.uint64:
+    """Grows with the batch's event, and again where that is no longer a foreseen one."""
+    return np.uint64((batch.camera_event % MOST_EVENTS << 33) | batch.scene_event << 1 | (not batch.foreseen))
+
+
+def event_of(key: int) -> tuple[int, int]:
+    """The number of the event that a pixel's key is of."""
+    return key >> 33, key >> 1 & 0xFFFFFFFF
 
 
 def _pixels_of(batch: Batch, width: int, height: int) -> NDArray[np.int64]:

@@ -90,7 +90,7 @@ class RankStatus:
     oldest_sample_s: float | None  # age of the oldest displayed sample; None when it shows none
     dropped: int
     alive: bool
-    memory_mb: float
+    memory_mb: float  # now
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,12 +118,15 @@ class Status:
     latency_ms: tuple[float, float, float]  # p50, p95, p99, input to changed image; 0: no input
     latencies_ms: tuple[float, ...]  # the recent ones, newest last, for the plot
     refreshes_per_s: float  # that changed something
+    right_ms: float = 0.0  # input to images that are right in 90 % of their pixels, of the slowest rank; 0: not known
+    slow: str = ""  # why the wall is slower than wanted, and what to lower; "" if it is not
     compare: str = ""  # the sampler that has the other half of the rays; "" none
     compared_per_s: float = 0.0  # its samples, of those of all ranks
     samples_per_pixel: int = 0  # of the progressive sampler's stage that all of the wall shows; 0: none
     error: float = 0.0  # estimate of its RMS error, display codes of 8 bits; 0: not known
     parameters: tuple[ParameterState, ...] = ()  # that can be changed
     view_samplers: tuple[str, ...] = ()  # of every view
+    bookmarks: tuple[int, ...] = ()  # of cameras, that can be recalled
 
 
 class Sink(Protocol):

@@ -18,7 +18,7 @@ from wall.geometry.cameras import View, look_at
 
 Kind: TypeAlias = Literal[
     "orbit", "pan", "zoom", "pause", "sampler", "reset", "compare", "statistics", "set", "expose", "focus",
-    "select", "undo", "seek",
+    "select", "undo", "seek", "bookmark", "recall",
 ]  # fmt: skip
 Vector: TypeAlias = tuple[float, float, float]
 
@@ -29,6 +29,7 @@ MAX_SEEK_S = 3600.0  # of one command
 MAX_DRAG = 10.0  # wall heights of one command, which sums the drags of one animation frame; page/steering.js too
 ORBIT_PER_HEIGHT = math.pi  # a drag over the whole height looks from the other side
 LONGEST_NAME, MOST_NUMBERS, LARGEST = 255, 16, 1e300  # of a parameter, of its value, of each
+BOOKMARKS = tuple("123456789")
 OF_ONE_VIEW = ("orbit", "pan", "zoom", "reset", "sampler")  # kinds that may name a view by its index
 NUMBERS: dict[str, tuple[str, ...]] = {
     "orbit": ("x", "y"), "pan": ("x", "y"), "zoom": ("x",), "expose": ("x",), "seek": ("x",),
@@ -38,6 +39,8 @@ VALUES: dict[str, tuple[str, ...]] = {
     "sampler": METHODS,
     "compare": ("", *(method for method in METHODS if method != "adaptive")),
     "statistics": ("", "on"),
+    "bookmark": BOOKMARKS,
+    "recall": BOOKMARKS,
 }
 
 
@@ -51,8 +54,9 @@ class Command:
     compositors look at their samples, "" ends that. set: the parameter `value` is to be `numbers`, None as configured.
     expose: x is added to the exposure, stops. focus: what is shown at (x, y), fractions of the wall's width and height
     from its top left, is to be in focus. seek: x seconds are added to the scene's time and to that of camera paths.
-    select: pages are to show the parameters of the object at (x, y). undo: the newest edit is taken back. Kinds of
-    OF_ONE_VIEW are for `view` alone.
+    select: pages are to show the parameters of the object at (x, y). undo: the newest edit is taken back.
+    bookmark: the cameras of all views are kept as `value`; recall: they go back there. Kinds of OF_ONE_VIEW are for
+    `view` alone.
     """
 
     kind: Kind

@@ -22,7 +22,7 @@ from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 13
+MAGIC, VERSION = b"WALL", 14
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -80,10 +80,13 @@ class Heartbeat:
     samples_per_s: float = 0.0  # lately
     compared_per_s: float = 0.0  # of them by the sampler that is compared
     bytes_per_s: float = 0.0
+    refreshes_per_s: float = 0.0  # lately, of images made here
     packets: int = 0
     bytes: int = 0
     seconds: float = 0.0  # since it began
+    memory: int = 0  # bytes, now
     peak_memory: int = 0  # bytes
+    right_s: float = 0.0  # from an input until the images made here are right in 90 % of their pixels; 0: not known
     cpu_seconds: float = 0.0  # of its process, all threads, since its loop began
     dropped: dict[str, int] = field(default_factory=dict)
     samples_per_pixel: int = 0  # of the progressive sampler's stage that is shown; 0: none is
@@ -148,9 +151,10 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
-    """To the head's compositor: the object whose parameters pages show, "" none."""
+    """To the head's compositor: what pages share beside the scene. Absolute: the newest replaces all before it."""
 
-    name: str
+    name: str = ""  # of the object whose parameters they show, "" none
+    bookmarks: list[int] = field(default_factory=list)  # of cameras, that can be recalled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -291,6 +291,10 @@ class Composition:
         """Number of samples that the images of all layers show."""
         return sum(layer.samples_shown for layer in self.layers.values())
 
+    def right_s(self, now: float) -> float:
+        """Seconds from an input to images that are right, of the slowest layer; 0: not known."""
+        return max((layer.right.seconds(now) for layer in self.layers.values()), default=0.0)
+
     def drops(self) -> Counter[str]:
         """What was dropped here, by name."""
         return sum((layer.counters for layer in self.layers.values()), Counter(self.counters))

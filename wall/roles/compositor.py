@@ -62,7 +62,7 @@ class Compositor:
         graph, self._plan, self._rank, self._ready = plan.layout.graph, plan, hello.rank, ready
         self.due = -math.inf
         self.composition = composition or Composition(plan, hello.rank, ready, run_all, shares)
-        self.latency, self._refresh_rate = Latency(), Rates(RATE_SPAN_S)
+        self.latency, self._refresh_rate, self._own_rate = Latency(), Rates(RATE_SPAN_S), Rates(RATE_SPAN_S)
         self.refreshes = 0.0  # of the whole wall: an image that comes alone counts as its share
         self._views = [FollowedView(plan, index) for index in range(len(plan.views))]
         targets = (target_ranks(graph, hello.rank) | {HEAD}) - {hello.rank}
@@ -74,6 +74,7 @@ class Compositor:
         self._parameters = shown_parameters(plan) if hello.rank == HEAD else {}
         self._states: tuple[tuple[float, Edits, float], tuple[ParameterState, ...]] | None = None
         self._handles: HandlesMaker | None = None  # of the object that is selected
+        self._bookmarks: tuple[int, ...] = ()
         self._shown: dict[int, Event] = {}  # by view: the event of its newest image
         self._status: Status = AWAY_FROM_HEAD
         self._status_due = -math.inf
@@ -124,6 +125,7 @@ class Compositor:
         elif isinstance(message, Selection):
             self._parameters, self._states = shown_parameters(self._plan, message.name), None
             self._handles = HandlesMaker(self._plan, message.name) if message.name else None
+            self._bookmarks = tuple(message.bookmarks)
         elif isinstance(message, Statistics):
             self.composition.say(asdict(message))
         elif isinstance(message, Assignment):
@@ -217,7 +219,7 @@ class Compositor:
         self._status = status_of(
             self._plan, event, self._beats, self._standing.members, self.latency,
             seconds=now - began, refreshes_per_s=refreshes_per_s, oldest=oldest,
-            parameters=self._states_under(event),
+            parameters=self._states_under(event), bookmarks=self._bookmarks,
             view_samplers=tuple("" if view.event is None else view.event.sampler for view in self._views),
         )  # fmt: skip
         statistics = statistics_of(self._status)
@@ -274,15 +276,18 @@ class Compositor:
 
     def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
         composition = self.composition
+        (made_per_s,) = self._own_rate.at(now, sum(view.refreshes for view in self._views))
         number = composition.lockstep.done if composition.lockstep is not None else self._number()
         return Heartbeat(
             rank=self._rank,
             time=now,
             samples_shown=composition.samples_shown(),
+            refreshes_per_s=made_per_s,
             packets=self._sent.packets,
             bytes=self._sent.bytes,
             seconds=now - (now if self._began is None else self._began),
             dropped=dict(composition.drops()),
+            right_s=composition.right_s(now),
             complete=self._complete,
             camera_event=number[0],
             scene_event=number[1],

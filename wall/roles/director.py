@@ -29,6 +29,7 @@ class Director:
         self._plan, self._view, self.view = plan, plan.views[view], view
         self._leader = leader
         self._steering: Steering | None = None
+        self._bookmarks: dict[str, Steering] = {}
         self._scene_time, self._path_time, self._last = 0.0, 0.0, now
         self.paused = False
         self.sampler: str = plan.layout.sampling_of(view).method
@@ -119,6 +120,10 @@ class Director:
             self._path_time = max(0.0, self._path_time + command.x)
         elif command.kind == "reset":
             self._steering = None
+        elif command.kind == "bookmark":
+            self._bookmarks[command.value] = self._steering or Steering.from_view(self._view, self._path_time)
+        elif command.kind == "recall":
+            self._steering = self._bookmarks.get(command.value, self._steering)
         elif command.kind == "sampler":
             self.sampler = command.value if command.value in samplers_of(self._plan) else self.sampler
             self.compare = ""

@@ -16,6 +16,7 @@ from wall.roles.layer_output import LayerOutput
 from wall.roles.pixel_layer import PixelLayer, compared_layer
 from wall.roles.plan import Plan
 from wall.roles.reprojected_layer import ReprojectedLayer
+from wall.roles.right_time import RightTimes
 from wall.roles.sample_routing import Destination, SampleRouting
 
 
@@ -43,6 +44,7 @@ class PanelCompositor:
         self.reprojected = ReprojectedLayer(plan, self.layer, source, self.counters, reconstruction)
         self.compared: PixelLayer | None = None
         self.handed: HandedSamples | None = None  # while a sink wants samples
+        self.right = RightTimes()
         self.behind = False  # of a slower layer: it may show more when it is its turn
         self._answered: tuple[tuple[int, int], float] | None = None  # by the last reconstruction: event, exposure
         self._nothing = self.newest.buffer.take_dirty()  # no tile has changed
@@ -67,6 +69,7 @@ class PanelCompositor:
         """Show the sampler that `event` names, or two. `event`: one that was published, not a predicted one."""
         was_reprojected, compare = self._routing.reprojected, self._routing.compare
         self._routing.follow(event)
+        self.right.follow(event)
         if self._routing.compare != compare:
             self._compare()
         if self._routing.reprojected != was_reprojected:
@@ -125,10 +128,12 @@ class PanelCompositor:
         if self._reprojects:
             self.newest.buffer.take_dirty()
             dirty = self.reprojected.refresh(event, now)
+            self.right.see_reprojected(event, self.reprojected.weights, self.reprojected.arrivals.times, now)
             if self.handed is not None:
                 self.handed.begin_anew()
         else:
             dirty = self.newest.refresh(now, event.exposure)
+            self.right.see_traced(self.newest.buffer.records["key"], now)
             if self.handed is not None:
                 self.handed.refresh(event.exposure)
         if dirty.any():

@@ -91,7 +91,7 @@ class Manager:
         self._closed: frozenset[int] = frozenset()  # ranks that have no window left
         self._commands: list[Command] = []  # not applied yet
         self.taken = EditsTaken()
-        self._selected = ""  # the object whose parameters pages show
+        self._selection = Selection()  # what pages show
         self._update_due, self._repeat_due = now, now
         self._input_due = now  # when what comes in is told of at once again
         self._released = (-1, -1)  # in lock step: the newest event whose frame everybody is done with
@@ -119,7 +119,7 @@ class Manager:
         self.counters = self.dropped() - self.editor.counters
         self.heartbeats = {rank: beat for rank, beat in self.heartbeats.items() if beat.configuration == plan.number}
         self.configurations += 1
-        self._selected, self._complete_since, self._released = "", None, (-1, -1)
+        self._selection, self._complete_since, self._released = Selection(), None, (-1, -1)
         self._take(replace(plan, since=self._since), now)
         self.editor.adopt(self.plan)
         self._commands, self._edited, self._repeat_due = [], True, now
@@ -160,10 +160,10 @@ class Manager:
                 self.register.hear(message.rank, now)
                 yield Send(HEAD, message)
             elif isinstance(message, WindowInput):
-                before = self._selected
+                before = self._selection
                 self._take_input(message, now)
-                if self._selected != before:
-                    yield Send(HEAD, Selection(name=self._selected))
+                if self._selection != before:
+                    yield Send(HEAD, self._selection)
             elif isinstance(message, Statistics):
                 yield Broadcast(message)
             elif isinstance(message, EditRequest) and message.configuration:
@@ -220,7 +220,8 @@ class Manager:
                     self.editor.expose(parsed.x, self._shown_event.scene_time, now)
                     self._edited = True
                 elif parsed.kind == "select":
-                    self._selected = self.editor.clicks.object_at(self.events, parsed.x, parsed.y)
+                    name = self.editor.clicks.object_at(self.events, parsed.x, parsed.y)
+                    self._selection = replace(self._selection, name=name)
                 elif parsed.kind == "undo":
                     self.editor.undo()
                     self._edited = True
@@ -229,6 +230,9 @@ class Manager:
                     self._edited = True
                 else:
                     self._commands.append(parsed)
+                    if parsed.kind == "bookmark":
+                        kept = {*self._selection.bookmarks, int(parsed.value)}
+                        self._selection = replace(self._selection, bookmarks=sorted(kept))
             except RemoteProtocolError:
                 self.counters["bad_command"] += 1
             except EditError:

@@ -221,7 +221,10 @@ class Renderer:
     def _heartbeat(self, now: float, *, last: bool = False) -> Heartbeat:
         work = [each for region in self.regions for each in region.work.values()]
         done = self.done
-        samples_per_s, bytes_per_s, compared_per_s = self._rates.at(now, done.samples, self._sent.bytes, done.compared)
+        made = sum(region.image.view.refreshes for region in self.regions if region.image is not None)
+        samples_per_s, bytes_per_s, compared_per_s, refreshes_per_s = self._rates.at(
+            now, done.samples, self._sent.bytes, done.compared, made
+        )
         number, image = summed_number(region.event for region in self.regions), self.image
         if image is not None and image.barrier:
             number = image.number
@@ -238,6 +241,7 @@ class Renderer:
             samples_per_s=samples_per_s,
             compared_per_s=compared_per_s,
             bytes_per_s=bytes_per_s,
+            refreshes_per_s=refreshes_per_s,
             packets=self._sent.packets,
             bytes=self._sent.bytes,
             seconds=now - (now if self._began is None else self._began),
@@ -245,6 +249,7 @@ class Renderer:
             samples_per_pixel=min((w.samples_per_pixel for w in work), default=0),
             square_error=sum(w.square_error for w in work) / max(len(work), 1),
             complete=self.complete,
+            right_s=shown.right_s(now) if shown is not None else 0.0,
             oldest_sample_at=self.image.oldest_sample_at(now) if self.image is not None else -1.0,
             camera_event=number[0],
             scene_event=number[1],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from wall.compositing.graph import Layer
 from wall.config.sampling import AdaptiveSampling
-from wall.core.data import Batch, Event, Framelet, StatisticsImage
+from wall.core.data import Batch, Event, Float32, Framelet, StatisticsImage
 from wall.deepbuffer.arrivals import Arrivals
 from wall.deepbuffer.deep_buffer import SAMPLES_PER_PIXEL
 from wall.geometry.cameras import PanelView
@@ -64,6 +64,12 @@ class ReprojectedLayer:
     def on_gpu(self) -> bool:
         """Whether a GPU reconstructs: then only the thread that inserts may refresh."""
         return isinstance(self.reconstruction, GpuReconstruction)
+
+    @property
+    def weights(self) -> Float32 | None:
+        """(h, w) effective samples a pixel, see Feedback.sample_density; None on a GPU, where they stay."""
+        made = self.reconstruction
+        return made.feedback().sample_density if isinstance(made, Reconstruction) else None
 
     def insert(self, batch: Batch) -> None:
         """Store a batch in the deep buffer, unless the sampler has done that: it shares the buffer at the renderer.

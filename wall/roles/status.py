@@ -14,6 +14,7 @@ from wall.core.data import Event
 from wall.display.base import ParameterState, RankStatus, Status
 from wall.packets.control import Heartbeat, Hello, Statistics
 from wall.roles.plan import Layout, Plan
+from wall.roles.slowness import why_slow
 
 if TYPE_CHECKING:
     from wall.roles.compositor import Compositor
@@ -82,6 +83,7 @@ def status_of(
     oldest: Mapping[int, float | None],
     parameters: tuple[ParameterState, ...] = (),
     view_samplers: tuple[str, ...] = (),
+    bookmarks: tuple[int, ...] = (),
 ) -> Status:
     """What sinks may show of the run.
 
@@ -90,6 +92,7 @@ def status_of(
     renderers = [beat for rank, beat in beats.items() if plan.layout.role(rank) == "renderer"]
     recent = list(latency.seconds)[-RECENT_LATENCIES:]
     layout = plan.layout
+    living = {rank: beat for rank, beat in beats.items() if rank in members}
     return Status(
         seconds=seconds,
         paused=event.paused,
@@ -101,10 +104,13 @@ def status_of(
         latency_ms=percentiles_ms(recent),
         latencies_ms=tuple(1000.0 * s for s in recent),
         refreshes_per_s=refreshes_per_s,
+        right_ms=1000.0 * max((beat.right_s for beat in living.values()), default=0.0),
+        slow=why_slow(layout, living),
         samples_per_pixel=min((beat.samples_per_pixel for beat in renderers), default=0),
         error=math.sqrt(sum(beat.square_error for beat in renderers) / max(len(renderers), 1)),
         parameters=parameters,
         view_samplers=view_samplers,
+        bookmarks=bookmarks,
     )
 
 
@@ -125,7 +131,7 @@ def _rank_status(
         oldest_sample_s=oldest.get(region.layer) if region is not None else None,
         dropped=sum(beat.dropped.values()),
         alive=alive,
-        memory_mb=beat.peak_memory / 2**20,
+        memory_mb=beat.memory / 2**20,
     )
 
 

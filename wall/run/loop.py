@@ -39,7 +39,7 @@ from wall.roles.instructions import (
 from wall.run.ports import Ports
 from wall.run.succession import Preparer, Succession
 from wall.run.tracers import Tracers
-from wall.run.usage import cpu_seconds, peak_memory
+from wall.run.usage import cpu_seconds, memory, peak_memory
 
 Source = Callable[[], Iterable[Input]]  # of messages that come by other ways than the network
 
@@ -125,7 +125,8 @@ class Loop:
         """Carry out one instruction. Returns what the role is to hear of it."""
         match instruction:
             case Send(to, message):
-                self._ports.send(to, self._completed(message))
+                own = to == MANAGER  # what the manager passes on is of other ranks
+                self._ports.send(to, self._completed(message) if own else message)
             case Broadcast(message):
                 self._ports.broadcast(message)
             case Offer(to, packet):
@@ -158,7 +159,7 @@ class Loop:
         return ()
 
     def _completed(self, message: Message) -> Message:
-        """A heartbeat with what its role cannot know: this process's memory, CPU time, drops at links and sinks."""
+        """A heartbeat of this rank with what its role cannot know: memory, CPU time, drops at links and sinks."""
         if not isinstance(message, Heartbeat):
             return message
         dropped = self._ports.drops()
@@ -166,4 +167,4 @@ class Loop:
         for sink in {id(sink): sink for sink in self._sinks if sink is not None}.values():
             dropped.update(sink.dropped())
         spent = cpu_seconds() - self._cpu
-        return replace(message, peak_memory=peak_memory(), cpu_seconds=spent, dropped=dict(+dropped))
+        return replace(message, memory=memory(), peak_memory=peak_memory(), cpu_seconds=spent, dropped=dict(+dropped))

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import resource
+from pathlib import Path
+
+STATM = Path("/proc/self/statm")  # pages: of the program, and resident
 
 
 def cpu_seconds() -> float:
     """CPU time of this process so far, all threads."""
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return usage.ru_utime + usage.ru_stime
+
+
+def memory() -> int:
+    """Resident set of this process now, bytes."""
+    return int(STATM.read_text(encoding="ascii").split()[1]) * resource.getpagesize()
 
 
 def peak_memory() -> int:

@@ -47,7 +47,7 @@ EVENTS = st.builds(
 HEARTBEATS = st.builds(
     Heartbeat, rank=WORD, time=FINITE, samples_traced=COUNT, samples_shown=COUNT, secondary_rays=COUNT,
     samples_per_s=FINITE, compared_per_s=FINITE, bytes_per_s=FINITE, packets=COUNT, bytes=COUNT, seconds=FINITE,
-    peak_memory=COUNT, cpu_seconds=FINITE,
+    memory=COUNT, refreshes_per_s=FINITE, right_s=FINITE, peak_memory=COUNT, cpu_seconds=FINITE,
     dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**32 - 1),
     scene_event=st.integers(-1, 2**32 - 1), last=st.booleans(),
 )  # fmt: skip

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from wall.config.loading import loads
@@ -14,7 +15,7 @@ from wall.core.data import Event
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat, Hello, Membership, Message, Statistics, Stop, WindowInput
+from wall.packets.control import Heartbeat, Hello, Membership, Message, Selection, Statistics, Stop, WindowInput
 from wall.roles.director import Director
 from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Packet, Send
 from wall.roles.manager import HOLD_S, NO_RENDERER, SETTLED_S, SILENT_S, Manager
@@ -117,6 +118,24 @@ def test_pause_stops_scene_and_path_until_it_ends(plan: Plan) -> None:
     director.update([command(kind="pause")], 5.0)
     director.update([], 5.25)
     assert director.event.scene_time == pytest.approx(1.25), "the pause has not been counted"
+
+
+def test_a_kept_camera_is_recalled_and_pages_hear_of_it(plan: Plan) -> None:
+    run = Run(plan)
+    [told] = [m for to, m in run.tell(WindowInput(rank=HEAD, commands=[bookmark("2")])) if isinstance(m, Selection)]
+    assert told.bookmarks == [2]
+    kept = run.manager.events[0].camera
+
+    run.tell(WindowInput(rank=HEAD, commands=[{"kind": "orbit", "x": 0.5, "y": 0.0}]), after=1.0)
+    assert run.manager.events[0].camera != kept
+    run.tell(WindowInput(rank=HEAD, commands=[bookmark("2", "recall"), bookmark("7", "recall")]), after=1.0)
+
+    np.testing.assert_allclose(run.manager.events[0].camera.position, kept.position, atol=1e-9)
+    np.testing.assert_allclose(run.manager.events[0].camera.world_from_wall, kept.world_from_wall, atol=1e-9)
+
+
+def bookmark(value: str, kind: str = "bookmark") -> dict[str, str]:
+    return {"kind": kind, "value": value}
 
 
 def test_seeking_moves_scene_and_path_also_while_paused_and_not_before_the_beginning(plan: Plan) -> None:

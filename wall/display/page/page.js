@@ -1,5 +1,6 @@
 // Connect to the run: show pictures on the wall and numbers in the readout, send commands back.
 
+import { Bookmarks } from "./bookmarks.js";
 import { Compare } from "./compare.js";
 import { Display } from "./display.js";
 import { Handles } from "./handles.js";
@@ -36,6 +37,8 @@ const parameters = new Parameters(panel, groups, (command) => send(command));
 const handles = new Handles(wall, (name, numbers) => send({ kind: "set", name, numbers }));
 const focusButton = document.getElementById("focus");
 const display = new Display(wall, (name) => send({ kind: "display", value: name }));
+const bookmarks = new Bookmarks(
+  document.getElementById("bookmarks"), document.getElementById("keep"), (command) => send(command));
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
@@ -82,6 +85,9 @@ function take(message, pictures) {
   } else if (message.kind === "status") {
     steering.samplers = message.samplers;
     readout.show({ ...message, sampler: message.view_samplers[viewports.steered] ?? message.sampler });
+    bookmarks.show(message.bookmarks);
+    const living = new Set(message.ranks.filter((rank) => rank.alive).map((rank) => rank.panel));
+    wall.markGone(new Set(message.ranks.map((rank) => rank.panel).filter((id) => id && !living.has(id))));
     compare.status(message, short);
     display.status(message);
   }
@@ -223,6 +229,8 @@ steering.actions = {
   parameters: toggleParameters,
   hide: () => parameters.toggleObject(),
   focus: focusAt,
+  keep: () => bookmarks.keep(),
+  recall: () => bookmarks.next(),
   take: takeView,
   next: nextView,
 };

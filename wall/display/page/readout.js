@@ -42,7 +42,7 @@ export class Readout {
   onsampler = () => {};
   #point; #rows = []; #samplers = ""; #status = null;
   #asked = { pause: -Infinity, sampler: -Infinity };
-  #seconds = -1; #advanced = 0;
+  #seconds = -1; #advanced = 0; #connected = false;
 
   // `point` is called with a panel id while its row is pointed at, and with null after.
   constructor(point) {
@@ -52,22 +52,33 @@ export class Readout {
 
   connected() {
     this.#advanced = performance.now();
+    this.#connect(true);
     this.#banner(null);
   }
 
   lost(text) {
+    this.#connect(false);
     document.body.dataset.state = "lost";
     write($("state"), "Not connected");
     this.#banner(text);
   }
 
   ended() {
+    this.#connect(false);
     document.body.dataset.state = "ended";
     write($("state"), "Ended");
     this.#banner("The run has ended. This is its last picture.");
   }
 
+  // Without a run there is nothing to pause, and no wall to save.
+  #connect(connected) {
+    this.#connected = connected;
+    $("pause").disabled = $("reset").disabled = $("keep").disabled = !connected;
+    $("screenshot").hidden = !connected;
+  }
+
   pause() {
+    if (!this.#connected) return;
     this.#asked.pause = performance.now();
     this.#showPaused($("pause").getAttribute("aria-pressed") !== "true");
   }
@@ -87,7 +98,11 @@ export class Readout {
     if (now - this.#asked.pause > TRUST_MS) this.#showPaused(status.paused);
     if (now - this.#asked.sampler > TRUST_MS) this.#showSampler(status.compare || status.sampler);
     write($("fact-time"), clock(status.seconds));
-    write($("fact-refresh"), `${digits(status.refreshes_per_s)} Hz`);
+    const rests = status.paused ? "paused" : "at rest";
+    write($("fact-refresh"), status.refreshes_per_s > 0 ? `${digits(status.refreshes_per_s)} Hz` : rests);
+    write($("fact-right"), status.right_ms > 0 ? millis(status.right_ms) : NONE);
+    $("slow").hidden = !status.slow;
+    write($("slow"), status.slow);
     write($("fact-samples"), `${short(status.ranks.reduce((sum, r) => sum + (r.samples_per_s || 0), 0))}/s`);
     $("fact-stages").hidden = !status.samples_per_pixel;
     write($("fact-stage"), `${status.samples_per_pixel} a pixel${status.error ? `, ± ${digits(status.error)}` : ""}`);

@@ -154,6 +154,8 @@ export class Steering {
     const index = "123456789".indexOf(key);
     if (key && index >= 0 && index < this.samplers.length) this.actions.choose(this.samplers[index]);
     else if (key === "r") this.reset();
+    else if (key === "b") this.actions.keep();
+    else if (key === "v") this.actions.recall();
     else if (key === "x") this.actions.hide();
     else if (key === "z") this.#send({ kind: "undo" });
     else if (key === "c") this.actions.compare();

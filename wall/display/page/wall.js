@@ -108,6 +108,11 @@ export class Wall {
     }
   }
 
+  // Mark panels whose ranks are all lost: their last image stays.
+  markGone(ids) {
+    for (const { rect, box } of this.#faces.flatMap((face) => face.panels)) box.classList.toggle("gone", ids.has(rect.id));
+  }
+
   // Outline rectangles of the wall for a moment.
   outline(rects) {
     for (const { element } of this.#outlines) element.remove();

@@ -251,6 +251,10 @@ class CostedComposition:
         """Samples that came."""
         return sum(layer.samples_shown for layer in self.layers.values())
 
+    def right_s(self, now: float) -> float:
+        """Not known: no pixels are made."""
+        return 0.0
+
     def drops(self) -> Counter[str]:
         """What was dropped here."""
         return self.counters
