@@ -14,7 +14,7 @@ import typer
 
 from wall.cli_measure import measure
 from wall.cli_plan import plan
-from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, write_text
+from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, print_notes, write_text
 from wall.core.errors import ConfigError, EditError, WallError
 
 app = typer.Typer(
@@ -205,6 +205,7 @@ def render(
         plan = make_plan(make_layout(loaded))
         if view is not None:
             plan = plan_of_view(plan, view)
+        print_notes(plan)
         image = render_image(
             plan,
             spp=spp,

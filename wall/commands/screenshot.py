@@ -23,6 +23,7 @@ from wall.commands.offline import (
 )
 from wall.commands.one_view import layout_of_view, plan_of_view
 from wall.commands.render import Progress
+from wall.commands.terminal import print_notes
 from wall.config.loading import Loaded
 from wall.core.colour import srgb_decoded
 from wall.core.data import Rect
@@ -76,6 +77,7 @@ def screenshot(loaded: Loaded, path: Path, shot: Shot, progress: Progress) -> li
     plan = make_plan(whole)
     if shot.view is not None:
         plan = plan_of_view(plan, shot.view)
+    print_notes(plan)
     renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, shot.at), spp=shot.spp)
     rows, written = sum(image_size(panels)[1] for _, panels in files), list[Written]()
     for name, panels in files:

@@ -11,6 +11,7 @@ from wall.core.errors import ConfigError
 
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
+    from wall.roles.plan import Plan
 
 FAILED, REFUSED = 1, 2  # exit codes
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
@@ -31,6 +32,14 @@ def load_config(path: Path, scene: Path | None = None) -> Loaded:
 
     loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
     return with_scene(loaded, scene) if scene is not None else loaded
+
+
+def print_notes(plan: Plan) -> None:
+    """Say what is unusual about the wall, and what of its models is not drawn as their files say; at rank 0 alone."""
+    from wall.run.bootstrap import mpi_rank
+
+    for note in (*plan.layout.notes, *plan.scene.notes) if mpi_rank() == 0 else ():
+        errors.print(f"note: {note}", markup=False)
 
 
 def write_text(path: Path, text: str) -> None:

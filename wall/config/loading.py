@@ -34,6 +34,7 @@ class Loaded:
     path: Path  # of the file; its folder is where relative scene sources start
     name: str  # how errors call the file
     document: Document
+    scene_named: str = ""  # what errors of the scene blame instead, where the file does not name it
 
     @property
     def folder(self) -> Path:
@@ -42,6 +43,9 @@ class Loaded:
 
     def error(self, yaml_path: YamlPath, message: str, accepted: str = "") -> ConfigError:
         """A refusal that points into the file, for checks that need more than the file itself."""
+        if self.scene_named and yaml_path[:1] == ("scene",):
+            said = message if message.startswith(f"{self.scene_named}: ") else f"{self.scene_named}: {message}"
+            return ConfigError(said + (f"; accepted: {accepted}" if accepted else ""))
         return ConfigError(_line(self.name, self.document, yaml_path, message, accepted=accepted))
 
     def with_config(self, config: Config) -> Loaded:
@@ -111,12 +115,13 @@ def default_for_model(path: str | Path) -> Loaded:
         "wall": {"grid": {"columns": 2, "rows": 2, "pixels": [480, 270], "size": [0.48, 0.27], "bezel": 0.006}},
         "views": [{"id": "main", "camera": "auto", "path": {"type": "orbit", "period_s": 20.0}, "refresh_hz": 30.0}],
     }
-    return loads(yaml_text.write(values), name=str(path), path=path)
+    return replace(loads(yaml_text.write(values), name=str(path), path=path), scene_named=str(path))
 
 
 def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
     """The same wall around another model: its own lights and motion, framed and circled."""
-    text = str(Path(source).absolute()) if Path(source).exists() else str(source)
+    file = Path(source)  # beside the caller, not beside the configuration; built-in scenes have no suffix
+    text = str(file.absolute()) if file.suffix or file.exists() else str(source)
     views = []
     for view in loaded.config.views:
         camera = CameraConfig(fov=view.camera.fov)
@@ -126,6 +131,7 @@ def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
         scene = SceneConfig(source=text)
     except ValidationError:
         raise ConfigError(f"{text!r} is not a scene; accepted: a name or a model file") from None
+    loaded = replace(loaded, scene_named=f"--scene {source}")
     return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": tuple(views)}))
 
 

@@ -7,7 +7,6 @@ vertex colours are sRGB by custom, and are made linear. Textures stay sRGB bytes
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,7 +32,6 @@ class Palette:
 
     linear_vertex_colors: bool
     header: dict[str, Any] = field(default_factory=dict)  # a glTF file's JSON; its materials are named by their numbers
-    beside: Path | None = None  # an image for surfaces with texture coordinates and no material
     materials: list[Material] = field(default_factory=list)
     images: Textures = field(default_factory=Textures)
     notes: list[str] = field(default_factory=list)
@@ -87,11 +85,12 @@ class Palette:
             return base
         image = getattr(found, "image", None)
         if image is not None and image.format is None:  # trimesh's own stand-in, not from a file
-            image = self._image_beside()
+            image = None
+            self.notes.append("it has texture coordinates and names no image: its surfaces are plain")
         written = getattr(found, "kwargs", {}).get("kd")
         base = replace(base, base_color=_factor(written, base.base_color if image is None else (1.0, 1.0, 1.0)))
         base = of_mtl(base, getattr(found, "kwargs", {}))
-        if image is not None and ("A" in image.getbands() or "transparency" in image.info):
+        if image is not None and _lets_through(image):
             self.notes.append(f"material {name!r}: the alpha of its texture is not used; it is opaque")
         return replace(base, textures=TextureSet(self.images.number(image, name)))
 
@@ -123,17 +122,6 @@ class Palette:
         self.notes += [f"material {material.name!r}: {what}" for what in uses.notes]
         self.uv_sets[len(self.materials)] = uses.uv_sets
         return lit_evenly(replace(material, textures=TextureSet(*numbers)), self.header["materials"][number])
-
-    def _image_beside(self) -> Image.Image | None:
-        if self.beside is None:
-            return None
-        try:
-            image = Image.open(self.beside)
-        except (OSError, Image.DecompressionBombError) as error:
-            self.notes.append(f"{self.beside.name} cannot be read ({error})")
-            return None
-        self.notes.append(f"no material is named; {self.beside.name}, the image beside the model, is its texture")
-        return image
 
     def vertex_colors(self, visual: Any, count: int) -> Float32 | None:
         """(count, 3) linear RGB of a mesh that brings colours for its vertices."""
@@ -186,6 +174,16 @@ def _numbers(value: Any, count: int) -> Float64 | None:
     except (TypeError, ValueError):
         return None
     return found if len(found) == count and np.isfinite(found).all() else None
+
+
+def _lets_through(image: Image.Image) -> bool:
+    """Whether an image is anywhere less than opaque; one that cannot be decoded is noted elsewhere."""
+    if "A" not in image.getbands() and "transparency" not in image.info:
+        return False
+    try:
+        return bool(np.asarray(image.convert("RGBA"))[..., 3].min() < 255)
+    except Exception:  # Pillow's decoders raise anything on broken data
+        return False
 
 
 def _listed(names: list[str]) -> str:

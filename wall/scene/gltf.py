@@ -284,7 +284,13 @@ def unread(header: dict[str, Any]) -> list[str]:
     if any(primitive.get("targets") for mesh in header.get("meshes", []) for primitive in mesh.get("primitives", [])):
         notes.append("its morph targets are not read")
     unknown = sorted(set(header.get("extensionsUsed", [])) - KNOWN)
-    return notes + ([f"extensions that are not read: {', '.join(unknown)}"] if unknown else [])
+    required = sorted(set(header.get("extensionsRequired", [])) - KNOWN)
+    if required:
+        notes.append(
+            f"extensions that it requires and that are not read, so that what is drawn differs: {', '.join(required)}"
+        )
+    rest = [name for name in unknown if name not in required]
+    return notes + ([f"extensions that are not read: {', '.join(rest)}"] if rest else [])
 
 
 def _placed(header: dict[str, Any]) -> Iterator[tuple[dict[str, Any], Float64]]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import logging
-import re
 import struct
 import warnings
 from collections.abc import Iterator
@@ -35,7 +34,6 @@ from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
 
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
-IMAGES = (".png", ".jpg", ".jpeg", ".webp")
 FLATTEST = 1e-7  # smallest over largest stretch of a placement that can still be inverted
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; others are scaled to radius 1
 NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
@@ -46,7 +44,7 @@ def load(path: Path) -> Source:
     loaded, notes, header = _read(path)
     gltf = path.suffix.lower() in (".glb", ".gltf")
     notes += [] if gltf else [f"{path.name}: the format does not say which way is up; y is taken to be"]
-    palette = Palette(linear_vertex_colors=gltf, beside=_image_beside(path), header=header)
+    palette = Palette(linear_vertex_colors=gltf, header=header)
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
     for name, geometry in loaded.geometry.items():
@@ -124,13 +122,6 @@ def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
         return trimesh.load_scene(path, process=False), {}
     text = io.StringIO(path.read_bytes().decode("utf-8", "replace"))
     return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
-
-
-def _image_beside(path: Path) -> Path | None:
-    """The only image in the model's folder whose name begins with the first word of the model's."""
-    word = re.split(r"[^A-Za-z0-9]", path.stem)[0].lower()
-    images = [p for p in path.parent.iterdir() if p.suffix.lower() in IMAGES and p.stem.lower().startswith(word)]
-    return images[0] if word and len(images) == 1 else None
 
 
 @contextmanager

@@ -132,7 +132,9 @@ def _without_slivers(raw: RawMesh, notes: list[str]) -> RawMesh:
     solid = area > THINNEST * longest
     if solid.all():
         return raw
-    notes.append(f"mesh {raw.name!r}: {np.count_nonzero(~solid)} triangles without area dropped")
+    thin = ~solid & ((edges**2).sum(axis=2).min(axis=1) > 0.0)  # else two corners are one, as at a sphere's poles
+    if thin.any():
+        notes.append(f"mesh {raw.name!r}: {np.count_nonzero(thin)} triangles without area dropped")
     used, flat = np.unique(raw.triangles[solid], return_inverse=True)
     return raw.taken(used, flat.reshape(-1, 3))
 

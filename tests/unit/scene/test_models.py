@@ -152,6 +152,9 @@ def test_missing_material_file_is_noted(tmp_path: Path) -> None:
     assert any("gone.mtl" in note for note in source.notes)
 
 
+COW = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+
+
 def test_truncated_texture_is_noted(tmp_path: Path) -> None:
     chance = np.random.default_rng(1).integers(0, 255, (64, 64, 3)).astype(np.uint8)
     Image.fromarray(chance).save(tmp_path / "wood.png")
@@ -163,13 +166,20 @@ def test_truncated_texture_is_noted(tmp_path: Path) -> None:
     assert any("cannot be decoded" in note for note in source.notes)
 
 
-def test_texture_with_alpha_is_opaque_and_noted(tmp_path: Path) -> None:
-    Image.new("RGBA", (2, 2), (10, 20, 30, 0)).save(tmp_path / "cow_skin.png")
-    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
-    source = load(written(tmp_path / "cow.obj", text))
+@pytest.mark.parametrize(("alpha", "noted"), [(0, True), (255, False)])
+def test_texture_with_alpha_is_opaque_and_noted_where_that_shows(tmp_path: Path, alpha: int, noted: bool) -> None:
+    Image.new("RGBA", (2, 2), (10, 20, 30, alpha)).save(tmp_path / "cow_skin.png")
+    written(tmp_path / "cow.mtl", "newmtl skin\nmap_Kd cow_skin.png\n")
+    source = load(written(tmp_path / "cow.obj", "mtllib cow.mtl\nusemtl skin\n" + COW))
     np.testing.assert_array_equal(source.textures[0].texels[0, 0], [10, 20, 30])
-    assert any("alpha" in note for note in source.notes)
-    assert any("image beside the model" in note for note in source.notes)
+    assert any("alpha" in note for note in source.notes) == noted
+
+
+def test_an_image_beside_a_model_is_no_texture_unless_the_file_names_it(tmp_path: Path) -> None:
+    Image.new("RGB", (2, 2), (10, 20, 30)).save(tmp_path / "cow.png")  # as `wall render cow.obj -o cow.png` writes it
+    source = load(written(tmp_path / "cow.obj", COW))
+    assert source.textures == ()
+    assert any("names no image" in note for note in source.notes)
 
 
 def test_obj_objects_stay_apart_and_quads_become_triangles(tmp_path: Path) -> None:

@@ -49,10 +49,17 @@ def test_indices_out_of_range_are_dropped_and_counted(index: int) -> None:
 
 
 def test_triangles_without_area_are_dropped_and_counted() -> None:
-    faces = np.concatenate([BALL.faces, [[0, 0, 1], [5, 5, 5]]])
-    result = mended(BALL.vertices, faces)
+    vertices = np.concatenate([BALL.vertices, [[0.0, 0.0, 0.25 * k] for k in range(3)]])
+    faces = np.concatenate([BALL.faces, [[len(BALL.vertices) + k for k in range(3)]]])
+    result = mended(vertices, faces)
     assert len(result.mesh.triangles) == len(BALL.faces)
-    assert any("2 triangles without area" in note for note in result.notes)
+    assert any("1 triangles without area" in note for note in result.notes)
+
+
+def test_triangles_of_two_points_as_at_a_spheres_poles_are_dropped_without_a_word() -> None:
+    result = mended(BALL.vertices, np.concatenate([BALL.faces, [[0, 0, 1], [5, 5, 5]]]))
+    assert len(result.mesh.triangles) == len(BALL.faces)
+    assert not any("without area" in note for note in result.notes)
 
 
 def test_nothing_left_gives_the_reasons_instead_of_a_mesh() -> None:

@@ -1,0 +1,44 @@
+"""What commands share: what they say of models, and whom errors of a model blame."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from wall.commands.terminal import load_config, print_notes
+from wall.core.errors import ConfigError
+from wall.roles.plan import make_layout, make_plan
+
+DEMO = Path(__file__).parents[3] / "configs" / "demo.yaml"
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+
+
+def test_notes_of_a_model_are_printed_by_rank_0_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "cow.obj"
+    path.write_text(OBJ)
+    plan = make_plan(make_layout(load_config(path)))
+    print_notes(plan)
+    assert "note: it has texture coordinates and names no image" in capsys.readouterr().err
+    monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "2")
+    print_notes(plan)
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("as_scene", [True, False])
+def test_a_model_that_cannot_be_read_is_blamed_itself(tmp_path: Path, as_scene: bool) -> None:
+    path = tmp_path / "bad.ply"
+    path.write_text("ply\nformat ascii 1.0\nelement vertex three\nend_header\n")
+    loaded = load_config(DEMO, path) if as_scene else load_config(path)
+    with pytest.raises(ConfigError) as refused:
+        make_plan(make_layout(loaded))
+    assert str(refused.value).startswith(f"--scene {path}: " if as_scene else f"{path}: cannot be read as ply")
+    assert str(refused.value).count("bad.ply") == 1 + as_scene
+
+
+def test_a_model_that_is_not_there_is_sought_beside_the_caller_not_beside_the_configuration() -> None:
+    with pytest.raises(ConfigError) as refused:
+        make_plan(make_layout(load_config(DEMO, Path("nosuch.glb"))))
+    assert str(refused.value) == f"--scene nosuch.glb: {Path('nosuch.glb').absolute()}: there is no such file"
