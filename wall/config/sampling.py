@@ -91,10 +91,11 @@ class ProgressiveSampling(_Common):
 AnySampling: TypeAlias = AdaptiveSampling | FramedSampling | FramelessSampling | HilbertSampling | ProgressiveSampling
 _KINDS: dict[str, type[AnySampling]] = {kind.model_fields["method"].default: kind for kind in get_args(AnySampling)}
 METHODS = tuple(_KINDS)
+DEFAULT = AdaptiveSampling()  # the least error of a running wall under `wall measure live`, see docs/lab/live.md
 
 
 def _with_method(value: Any) -> Any:
-    return {"method": "frameless", **value} if isinstance(value, dict) else value
+    return {"method": DEFAULT.method, **value} if isinstance(value, dict) else value
 
 
 SamplingConfig = Annotated[Annotated[AnySampling, Field(discriminator="method")], BeforeValidator(_with_method)]

@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from pydantic import Field, model_validator
 
 from wall.config.graph import GraphConfig, PresetGraph
-from wall.config.sampling import AnySampling, FramelessSampling, SamplingConfig
+from wall.config.sampling import DEFAULT, AnySampling, SamplingConfig
 from wall.config.scene import SceneConfig
 from wall.config.screens import WallConfig
 from wall.config.views import MOST_VIEWS, ReconstructionWish, ViewConfig
@@ -77,7 +77,7 @@ class Config(Model):
     views: Annotated[tuple[ViewConfig, ...], Field(min_length=1, max_length=MOST_VIEWS)] = Field(
         description="who looks, from where"
     )
-    sampling: SamplingConfig = Field(default=FramelessSampling(), description="which pixels are traced next")
+    sampling: SamplingConfig = Field(default=DEFAULT, description="which pixels are traced next")
     graph: GraphConfig = Field(default=PresetGraph(), description="how samples become images: sort-first, or nodes")
     reconstruction: ReconstructionWish = Field(
         default="auto", description="where adaptive samples become images; auto: on the GPU if there is a real one"

@@ -269,6 +269,12 @@ def test_model_alone_gives_the_demo_wall_around_it(tmp_path: Path) -> None:
     assert loaded.config.wall.grid.columns * loaded.config.wall.grid.rows == 4
 
 
+@pytest.mark.parametrize("more", ["", "sampling: {threads: 2}\n"])
+def test_a_wall_that_names_no_sampler_gets_the_one_with_the_least_error_live(more: str) -> None:
+    text = "version: 1\nscene: {source: forest}\nwall: {grid: {columns: 1, rows: 1, pixels: [64, 64], size: [1, 1]}}\n"
+    assert loads(text + "views: [{camera: auto}]\n" + more).config.sampling.method == "adaptive"
+
+
 def test_another_scene_is_framed_automatically_on_the_same_wall(tmp_path: Path) -> None:
     loaded = loads(GOOD)
     model = tmp_path / "m.ply"
