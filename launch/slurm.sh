@@ -1,12 +1,20 @@
 #!/usr/bin/env bash
 # A wall on a Slurm cluster:  sbatch --ntasks=5 launch/slurm.sh configs/two_by_two.yaml --seconds 60 --headless
 # `wall check CONFIG` says how many tasks a configuration needs. --cpus-per-task gives each of them more cores.
+# Relative paths start where sbatch is called.
 #SBATCH --job-name=wall
 #SBATCH --time=01:00:00
 #SBATCH --cpus-per-task=2
 set -euo pipefail
-cd "${SLURM_SUBMIT_DIR:-$(dirname "${BASH_SOURCE[0]}")/..}"
-export PATH="$PWD/.venv/bin:$PATH"
+# Slurm runs a copy of this script from a folder of its own, and knows where the script came from
+script=${BASH_SOURCE[0]}
+if [ -n "${SLURM_JOB_ID:-}" ] && command -v scontrol >/dev/null; then
+    known=$(scontrol show job "$SLURM_JOB_ID" | sed -n 's/^ *Command=\([^ ]*\).*/\1/p')
+    [ -e "$known" ] && script=$known
+fi
+clone=$(cd "$(dirname "$script")/.." && pwd)
+[ -x "$clone/.venv/bin/wall" ] || { echo "$clone/.venv has no wall: source launch/setup.sh; setup local" >&2; exit 2; }
+export PATH="$clone/.venv/bin:$PATH"
 
 # mpirun inside the allocation, not srun: only mpirun lets the other ranks continue when one dies (ULFM).
 # The configuration must listen where other nodes can reach it: transport: {bind: 0.0.0.0}

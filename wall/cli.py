@@ -14,14 +14,14 @@ import typer
 
 from wall.cli_measure import measure
 from wall.cli_plan import plan
-from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, print_notes, write_text
+from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, say_version, write_text
 from wall.core.errors import ConfigError, EditError, WallError
 
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="A ray-traced display wall: every process renders its own part of it, nothing waits for a frame.\n\n"
     "Try [bold]wall run configs/demo.yaml[/], then open the address it prints. "
     "[bold]wall check[/] says what a configuration does before it does it.",
@@ -32,9 +32,17 @@ app.command()(plan)
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
 ]
+VersionOption = Annotated[
+    bool, typer.Option("--version", callback=say_version, is_eager=True, help="Say which version this is")
+]
 ViewOption = Annotated[
     str | None, typer.Option(help="Only this view, as large as its place; else the first, on all of the wall")
 ]
+
+
+@app.callback()
+def options(version: VersionOption = False) -> None:
+    """Options of `wall` itself."""
 
 
 @app.command()
@@ -196,6 +204,7 @@ def render(
     from wall.commands.one_view import plan_of_view
     from wall.commands.progress import progress_bar
     from wall.commands.render import render as render_image
+    from wall.commands.terminal import print_notes
     from wall.display.image_file import check_suffix, write_image
     from wall.roles.plan import exposure_at, make_layout, make_plan
 

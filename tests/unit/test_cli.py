@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.metadata import version
+
+from typer.testing import CliRunner
+
+from wall import cli
 
 SLOW_TO_IMPORT = ("numba", "numpy", "embreex", "matplotlib", "aiohttp", "pydantic", "ruamel", "zmq", "lxml", "lark")
 HELP = """\
@@ -33,3 +38,10 @@ def test_help_imports_no_command_and_none_of_its_libraries() -> None:
         "wall.commands",
         "wall.commands.terminal",
     }
+
+
+def test_the_version_and_the_short_help_are_said() -> None:
+    assert CliRunner().invoke(cli.app, ["--version"]).output == f"wall {version('wall')}\n"
+    short, long = (CliRunner().invoke(cli.app, ["expand", option]).output for option in ("-h", "--help"))
+    assert short == long
+    assert "--output" in short

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from wall.config.loading import loads
+from wall.core.errors import ConfigError
+
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -41,6 +44,13 @@ def test_every_shipped_configuration_is_explained() -> None:
     shipped = {path.relative_to(ROOT / "configs").as_posix() for path in (ROOT / "configs").rglob("*.yaml")}
     named = set(re.findall(r"`([\w/]+\.yaml)`", README))
     assert shipped <= named
+
+
+def test_the_refusal_that_readme_shows_is_what_comes() -> None:
+    text = (ROOT / "configs/demo.yaml").read_text(encoding="utf-8").replace("refresh_hz: 30", "refresh_hz: fast")
+    with pytest.raises(ConfigError) as refused:
+        loads(text, name="demo.yaml")
+    assert str(refused.value) in README.splitlines()
 
 
 def test_single_process_is_as_short_as_promised() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator, Sequence
 
@@ -45,7 +46,7 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     yield from tracers(plan)
     for note in (*layout.notes, *scene.notes):
         yield f"note: {note}"
-    yield f"launch: mpirun -n {layout.size} wall run {loaded.path}"
+    yield launch_line(layout, os.cpu_count() or 1)
     yield _ranks(layout)
     yield from layers_apart(layout)
     yield from reconstructions(layout)
@@ -55,6 +56,17 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
         f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
         f"{rate * size / 1e6:.0f} MB/s ({size:.1f} bytes a sample)"
+    )
+
+
+def launch_line(layout: Layout, cores: int) -> str:
+    """How to start the ranks; mpirun refuses more ranks than a machine has cores unless it is told to oversubscribe."""
+    start = f"mpirun -n {layout.size} wall run {layout.loaded.path}"
+    if layout.size <= cores:
+        return f"launch: {start}"
+    return (
+        f"launch: {start} on several machines; here {start.replace('mpirun', 'mpirun --oversubscribe')}: "
+        f"{layout.size} ranks share {cores} cores"
     )
 
 

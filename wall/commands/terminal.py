@@ -20,6 +20,15 @@ console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
+def say_version(wanted: bool) -> None:
+    """Print the version and end the process, if that is wanted."""
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"wall {version('wall')}")
+        raise SystemExit(0)
+
+
 def fail(message: str) -> NoReturn:
     """Print a message and end the process with the exit code of a failed run."""
     errors.print(message, style="red", markup=False)
