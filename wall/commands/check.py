@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 
 from rich.table import Table
 
+from wall.commands.expectations import expected
+from wall.commands.terminal import si
 from wall.config.loading import Loaded
 from wall.config.views import ViewConfig
 from wall.geometry.panels import Wall
@@ -54,9 +56,10 @@ def check(loaded: Loaded) -> Iterator[str | Table]:
     rate, size = measured_rate(plan)
     yield (
         f"expected: {sampling.method} with {sampling.threads} thread{'s' * (sampling.threads > 1)} a rank; "
-        f"one core of this machine traces {rate / 1e6:.1f} M samples/s of rank {layout.renderers()[0]}'s region, "
-        f"{rate * size / 1e6:.0f} MB/s ({size:.1f} bytes a sample)"
+        f"one core of this machine traces {si(rate).strip()} samples/s of rank {layout.renderers()[0]}'s region, "
+        f"{si(rate * size)}B/s ({size:.1f} bytes a sample)"
     )
+    yield from expected(layout, rate, size, os.cpu_count() or 1)
 
 
 def launch_line(layout: Layout, cores: int) -> str:

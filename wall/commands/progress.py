@@ -14,7 +14,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from wall.commands.terminal import console, errors
+from wall.commands.terminal import console, errors, si
 
 POLL_S = 0.2  # between looks at the cache of compiled kernels
 
@@ -96,23 +96,15 @@ def show_summary(summary: dict[str, Any], out: Path) -> None:
     for name in ("rank", "role", "region", "samples/s", "bytes/s", "peak memory"):
         table.add_column(name, justify="left" if name in ("role", "region") else "right")
     for rank in summary["ranks"]:
-        rates = (_si(rank["samples_per_s"]), _si(rank["bytes_per_s"]), f"{rank['peak_memory'] / 2**20:.0f} MB")
+        rates = (si(rank["samples_per_s"]), si(rank["bytes_per_s"]), f"{rank['peak_memory'] / 2**20:.0f} MB")
         table.add_row(str(rank["rank"]), rank["role"], rank["region"], *rates)
     console.print(table)
     p50, p95, p99 = (summary["latency_ms"][name] for name in ("p50", "p95", "p99"))
     console.print(
-        f"traced {_si(summary['samples_traced'])} samples, shown {_si(summary['samples_shown'])}; "
-        f"{_si(summary['packets'])} packets, {_si(summary['bytes'])}B; "
+        f"traced {si(summary['samples_traced'])} samples, shown {si(summary['samples_shown'])}; "
+        f"{si(summary['packets'])} packets, {si(summary['bytes'])}B; "
         + (f"input to picture {p50:.1f} ms median, {p95:.1f} p95, {p99:.1f} p99" if p99 else "no input came")
     )
     if summary["dropped"]:
         console.print("dropped: " + ", ".join(f"{name} {count}" for name, count in summary["dropped"].items()))
     console.print(f"results in {out}/")
-
-
-def _si(value: float) -> str:
-    """Shorten a number with a unit prefix: 1234567 as 1.23 M."""
-    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
-        if value >= size:
-            return f"{value / size:.3g} {unit}"
-    return f"{value:.0f} "

@@ -59,6 +59,14 @@ def write_text(path: Path, text: str) -> None:
         fail(f"{path}: cannot be written ({error.strerror or error})")
 
 
+def si(value: float) -> str:
+    """Shorten a number with a unit prefix: 1234567 as 1.23 M; a unit may follow at once."""
+    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if value >= size:
+            return f"{value / size:.3g} {unit}"
+    return f"{value:.0f} "
+
+
 def parse_size(text: str | None) -> tuple[int, int] | None:
     """Width and height of `WIDTHxHEIGHT` in pixels. Raises ConfigError."""
     if text is None:

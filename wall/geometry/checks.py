@@ -12,6 +12,7 @@ from wall.geometry.eyes import panel_path, standing_eye
 from wall.geometry.panels import Overlap, Panel, Wall
 
 SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched image
+COARSE = 0.1  # metres; a coarser pixel is on no display, but in a file whose sizes are millimetres
 SAID = 3  # panels that a note names
 REFUSED = 8  # overlaps that are told one by one
 
@@ -69,6 +70,16 @@ def _stretched(loaded: Loaded, wall: Wall) -> Iterator[str]:
         yield _note(loaded, found, f"pixels are not square: {across:.4g} mm wide, {down:.4g} mm high")
 
 
+def _in_millimetres(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    found = [panel for panel in wall.panels if panel.of == panel.id and max(_pixel(panel)) > COARSE]
+    if found:
+        (across, down), (w, h) = _pixel(found[0]), found[0].pixels
+        size = f"{across * w:.4g} x {down * h:.4g}"
+        yield _note(
+            loaded, found, f"is {size} m large, a pixel {across:.3g} m: is that millimetres?", "sizes in metres"
+        )
+
+
 def _pixel(panel: Panel) -> tuple[float, float]:
     """Width and height of what shines, metres."""
     lower_left, lower_right, upper_left = panel.lit
@@ -124,7 +135,7 @@ def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
 
 
 Question = Callable[[Loaded, Wall], Iterator[str]]
-NOTES: tuple[Question, ...] = (_stretched, _unblended, _needless, _unaligned, _one_eyed, _scattered)
+NOTES: tuple[Question, ...] = (_in_millimetres, _stretched, _unblended, _needless, _unaligned, _one_eyed, _scattered)
 
 
 def _note(loaded: Loaded, panels: Sequence[Panel], message: str, wanted: str = "") -> str:

@@ -37,6 +37,15 @@ def grid(keys: str) -> str:
     return f"  grid: {{columns: 2, rows: 2, pixels: [40, 30], size: [0.4, 0.3]{keys}}}"
 
 
+def test_sizes_that_must_be_millimetres_are_noted() -> None:
+    [note] = checked("  grid: {columns: 2, rows: 1, pixels: [480, 270], size: [480, 270]}")
+    assert note == (
+        "a.yaml:5:9: wall.grid: panel r0c0: is 480 x 270 m large, a pixel 1 m: is that millimetres? (so r0c1); "
+        "accepted: sizes in metres"
+    )
+    assert checked(grid("")) == ()
+
+
 @pytest.mark.parametrize(
     "wall",
     [

@@ -1,0 +1,69 @@
+"""What `wall check` expects of a whole wall, from the rate of one core: samples, bytes into compositors, and notes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from wall.commands.terminal import si
+from wall.roles.plan import Layout, why_not_at_renderer
+
+LINK_BYTES_PER_S = 1.25e9  # of 10 Gbit/s
+FEW = 1.0  # samples a pixel and second: with less, even an image that nothing moves takes a second and more
+DISPLAY_BYTES = 3  # of a pixel on its way to be shown
+
+
+def expected(layout: Layout, rate: float, size: float, cores: int) -> Iterator[str]:
+    """Yield lines about the wall, the last ones notes of what is too much.
+
+    rate : samples/s that one core traces; size : bytes a sample; cores : of this machine
+    """
+    threads = {rank: _threads(layout, rank) for rank in layout.renderers()}
+    together, pixels = sum(threads.values()), sum(_pixels(layout, rank) for rank in layout.renderers())
+    here = rate * min(together, cores)
+    fewer = f"; {si(here).strip()} samples/s, {here / pixels:.2g} a pixel, on the {cores} cores here"
+    yield (
+        f"expected of the wall: {si(rate * together).strip()} samples/s if each of {together} threads has a core like "
+        f"this one, {rate * together / pixels:.2g} a pixel and second" + fewer * (together > cores)
+    )
+    if rate * together / pixels < FEW:
+        yield (
+            f"note: all pixels are traced once in {pixels / (rate * together):.2g} s at best: fewer pixels, or more "
+            "ranks on more machines (graph: {ranks_per_panel: 2})"
+        )
+    yield from _into_compositors(layout, threads, rate * size)
+
+
+def _into_compositors(layout: Layout, threads: dict[int, int], rate: float) -> Iterator[str]:
+    """Notes of compositors that more comes to than a link carries; `rate`: bytes/s of samples from one core."""
+    samples, images = Counter[int](), Counter[int]()
+    for rank in layout.renderers():
+        for target in {layout.layer(region).compositor for region in layout.regions_of(rank)}:
+            samples[target] += round(rate * threads[rank])
+    for layer in layout.graph.layers:
+        if not why_not_at_renderer(layout, layer):
+            width, height = layout.wall.traced[layer.traced].pixels
+            hz = layer.refresh_hz or layout.config.views[layer.view].refresh_hz
+            images[layer.compositor] += round(DISPLAY_BYTES * width * height * hz)
+    share = f"more compositors (graph: {{compositors: {layout.graph.compositors + 1}}})"
+    if layout.graph.compositors >= len(layout.wall.panels):
+        share = "smaller panels"
+    for what, into, remedy in (
+        ("samples", samples, f"{share}, or transport: {{codec: zstd}}"),
+        ("images, if all of them change", images, f"{share} on the machines that show them, or a lower refresh_hz"),
+    ):
+        most = max(into, key=lambda rank: into[rank], default=0)
+        others = sum(each > LINK_BYTES_PER_S for each in into.values()) - 1
+        if others >= 0:
+            yield (
+                f"note: rank {most} takes in {si(into[most])}B/s of {what}, more than the {si(LINK_BYTES_PER_S)}B/s of "
+                f"a 10 Gbit/s link{f' (so do {others} others)' * (others > 0)}: {remedy}"
+            )
+
+
+def _threads(layout: Layout, rank: int) -> int:
+    return max(layout.sampling_of(view).threads for view in layout.views_of(rank))
+
+
+def _pixels(layout: Layout, rank: int) -> int:
+    return sum(region.rect.area for region in layout.regions_of(rank))
