@@ -65,6 +65,7 @@ def run(
         Path | None, typer.Option(help="Folder that keeps every image shown, lossless: large, for short runs")
     ] = None,
     watch: Annotated[bool, typer.Option("--watch", help="Adopt CONFIG again whenever its file is saved")] = False,
+    fit: Annotated[bool, typer.Option("--fit", help="Fewer pixels where a grid has more panels than cores")] = False,
 ) -> None:
     """Run a wall: start its processes here, or use the ranks that mpirun made.
 
@@ -75,7 +76,7 @@ def run(
     from wall.commands.progress import StartProgress, show_summary
     from wall.run import launch
 
-    loaded = load_config(config, scene)
+    loaded = load_config(config, scene, fit=fit)
     options = launch.Options(
         out=out or Path(loaded.config.output.directory),
         seconds=seconds,

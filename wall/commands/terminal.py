@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -35,12 +36,19 @@ def fail(message: str) -> NoReturn:
     raise SystemExit(FAILED)
 
 
-def load_config(path: Path, scene: Path | None = None) -> Loaded:
-    """Load a configuration, or the default one around a model; `scene` replaces what it shows."""
+def load_config(path: Path, scene: Path | None = None, *, fit: bool = False) -> Loaded:
+    """Load a configuration, or the default one around a model; `scene` replaces what it shows. `fit`: to the cores."""
     from wall.config.loading import default_for_model, load, with_scene
 
     loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
-    return with_scene(loaded, scene) if scene is not None else loaded
+    loaded = with_scene(loaded, scene) if scene is not None else loaded
+    if fit:
+        from wall.commands.fit import fitted
+
+        loaded, said = fitted(loaded, len(os.sched_getaffinity(0)))
+        if said:
+            errors.print(f"note: {said}", markup=False)
+    return loaded
 
 
 def print_notes(plan: Plan) -> None:

@@ -1,0 +1,23 @@
+"""Panels have fewer pixels where there are fewer cores than panels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from wall.commands.fit import fitted
+from wall.config.loading import load
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+
+
+def test_a_demo_on_two_cores_has_half_of_its_pixels_and_says_so() -> None:
+    loaded, said = fitted(load(CONFIGS / "demo.yaml"), 2)
+    assert loaded.config.wall.grid is not None
+    assert loaded.config.wall.grid.pixels == (336, 192)  # sqrt(1/2) of 480x270, in steps of 8
+    assert said.startswith("2 cores for 4 panels: each has 336x192 pixels, not 480x270;")
+
+
+def test_a_wall_with_a_core_for_each_panel_or_without_a_grid_stays_as_it_is() -> None:
+    for name, cores in (("demo.yaml", 4), ("cave_corner.yaml", 1)):
+        loaded = load(CONFIGS / name)
+        assert fitted(loaded, cores) == (loaded, "")
