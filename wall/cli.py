@@ -32,6 +32,7 @@ app.command()(plan)
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
 ]
+UpOption = Annotated[str | None, typer.Option(help="What is up in .obj, .ply, .stl: x, y, z, -x, -y or -z")]
 VersionOption = Annotated[
     bool, typer.Option("--version", callback=say_version, is_eager=True, help="Say which version this is")
 ]
@@ -53,6 +54,7 @@ def run(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for wall.png, panel-ID.png and summary.json")] = None,
     scene: Annotated[Path | None, typer.Option(help="Show this model instead: .glb, .gltf, .obj, .ply or .stl")] = None,
+    up: UpOption = None,
     headless: Annotated[bool, typer.Option("--headless", help="No browser page")] = False,
     still: Annotated[bool, typer.Option("--still", help="Begin paused, at time 0")] = False,
     until_complete: Annotated[
@@ -76,7 +78,7 @@ def run(
     from wall.commands.progress import StartProgress, show_summary
     from wall.run import launch
 
-    loaded = load_config(config, scene, fit=fit)
+    loaded = load_config(config, scene, up=up, fit=fit)
     options = launch.Options(
         out=out or Path(loaded.config.output.directory),
         seconds=seconds,
@@ -197,6 +199,7 @@ def render(
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
     at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
     view: ViewOption = None,
+    up: UpOption = None,
 ) -> None:
     """Render one converged image: the same bits for a seed, however many threads or ranks.
 
@@ -210,7 +213,7 @@ def render(
     from wall.roles.plan import exposure_at, make_layout, make_plan
 
     check_suffix(output)
-    loaded = load_config(what)
+    loaded = load_config(what, up=up)
     with progress_bar("rendering") as update:
         plan = make_plan(make_layout(loaded))
         if view is not None:

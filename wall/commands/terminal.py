@@ -36,12 +36,16 @@ def fail(message: str) -> NoReturn:
     raise SystemExit(FAILED)
 
 
-def load_config(path: Path, scene: Path | None = None, *, fit: bool = False) -> Loaded:
-    """Load a configuration, or the default one around a model; `scene` replaces what it shows. `fit`: to the cores."""
-    from wall.config.loading import default_for_model, load, with_scene
+def load_config(path: Path, scene: Path | None = None, *, up: str | None = None, fit: bool = False) -> Loaded:
+    """Load a configuration, or the default one around a model; `scene` replaces what it shows.
+
+    `up`: direction that is up in models; `fit`: fewer pixels on fewer cores.
+    """
+    from wall.config.loading import default_for_model, load, with_scene, with_up
 
     loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
     loaded = with_scene(loaded, scene) if scene is not None else loaded
+    loaded = with_up(loaded, up) if up is not None else loaded
     if fit:
         from wall.commands.fit import fitted
 

@@ -9,13 +9,13 @@ import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from wall.config import json_schema, yaml_text
-from wall.config.scene import SceneConfig
+from wall.config.scene import SceneConfig, Up
 from wall.config.schema import Config
 from wall.config.views import CameraConfig, OrbitPathConfig
 from wall.config.yaml_text import Document, YamlPath
@@ -133,6 +133,14 @@ def with_scene(loaded: Loaded, source: str | Path) -> Loaded:
         raise ConfigError(f"{text!r} is not a scene; accepted: a name or a model file") from None
     loaded = replace(loaded, scene_named=f"--scene {source}")
     return loaded.with_config(loaded.config.model_copy(update={"scene": scene, "views": tuple(views)}))
+
+
+def with_up(loaded: Loaded, up: str) -> Loaded:
+    """The same wall, its models turned so that `up` is up in them. Raises ConfigError."""
+    if up not in get_args(Up):
+        raise ConfigError(f"--up {up}: is no direction; accepted: {', '.join(get_args(Up))}")
+    scene = loaded.config.scene.model_copy(update={"up": up})
+    return loaded.with_config(loaded.config.model_copy(update={"scene": scene}))
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

@@ -252,12 +252,20 @@ class CutConfig(Model):
     enabled: Flag = Field(default=True, description="whether it cuts; false = as if it were not there")
 
 
+Up = Literal["auto", "x", "y", "z", "-x", "-y", "-z"]
+
+
 class SceneConfig(Model):
     """What is rendered."""
 
     source: Text | Annotated[tuple[Text, ...], Field(min_length=1, max_length=1000)] = Field(
         description="a built-in scene (arcade, cornell, courtyard, forest, gallery, gallery_mirrors, museum, spheres), "
         "a .glb, .gltf, .obj, .ply or .stl file relative to this one, or a list of them, in one world"
+    )
+    up: Up = Field(
+        default="auto",
+        description="which way is up in .obj, .ply and .stl files, which do not say; they are turned so that it is y. "
+        "auto: z in .stl, y in others",
     )
     materials: Annotated[tuple[MaterialConfig, ...], Field(max_length=10000)] = Field(
         default=(), description="materials by name of object or material; later ones win"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -13,6 +14,7 @@ from wall.geometry.panels import Overlap, Panel, Wall
 
 SQUARE = 0.01  # of a pixel's sides; more is seen as a stretched image
 COARSE = 0.1  # metres; a coarser pixel is on no display, but in a file whose sizes are millimetres
+LEVEL = 0.7  # cosine of an angle between a camera's up and y that may be a tilted head
 SAID = 3  # panels that a note names
 REFUSED = 8  # overlaps that are told one by one
 
@@ -134,8 +136,25 @@ def _scattered(loaded: Loaded, wall: Wall) -> Iterator[str]:
         yield _note(loaded, found, why)
 
 
+def _tilted(loaded: Loaded, wall: Wall) -> Iterator[str]:
+    for k, view in enumerate(loaded.config.views):
+        x, y, z = view.camera.up
+        if y < LEVEL * math.hypot(x, y, z):
+            said = "the sky, and lights that no file names, keep y upright; scene: {up: z} turns models of z up instead"
+            yield str(loaded.error(("views", k, "camera", "up"), said))
+
+
 Question = Callable[[Loaded, Wall], Iterator[str]]
-NOTES: tuple[Question, ...] = (_in_millimetres, _stretched, _unblended, _needless, _unaligned, _one_eyed, _scattered)
+NOTES: tuple[Question, ...] = (
+    _in_millimetres,
+    _stretched,
+    _unblended,
+    _needless,
+    _unaligned,
+    _one_eyed,
+    _scattered,
+    _tilted,
+)
 
 
 def _note(loaded: Loaded, panels: Sequence[Panel], message: str, wanted: str = "") -> str:

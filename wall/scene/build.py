@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.config.materials import AmbientOcclusionConfig, IntegratorConfig, PathConfig
-from wall.config.scene import MotionConfig, ParameterConfig, SceneConfig
+from wall.config.scene import MotionConfig, ParameterConfig, SceneConfig, Up
 from wall.core.data import NO_EDITS, Edits, Float64
 from wall.core.errors import SceneError
 from wall.geometry.cameras import Lens, NamedCamera
@@ -206,7 +206,7 @@ def build(scene_config: SceneConfig, base_folder: Path) -> Scene:
     Paths are relative to `base_folder`. The configuration's lights, sky and animation replace the source's own.
     Raises SceneError where a model or an environment cannot be used, or where the animation names what does not exist.
     """
-    sources = [make_source(name, base_folder) for name in sources_of(scene_config)]
+    sources = [make_source(name, base_folder, scene_config.up) for name in sources_of(scene_config)]
     scene = assemble(_configured(joined(sources), scene_config, base_folder))
     return replace(scene, cuts=cuts_of(scene_config.cuts)) if scene_config.cuts else scene
 
@@ -216,13 +216,13 @@ def sources_of(scene_config: SceneConfig) -> tuple[str, ...]:
     return scene_config.source if isinstance(scene_config.source, tuple) else (scene_config.source,)
 
 
-def make_source(name: str, base_folder: Path) -> Source:
-    """A built-in scene by its name, or a model file."""
+def make_source(name: str, base_folder: Path, up: Up = "auto") -> Source:
+    """A built-in scene by its name, or a model file; `up`: see SceneConfig."""
     if name in BUILT_IN:
         return BUILT_IN[name]()
     from wall.scene.loading import load  # trimesh takes longer to import than a built-in scene to build
 
-    return load(base_folder / name)
+    return load(base_folder / name, up)
 
 
 def joined(sources: Sequence[Source]) -> Source:

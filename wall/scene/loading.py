@@ -1,7 +1,7 @@
 """Models from files, through trimesh: glTF/GLB, OBJ, PLY and STL, with node transforms and instancing kept.
 
-A mesh of the file is one Mesh however often the file places it. Nothing is merged, centred or turned: glTF says that
-y is up, the other formats do not say and are taken as they are. A file that cannot be used raises SceneError; what
+A mesh of the file is one Mesh however often the file places it. Nothing is merged or centred. glTF says that y is up;
+the other formats do not say, and are turned so that y is. A file that cannot be used raises SceneError; what
 could be repaired is in the notes.
 """
 
@@ -22,6 +22,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from wall.config.scene import Up
 from wall.core.data import Float64
 from wall.core.errors import SceneError
 from wall.scene.animation import Moving
@@ -33,17 +34,30 @@ from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
 from wall.scene.repair import RawMesh, Repaired, repair
 
+Y_FROM: dict[str, list[list[float]]] = {  # rotations that turn a direction to y
+    "x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]], "-x": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+    "y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "-y": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
+    "z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]], "-z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+}  # fmt: skip
 FORMATS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 FLATTEST = 1e-7  # smallest over largest stretch of a placement that can still be inverted
 SMALLEST_RADIUS, LARGEST_RADIUS = 1e-4, 1e7  # of a whole model, world units; others are scaled to radius 1
 NOTEWORTHY = ("fail", "unable", "unsupported", "skipping", "not loaded", "didn't decode")
 
 
-def load(path: Path) -> Source:
-    """Read a model file. Raises SceneError: missing, unknown format, unreadable, or nothing left to draw."""
+def load(path: Path, up: Up = "auto") -> Source:
+    """Read a model file; `up`: what is up in it, see SceneConfig.
+
+    Raises SceneError: missing, unknown format, unreadable, or nothing left to draw.
+    """
     loaded, notes, header = _read(path)
     gltf = path.suffix.lower() in (".glb", ".gltf")
-    notes += [] if gltf else [f"{path.name}: the format does not say which way is up; y is taken to be"]
+    turn = np.eye(4)
+    if not gltf:
+        chosen = up if up != "auto" else "z" if path.suffix.lower() == ".stl" else "y"
+        turn[:3, :3] = Y_FROM[chosen]
+        guess = f"{path.name}: the format does not say which way is up; {chosen} is taken to be; scene.up or --up says"
+        notes += [guess] if up == "auto" else []
     palette = Palette(linear_vertex_colors=gltf, header=header)
     meshes: list[Mesh] = []
     numbers: dict[str, tuple[int, float]] = {}
@@ -54,7 +68,7 @@ def load(path: Path) -> Source:
             numbers[name] = (len(meshes), repaired.unit)
             meshes.append(repaired.mesh)
     placed = list(_instances(loaded, numbers, notes))
-    instances = [instance for _, instance in placed]
+    instances = [replace(i, world_from_object=turn @ i.world_from_object) for _, i in placed]
     notes += palette.notes + palette.images.notes + palette.simplified()
     if not instances:
         raise SceneError(

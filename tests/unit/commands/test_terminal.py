@@ -38,6 +38,12 @@ def test_a_model_that_cannot_be_read_is_blamed_itself(tmp_path: Path, as_scene: 
     assert str(refused.value).count("bad.ply") == 1 + as_scene
 
 
+def test_the_way_that_is_up_is_told_on_the_command_line(tmp_path: Path) -> None:
+    assert load_config(DEMO, tmp_path / "a.obj", up="-z").config.scene.up == "-z"
+    with pytest.raises(ConfigError, match="--up q: is no direction; accepted: auto, x, y, z, -x, -y, -z"):
+        load_config(DEMO, up="q")
+
+
 def test_a_model_that_is_not_there_is_sought_beside_the_caller_not_beside_the_configuration() -> None:
     with pytest.raises(ConfigError) as refused:
         make_plan(make_layout(load_config(DEMO, Path("nosuch.glb"))))

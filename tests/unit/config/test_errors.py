@@ -75,8 +75,8 @@ def test_good_text_loads() -> None:
         (
             "source: courtyard",
             "sorce: x",
-            "scene.sorce: unknown key; accepted: source, materials, lights, sky, environment, animation, integrator, "
-            "cuts; did you",
+            "scene.sorce: unknown key; accepted: source, up, materials, lights, sky, environment, animation, "
+            "integrator, cuts; did you",
         ),
         (
             "source: courtyard",

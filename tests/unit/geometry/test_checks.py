@@ -37,6 +37,13 @@ def grid(keys: str) -> str:
     return f"  grid: {{columns: 2, rows: 2, pixels: [40, 30], size: [0.4, 0.3]{keys}}}"
 
 
+@pytest.mark.parametrize(("up", "noted"), [("[0, 0, 1]", True), ("[0, 1, 0.5]", False)])
+def test_a_camera_with_another_up_than_y_is_noted(up: str, noted: bool) -> None:
+    loaded = loads(HEAD.replace("id: main", f"id: main, camera: {{up: {up}}}") + grid("") + "\n", name="a.yaml")
+    notes = check_wall(loaded, expand(loaded.config.wall))
+    assert ["views[0].camera.up" in note and "scene: {up: z}" in note for note in notes] == [True] * noted
+
+
 def test_sizes_that_must_be_millimetres_are_noted() -> None:
     [note] = checked("  grid: {columns: 2, rows: 1, pixels: [480, 270], size: [480, 270]}")
     assert note == (

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 from PIL import Image
 
-from wall.config.scene import SceneConfig
+from wall.config.scene import SceneConfig, Up
 from wall.core.errors import SceneError
 from wall.scene.build import Scene, build
 from wall.scene.loading import load, strip_triangles
@@ -232,6 +232,28 @@ def test_strips_turn_every_second_triangle_and_begin_again_after_a_break() -> No
     strip = np.array([0, 1, 2, 3, -1, 4, 5, 6, 7])
     np.testing.assert_array_equal(strip_triangles(strip), [[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 5, 7]])
     assert strip_triangles(np.array([1, 2])).shape == (0, 3)
+
+
+@pytest.mark.parametrize(("up", "top"), [("x", 0), ("y", 1), ("z", 2), ("-x", 3), ("-y", 4), ("-z", 5)])
+def test_models_are_turned_so_that_what_is_up_in_them_is_y(tmp_path: Path, up: Up, top: int) -> None:
+    corners = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]])
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    text += "".join(f"f {k} {k % 6 + 1} {(k + 1) % 6 + 1}\n" for k in range(1, 7))
+    (instance,) = load(written(tmp_path / "cross.obj", text), up).instances
+    turn = instance.world_from_object[:3, :3]
+    np.testing.assert_array_equal(turn @ corners[top], [0, 1, 0])
+    assert np.linalg.det(turn) == 1.0, "it is not mirrored"
+
+
+def test_an_stl_is_taken_to_have_z_up_and_what_is_taken_is_said_until_it_is_told(tmp_path: Path) -> None:
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "box.stl")
+    guessed, told = load(tmp_path / "box.stl"), load(tmp_path / "box.stl", "y")
+    for source, height in ((guessed, 3.0), (told, 2.0)):
+        assert np.ptp(world_triangles(source)[..., 1]) == pytest.approx(height)
+    assert any("z is taken to be" in note for note in guessed.notes)
+    assert not any("taken to be" in note for note in told.notes)
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(tmp_path / "box.glb")
+    assert np.ptp(world_triangles(load(tmp_path / "box.glb", "z"))[..., 1]) == pytest.approx(2.0), "glTF says y"
 
 
 @pytest.mark.parametrize("kind", ["stl", "stl_ascii"])
