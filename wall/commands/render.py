@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wall.commands.offline import Band, OfflineRenderer, bands_of, event_at, image_size, panels_of, tiles_of
 from wall.core.data import Float32
-from wall.roles.plan import Plan
+from wall.roles.plan import Layout, Plan
 from wall.run.bootstrap import under_mpi
+from wall.run.same_files import check_same
 from wall.tracing.tracer_scene import make_tracer_scene
+
+if TYPE_CHECKING:
+    from wall.run.bootstrap_mpi import MpiBootstrap
 
 Progress = Callable[[int, int], None]  # is told the work done, and all there is
 
@@ -29,14 +35,12 @@ def render(
     A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
     panel by panel at their own pixels. Raises ConfigError.
     """
+    world = _ranks_of(plan.layout) if under_mpi() else None
     panels = panels_of(plan.layout, size)
     bands = [band for tile in tiles_of(panels, seed=seed) for band in bands_of(tile)]
     renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, at), spp=spp)
-    if not under_mpi():
+    if world is None:
         return _assembled(bands, _rendered(renderer, bands, progress))
-    from wall.run.bootstrap_mpi import MpiBootstrap
-
-    world = MpiBootstrap()
     own = _rendered(renderer, bands[world.rank :: world.size], progress, threads=1)
     received = world.gather(b"".join(band.tobytes() for band in own))
     if received is None:
@@ -45,6 +49,15 @@ def render(
     for rank, data in enumerate(received):
         rendered[rank :: world.size] = _unpacked(data, bands[rank :: world.size])
     return _assembled(bands, rendered)
+
+
+def _ranks_of(layout: Layout) -> MpiBootstrap:
+    """The ranks of this launch, which all have the same files. Raises ConfigError where they do not."""
+    from wall.run.bootstrap_mpi import MpiBootstrap
+
+    world = MpiBootstrap()
+    check_same(world, layout, world.allgather(socket.gethostname()))
+    return world
 
 
 def _rendered(

@@ -31,6 +31,7 @@ from wall.run.head import Outcome, lead
 from wall.run.hosts import Renumbered, assign
 from wall.run.ranks import serve
 from wall.run.recording import begin_recording
+from wall.run.same_files import check_same
 from wall.run.succession import Preparer
 from wall.run.usage import give_memory_back
 from wall.run.warm_up import warm_up
@@ -93,8 +94,9 @@ def _run_mpi(
     from wall.run.bootstrap_mpi import MpiBootstrap
 
     launched = MpiBootstrap()
-    check_size(layout, launched.size, tell=launched.rank == HEAD)
     machines = launched.allgather(socket.gethostname())
+    check_same(launched, layout, machines)
+    check_size(layout, launched.size, tell=launched.rank == HEAD)
     rank_of, bootstrap = _placed(layout, launched, machines)
     by_rank = [machine for _, machine in sorted(zip(rank_of, machines, strict=True))]
     layout = reconstructed_at_renderers(layout, by_rank)

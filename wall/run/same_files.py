@@ -1,0 +1,120 @@
+"""All ranks of a run have the same program, configuration and models, or the run is refused before it begins.
+
+Each rank reads its own host's files. Where they differ every rank does its work, and the picture is wrong.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+
+from wall.config.loading import dump
+from wall.core.errors import ConfigError
+from wall.roles.plan import HEAD, Layout
+from wall.scene.build import BUILT_IN, sources_of
+
+PROGRAM = Path(__file__).parents[1]
+MISSING = "missing"
+CHUNK = 1 << 20  # bytes read at once
+
+
+class Gathers(Protocol):
+    """Ranks that can tell each other a text."""
+
+    rank: int
+
+    def allgather(self, text: str) -> list[str]:
+        """Every rank's text, in rank order."""
+        ...
+
+
+def check_same(ranks: Gathers, layout: Layout, machines: Sequence[str]) -> None:
+    """Compare files with those of the head, together with all other ranks; `machines`: their names, by rank.
+
+    Raises ConfigError at the head, which names what differs and where; SystemExit at the others.
+    """
+    prints = [json.loads(text) for text in ranks.allgather(json.dumps(fingerprints(layout)))]
+    found = differences(prints, machines)
+    if found and ranks.rank != HEAD:
+        raise SystemExit(2)
+    if found:
+        raise ConfigError("\n".join(found))
+
+
+def differences(prints: Sequence[dict[str, str]], machines: Sequence[str]) -> list[str]:
+    """A line for each file that is not the same everywhere; hosts are named once, with their first rank.
+
+    prints : of each rank, its fingerprints
+    """
+    lines: list[str] = []
+    for name in dict.fromkeys(name for each in prints for name in each):
+        own = prints[HEAD].get(name)
+        others: dict[str, str] = {}  # by machine
+        for rank, each in enumerate(prints):
+            if (found := each.get(name)) != own:
+                what = "is missing" if found in (None, MISSING) else "differs"
+                others.setdefault(machines[rank], f"{what} on {machines[rank]} (rank {rank})")
+        if others:
+            there = "is not there" if own in (None, MISSING) else "is another one"
+            head = f"on {machines[HEAD]} (rank {HEAD}) it {there}"
+            lines.append(f"{name}: {', '.join(others.values())}; {head}; wanted: the same on all hosts")
+    return lines
+
+
+def fingerprints(layout: Layout) -> dict[str, str]:
+    """By name, what tells the program, the configuration as it is run, and the files of its scene from others."""
+    loaded, scene = layout.loaded, layout.config.scene
+    files = [name for name in sources_of(scene) if name not in BUILT_IN]
+    files += [] if scene.environment is None else [scene.environment.file]
+    prints = {
+        f"the program (wall {version('wall')})": _of_program(),
+        f"configuration {loaded.name}": hashlib.blake2b(dump(layout.config).encode(), digest_size=16).hexdigest(),
+    }
+    for name in files:
+        path = loaded.folder / name
+        for each in (path, *_named_in(path)):
+            prints[f"file {_named(each, loaded.folder)}"] = _of_file(each)
+    return prints
+
+
+def _named(path: Path, folder: Path) -> str:
+    return str(path.relative_to(folder) if path.is_relative_to(folder) else path)
+
+
+def _of_program() -> str:
+    total = hashlib.blake2b(digest_size=16)
+    for path in sorted(PROGRAM.rglob("*.py")):
+        total.update(str(path.relative_to(PROGRAM)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return total.hexdigest()
+
+
+def _of_file(path: Path) -> str:
+    total = hashlib.blake2b(digest_size=16)
+    try:
+        with path.open("rb") as file:
+            while part := file.read(CHUNK):
+                total.update(part)
+    except OSError:
+        return MISSING
+    return total.hexdigest()
+
+
+def _named_in(path: Path) -> list[Path]:
+    """The files that a .gltf or an .obj names; none of one that cannot be read, which is said elsewhere."""
+    try:
+        if path.suffix.lower() == ".gltf":
+            header: dict[str, Any] = json.loads(path.read_text(encoding="utf-8-sig"))
+            parts = [*header.get("buffers", []), *header.get("images", [])]
+            uris = [part["uri"] for part in parts if not part.get("uri", "data:").startswith("data:")]
+            return [path.parent / uri for uri in uris]
+        if path.suffix.lower() == ".obj":
+            with path.open(encoding="utf-8", errors="replace") as lines:
+                words = (line.split(None, 1) for line in lines if line.startswith("mtllib "))
+                return [path.parent / both[1].strip() for both in words if len(both) == 2]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return []
+    return []
