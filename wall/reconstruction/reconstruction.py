@@ -223,6 +223,11 @@ class Reconstruction:
         kernels_visibility.find_nearest(buffer.store, buffer.count, buffer.history.nearest, everywhere)
         return buffer.history.nearest
 
+    def block_weights(self) -> Float32:
+        """(h / 4, w / 4) float32, rounded up: weight of the samples that show in each 4x4 pixels, a pixel's up to 1."""
+        weights: Float32 = self._pyramid.levels[min(1, len(self._pyramid.levels) - 1)][..., 3]
+        return weights
+
     def accumulated_counts(self) -> Float32:
         """(h, w) float32: of how many samples each pixel shows the mean while nothing moves."""
         counts: Float32 = self.buffer.history.accumulation[..., COUNT]

@@ -67,9 +67,9 @@ class ReprojectedLayer:
 
     @property
     def weights(self) -> Float32 | None:
-        """(h, w) effective samples a pixel, see Feedback.sample_density; None on a GPU, where they stay."""
+        """(h / 4, w / 4), rounded up: weight of the samples in each 4x4 pixels; None on a GPU, where it stays."""
         made = self.reconstruction
-        return made.feedback().sample_density if isinstance(made, Reconstruction) else None
+        return made.block_weights() if isinstance(made, Reconstruction) else None
 
     def insert(self, batch: Batch) -> None:
         """Store a batch in the deep buffer, unless the sampler has done that: it shares the buffer at the renderer.

@@ -1,8 +1,9 @@
 """How soon after an input an image is right nearly everywhere, not only in its first sample.
 
-A pixel is right under an event if what it shows was traced under that event or a newer one, or was traced before and
-follows to it: samples of the adaptive sampler are reprojected. After an edit such a pixel is right once it was traced
-again, whether the edit concerns it or not. The time is thus too long rather than too short.
+A pixel is right under an event if what it shows was traced under that event or a newer one. Samples of the adaptive
+sampler follow instead: a pixel is right where one of them shows in its block of 4x4 pixels, since that sampler leaves
+pixels out where an image is flat; after an edit, where one was traced there since, needed or not. After edits the time
+is thus too long rather than too short.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from statistics import median
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +19,11 @@ from wall.core.data import Event, Float32, Float64
 from wall.deepbuffer.pixel_buffer import event_of
 
 RIGHT_SHARE = 0.9  # of an image's pixels
-STEP = 4  # one pixel of so many each way is looked at: 0.3 % of standard error in a share of 0.9 of 8,100 pixels
-MOST_SEEN = 16_384  # pixels, for which steps are longer in large images
-LEAST_WEIGHT = 0.1  # of the samples that show in a pixel: with less, most of it is filled in from around
+BLOCK = 4  # pixels; one pixel, or one block, of each 4x4 is looked at
+MOST_SEEN = 16_384  # of them; in large images they lie farther apart
+LEAST_WEIGHT = 0.1  # of the samples that show in a block: with less it is filled in from around
 WAITING = 512  # events
 RECENT = 32  # of their times
-
-
-def _some(image: NDArray[Any]) -> NDArray[Any]:
-    """Pixels of an image (h, w), evenly spread."""
-    step = max(STEP, math.isqrt(image.size // MOST_SEEN))
-    return image[::step, ::step]
 
 
 class RightTimes:
@@ -54,25 +48,30 @@ class RightTimes:
     def see_traced(self, keys: NDArray[np.uint64], now: float) -> None:
         """See an image of samples that stay where they were traced; `keys` (h, w): of their events, see PIXEL."""
         if self._waiting:
-            seen = _some(keys).ravel()
+            step = BLOCK * _stride(keys.shape)
+            seen = keys[::step, ::step].ravel()
             rank = int((1.0 - RIGHT_SHARE) * len(seen))
             self._shown(event_of(int(np.partition(seen, rank)[rank])), now)
 
     def see_reprojected(self, event: Event, weights: Float32 | None, times: Float64, now: float) -> None:
         """See an image of samples that follow `event`.
 
-        weights : (h, w) of the samples that show in each pixel, None if they are not known: then none follow
+        weights : (h / 4, w / 4), rounded up, of the samples that show in each block; None if they are not known: then
+            only what was traced since is right
         times : (h, w) seconds, when each pixel was traced last
         """
         if not self._waiting:
             return
-        since = self._edit[1] if weights is not None else max(self._edit[1], self._waiting[0][1])
-        right = _some(times) >= since
+        oldest, input_time = self._waiting[0]
+        since = self._edit[1] if weights is not None else max(self._edit[1], input_time)
+        right = np.ones(1, np.bool_)
+        if math.isfinite(since):
+            right = newest_in_blocks(times, _stride(times.shape)) >= since
         if weights is not None:
-            right &= _some(weights) >= LEAST_WEIGHT
+            stride = _stride(times.shape)
+            right = right & (weights[::stride, ::stride] >= LEAST_WEIGHT)
         if right.mean() >= RIGHT_SHARE:
-            number = event.number if weights is not None else self._waiting[0][0]
-            self._shown(number, now)
+            self._shown(event.number if weights is not None else oldest, now)
 
     def _shown(self, number: tuple[int, int], now: float) -> None:
         while self._waiting and self._waiting[0][0] <= number:
@@ -82,3 +81,20 @@ class RightTimes:
         """Of recent events the median, or how long the oldest waits already, if that is longer; 0: not known."""
         waits = now - self._waiting[0][1] if self._waiting else 0.0
         return max(waits, median(self._recent) if self._recent else 0.0)
+
+
+def _stride(shape: tuple[int, ...]) -> int:
+    """One block of so many each way is looked at."""
+    return max(1, math.isqrt(math.prod(shape) // (BLOCK * BLOCK * MOST_SEEN)))
+
+
+def newest_in_blocks(times: Float64, stride: int) -> Float64:
+    """The newest time in every `stride`-th block each way; blocks at the right and lower edge may be cut off."""
+    height, width = times.shape
+    rows, columns = np.arange(0, height, BLOCK * stride), np.arange(0, width, BLOCK * stride)
+    newest = times[np.ix_(rows, columns)]
+    for y in range(BLOCK):
+        for x in range(BLOCK):
+            own = np.ix_(np.minimum(rows + y, height - 1), np.minimum(columns + x, width - 1))
+            np.maximum(newest, times[own], out=newest)
+    return newest

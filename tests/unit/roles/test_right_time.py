@@ -11,9 +11,9 @@ from flat_batches import TEXT, flat, plan_of
 from wall.core.data import Edits, Event
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import first_event
-from wall.roles.right_time import RightTimes
+from wall.roles.right_time import RightTimes, newest_in_blocks
 
-SHAPE = (20, 20)  # of which 5 x 5 pixels are looked at
+SHAPE = (20, 20)
 
 
 def second_event(event: Event, input_time: float = 10.0) -> Event:
@@ -64,13 +64,13 @@ def test_samples_that_follow_the_camera_are_right_at_once_and_after_an_edit_once
 
 def test_holes_are_not_right_and_the_first_event_is_not_timed(first: Event) -> None:
     times, right = np.zeros(SHAPE), RightTimes()
-    weights = np.ones(SHAPE, np.float32)
+    weights = np.ones((5, 5), np.float32)
     right.follow(first)
     right.see_reprojected(first, weights, times, 5.0)
     assert right.seconds(5.0) == 0.0
     newer = second_event(first)
     right.follow(newer)
-    weights[:, :8] = 0.0  # two of five columns that are looked at
+    weights[:, :2] = 0.0
     right.see_reprojected(newer, weights, times, 11.0)
     assert right.seconds(13.0) == pytest.approx(3.0)
 
@@ -83,3 +83,10 @@ def test_on_a_gpu_only_what_was_traced_since_the_input_is_known_to_be_right(firs
     times[:] = 10.7
     right.see_reprojected(newer, None, times, 10.9)
     assert right.seconds(99.0) == pytest.approx(0.9)
+
+
+def test_a_block_is_as_new_as_the_newest_of_its_pixels_also_where_the_edge_cuts_it() -> None:
+    times = np.zeros((6, 9))
+    times[3, 3] = times[5, 8] = 7.0
+    np.testing.assert_array_equal(newest_in_blocks(times, 1), [[7.0, 0.0, 0.0], [0.0, 0.0, 7.0]])
+    np.testing.assert_array_equal(newest_in_blocks(times, 2), [[7.0, 0.0]])
