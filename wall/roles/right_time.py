@@ -54,13 +54,13 @@ class RightTimes:
             self._shown(event_of(int(np.partition(seen, rank)[rank])), now)
 
     def see_reprojected(self, event: Event, weights: Float32 | None, times: Float64, now: float) -> None:
-        """See an image of samples that follow `event`.
+        """See an image of samples that follow `event`, or what was expected after the newest: a number below 0.
 
         weights : (h / 4, w / 4), rounded up, of the samples that show in each block; None if they are not known: then
             only what was traced since is right
         times : (h, w) seconds, when each pixel was traced last
         """
-        if not self._waiting:
+        if not self._waiting or self._newest is None:
             return
         oldest, input_time = self._waiting[0]
         since = self._edit[1] if weights is not None else max(self._edit[1], input_time)
@@ -71,7 +71,8 @@ class RightTimes:
             stride = _stride(times.shape)
             right = right & (weights[::stride, ::stride] >= LEAST_WEIGHT)
         if right.mean() >= RIGHT_SHARE:
-            self._shown(event.number if weights is not None else oldest, now)
+            shown = event.number if event.camera_event >= 0 else self._newest
+            self._shown(shown if weights is not None else oldest, now)
 
     def _shown(self, number: tuple[int, int], now: float) -> None:
         while self._waiting and self._waiting[0][0] <= number:

@@ -90,3 +90,12 @@ def test_a_block_is_as_new_as_the_newest_of_its_pixels_also_where_the_edge_cuts_
     times[3, 3] = times[5, 8] = 7.0
     np.testing.assert_array_equal(newest_in_blocks(times, 1), [[7.0, 0.0, 0.0], [0.0, 0.0, 7.0]])
     np.testing.assert_array_equal(newest_in_blocks(times, 2), [[7.0, 0.0]])
+
+
+def test_an_image_of_what_is_expected_shows_all_that_came(first: Event) -> None:
+    right, weights = RightTimes(), np.ones((5, 5), np.float32)
+    for event in (first, second_event(first), replace(second_event(first, 10.1), camera_event=2)):
+        right.follow(event)
+    expected = replace(first, camera_event=-2, scene_event=-2)
+    right.see_reprojected(expected, weights, np.zeros(SHAPE), 10.3)
+    assert right.seconds(99.0) == pytest.approx((0.3 + 0.2) / 2)
