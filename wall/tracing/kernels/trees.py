@@ -2,18 +2,43 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wall.core.jit import inline_kernel
-from wall.tracing.embree import INSTANCE, PACKET, intersect16, occluded16
+from wall.tracing.embree import DIRECTION_X, INSTANCE, PACKET, intersect16, occluded16
 from wall.tracing.kernels.rows import SHADOW_PACKET
 from wall.tracing.kernels.values import MISS
+
+INCOHERENT = np.uint32(0)  # a query's flags
+ALMOST_ZERO = np.float32(1e-6)  # components of unit directions
+
+
+@inline_kernel
+def begin_query(first, work):
+    """Takes the mark of a coherent packet from rays along a plane of two axes, or to both sides of it.
+
+    Embree loses some of such rays where it walks its tree with a whole packet.
+
+    first : where the rays' packet begins. Returns the flags to set again.
+    """
+    flags = work.arguments[0]
+    if flags != INCOHERENT:
+        for row in range(first + DIRECTION_X, first + DIRECTION_X + 3 * PACKET, PACKET):
+            low, high = work.packet[row], work.packet[row]
+            for lane in range(PACKET):
+                low, high = min(low, work.packet[row + lane]), max(high, work.packet[row + lane])
+            if low <= ALMOST_ZERO and high >= -ALMOST_ZERO:
+                work.arguments[0] = INCOHERENT
+    return flags
 
 
 @inline_kernel
 def closest_hits(trees, work):
     """Finds the nearest hits of the packet's valid lanes."""
-    rays = work.packet.ctypes.data
+    rays, flags = work.packet.ctypes.data, begin_query(0, work)
     intersect16(work.valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving == 0:
+        work.arguments[0] = flags
         return
     bits, before = work.bits, work.hit_before
     for lane in range(PACKET):
@@ -23,13 +48,15 @@ def closest_hits(trees, work):
     for lane in range(PACKET):
         found = bits[INSTANCE + lane]
         bits[INSTANCE + lane] = before[lane] if found == MISS else trees.objects[found]
+    work.arguments[0] = flags
 
 
 @inline_kernel
 def any_hits(trees, work):
     """Sets T_FAR of the shadow packet's valid lanes to -inf where something is in the way."""
     p, valid = work.packet, work.shadow_valid
-    rays = p.ctypes.data + p.itemsize * SHADOW_PACKET
+    rays, flags = p.ctypes.data + p.itemsize * SHADOW_PACKET, begin_query(SHADOW_PACKET, work)
     occluded16(valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
     if trees.moving != 0:
         occluded16(valid.ctypes.data, trees.moving, rays, work.arguments.ctypes.data)
+    work.arguments[0] = flags
