@@ -172,7 +172,7 @@ def _for_integrator(laid: TracerScene, scene: Scene) -> TracerScene:
     """A laid-out scene with the tables and the features of the integrator that `scene` has; all else is shared."""
     wanted, trees = needs(scene), laid.trees
     surfaces = laid.surfaces._replace(
-        vertices=laid.vertices if wanted.textures or wanted.emitters else None,
+        vertices=laid.vertices if wanted.textures or wanted.emitters or wanted.smooth_normals else None,
         relit=True if wanted.relighting else None,
     )
     return replace(
@@ -299,6 +299,7 @@ def _materials(rows: NDArray[Any], texels: NDArray[np.uint8] | None, wanted: Nee
             metallic_roughness_textures=True if wanted.metallic_roughness_textures else None,
             thin_glass=True if wanted.thin_glass else None,
             interface=interface_table() if wanted.interfaces else None,
+            rounded=True if wanted.smooth_normals else None,
         ),
     )
 

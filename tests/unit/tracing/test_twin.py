@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from small_scenes import Triple, View, directions, instance, material, quad, scene_of, sphere_mesh, traced_image, view
 
 from wall.core.data import Float64
@@ -17,6 +18,7 @@ from wall.scene.sky import sky_irradiance
 AGREEING = 0.999  # share of pixels within RTOL; the rest are edges of objects and shadows
 RTOL = 1e-4
 FAR_FROM_EDGES = 1e-3  # barycentric
+STEEP = 0.1  # cosine to the flat triangle from which on shadow rays start at it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +91,18 @@ def light_on(light: Light, points: Float64) -> tuple[Float64, Float64, Float64]:
     return towards / distance[:, None], distance, np.array(light.intensity) / distance[:, None] ** 2
 
 
+def raises(world: Soup, k: NDArray[np.intp], weights: Float64, turned: Float64) -> Float64:
+    """(n, 3) from hits of triangles `k` at `weights` (n, 3) up to the planes through their corners across the normals.
+
+    turned : (n,) 1 or -1, which side of the normals is seen. Hanika 2021.
+    """
+    corners = world.corners[k]
+    points = np.einsum("nc,nci->ni", weights, corners)
+    normals = world.normals[k] / np.linalg.norm(world.normals[k], axis=2, keepdims=True) * turned[:, None, None]
+    heights = np.maximum(np.einsum("nci,nci->nc", corners - points[:, None], normals), 0.0)
+    return np.asarray(np.einsum("nc,nc,nci->ni", weights, np.where(heights > 1e-12, heights, 0.0), normals))
+
+
 def shade(scene: Scene, seen: View) -> tuple[Float64, Float64, Float64]:
     """Radiance (n, 3), object ids (n,), and the least barycentric distance to an edge (n,), of every pixel."""
     world, rays = soup(scene), directions(seen).reshape(-1, 3)
@@ -103,16 +117,23 @@ def shade(scene: Scene, seen: View) -> tuple[Float64, Float64, Float64]:
     flat = np.cross(world.corners[k, 1] - world.corners[k, 0], world.corners[k, 2] - world.corners[k, 0])
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
     flat *= -np.sign(np.einsum("ni,ni->n", flat, rays))[:, None]
-    smooth = np.einsum("nc,nci->ni", np.stack([1 - u - v, u, v], axis=1), world.normals[k])
+    weights = np.stack([1 - u - v, u, v], axis=1)
+    smooth = np.einsum("nc,nci->ni", weights, world.normals[k])
     smooth /= np.linalg.norm(smooth, axis=1, keepdims=True)
-    smooth *= np.sign(np.einsum("ni,ni->n", smooth, flat))[:, None]
+    turned = np.sign(np.einsum("ni,ni->n", smooth, flat))
+    smooth *= turned[:, None]
     points = (eye + t[row, k][:, None] * rays + 1e-9 * flat)[hit]
+    raised = raises(world, k, weights, turned)[hit]
     lit = ambient(scene.sky, smooth[hit])
     for light in (*scene.point_lights, *scene.directional_lights):
         towards, distance, strength = light_on(light, points)
-        blocked = (cross_all(points, towards, world.corners)[0] < distance[:, None]).any(axis=1)
+        side = np.einsum("ni,ni->n", flat[hit], towards)
+        starts = points + np.clip(1 - side / STEEP, 0, 1)[:, None] * raised
+        ways = np.array(light.position) - starts if isinstance(light, PointLight) else towards
+        ways = ways / np.linalg.norm(ways, axis=1, keepdims=True)
+        blocked = (cross_all(starts, ways, world.corners)[0] < distance[:, None]).any(axis=1)
         cosine = np.einsum("ni,ni->n", smooth[hit], towards)
-        faced = (np.einsum("ni,ni->n", flat[hit], towards) > 0) & (cosine > 0) & ~blocked
+        faced = ((side > 0) | (raised != 0).any(axis=1)) & (cosine > 0) & ~blocked
         lit = lit + np.where(faced, cosine / math.pi, 0.0)[:, None] * strength
     radiance[hit] = world.colours[k][hit] * lit
     edge = np.where(hit, np.minimum(np.minimum(u, v), 1 - u - v), 1.0)

@@ -14,7 +14,15 @@ from wall.tracing.kernels.cuts import is_cut_away, shorten_rays
 from wall.tracing.kernels.emitters import way_to_emitter
 from wall.tracing.kernels.environment import way_to_environment
 from wall.tracing.kernels.light_tree import choose_light
-from wall.tracing.kernels.lights import DIRECTIONAL, POINT, SHADOW_DIRECTION, SHADOW_ORIGIN, SHADOW_T_FAR, SPOT
+from wall.tracing.kernels.lights import (
+    DIRECTIONAL,
+    POINT,
+    SHADOW_DIRECTION,
+    SHADOW_ORIGIN,
+    SHADOW_T_FAR,
+    SPOT,
+    raise_shadow_ray,
+)
 from wall.tracing.kernels.random_numbers import random_pair
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
 from wall.tracing.kernels.scatter import lit_by
@@ -84,7 +92,7 @@ def add_deltas(kind, lights, first, count, scene, table, scattering, work, paths
                         continue
                     r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
                     light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
-                    aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
+                    aimed += aim(scattering.rounded, dx, dy, dz, far, light_rgb, lane, work)
             add_unshadowed(first, aimed, scene, work, paths)
 
 
@@ -111,7 +119,7 @@ def add_one(kind, many, first, count, scene, table, scattering, work, paths):
             r, g, b, _ = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
             share /= chance
             light_rgb = r * light[3] * share, g * light[4] * share, b * light[5] * share
-            aimed += aim(dx, dy, dz, far, light_rgb, lane, work)
+            aimed += aim(scattering.rounded, dx, dy, dz, far, light_rgb, lane, work)
         add_unshadowed(first, aimed, scene, work, paths)
 
 
@@ -125,8 +133,11 @@ def add_suns(first, count, bounce, suns, scene, table, scattering, work, paths):
 
 
 @inline_kernel
-def aim(dx, dy, dz, far, light, lane, work):
-    """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add."""
+def aim(rounded, dx, dy, dz, far, light, lane, work):
+    """Writes a lane's shadow ray, from off its surface to the way (dx, dy, dz) from its hit, and what it would add.
+
+    rounded : Scattering.rounded
+    """
     p = work.packet
     if not light[0] + light[1] + light[2] > ZERO:
         return 0
@@ -137,6 +148,7 @@ def aim(dx, dy, dz, far, light, lane, work):
         dx, dy, dz = dx - offset * gx, dy - offset * gy, dz - offset * gz
     set_xyz(p, SHADOW_DIRECTION, lane, dx, dy, dz)
     p[SHADOW_T_FAR + lane] = far
+    raise_shadow_ray(rounded, lane, p)
     r, g, b = xyz(p, rows.THROUGHPUT_R, lane)
     set_xyz(p, rows.LIGHT_R, lane, r * light[0], g * light[1], b * light[2])
     work.shadow_valid[lane] = -1
@@ -182,7 +194,7 @@ def aim_chosen(way, table, scattering, lane, work):
     r, g, b, own = lit_by(dx * scale, dy * scale, dz * scale, lane, table, scattering, work)
     weight = ONE / (density + own)  # of aiming, over its density
     light = weight * r * radiance[0], weight * g * radiance[1], weight * b * radiance[2]
-    aimed = aim(dx, dy, dz, far, light, lane, work)
+    aimed = aim(scattering.rounded, dx, dy, dz, far, light, lane, work)
     drop_cut_away(work.cuts, dx, dy, dz, far, lane, work)
     return aimed
 

@@ -14,6 +14,7 @@ from wall.tracing.kernels.bsdf import diffuse, start_off_surface
 from wall.tracing.kernels.cuts import shorten_rays
 from wall.tracing.kernels.environment import add_environment_light, see_environment
 from wall.tracing.kernels.rows import SHADOW_PACKET, set_xyz, xyz
+from wall.tracing.kernels.terminator import facing, raise_towards
 from wall.tracing.kernels.textures import emission_of
 from wall.tracing.kernels.trees import any_hits
 from wall.tracing.kernels.values import INF, ONE, ZERO
@@ -89,19 +90,39 @@ def add_emission(emits, textures, table, work):
 
 
 @inline_kernel
-def add_lights(kind, lights, first, scene, work):
+def add_lights(kind, lights, first, rounded, scene, work):
     """Adds `lights` (n, 6 or more), numbered from `first`; None does nothing. Returns shadow rays.
 
-    kind : DIRECTIONAL, POINT or SPOT
+    kind : DIRECTIONAL, POINT or SPOT; rounded : Scattering.rounded
     """
     rays = 0
     if lights is not None:
         for lane in range(16):
             start_off_surface(work.packet, SHADOW_ORIGIN, lane)
         for k in range(lights.shape[0]):
-            aim(kind, lights[k], work)
+            aim(kind, lights[k], rounded, work)
+            for lane in range(16):
+                raise_shadow_ray(rounded, lane, work.packet)
             rays += add_light(lights[k], first + k, scene, work)
     return rays
+
+
+@inline_kernel
+def raise_shadow_ray(rounded, lane, p):
+    """Moves the start of a lane's shadow ray to where a smooth surface would be, and keeps where the ray ends.
+
+    rounded : Scattering.rounded; None does nothing
+    """
+    if rounded is not None:
+        ox, oy, oz = xyz(p, SHADOW_ORIGIN, lane)  # still raised towards the light before this one
+        dx, dy, dz = xyz(p, SHADOW_DIRECTION, lane)
+        rx, ry, rz = raise_towards(dx, dy, dz, lane, p)
+        start_off_surface(p, SHADOW_ORIGIN, lane)
+        x, y, z = xyz(p, SHADOW_ORIGIN, lane)
+        x, y, z = x + rx, y + ry, z + rz
+        set_xyz(p, SHADOW_ORIGIN, lane, x, y, z)
+        if p[SHADOW_T_FAR + lane] < INF:
+            set_xyz(p, SHADOW_DIRECTION, lane, dx + (ox - x), dy + (oy - y), dz + (oz - z))
 
 
 @inline_kernel
@@ -113,18 +134,18 @@ def light_count(lights):
 
 
 @inline_kernel
-def aim(kind, light, work):
+def aim(kind, light, rounded, work):
     """Aims shadow rays at a light of a kind that is known when this is compiled."""
     if kind == DIRECTIONAL:
-        aim_directional(light, work)
+        aim_directional(light, rounded, work)
     elif kind == POINT:
-        aim_point(light, work)
+        aim_point(light, rounded, work)
     else:
-        aim_spot(light, work)
+        aim_spot(light, rounded, work)
 
 
 @inline_kernel
-def aim_directional(light, work):
+def aim_directional(light, rounded, work):
     """Aims shadow rays at a directional light; writes LIGHT_WEIGHT, the factor of its irradiance."""
     p = work.packet
     lx, ly, lz = light[0], light[1], light[2]
@@ -133,13 +154,13 @@ def aim_directional(light, work):
         gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
         cosine = nx * lx + ny * ly + nz * lz
         side = gx * lx + gy * ly + gz * lz
-        p[rows.LIGHT_WEIGHT + lane] = diffuse(cosine) if min(cosine, side) > ZERO else ZERO
+        p[rows.LIGHT_WEIGHT + lane] = diffuse(cosine) if facing(rounded, cosine, side, lane, p) > ZERO else ZERO
         set_xyz(p, SHADOW_DIRECTION, lane, lx, ly, lz)
         p[SHADOW_T_FAR + lane] = INF
 
 
 @inline_kernel
-def aim_point(light, work):
+def aim_point(light, rounded, work):
     """Aims shadow rays at a point light (position relative to the eye); writes LIGHT_WEIGHT, the factor of its
     intensity.
 
@@ -158,16 +179,17 @@ def aim_point(light, work):
         scale = ONE / math.sqrt(square)
         cosine = nx * lx + ny * ly + nz * lz
         side = gx * lx + gy * ly + gz * lz
-        p[rows.LIGHT_WEIGHT + lane] = diffuse(cosine * scale) / square if min(cosine, side) > ZERO else ZERO
+        weight = diffuse(cosine * scale) / square
+        p[rows.LIGHT_WEIGHT + lane] = weight if facing(rounded, cosine, side, lane, p) > ZERO else ZERO
         sx, sy, sz = xyz(p, SHADOW_ORIGIN, lane)
         set_xyz(p, SHADOW_DIRECTION, lane, x - sx, y - sy, z - sz)
         p[SHADOW_T_FAR + lane] = end_before(p, reach, scale, lane)
 
 
 @inline_kernel
-def aim_spot(light, work):
+def aim_spot(light, rounded, work):
     """Aims shadow rays at a spot light; writes LIGHT_WEIGHT, as aim_point does, 0 outside its cone."""
-    aim_point(light, work)
+    aim_point(light, rounded, work)
     p = work.packet
     for lane in range(16):
         px, py, pz = xyz(p, rows.POSITION_X, lane)

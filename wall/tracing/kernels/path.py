@@ -36,6 +36,7 @@ from wall.tracing.kernels.surface import (
     material_of,
     seen_from_inside,
 )
+from wall.tracing.kernels.terminator import find_raises, raise_towards
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.textures import apply_textures, emission_of
 from wall.tracing.kernels.trace import DARKEST, THIRD, encode_normals, intersect, write_normal
@@ -71,6 +72,7 @@ def trace_paths(scene, camera, xy, samples, surfaces, materials, lights, work, p
             see_sky(lights.environment, lights, work)
             if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) != 0:
                 finish_surfaces(work)
+                find_raises(surfaces.normals, surfaces.vertices, surfaces.meshes, work)
                 colour_by_vertices(surfaces.meshes, surfaces.colors, work)
                 apply_textures(surfaces, materials, surfaces.uvs, work)
                 absorb(materials.absorbs, surfaces.meshes.placements, materials.rows, work)
@@ -246,16 +248,30 @@ def send_on(first, count, bounce, going, placements, table, scattering, work, pa
         gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
         px, py, pz = xyz(p, rows.POSITION_X, lane)
         offset = p[rows.RAY_OFFSET + lane]
-        offset = offset if x * gx + y * gy + z * gz > ZERO else -offset
+        offset = offset if x * gx + y * gy + z * gz > ZERO or density > ZERO else -offset
         ray = rays[going]
         ray[0], ray[1], ray[2] = px + offset * gx, py + offset * gy, pz + offset * gz
         ray[3], ray[4], ray[5] = x, y, z
+        raise_start(scattering.rounded, ray, density, lane, p)
         ray[6], ray[7], ray[8] = share * r, share * g, share * b
         ray[9], ray[10], ray[11] = density, p[rows.CONE_WIDTH + lane], p[rows.CONE_SPREAD + lane]
         paths.sample[going], paths.key[going] = sample, key
         keep_normal(paths.normals, going, gx, gy, gz)
         going += 1
     return going
+
+
+@inline_kernel
+def raise_start(rounded, ray, density, lane, p):
+    """Moves the start of a ray (12,) that a lane scatters to where a smooth surface would be; not that of a ray which
+    was mirrored or went through.
+
+    rounded : Scattering.rounded; None does nothing
+    """
+    if rounded is not None:  # noqa: SIM102  (numba leaves a branch out only for a bare test for None)
+        if density > ZERO:
+            x, y, z = raise_towards(ray[3], ray[4], ray[5], lane, p)
+            ray[0], ray[1], ray[2] = ray[0] + x, ray[1] + y, ray[2] + z
 
 
 @inline_kernel

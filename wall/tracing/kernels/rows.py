@@ -48,10 +48,11 @@ SHADOW_PACKET = RAY_HIT_FLOATS  # offset of the shadow rays' packet
     LIGHT_VISIBILITY,  # uint32 mask of the newest surface, see core.data.SAMPLE
     SAMPLE_VISIBILITY,  # uint32 mask of the first surface
     NORMAL_CODE,  # uint32, octahedral normal of the first surface: two bytes, each offset by 128
+    RAISE_X, RAISE_Y, RAISE_Z,  # see terminator.py; only where there are smooth normals
     PRIMARY_MASK,  # uint32, Embree mask of primary rays; set once
     MATERIAL,  # uint32, row of Materials.rows that the newest ray hit; only where it hit something
     IMPORTANCE,  # of the slots of a light tree's node, not of lanes
-) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 83 * PACKET, PACKET)  # fmt: skip
+) = range(SHADOW_PACKET + RAY_FLOATS, SHADOW_PACKET + RAY_FLOATS + 86 * PACKET, PACKET)  # fmt: skip
 PACKET_FLOATS = IMPORTANCE + PACKET
 
 

@@ -15,6 +15,7 @@ from wall.tracing.kernels.bsdf import mirrored
 from wall.tracing.kernels.ggx import frame_of, in_world
 from wall.tracing.kernels.rows import xyz
 from wall.tracing.kernels.surface import material_of, seen_from_inside
+from wall.tracing.kernels.terminator import facing
 from wall.tracing.kernels.textures import roughness_of
 from wall.tracing.kernels.values import ONE, ZERO
 
@@ -48,7 +49,7 @@ def lit_by(x, y, z, lane, table, scattering, work):
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     s, t, n, out = look_at(lane, work)
     to = x * s[0] + y * s[1] + z * s[2], x * t[0] + y * t[1] + z * t[2], x * n[0] + y * n[1] + z * n[2]
-    if share <= ZERO or min(to[2], gx * x + gy * y + gz * z) <= ZERO:
+    if share <= ZERO or facing(scattering.rounded, to[2], gx * x + gy * y + gz * z, lane, p) <= ZERO:
         return ZERO, ZERO, ZERO, ZERO
     metal, rough = roughness_of(scattering.metallic_roughness_textures, material, lane, work)
     look = opaque.look_of(material, metal, rough, xyz(p, rows.ALBEDO_R, lane), out[2], scattering.interface)
@@ -84,8 +85,10 @@ def scatter(lane, placements, table, scattering, work):
         density = density * rest if density > ZERO else density
     gx, gy, gz = xyz(p, rows.GEOMETRIC_NORMAL_X, lane)
     x, y, z = in_world(to, s, t, n)
-    if (x * gx + y * gy + z * gz > ZERO) != (to[2] > ZERO):  # the shading normal sends it to the wrong side
-        weight = (ZERO, ZERO, ZERO)
+    side = x * gx + y * gy + z * gz
+    if (side > ZERO) != (to[2] > ZERO):  # the shading normal sends it to the wrong side
+        allowed = density > ZERO and facing(scattering.rounded, to[2], side, lane, p) > ZERO
+        weight = weight if allowed else (ZERO, ZERO, ZERO)
     return (x, y, z), weight, density
 
 

@@ -33,6 +33,7 @@ from wall.tracing.kernels.surface import (
     gather_surfaces,
     material_of,
 )
+from wall.tracing.kernels.terminator import find_raises
 from wall.tracing.kernels.texture_filter import pixel_cone, start_footprints, widen_footprints
 from wall.tracing.kernels.textures import apply_textures
 from wall.tracing.kernels.trees import closest_hits
@@ -116,16 +117,18 @@ def light_packet(scene, surfaces, materials, lights, work):
     if gather_surfaces(surfaces.meshes, surfaces.normals, materials.rows, work) == 0:
         return
     finish_surfaces(work)
+    find_raises(surfaces.normals, surfaces.vertices, surfaces.meshes, work)
     colour_by_vertices(surfaces.meshes, surfaces.colors, work)
     apply_textures(surfaces, materials, surfaces.uvs, work)
     add_ambient(lights.environment, lights, work)
     for lane in range(16):
         bits[rows.LIGHT_VISIBILITY + lane] = ALL_LIGHTS
-    work.counts[SHADOW_RAYS] += add_lights(DIRECTIONAL, lights.directional, 0, scene, work)
+    rounded = materials.scattering.rounded
+    work.counts[SHADOW_RAYS] += add_lights(DIRECTIONAL, lights.directional, 0, rounded, scene, work)
     first_point = light_count(lights.directional)
-    work.counts[SHADOW_RAYS] += add_lights(POINT, lights.points, first_point, scene, work)
+    work.counts[SHADOW_RAYS] += add_lights(POINT, lights.points, first_point, rounded, scene, work)
     first_spot = first_point + light_count(lights.points)
-    work.counts[SHADOW_RAYS] += add_lights(SPOT, lights.spots, first_spot, scene, work)
+    work.counts[SHADOW_RAYS] += add_lights(SPOT, lights.spots, first_spot, rounded, scene, work)
     add_emission(materials.emits, materials.emission_textures, materials.rows, work)
 
 

@@ -102,7 +102,7 @@ class Surfaces(NamedTuple):
     normals: Float32 | None  # (v, 3) shading normals
     colors: Float32 | None  # (v, 3) linear RGB
     uvs: Float32 | None  # (v, 2 n), n sets
-    vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures and emitters
+    vertices: Float32 | None  # (v, 3) within the mesh, object space; None without textures, emitters and normals
     relit: bool | None  # None leaves normals and visible lights out of samples
 
 
@@ -117,11 +117,12 @@ class Textures(NamedTuple):
 
 
 class Scattering(NamedTuple):
-    """What paths meet, besides what every material has."""
+    """What light and paths meet, besides what every material has."""
 
     metallic_roughness_textures: bool | None  # None: there are none, or no path needs them
     thin_glass: bool | None  # None: there is none, or no path meets it
     interface: Float32 | None  # (r, c, 2), see interface.py; None: no path meets an interface
+    rounded: bool | None  # None: no mesh has normals at its vertices, so no ray starts above its triangle
 
 
 class Materials(NamedTuple):
