@@ -94,13 +94,17 @@ class PoseTracker:
     ) -> InsertRules:  # fmt: skip
         """How samples of `event` are inserted into the image shown."""
         same_edits = self._shown is None or event.edits.number == self._shown.edits.number
+        of_shown_pose = is_shown(event, self._shown)
         return InsertRules(
             shows_event=same_edits
             and (self.nothing_moves or not noisy)  # light may change on whatever moves
-            and (is_shown if self.nothing_moves else same_camera)(event, self._shown),
+            and (of_shown_pose if self.nothing_moves else same_camera(event, self._shown)),
             ignores_change=self.nothing_moves or not change_test or not same_edits,  # edits are known without rays
             most_stored=np.float32(samples_per_pixel if self.nothing_moves else np.inf),
             detects_change=detects_change,
+            of_shown_pose=of_shown_pose and self._scan is None,
+            left=np.float32(self.rect.x),
+            top=np.float32(self.rect.y),
         )
 
     def moved(self) -> NDArray[np.uint8]:

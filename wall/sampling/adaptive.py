@@ -53,6 +53,7 @@ class AdaptiveSampler:
         self._pixels = kernels.Pixels(np.zeros(shape, np.uint16), seed, rect.x, rect.y)
         self.division: Division = (Cut if tiling == "cut" else Grid)(rect.width, rect.height)
         self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
+        self._gain = np.float32(1.0)  # what light is multiplied by where it is shown
 
     def replan(self, feedback: Feedback) -> None:
         """Score every pixel anew."""
@@ -62,12 +63,12 @@ class AdaptiveSampler:
         scores, tiles, accumulation = self._scores, self.division.tiles, feedback.accumulation
         if feedback.nothing_moves:
             self._floor, self._footprint = FLOOR_STILL, FOOTPRINT_STILL
-            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, scores, tiles)
+            kernels.score_still(feedback.resolved, accumulation, self._floor, ENOUGH, self._gain, scores, tiles)
         else:
             self._floor, self._footprint = FLOOR_MOVING, FOOTPRINT_MOVING
             kernels.score_moving(
                 feedback.resolved, feedback.sample_density, accumulation, feedback.accumulating.any(axis=1),
-                self._floor, scores, tiles,
+                self._floor, self._gain, scores, tiles,
             )  # fmt: skip
         change = 0.0 if feedback.nothing_moves else float(feedback.temporal_gradient.mean())
         self.division.balance(scores.contrast, change)
@@ -94,10 +95,10 @@ class AdaptiveSampler:
         kernels.mark_lost(samples, self._rect.x, self._rect.y, self._scores.score, self.division.tiles)
 
     def choose(self, newest: Event, rays: int | None = None) -> Targets | None:
-        """The next `rays`, in whole packets and at least one; None where no pixel gains."""
+        """The next `rays`, in whole packets and at least one; None where no pixel gains, under the exposure before."""
         packets = max(1, (self._batch if rays is None else rays) // kernels.PACKET)
         xy = np.empty((packets * kernels.PACKET, 2), np.float32)
-        self._sequence += 1
+        self._sequence, self._gain = self._sequence + 1, np.float32(2.0**newest.exposure)
         score = self._scores.score
         self.division.adjust(score, max(1, packets // PACKETS_A_STEP))
         filled = kernels.draw(score, self.division.tiles, self._pixels, self._sequence, xy)
@@ -110,5 +111,5 @@ class AdaptiveSampler:
         if not self._uniform:
             kernels.learn(
                 samples, self._rect.x, self._rect.y, self._feedback.accumulation, self._feedback.nothing_moves,
-                self._floor, ENOUGH, self._scores, self.division.tiles,
+                self._floor, ENOUGH, self._gain, self._scores, self.division.tiles,
             )  # fmt: skip

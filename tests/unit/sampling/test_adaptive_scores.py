@@ -18,6 +18,7 @@ from wall.sampling.tiles import Grid
 
 PACKET = kernels.PACKET
 Path = Callable[[int], Event]
+GAIN = np.float32(1.0)
 RECT = Rect(x=5, y=9, width=40, height=37)  # 3 x 3 tiles, ragged
 
 
@@ -78,7 +79,7 @@ def test_in_motion_the_gain_is_contrast_over_n_times_n_plus_1() -> None:
     scores, tiles = kernels.Scores(*np.zeros((3, 37, 40), np.float32)), Grid(40, 37).tiles
 
     rows = np.array([False, True, False])  # of 16: those with an accumulation
-    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, rows, FLOOR_MOVING, scores, tiles)
+    kernels.score_moving(resolved, splat_sums[1:-1, 1:-1, 3], accumulation, rows, FLOOR_MOVING, GAIN, scores, tiles)
 
     padded = np.pad(value, 1, mode="edge")
     around = [padded[1 + di : 38 + di, 1 + dj : 41 + dj] for di in (-1, 0, 1) for dj in (-1, 0, 1)]
@@ -171,7 +172,8 @@ def test_no_samples_and_no_losses_change_nothing() -> None:
 def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
     camera_path: Path, compiled_only: None
 ) -> None:
-    """Noise of 0.03 in brightness, but for a corner without noise: (0.03 / (0.5 / 255))^2 = 234 samples are needed.
+    """Light of 0.25 with noise of 0.03, which is 0.03 in brightness too (2 sqrt(0.25) = 1), but for a corner without
+    noise: (0.03 / (0.5 / 255))^2 = 234 samples are needed.
 
     The end is judged from the samples' own variance, so single pixels stop early: the bound is on the mean square of
     the error against the true mean, half a step, and on how many samples that took.
@@ -187,7 +189,7 @@ def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
         total += len(targets.xy)
         assert total < 234 * RECT.area * 2, "never ends"
         x, y = (np.floor(targets.xy) - (RECT.x, RECT.y)).astype(int).T
-        observe(known.accumulation, y, x, 0.5 + noise[y, x] * random.standard_normal(len(x)))
+        observe(known.accumulation, y, x, 0.25 + noise[y, x] * random.standard_normal(len(x)))
         samples = np.zeros(len(x), SAMPLE)
         samples["xy"] = targets.xy
         sampler.observe(samples)
@@ -195,8 +197,8 @@ def test_a_still_view_ends_when_every_standard_error_is_below_half_a_step(
 
     count, mean, deviations = (known.accumulation[..., k] for k in (3, 4, 5))
     assert (count >= kernels.BELIEVED).all()
-    assert (np.sqrt(deviations) / count <= ENOUGH).all(), "standard error, from its own samples"
-    assert np.sqrt(((mean - 0.5) ** 2).mean()) < ENOUGH
+    assert (np.sqrt(deviations / (4.0 * mean)) / count <= ENOUGH).all(), "standard error, from its own samples"
+    assert np.sqrt(((mean - 0.25) ** 2).mean()) < ENOUGH
     assert count[:9, :9].max() <= 2 * kernels.BELIEVED + PACKET, "rays were spent where nothing was to be gained"
     assert total < 1.5 * 234 * RECT.area
 
@@ -209,6 +211,44 @@ def observe(accumulated: Float32, i: ArrayLike, j: ArrayLike, values: Float64) -
         delta = value - pixel[4]
         pixel[4] += delta / pixel[3]
         pixel[5] += delta * (value - pixel[4])
+
+
+def gain_of_pixel(light: Float64, *, stops: float = 0.0) -> float:
+    """Error reduction of one more sample of a grey pixel at rest that received this light (n,), beside alike pixels."""
+    pixel = np.zeros((1, 1, ACCUMULATION_COLUMNS), np.float32)
+    observe(pixel, np.zeros(len(light), int), np.zeros(len(light), int), light)
+    pixel[0, 0, :3] = pixel[0, 0, 4]
+    none, n, exposure = np.float32(0.0), np.float32(len(light)), np.float32(2.0**stops)
+    return float(kernels.still_gain(pixel[0, 0], none, n, none, ENOUGH, exposure))
+
+
+def test_an_error_counts_as_it_is_shown() -> None:
+    """n samples, half of them a and half b: the value shown, sqrt(m), is off by |a - b| / 2 / sqrt(n) / (2 sqrt(m))."""
+    light = np.tile([0.1, 0.5], 50)
+    variance = 0.2**2 / (4.0 * 0.3)
+    assert_allclose(gain_of_pixel(light), variance / (100.5 * 101.0), rtol=1e-4)
+    assert_allclose(gain_of_pixel(light, stops=1.0), 2.0 * variance / (100.5 * 101.0), rtol=1e-4)
+    assert gain_of_pixel(np.tile(light, 40)) > 0.0, "0.18 / sqrt(4000) is 0.7 of a step"
+    assert gain_of_pixel(np.tile(light, 100)) == 0.0, "0.18 / sqrt(10,000) is 0.47 of a step"
+
+
+def test_a_pixel_that_is_surely_beyond_the_range_is_complete() -> None:
+    """Half lamp of 10, half sky of 0.2: shown as 1, whatever its noise; four stops darker it is 0.32, and noise counts.
+
+    A mean above 1 by less than four standard errors may come down.
+    """
+    edge = np.tile([10.0, 0.2], 15)
+    assert gain_of_pixel(edge) == 0.0
+    assert gain_of_pixel(edge, stops=-4.0) > 0.0
+    assert gain_of_pixel(np.array([2.0, 0.2, 0.2, 2.0])) > 0.0
+    assert gain_of_pixel(np.array([2.0, 0.2, 0.2, 2.0] * 400)) == 0.0
+
+
+def test_no_pixel_takes_more_samples_than_the_most_and_none_counts_more_than_the_range() -> None:
+    spark = np.zeros(int(kernels.MOST))
+    spark[::1000] = 900.0  # at the display's edge for ever
+    assert gain_of_pixel(spark) == 0.0
+    assert 0.0 < gain_of_pixel(spark[:4001]) <= 1.0 / 4001.0
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (17, 1), (16, 16), (33, 31)])

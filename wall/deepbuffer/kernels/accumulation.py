@@ -14,14 +14,14 @@ from wall.core.kernels.albedo import light_of
 from wall.deepbuffer.kernels.columns import (
     AMOUNT,
     BLUE,
-    BRIGHTNESS_DEVIATIONS,
-    BRIGHTNESS_MEAN,
     COUNT,
     DEPTH,
     DEVIATIONS,
     GREEN,
     IRRADIANCE_DEVIATIONS,
     IRRADIANCE_MEAN,
+    LUMINANCE_DEVIATIONS,
+    LUMINANCE_MEAN,
     NEAREST_OBJECT,
     RED,
     X,
@@ -32,6 +32,7 @@ from wall.deepbuffer.kernels.pixel_buffer import TILE
 uint32 = np.uint32  # as indices: no test whether they count from the end
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 MEAN_ALONE = np.float32(4.0)  # samples of a pixel whose mean is shown alone; with fewer it is mixed with the splats
+BRIGHTEST = np.float32(1e12)  # luminance, in moments: squares and their sums stay finite
 SHARES = tuple(np.float32(share) for share in LUMINANCE)
 
 
@@ -46,10 +47,10 @@ def accumulate(history, i, j, sample):
     pixel[RED] += share * (red - pixel[RED])
     pixel[GREEN] += share * (green - pixel[GREEN])
     pixel[BLUE] += share * (blue - pixel[BLUE])
-    brightness = np.sqrt(max(luminance(red, green, blue), ZERO))
-    delta = brightness - pixel[BRIGHTNESS_MEAN]
-    pixel[BRIGHTNESS_MEAN] += delta / pixel[COUNT]
-    pixel[BRIGHTNESS_DEVIATIONS] += delta * (brightness - pixel[BRIGHTNESS_MEAN])
+    light = min(max(luminance(red, green, blue), ZERO), BRIGHTEST)
+    delta = light - pixel[LUMINANCE_MEAN]
+    pixel[LUMINANCE_MEAN] += delta / pixel[COUNT]
+    pixel[LUMINANCE_DEVIATIONS] += delta * (light - pixel[LUMINANCE_MEAN])
     delta = sample["sqrt_irradiance"] - pixel[IRRADIANCE_MEAN]
     pixel[IRRADIANCE_MEAN] += delta / pixel[COUNT]
     pixel[IRRADIANCE_DEVIATIONS] += delta * (sample["sqrt_irradiance"] - pixel[IRRADIANCE_MEAN])
@@ -148,5 +149,5 @@ def limit_counts(accumulation, most):
 def shorten(pixel, share):
     """Let a pixel's accumulation weigh as a share of its samples; mean and variance stay."""
     pixel[COUNT] *= share
-    pixel[BRIGHTNESS_DEVIATIONS] *= share
+    pixel[LUMINANCE_DEVIATIONS] *= share
     pixel[IRRADIANCE_DEVIATIONS] *= share

@@ -18,6 +18,8 @@ from wall.deepbuffer.kernels.reproject_rows import pixel_in
 
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 CHUNK = 64  # samples: first everything that they are compared with is fetched, which memory does for many at a time
+STRAY = np.float32(0.5)  # pixels: an eye so near a surface that float32 does not know which pixel shows what
+LEAST_DEPTH = np.float32(1e-30)
 UNKNOWN_OBJECT = np.float32(-2.0)  # depth of a sample whose object does not exist
 # rows of a chunk: object-space position (X, Y, Z), then
 SCREEN_X, SCREEN_Y, SCREEN_DEPTH, SHOWN_IRRADIANCE, ACCUMULATED, ROWS = 3, 4, 5, 6, 7, 8
@@ -30,6 +32,9 @@ class InsertRules(NamedTuple):
     ignores_change: bool  # nothing moves: changes are noise
     most_stored: np.float32  # a pixel that has accumulated so many samples stores no more
     detects_change: bool  # else the samples bring `change` along
+    of_shown_pose: bool  # the samples are of the very moment shown: each belongs to the pixel that it was traced for
+    left: np.float32  # panel pixels, of the image
+    top: np.float32
 
 
 @kernel
@@ -57,7 +62,7 @@ def insert(samples, offset, pose, panel_from_object, image_rows, store, count, h
     rows = np.empty((ROWS, CHUNK), np.float32)
     for first in range(0, samples.shape[0], CHUNK):
         last = min(first + CHUNK, samples.shape[0])
-        find_positions(samples, first, last, pose, panel_from_object, image_rows, nearest.shape, rows)
+        find_positions(samples, first, last, pose, panel_from_object, image_rows, nearest.shape, rules, rows)
         if compares:
             fetch_shown(samples, first, last, history, rows)
         for k in range(first, last):
@@ -92,7 +97,7 @@ def insert(samples, offset, pose, panel_from_object, image_rows, store, count, h
 
 
 @inline_kernel
-def find_positions(samples, first, last, pose, panel_from_object, image_rows, shape, rows):
+def find_positions(samples, first, last, pose, panel_from_object, image_rows, shape, rules, rows):
     """Fill rows X to SCREEN_DEPTH of a chunk; the depth is OUTSIDE beyond the image, or UNKNOWN_OBJECT."""
     bottom, right = np.float32(shape[0]), np.float32(shape[1])
     corner, object_from_eye = pose.corner, pose.object_from_eye
@@ -106,6 +111,10 @@ def find_positions(samples, first, last, pose, panel_from_object, image_rows, sh
         a, b, c = position_of(x, y, sample["depth"], object_id, pose.frame, object_from_eye)
         rows[X, r], rows[Y, r], rows[Z, r] = a, b, c
         u, v, depth = pixel_in(a, b, c, object_id, panel_from_object, image_rows)
+        if rules.of_shown_pose:
+            own_u, own_v = sample["xy"][0] - rules.left, sample["xy"][1] - rules.top
+            if not (abs(u - own_u) < STRAY and abs(v - own_v) < STRAY and depth > ZERO):
+                u, v, depth = own_u, own_v, max(sample["depth"], LEAST_DEPTH)
         rows[SCREEN_X, r], rows[SCREEN_Y, r] = u, v
         rows[SCREEN_DEPTH, r] = depth if u >= ZERO and v >= ZERO and u < right and v < bottom else OUTSIDE
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wall.core.jit import inline_kernel, kernel
 from wall.core.kernels.hashing import hash_uint32
-from wall.deepbuffer.kernels.columns import BRIGHTNESS_DEVIATIONS, COUNT
+from wall.deepbuffer.kernels.columns import BLUE, COUNT, GREEN, LUMINANCE_DEVIATIONS, LUMINANCE_MEAN, RED
 from wall.deepbuffer.kernels.pixel_buffer import TILE
 from wall.sampling.kernels.permutation import INSIDE, R2_X, R2_Y
 
@@ -20,6 +20,10 @@ HOLE_DENSITY = np.float32(0.1)  # samples, weighted: a pixel with less is a hole
 HOLE = np.float32(0.005)  # squared display units: least squared error expected of a hole
 REJECTED = np.float32(0.02)  # squared display units: the same of a pixel whose whole history a sample contradicts
 BELIEVED = np.float32(4.0)  # samples of a pixel at rest before its variance is believed
+MOST = np.float32(16384.0)  # samples of a pixel at rest; a small bright lamp in its corner would take for ever
+FOUR = np.float32(4.0)
+DARKEST = np.float32(1.5e-3)  # light: below it display values grow no steeper, by 12.92 as those of sRGB
+SURELY = np.float32(16.0)  # square of the standard errors that a mean is beyond the display's range by
 X, Y, WIDTH, HEIGHT = 0, 1, 2, 3  # columns of a rectangle
 
 
@@ -58,7 +62,7 @@ class Marks(NamedTuple):
 
 
 @kernel
-def score_moving(resolved, sample_density, accumulation, accumulating, floor, scores, tiles):
+def score_moving(resolved, sample_density, accumulation, accumulating, floor, gain, scores, tiles):
     """Score pixels while something moves: contrast / (n (n + 1)), and holes above all.
 
     Parameters
@@ -67,15 +71,15 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, sc
     sample_density : (h, w) float32, any strides; effective samples of each pixel
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     accumulating : (rows,) bool, of every 16 rows: whether any of their pixels accumulates
-    floor : float32, added to every score, so that no pixel starves
+    floor : float32, added to every score, so that no pixel starves; gain : see score_still
     scores : Scores, written; tiles : Tiles, sums are written
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
     for k in (2, 0):  # of the rows above and at row 0, which count as alike
-        measure_brightness(resolved[0], brightness[k])
+        measure_brightness(resolved[0], gain, brightness[k])
     for i in range(height):
-        measure_brightness(resolved[min(i + 1, height - 1)], brightness[(i + 1) % 3])
+        measure_brightness(resolved[min(i + 1, height - 1)], gain, brightness[(i + 1) % 3])
         up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
         contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
         measure_contrast(up, own, down, contrast)
@@ -91,12 +95,12 @@ def score_moving(resolved, sample_density, accumulation, accumulating, floor, sc
 
 
 @inline_kernel
-def measure_brightness(row, brightness):
+def measure_brightness(row, gain, brightness):
     """Square root of the mean channel, about its display value, of a row of an image; its ends are repeated once.
 
-    row : (w, 3) float32, linear RGB; brightness : (w + 2,) float32, written
+    row : (w, 3) float32, linear RGB; gain : see score_still; brightness : (w + 2,) float32, written
     """
-    third = np.float32(1.0 / 3.0)
+    third = gain * np.float32(1.0 / 3.0)
     inner = brightness[1:-1]
     for j in range(inner.shape[0]):
         inner[j] = (row[j, 0] + row[j, 1] + row[j, 2]) * third
@@ -159,7 +163,7 @@ def moving_gain(contrast, n):
 
 
 @kernel
-def score_still(resolved, accumulation, floor, enough, scores, tiles):
+def score_still(resolved, accumulation, floor, enough, gain, scores, tiles):
     """Score pixels while nothing moves: by their own variance; 0 where the standard error is below `enough`.
 
     Parameters
@@ -167,30 +171,42 @@ def score_still(resolved, accumulation, floor, enough, scores, tiles):
     resolved : (h, w, 3) float32, linear RGB
     accumulation : (h, w, 8) float32, see deepbuffer.kernels.accumulation
     floor : float32, see score_moving; enough : float32, standard error in brightness that needs no more samples
+    gain : float32, what light is multiplied by before it is shown
     scores, tiles : see score_moving
     """
     height, width = scores.score.shape
     brightness = np.empty((3, width + 2), np.float32)
     for k in (2, 0):  # of the rows above and at row 0, which count as alike
-        measure_brightness(resolved[0], brightness[k])
+        measure_brightness(resolved[0], gain, brightness[k])
     for i in range(height):
-        measure_brightness(resolved[min(i + 1, height - 1)], brightness[(i + 1) % 3])
+        measure_brightness(resolved[min(i + 1, height - 1)], gain, brightness[(i + 1) % 3])
         up, own, down = brightness[(i + 2) % 3], brightness[i % 3], brightness[(i + 1) % 3]
         contrast, density, score = scores.contrast[i], scores.density[i], scores.score[i]
         measure_contrast_of_four(up, own, down, contrast)
         pixels = accumulation[i]
         for j in range(width):
-            density[j], score[j] = pixels[j, COUNT], pixels[j, BRIGHTNESS_DEVIATIONS]
-        for j in range(width):
-            score[j] = still_gain(score[j], contrast[j], density[j], floor, enough)
+            density[j] = pixels[j, COUNT]
+            score[j] = still_gain(pixels[j], contrast[j], density[j], floor, enough, gain)
     sum_tiles(scores.score, tiles)
 
 
 @inline_kernel
-def still_gain(deviations, contrast, n, floor, enough):
-    """Expected error reduction of one more sample: variance of n samples and one pseudo-sample of the contrast."""
-    variance = (deviations + contrast) / max(n, ONE)
-    known = (n >= BELIEVED) & (variance < enough * enough * n)
+def still_gain(pixel, contrast, n, floor, enough, gain):
+    """Expected error reduction of one more sample: variance of n samples and one pseudo-sample of the contrast.
+
+    What counts is the error of the value shown, the square root of the mean light up to 1. So the variance is that of
+    light, by the curve's slope at the mean; and nothing is gained where all channels are surely above 1. Samples
+    themselves are not cut off: their mean would be too dark.
+
+    pixel : (8,) float32, its accumulation; gain : see score_still
+    """
+    deviations = gain * gain * pixel[LUMINANCE_DEVIATIONS]
+    slope = ONE / (FOUR * min(max(gain * pixel[LUMINANCE_MEAN], DARKEST), ONE))  # squared
+    count = max(n, ONE)
+    variance = min((slope * deviations + contrast) / count, count)  # no error is larger than the display's range
+    beyond = max(gain * min(pixel[RED], pixel[GREEN], pixel[BLUE]) - ONE, ZERO)
+    clipped = beyond * beyond * n * n > SURELY * (deviations + FOUR * contrast)
+    known = (n >= MOST) | ((n >= BELIEVED) & (clipped | (variance < enough * enough * n)))
     return ZERO if known else variance / ((n + np.float32(0.5)) * (n + ONE)) + floor
 
 
@@ -322,14 +338,14 @@ def write_position(i, j, pixels, xy, k):
 
 
 @kernel
-def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, scores, tiles):
+def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, gain, scores, tiles):
     """Update the scores of pixels that received samples, and raise them around samples that contradict the image.
 
     Parameters
     ----------
     samples : (n,) SAMPLE; x0, y0 : int, panel pixel of score[0, 0]
     nothing_moves : bool, scores are those of score_still, else of score_moving
-    accumulation, floor, enough : see score_still
+    accumulation, floor, enough, gain : see score_still
     scores : Scores, density and score are updated; tiles : Tiles, sums are updated
     """
     contrast, density, score, sums = scores.contrast, scores.density, scores.score, tiles.sums
@@ -340,12 +356,11 @@ def learn(samples, x0, y0, accumulation, nothing_moves, floor, enough, scores, t
             continue
         density[i, j] += ONE
         if nothing_moves:
-            deviations = accumulation[i, j, BRIGHTNESS_DEVIATIONS]
-            gain = still_gain(deviations, contrast[i, j], density[i, j], floor, enough)
+            new = still_gain(accumulation[i, j], contrast[i, j], density[i, j], floor, enough, gain)
         else:
-            gain = moving_gain(contrast[i, j], density[i, j]) + floor
-        sums[tiles.tile_of[i, j]] += gain - score[i, j]
-        score[i, j] = gain
+            new = moving_gain(contrast[i, j], density[i, j]) + floor
+        sums[tiles.tile_of[i, j]] += new - score[i, j]
+        score[i, j] = new
         change = samples[k]["change"]
         if change > ZERO:
             raise_around(score, tiles, i, j, REJECTED * change)
