@@ -128,7 +128,7 @@ def test_many_samples_of_one_pixel_at_rest_do_not_drive_out_the_others(scene: Sc
 
 
 def test_what_a_pixel_at_rest_accumulates_is_numpys_mean_and_variance(scene: Scene) -> None:
-    """Of the square roots of luminance (Rec. 709), and of the irradiance's square root; Welford 1962."""
+    """Of luminance (Rec. 709), and of the irradiance's square root; Welford 1962."""
     random = np.random.default_rng(4)
     colors = random.uniform(0, 1, (40, 3)).astype(np.float32)
     lights = random.uniform(0, 1, 40).astype(np.float32)
@@ -137,10 +137,10 @@ def test_what_a_pixel_at_rest_accumulates_is_numpys_mean_and_variance(scene: Sce
 
     accumulated = at_rest_after(scene, samples[:13], samples[13:]).buffer.history.accumulation[11, 20]
 
-    brightness = np.sqrt(colors @ np.array([0.2126, 0.7152, 0.0722]))
+    luminance = colors @ np.array([0.2126, 0.7152, 0.0722])
     assert_allclose(accumulated[:3], colors.mean(axis=0), rtol=1e-5)
     assert accumulated[3] == 40
-    assert_allclose(accumulated[4:6], [brightness.mean(), 40 * brightness.var()], rtol=1e-4)
+    assert_allclose(accumulated[4:6], [luminance.mean(), 40 * luminance.var()], rtol=1e-4)
     assert_allclose(accumulated[6:8], [lights.mean(), 40 * lights.var()], rtol=1e-4)
 
 
