@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from wall.core.data import SAMPLE, Event, Float32, Framelet, Rect, Samples
-from wall.deepbuffer.kernels.columns import BRIGHTNESS_DEVIATIONS, COUNT
+from wall.deepbuffer.kernels.columns import COUNT, LUMINANCE_DEVIATIONS
 from wall.reconstruction.reconstruction import Reconstruction
 from wall.sampling.pixel_means import PixelMeans
 from wall.scene.model import Material
@@ -35,11 +35,11 @@ def random_samples(count: int) -> Found:
 
 
 def alternating_variance(count: int) -> Found:
-    """Relative error of the variance of brightness of a pixel that is 0.1 and 0.9 in turn, as samplers are told it."""
+    """Relative error of the variance of luminance of a pixel that is 0.1 and 0.9 in turn, as samplers are told it."""
     values = np.repeat(np.array([0.1, 0.9], np.float32)[np.arange(count) % 2, None], 3, axis=1)
     pixel = accumulated(values).buffer.history.accumulation[11, 20]
-    wanted = float(np.sqrt(values[:, 0].astype(np.float64)).var())
-    return Found(figure=abs(float(pixel[BRIGHTNESS_DEVIATIONS]) / float(pixel[COUNT]) / wanted - 1.0))
+    wanted = float(values[:, 0].astype(np.float64).var())
+    return Found(figure=abs(float(pixel[LUMINANCE_DEVIATIONS]) / float(pixel[COUNT]) / wanted - 1.0))
 
 
 def accumulated(values: Float32) -> Reconstruction:
