@@ -42,7 +42,7 @@ def escaped(tracer: Tracer, directions: Float32) -> int:
         rays[embree.DIRECTION_X // 16 : embree.TIME // 16] = packet.T
         rays[embree.T_FAR // 16] = np.inf
         bits[embree.GEOMETRY // 16] = MISS
-        addresses = work.valid.ctypes.data, arguments.scene, work.packet.ctypes.data, work.arguments.ctypes.data
+        addresses = work.valid.ctypes.data, arguments.scene.at_rest, work.packet.ctypes.data, work.arguments.ctypes.data
         embree._library.rtcIntersect16(*addresses)
         escaped += int((bits[embree.GEOMETRY // 16] == MISS).sum())
     return escaped
