@@ -82,9 +82,9 @@ def test_edits_build_no_tree_and_compile_no_kernel(
     running.until_complete()
     finished(running, 1, {"sky.strength": (1.5,)})  # a kernel's first call compiles it, whatever called it
     known, built = specialisations(), list[str]()
-    for name in ("mesh", "instances"):
+    for name in ("mesh", "tree", "instance", "commit"):
         own = getattr(Device, name)
-        monkeypatch.setattr(Device, name, lambda *a, _own=own, _name=name: (built.append(_name), _own(*a))[1])
+        monkeypatch.setattr(Device, name, lambda *a, _own=own, _name=name, **k: (built.append(_name), _own(*a, **k))[1])
     for number, values in enumerate(EDITS, start=2):
         finished(running, number, values, exposure=0.5 * number)
     assert specialisations() == known
