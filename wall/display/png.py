@@ -12,6 +12,7 @@ from PIL import Image
 from wall.core.errors import LocalProtocolError, RunError
 from wall.display.base import PanelImage, Status, WallImage
 from wall.display.files import replaced
+from wall.display.saving import SAVE_S, Saver
 
 BEZEL_RGB = (13, 14, 17)  # sRGB; a little lighter than black: a dark panel keeps its edge
 QUICK = 1  # zlib level: half the time of the default for 15 % more bytes
@@ -85,23 +86,31 @@ def write_images(folder: Path, image: WallImage) -> list[Path]:
 
 
 class PngSink:
-    """Keeps the newest image; `close` writes it, see write_images."""
+    """Keeps the newest image and writes it every few seconds; `close` writes the last one. See write_images."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, every_s: float = SAVE_S) -> None:
         make_folder(folder)
         self._folder = folder
         self._image: WallImage | None = None
+        self._written: WallImage | None = None
+        self._saver = Saver(self.save, every_s=every_s)
 
     def show(self, image: WallImage, status: Status) -> None:
         """Keep the image."""
         self._image = image
 
-    def close(self) -> None:
-        """Write the files, if an image was shown. Raises RunError naming the file that could not be."""
-        image, self._image = self._image, None
-        if image is not None:
+    def save(self) -> None:
+        """Write the files, unless they are written. Raises RunError naming the file that could not be."""
+        image = self._image
+        if image is not None and image is not self._written:
             write_images(self._folder, image)
+            self._written = image
+
+    def close(self) -> None:
+        """Write the last image, if one was shown. Raises RunError naming the file that could not be written."""
+        self._saver.close()
+        self.save()
 
     def dropped(self) -> dict[str, int]:
-        """Nothing is ever dropped."""
-        return {}
+        """How often the images could not be written."""
+        return {"png_unwritten": self._saver.failed} if self._saver.failed else {}

@@ -385,5 +385,6 @@ class Manager:
         return all(beat is not None and beat.last for beat in living)
 
     def dropped(self) -> Counter[str]:
-        """What was dropped anywhere, by name."""
-        return sum((Counter(beat.dropped) for beat in self.heartbeats.values()), self.counters + self.editor.counters)
+        """What was dropped anywhere, by name. Other threads may ask."""
+        beats = self.heartbeats.copy().values()
+        return sum((Counter(beat.dropped) for beat in beats), self.counters.copy() + self.editor.counters.copy())

@@ -153,12 +153,13 @@ def statistics_of(status: Status) -> Statistics:
     )
 
 
-def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, cores: float) -> dict[str, Any]:
+def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, cores: float, ended: str) -> dict[str, Any]:
     """What summary.json holds: counts since the newest configuration was adopted.
 
-    `seconds`: how long the run took; `cores`: how many the head's process used.
+    `seconds`: how long the run took; `cores`: how many the head's process used; `ended`: how, where the manager has not
+    decided that. May be called while the threads of both roles run.
     """
-    plan, beats = manager.plan, manager.heartbeats
+    plan, beats = manager.plan, manager.heartbeats.copy()
     layout = plan.layout
     if manager.balancer is not None:
         layout = layout.assigned(manager.balancer.assignment.cuts)
@@ -169,7 +170,7 @@ def summary_of(manager: Manager, compositor: Compositor, *, seconds: float, core
     at_renderers = {layout.wall.viewports[layer.panel].id for layer in layout.graph.layers if layer.at_renderer}
     return {
         "seconds": round(seconds, 3),
-        "ended": manager.ended or "interrupted",
+        "ended": manager.ended or ended,
         "samples_traced": sum(beat.samples_traced for beat in beats.values()),
         "samples_shown": sum(beat.samples_shown for beat in beats.values()),
         "secondary_rays": sum(beat.secondary_rays for beat in beats.values()),

@@ -6,13 +6,16 @@ the others, after it has loaded the scene and the kernels, so that they start at
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
 MPI_RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
+_PR_SET_PDEATHSIG = 1
 MPI_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
 
 
@@ -21,6 +24,7 @@ class Bootstrap(Protocol):
 
     rank: int
     size: int
+    killed_soon: bool  # once the launcher has told this process to end
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank. Called once by all, at the start."""
@@ -47,6 +51,11 @@ def under_mpi() -> bool:
 def mpi_rank() -> int:
     """The rank that an MPI launcher gave this process, before MPI is loaded; 0 without one."""
     return next((int(os.environ[name]) for name in MPI_RANKS if os.environ.get(name, "").isdecimal()), 0)
+
+
+def end_with_parent(number: signal.Signals) -> None:
+    """Let this process get a signal when the process that started it ends."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
 
 
 @contextmanager

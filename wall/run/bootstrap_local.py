@@ -7,7 +7,6 @@ fork ranks, so that they begin with the scene and the kernels that were loaded t
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import multiprocessing
 import os
 import signal
@@ -19,14 +18,17 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError, WallError
+from wall.run.bootstrap import end_with_parent
+from wall.run.endings import REASONS
 
 START_WAIT_S = 30.0  # for the address of rank 0, which has little to do before it tells it
 STOP_WAIT_S = 6.0  # for ranks to end by themselves after they were told to, and to write what their sinks hold
-_PR_SET_PDEATHSIG = 1
 
 
 class LocalBootstrap:
     """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
+
+    killed_soon = False
 
     def __init__(
         self, rank: int, size: int, pipes: list[Connection], children: list[BaseProcess],
@@ -46,7 +48,7 @@ class LocalBootstrap:
         pipes = [context.Pipe(duplex=False) for _ in range(size - 1)]
         to_nursery, at_nursery = context.Pipe()
         children: list[BaseProcess] = []
-        ctrl_c = signal.signal(signal.SIGINT, signal.SIG_IGN)  # ranks leave Ctrl-C to the head, from their start
+        before = {number: signal.signal(number, signal.SIG_IGN) for number in REASONS}  # as ranks do, from their start
         for rank in range(1, size):
             own = pipes[rank - 1][0]
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
@@ -60,7 +62,8 @@ class LocalBootstrap:
             others = [end for pipe in pipes for end in pipe] + [to_nursery]
             args = (size, at_nursery, others, main, os.getpid())
             nursery = Nursery(context.Process(target=_nurse, args=args, name="wall nursery"), to_nursery)
-        signal.signal(signal.SIGINT, ctrl_c)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         for reader, _ in pipes:
             reader.close()
         at_nursery.close()
@@ -177,11 +180,10 @@ def _how(exit_code: int) -> str:
 
 
 def _belong_to(parent: int, ends: list[Connection]) -> None:
-    """Of a forked process: die with its parent, leave Ctrl-C to it, close the ends of pipes that are others'."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    """Of a forked process, which ignores what ends the run: die with its parent, close ends of pipes that are others'."""
+    end_with_parent(signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     for end in ends:
         end.close()
 

@@ -5,23 +5,30 @@ from __future__ import annotations
 import atexit
 import faulthandler
 import os
+import signal
 import sys
+from pathlib import Path
 
 from mpi4py import MPI
 
-from wall.run.bootstrap import time_limit
+from wall.run.bootstrap import end_with_parent, time_limit
 
 START_WAIT_S = 120.0  # for all ranks to load the scene and, on a fresh machine, to compile
+SEGMENTS = "/dev/shm/sm_segment."  # Open MPI's files of shared memory, one a process
 END_WAIT_S = 5.0  # for MPI_Finalize, which waits for the head's results, and for ever for some dead ranks
 
 
 class MpiBootstrap:
     """The processes of one MPI launch."""
 
+    killed_soon = True
+
     def __init__(self) -> None:
         self._world = MPI.COMM_WORLD
         self.rank: int = self._world.Get_rank()
         self.size: int = self._world.Get_size()
+        self._launcher = os.getppid()
+        end_with_parent(signal.SIGTERM)  # or ranks would outlive an mpirun that was killed
 
     def allgather(self, text: str) -> list[str]:
         """Every rank's text, in rank order. MPI has no time limits of its own, so this one ends the process."""
@@ -47,7 +54,7 @@ class MpiBootstrap:
 
     def finish(self) -> None:
         """At the exit of this process let MPI end in order, or leave with exit code 1 where it waits for the dead."""
-        atexit.register(_finalize)
+        atexit.register(_finalize, self._launcher)
 
     def _give_up(self) -> None:
         text = f"rank {self.rank}: not all ranks have started after {START_WAIT_S:.0f} s; giving up"
@@ -55,11 +62,25 @@ class MpiBootstrap:
         os._exit(1)
 
 
-def _finalize() -> None:
-    """End MPI within END_WAIT_S. MPI_Finalize keeps the GIL; faulthandler's thread, which needs none, can end it."""
+def _finalize(launcher: int) -> None:
+    """End MPI within END_WAIT_S. MPI_Finalize keeps the GIL; faulthandler's thread, which needs none, can end it.
+
+    `launcher`: the process that started this one. Without it MPI_Finalize never ends.
+    """
+    if os.getppid() != launcher:  # nor does anybody read what this process prints
+        remove_segments()
+        os._exit(1)
     sys.stdout.flush()
     sys.stderr.flush()
     with open(os.devnull, "w") as nowhere:  # faulthandler wants to write where every thread stands
         faulthandler.dump_traceback_later(END_WAIT_S, exit=True, file=nowhere)
         MPI.Finalize()
         faulthandler.cancel_dump_traceback_later()
+
+
+def remove_segments() -> None:
+    """Remove the files of shared memory that Open MPI has made for this process, as MPI_Finalize would."""
+    with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
+        paths = {line.split(maxsplit=5)[-1].strip() for line in maps if SEGMENTS in line}
+    for path in paths:
+        Path(path).unlink(missing_ok=True)

@@ -26,6 +26,8 @@ class _Shared:
 class ThreadBootstrap:
     """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
 
+    killed_soon = False
+
     def __init__(self, rank: int, size: int, shared: _Shared) -> None:
         self.rank, self.size, self._shared = rank, size, shared
 

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import json
 import os
-import signal
 import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 from wall.core.errors import WallError
+from wall.display.base import Sink
 from wall.display.files import replaced
 from wall.display.image_log import ImageLog
+from wall.display.saving import Saver
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import MANAGER, Died, End
 from wall.roles.manager import Manager
@@ -26,10 +26,11 @@ from wall.roles.status import summary_of
 from wall.run.bootstrap import Bootstrap
 from wall.run.clock import HeadClock
 from wall.run.control_file import Control, announced, new_key
+from wall.run.endings import EndSignals, WriterApart
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.ranks import compositor_loop, open_data_hub, ways_of
-from wall.run.sinks import distinct, make_sinks, notes_of, window_input_of
+from wall.run.sinks import distinct, make_sinks, notes_of, save_images, window_input_of
 from wall.run.succession import FileWatch, Preparer
 from wall.run.usage import cpu_seconds
 from wall.transport.factory import LOOPBACK
@@ -91,6 +92,9 @@ class HeadProcess:
         self._manager: Manager | None = None
         self._loop: Loop | None = None  # of the compositor
         self._restarts: dict[int, list[float]] = {}  # by rank: when it was started again
+        self._sinks: list[Sink] = []
+        self._signals, self._told = EndSignals(self._end), ""  # why this process was first told to end
+        self._apart = WriterApart(self._save)
         self.failures: list[str] = []
         self.summary: dict[str, Any] | None = None  # None: the run did not even begin
 
@@ -98,6 +102,7 @@ class HeadProcess:
         """Open everything, run both loops, close everything."""
         with Closing() as closing:
             self.failures = closing.failures
+            closing.callback(self._signals.restore)
             self._run(closing, say, opened)
 
     def _run(self, closing: Closing, say: Say, opened: Say) -> None:
@@ -112,15 +117,17 @@ class HeadProcess:
         ways = ways_of(plan, HEAD, address, clock, data)
         closing.later(ways.close)
         closing.later(self._bootstrap.finish)
-        closing.later(self._write_summary)
+        closing.later(self._write_last_summary)
         sinks, browser = make_sinks(plan, HEAD, options.out, headless=options.headless)
-        for sink in distinct(sinks):
+        self._sinks = distinct(sinks)
+        for sink in self._sinks:
             closing.later(sink.close)
         for note in notes_of(sinks):
             say(f"note: {note}")
         log = ImageLog(options.images) if options.images is not None else None
         if log is not None:
             closing.later(log.close)
+        closing.later(self._apart.wait)
         self._loop = loop = compositor_loop(plan, HEAD, data, ways, clock, sinks, self._preparer, log=log)
         began = clock.now()
         self._manager = Manager(
@@ -146,7 +153,9 @@ class HeadProcess:
                 succession=self._preparer,
             )
         )  # fmt: skip
-        with ended_by_signals(self._ends), self._reachable(control.endpoint, key):
+        self._signals.install()
+        closing.later(Saver(self._save_summary).close)
+        with self._reachable(control.endpoint, key):
             opened(browser.address if browser else "")
             managing.start()
             try:
@@ -186,15 +195,39 @@ class HeadProcess:
         self._restarts[rank] = [*recent, now]
         return True
 
-    def _write_summary(self) -> None:
+    def _end(self, reason: str) -> None:
+        """This process was told to end. Called between two steps of the main thread."""
+        self._told = self._told or reason
+        self._ends.append(End(reason))
+        if self._bootstrap.killed_soon:
+            self._apart.begin()
+
+    def _save(self) -> None:
+        """Write the results as they are."""
+        save_images(self._sinks)
+        self._save_summary()
+
+    def _save_summary(self) -> None:
+        if (summary := self._summary(self._told or "running")) is not None:
+            self._write(summary)
+
+    def _write_last_summary(self) -> None:
+        self.summary = self._summary("interrupted")
+        if self.summary is not None:
+            self._write(self.summary)  # what fails here is kept by Closing
+
+    def _write(self, summary: dict[str, Any]) -> None:
+        with replaced(self._options.out / "summary.json") as part:
+            part.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+
+    def _summary(self, ended: str) -> dict[str, Any] | None:
+        """None before the run began. `ended`: how, where the manager has not decided that."""
         if self._manager is None or self._loop is None:
-            return
+            return None
         assert isinstance(self._loop.role, Compositor)
         seconds = self._clock.now() - self._began
         cores = (cpu_seconds() - self._cpu) / max(seconds, 1e-3)
-        self.summary = summary_of(self._manager, self._loop.role, seconds=seconds, cores=cores)
-        with replaced(self._options.out / "summary.json") as part:  # what fails here is kept by Closing
-            part.write_text(json.dumps(self.summary, indent=2) + "\n", encoding="utf-8")
+        return summary_of(self._manager, self._loop.role, seconds=seconds, cores=cores, ended=ended)
 
     def outcome(self) -> Outcome:
         """The outcome of a run that began."""
@@ -230,18 +263,3 @@ class ManagerThread(threading.Thread):
             self._loop.run()
         except BaseException as failure:
             self.failure = failure
-
-
-@contextmanager
-def ended_by_signals(ends: deque[End | Died]) -> Iterator[None]:
-    """While inside, Ctrl-C and SIGTERM end the run in order instead of tearing it apart."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        ends.append(End("interrupted" if number == signal.SIGINT else "terminated"))
-
-    before = {s: signal.signal(s, stop) for s in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for s, handler in before.items():
-            signal.signal(s, handler)

@@ -57,6 +57,7 @@ class Renumbered:
         """rank_of : of every launched process, see assign"""
         self._bootstrap, self._rank_of = bootstrap, rank_of
         self.rank, self.size = rank_of[bootstrap.rank], bootstrap.size
+        self.killed_soon = bootstrap.killed_soon
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank; the first launched process stays rank 0."""

@@ -26,11 +26,12 @@ from wall.roles.renderer_image import image_at
 from wall.run.bootstrap import Bootstrap
 from wall.run.bootstrap_local import LocalBootstrap
 from wall.run.clock import HeadClock
+from wall.run.endings import EndSignals, WriterApart, leave_to_head
 from wall.run.event_file import EventFile
 from wall.run.loop import Loop, Source
 from wall.run.ports import Ports
 from wall.run.recording import RecordedClock, RecordedPorts, file_of
-from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, window_input_of
+from wall.run.sinks import distinct, lay_out, make_sinks, notes_of, save_images, window_input_of
 from wall.run.succession import Preparer, Succession
 from wall.run.tracers import OnTraced, Tracers
 from wall.tracing.tracer_scene import TracerScene
@@ -58,12 +59,14 @@ def serve(
     renderers are told.
     """
     rank, address = bootstrap.rank, json.loads(bootstrap.broadcast(""))
+    if bootstrap.killed_soon:
+        leave_to_head()
     if plan.layout.role(rank) == "renderer":
         if isinstance(bootstrap, LocalBootstrap):
             os.nice(RENDERER_NICE)
         _render(plan, tracer_scene, rank, address, preparer, record)
     else:
-        _compose(plan, rank, address, preparer, out, headless=headless)
+        _compose(plan, rank, address, preparer, out, headless=headless, killed_soon=bootstrap.killed_soon)
 
 
 def _render(
@@ -106,8 +109,9 @@ def _keep(events: EventFile, number: int, trace: Trace, result: bytes | Batch | 
 
 
 def _compose(
-    plan: Plan, rank: int, address: Mapping[str, str], preparer: Preparer, out: Path, *, headless: bool
-) -> None:
+    plan: Plan, rank: int, address: Mapping[str, str], preparer: Preparer, out: Path, *, headless: bool,
+    killed_soon: bool,
+) -> None:  # fmt: skip
     clock = HeadClock()
     with ExitStack() as closing:
         hub = open_data_hub(plan)
@@ -116,6 +120,10 @@ def _compose(
         sinks, _ = make_sinks(plan, rank, out, headless=headless)
         for sink in distinct(sinks):
             closing.callback(sink.close)
+        if killed_soon:
+            apart = WriterApart(partial(save_images, distinct(sinks)))
+            closing.callback(apart.wait)
+            EndSignals(lambda reason: apart.begin()).install()
         for note in notes_of(sinks):
             print(f"rank {rank}: note: {note}", file=sys.stderr, flush=True)
         compositor_loop(plan, rank, hub, ports, clock, sinks, preparer, [window_input_of(rank, sinks)]).run()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,6 +66,13 @@ def lay_out(plan: Plan, sinks: list[Sink | None]) -> None:
 def distinct(sinks: list[Sink | None]) -> list[Sink]:
     """Each sink once."""
     return list({id(sink): sink for sink in sinks if sink is not None}.values())
+
+
+def save_images(sinks: Sequence[Sink]) -> None:
+    """Write the newest image of those that keep one until the end."""
+    for sink in sinks:
+        if isinstance(sink, PngSink):
+            sink.save()
 
 
 def notes_of(sinks: list[Sink | None]) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,31 @@ def test_files_hold_exactly_the_last_image(tmp_path, image, status):
     assert sorted(files) == ["panel-r0c0.png", "panel-r0c1.png", "wall.png"]
     assert np.array_equal(files["wall.png"], whole_wall(last))
     assert np.array_equal(files["panel-r0c1.png"], last.panels[1].rgb)
+
+
+def test_files_are_written_while_images_are_shown(tmp_path, image, status):
+    sink = PngSink(tmp_path, every_s=0.01)
+    sink.show(image(1), status)
+    limit = time.monotonic() + 30.0
+    while not (tmp_path / "panel-r0c1.png").exists():
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    (tmp_path / "wall.png").unlink()
+    sink.close()
+    assert not (tmp_path / "wall.png").exists(), "the same image is not written again"
+
+
+def test_images_that_cannot_be_written_are_counted(tmp_path, image, status):
+    sink = PngSink(tmp_path, every_s=0.01)
+    (tmp_path / "wall.png").mkdir()
+    sink.show(image(1), status)
+    limit = time.monotonic() + 30.0
+    while "png_unwritten" not in sink.dropped():
+        assert time.monotonic() < limit
+        time.sleep(0.01)
+    (tmp_path / "wall.png").rmdir()
+    sink.close()
+    assert (tmp_path / "wall.png").is_file()
 
 
 def test_nothing_shown_writes_nothing(tmp_path):

@@ -1,0 +1,42 @@
+"""Save results again and again while a run goes on, in a thread that takes next to nothing from it."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable
+
+from wall.core.errors import RunError
+
+SAVE_S = 5.0  # between two times: what a run loses at most that is killed
+SHARE = 50  # saving takes at most one part in so many of a core's time: large walls are saved less often
+_LEAST_PRIORITY = 19
+
+
+class Saver:
+    """Calls `save` every few seconds, from a thread of its own, until it is closed."""
+
+    def __init__(self, save: Callable[[], None], *, every_s: float = SAVE_S) -> None:
+        """`save` may raise RunError where nothing can be written: it is counted and tried again."""
+        self._save, self._every_s = save, every_s
+        self.failed = 0
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="saver", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread, after what it is writing. May be called twice."""
+        self._ending.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _LEAST_PRIORITY)
+        wait_s = self._every_s
+        while not self._ending.wait(wait_s):
+            began = time.monotonic()
+            try:
+                self._save()
+            except RunError:
+                self.failed += 1
+            wait_s = max(self._every_s, SHARE * (time.monotonic() - began))
