@@ -14,8 +14,8 @@ from wall.core.data import SAMPLE, Batch, Float64, Rect, Samples
 from wall.core.errors import RemoteProtocolError
 from wall.packets.samples import decode
 
-LENGTH_AT, CHECKSUM_AT = 78, 150  # byte offsets in a sample packet's header
-HEADER = 154  # bytes
+LENGTH_AT, CHECKSUM_AT = 90, 166  # byte offsets in a sample packet's header
+HEADER = 170  # bytes
 SMALLEST_NORMAL = 2.0**-126
 LARGEST_COLOUR = 65408.0
 TIME_ROUNDING = 1.0 + 1e-5  # float32 arithmetic around the time code
@@ -46,11 +46,11 @@ def batches(draw: st.DrawFn, *, most: int = 20) -> Batch:
     samples["depth"] = draw(_column(DEPTHS, n))
     samples["time"] = draw(_column(st.floats(0.0, 999999.0, width=32), n))
     samples["object_id"] = draw(_column(st.integers(0, 2**32 - 1), n))
-    word, long = st.integers(0, 65535), st.integers(0, 2**32 - 1)
+    word, long, number = st.integers(0, 65535), st.integers(0, 2**32 - 1), st.integers(0, 2**60 - 1)
     return Batch(
         view=draw(word), panel=draw(word), rect=Rect(x=x, y=y, width=width, height=height), rank=draw(word),
-        sequence=draw(st.integers(0, 2**64 - 1)), camera_event=draw(long), scene_event=draw(long),
-        base_time=draw(st.floats(allow_nan=False, allow_infinity=False)), samples=samples, frame=draw(long),
+        sequence=draw(st.integers(0, 2**64 - 1)), camera_event=draw(number), scene_event=draw(number),
+        base_time=draw(st.floats(allow_nan=False, allow_infinity=False)), samples=samples, frame=draw(number),
         frame_samples=draw(long), skipped=draw(long), blend=draw(st.floats(2.0**-100, 1.0, width=32)),
         foreseen=draw(st.booleans()),
     )  # fmt: skip

@@ -15,7 +15,6 @@ from wall.core.data import NO_EDITS, STILL, Batch, Camera, Edits, Float32, Float
 from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
-MOST_EVENTS = 1 << 31  # camera events until their numbers in `key` start anew: half a year at 120 a second
 JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
 
 
@@ -98,12 +97,12 @@ class PixelBuffer:
 
 def _key_of(batch: Batch) -> np.uint64:
     """Grows with the batch's event, and again where that is no longer a foreseen one."""
-    return np.uint64((batch.camera_event % MOST_EVENTS << 33) | batch.scene_event << 1 | (not batch.foreseen))
+    return np.uint64(batch.camera_event + batch.scene_event << 1 | (not batch.foreseen))
 
 
-def event_of(key: int) -> tuple[int, int]:
-    """The number of the event that a pixel's key is of."""
-    return key >> 33, key >> 1 & 0xFFFFFFFF
+def count_of(key: int) -> int:
+    """The sum of both numbers of the event that a pixel's key is of: with each event of a view it grows."""
+    return key >> 1
 
 
 def _pixels_of(batch: Batch, width: int, height: int) -> NDArray[np.int64]:

@@ -20,9 +20,10 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError
 from wall.packets.edits import edits_body, parse_edits
 from wall.packets.framelets import HEAD as PART_HEAD
 from wall.packets.framelets import FrameletPart, is_plain, parse_part, part_head
+from wall.packets.samples import MAX_NUMBER as MAX_EVENT
 from wall.packets.statistics_image import parse_statistics_image, statistics_image_body
 
-MAGIC, VERSION = b"WALL", 14
+MAGIC, VERSION = b"WALL", 15
 KIND_EVENT, KIND_FRAMELET, KIND_HELLO, KIND_HEARTBEAT, KIND_PING, KIND_PONG, KIND_STOP = range(2, 9)
 KIND_STATISTICS_IMAGE, KIND_WINDOW_INPUT, KIND_STATISTICS, KIND_MEMBERSHIP = 10, 11, 12, 13  # 9 is not used
 KIND_EDIT_REQUEST, KIND_EDIT_ANSWER, KIND_SELECTION, KIND_ASSIGNMENT = 14, 15, 16, 17
@@ -39,7 +40,7 @@ MAX_COMMANDS = 64  # of a WindowInput; more go in several
 _HEADER = struct.Struct("<4sBBxxI")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
-_EVENT = struct.Struct("<HIIdd3d9dB31p31pBdI")  # then the edits
+_EVENT = struct.Struct("<HQQdd3d9dB31p31pBdQ")  # then the edits
 _LONE_SURROGATE = re.compile("[\ud800-\udfff]")
 
 
@@ -317,6 +318,8 @@ def _parse_event(body: bytes) -> Event:
             f"event {camera_event}/{scene_event}: a number is not finite, or a flag is above 1: paused {paused}, "
             f"statistics {statistics}"
         )
+    if max(camera_event, scene_event, edit) > MAX_EVENT:
+        raise RemoteProtocolError(f"event {camera_event}/{scene_event}, edit {edit}: above {MAX_EVENT}")
     try:
         names = sampler.decode(), compare.decode()
     except UnicodeDecodeError as error:

@@ -23,13 +23,14 @@ from wall.packets.rotations import is_unit, quaternion_of, rotation_of
 
 __all__ = ["HEADER_BYTES", "MAX_SAMPLES", "Codec", "decode", "encode", "is_samples"]
 
-MAGIC, VERSION, KIND_SAMPLES = b"WALL", 5, 1
+MAGIC, VERSION, KIND_SAMPLES = b"WALL", 6, 1
 PLAIN, COMPACT = 0, 1  # layouts of the body
 MAX_SAMPLES = 65536  # of one packet
+MAX_NUMBER = (1 << 60) - 1  # of events, frames and edits: no run ever counts as far, and sums of them fit 64 bits
 MAX_EDGE = 4096  # pixels of a rectangle: leaves 2 sub-pixel bits of 14
 LARGEST_DEPTH_BASE, DEPTH_BITS_RANGE = 254, (8, 15)  # float32 exponent, mantissa bits
 
-_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQIIdffIIIIIId3d4dI")
+_HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQQQdffQIIIIId3d4dQ")
 _CHECKSUM = struct.Struct("<I")
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 
@@ -96,6 +97,9 @@ def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:
         raise LocalProtocolError(
             f"{where}: base time {batch.base_time}, blend {batch.blend}; wanted a finite time, a blend in (0, 1]"
         )
+    counts = batch.camera_event, batch.scene_event, batch.frame, batch.edits.number
+    if not 0 <= min(counts) <= max(counts) <= MAX_NUMBER:
+        raise LocalProtocolError(f"{where}: event, frame, edit {counts}: a number does not fit its field of the header")
     if not all(map(math.isfinite, (batch.scene_time, *batch.camera.position))):
         raise LocalProtocolError(f"{where}: scene time {batch.scene_time}, {batch.camera}; wanted finite numbers")
     try:
@@ -138,6 +142,10 @@ def decode(data: bytes | memoryview) -> Batch:
         )
     if not _sane(base_time, span, blend):
         raise RemoteProtocolError(f"{where}: time {base_time}, span {span}, blend {blend}: out of range")
+    if max(camera_event, scene_event, frame, edit) > MAX_NUMBER:
+        raise RemoteProtocolError(
+            f"{where}: event {camera_event}/{scene_event}, frame {frame}, edit {edit}: above {MAX_NUMBER}"
+        )
     if not all(map(math.isfinite, (scene_time, *position))) or not is_unit(quaternion):
         raise RemoteProtocolError(f"{where}: scene time {scene_time}, pose {position} {quaternion}: out of range")
     if channels not in CHANNELS_OF_LAYOUT.get(layout, ()):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wall.core.data import Event, Float32, Float64
-from wall.deepbuffer.pixel_buffer import event_of
+from wall.deepbuffer.pixel_buffer import count_of
 
 RIGHT_SHARE = 0.9  # of an image's pixels
 BLOCK = 4  # pixels; one pixel, or one block, of each 4x4 is looked at
@@ -30,7 +30,7 @@ class RightTimes:
     """`follow` events, `see_...` images; `seconds` from the input to an image that is right."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[tuple[int, int], float]] = deque(maxlen=WAITING)  # event, its input's time
+        self._waiting: deque[tuple[int, float]] = deque(maxlen=WAITING)  # sum of an event's numbers, its input's time
         self._recent: deque[float] = deque(maxlen=RECENT)
         self._newest: tuple[int, int] | None = None
         self._edit = (0, -math.inf)  # number of the newest edits, and the time of their input
@@ -41,7 +41,7 @@ class RightTimes:
             self._newest, self._edit = event.number, (event.edits.number, -math.inf)
         elif event.number > self._newest:
             self._newest = event.number
-            self._waiting.append((event.number, event.input_time))
+            self._waiting.append((sum(event.number), event.input_time))
             if event.edits.number != self._edit[0]:
                 self._edit = event.edits.number, event.input_time
 
@@ -51,7 +51,7 @@ class RightTimes:
             step = BLOCK * _stride(keys.shape)
             seen = keys[::step, ::step].ravel()
             rank = int((1.0 - RIGHT_SHARE) * len(seen))
-            self._shown(event_of(int(np.partition(seen, rank)[rank])), now)
+            self._shown(count_of(int(np.partition(seen, rank)[rank])), now)
 
     def see_reprojected(self, event: Event, weights: Float32 | None, times: Float64, now: float) -> None:
         """See an image of samples that follow `event`, or what was expected after the newest: a number below 0.
@@ -71,11 +71,11 @@ class RightTimes:
             stride = _stride(times.shape)
             right = right & (weights[::stride, ::stride] >= LEAST_WEIGHT)
         if right.mean() >= RIGHT_SHARE:
-            shown = event.number if event.camera_event >= 0 else self._newest
+            shown = sum(event.number if event.camera_event >= 0 else self._newest)
             self._shown(shown if weights is not None else oldest, now)
 
-    def _shown(self, number: tuple[int, int], now: float) -> None:
-        while self._waiting and self._waiting[0][0] <= number:
+    def _shown(self, count: int, now: float) -> None:
+        while self._waiting and self._waiting[0][0] <= count:
             self._recent.append(max(0.0, now - self._waiting.popleft()[1]))
 
     def seconds(self, now: float) -> float:

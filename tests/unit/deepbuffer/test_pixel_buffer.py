@@ -162,10 +162,15 @@ def test_samples_of_an_event_replace_those_that_were_foreseen_of_it_and_not_the_
     assert value(deep, 0, 0) == 9.0
 
 
-def test_event_numbers_of_32_bits_are_taken() -> None:
-    deep = buffer_of(batch(sample(0.5, 0.5, 3.0), event=2**32 - 1, scene_event=2**32 - 1))
+@pytest.mark.parametrize("count", [2**31 - 1, 2**32 - 1, 2**60 - 2])
+def test_events_are_told_apart_however_long_the_run_lasts(count: int) -> None:
+    first = batch(sample(0.5, 0.5, 3.0), event=count, scene_event=count)
+    moved = batch(sample(0.5, 0.5, 4.0), event=count, scene_event=count + 1)
+    turned = batch(sample(0.5, 0.5, 5.0), event=count + 1, scene_event=count + 1)
 
-    assert value(deep, 0, 0) == 3.0
+    assert value(buffer_of(first, moved), 0, 0) == 4.0
+    assert value(buffer_of(first, moved, turned), 0, 0) == 5.0
+    assert value(buffer_of(turned, moved, first), 0, 0) == 5.0
 
 
 def test_switching_between_whole_and_quarter_samples_within_an_event_starts_the_pixel_over() -> None:

@@ -273,7 +273,7 @@ def test_a_body_of_one_byte_repeated_is_refused(fill: bytes) -> None:
 
 def test_a_short_body_cannot_ask_for_much_memory() -> None:
     changed = bytearray(packet_of(6))
-    changed[70:74] = (65536).to_bytes(4, "little")
+    changed[82:86] = (65536).to_bytes(4, "little")
     bombs = [changed, packet_of(6)[:HEADER] + zstandard.compress(bytes(1 << 28))]
     for bomb in bombs:
         packet = resealed(bomb)

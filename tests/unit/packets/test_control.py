@@ -36,7 +36,7 @@ from wall.packets.control import (
 from wall.packets.framelets import HEAD, FrameletPart
 
 FINITE = st.floats(-1e300, 1e300)
-WORD, LONG, COUNT = st.integers(0, 65535), st.integers(0, 2**32 - 1), st.integers(0, 2**63 - 1)
+WORD, LONG, COUNT = st.integers(0, 65535), st.integers(0, 2**60 - 1), st.integers(0, 2**63 - 1)
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=50)
 CAMERAS = st.builds(Camera, position=st.tuples(*[FINITE] * 3), world_from_wall=st.tuples(*[FINITE] * 9))
 SAMPLERS = TEXT.filter(lambda name: len(name.encode()) <= 30)
@@ -48,8 +48,8 @@ HEARTBEATS = st.builds(
     Heartbeat, rank=WORD, time=FINITE, samples_traced=COUNT, samples_shown=COUNT, secondary_rays=COUNT,
     samples_per_s=FINITE, compared_per_s=FINITE, bytes_per_s=FINITE, packets=COUNT, bytes=COUNT, seconds=FINITE,
     memory=COUNT, refreshes_per_s=FINITE, right_s=FINITE, peak_memory=COUNT, cpu_seconds=FINITE,
-    dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**32 - 1),
-    scene_event=st.integers(-1, 2**32 - 1), last=st.booleans(),
+    dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**60 - 1),
+    scene_event=st.integers(-1, 2**60 - 1), last=st.booleans(),
 )  # fmt: skip
 HELLOS = st.builds(Hello, rank=WORD, host=TEXT, endpoint=TEXT, incarnation=COUNT)
 MESSAGES = st.one_of(

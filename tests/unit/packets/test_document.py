@@ -120,8 +120,8 @@ def test_the_number_of_early_packets_is_the_document_s() -> None:
 def test_the_header_s_byte_table_reads_the_example() -> None:
     data = dumped("samples")
     fields = read(table("## Sample packets"), data)
-    assert fields["size"] == HEADER_BYTES == 154
-    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 5, 1, 0)
+    assert fields["size"] == HEADER_BYTES == 170
+    assert (fields["magic"], fields["version"], fields["kind"], fields["codec"]) == (b"WALL", 6, 1, 0)
     assert (fields["layout"], fields["channels"], fields["objects"]) == (0, ALWAYS, 0)
     assert {name: fields[name] for name in EXAMPLE["header"]} == EXAMPLE["header"]
     assert {name: fields[name] for name in EXAMPLE["rect"]} == EXAMPLE["rect"]
@@ -149,8 +149,8 @@ def test_the_event_table_reads_an_event() -> None:
     )  # fmt: skip
     body = control.serialise(event)[control.HEADER_BYTES :]
     fields = read(table("Event (numbers finite"), body)
-    assert fields.pop("size") == 198
-    assert body[198:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
+    assert fields.pop("size") == 210
+    assert body[210:] == b"\x08exposure\x02" + struct.pack("<2d", 2.0, 3.0)
     words = {"sampler": b"hilbert", "paused": 1, "compare": b"framed", "statistics": 1}
     wanted = asdict(event) | camera_fields(camera) | words
     wanted["edit"] = wanted.pop("edits")["number"]

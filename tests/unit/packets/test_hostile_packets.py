@@ -14,7 +14,7 @@ from wall.core.data import Rect
 from wall.core.errors import RemoteProtocolError
 from wall.packets.samples import HEADER_BYTES, Codec, decode, encode
 
-COUNT_AT, OBJECTS_AT, CODEC_AT = 70, 74, 6
+COUNT_AT, OBJECTS_AT, CODEC_AT = 82, 86, 6
 PACKETS = {codec: encode(batch_of(plain_samples(2)), codec) for codec in Codec}
 
 
@@ -73,12 +73,13 @@ def test_any_value_of_any_byte_under_a_valid_checksum_is_refused_or_harmless(cod
     ("offset", "layout", "value"),
     [
         (16, "B", 255), (17, "B", 7), (17, "B", 16), (22, "H", 0), (22, "H", 4097), (24, "H", 0), (24, "H", 65535),
-        (42, "d", float("nan")), (42, "d", float("inf")), (50, "f", -1.0), (50, "f", float("nan")), (50, "f", 1e6),
-        (54, "f", 0.0), (54, "f", 1.5), (54, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
+        (50, "d", float("nan")), (50, "d", float("inf")), (58, "f", -1.0), (58, "f", float("nan")), (58, "f", 1e6),
+        (62, "f", 0.0), (62, "f", 1.5), (62, "f", float("nan")), (COUNT_AT, "I", 1), (COUNT_AT, "I", 3),
         (COUNT_AT, "I", 65537), (COUNT_AT, "I", 2**32 - 1), (OBJECTS_AT, "I", 1), (OBJECTS_AT, "I", 2**32 - 1),
-        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 4), (4, "B", 6), (7, "B", 1), (7, "B", 2), (8, "H", 63),
-        (8, "H", 1 << 8 | 31), (82, "d", float("nan")), (90, "d", float("inf")), (114, "d", float("nan")),
-        (114, "d", 1.0 + 2e-6), (114, "d", 0.0), (138, "d", 1.0), (138, "d", 1e300),
+        (CODEC_AT, "B", 3), (CODEC_AT, "B", 1), (4, "B", 5), (4, "B", 7), (7, "B", 1), (7, "B", 2), (8, "H", 63),
+        (8, "H", 1 << 8 | 31), (94, "d", float("nan")), (102, "d", float("inf")), (126, "d", float("nan")),
+        (126, "d", 1.0 + 2e-6), (126, "d", 0.0), (150, "d", 1.0), (150, "d", 1e300), (34, "Q", 2**60),
+        (42, "Q", 2**64 - 1), (66, "Q", 2**60), (158, "Q", 2**60),
     ],
 )  # fmt: skip
 def test_a_field_out_of_its_range_is_refused_though_the_checksum_fits(offset: int, layout: str, value: float) -> None:

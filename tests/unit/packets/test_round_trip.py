@@ -113,8 +113,8 @@ def test_a_sample_that_cannot_be_carried_is_refused(field: str, value: Any) -> N
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"view": 65536}, {"panel": -1}, {"rank": 65536}, {"sequence": 2**64}, {"camera_event": 2**32},
-        {"scene_event": -1}, {"frame": 2**32}, {"frame_samples": -1}, {"skipped": 2**32}, {"base_time": np.nan},
+        {"view": 65536}, {"panel": -1}, {"rank": 65536}, {"sequence": 2**64}, {"camera_event": 2**60},
+        {"scene_event": -1}, {"frame": 2**60}, {"frame_samples": -1}, {"skipped": 2**32}, {"base_time": np.nan},
         {"base_time": np.inf}, {"blend": 0.0}, {"blend": 1.5}, {"blend": np.nan}, {"blend": 1e-60},
         {"rect": Rect(x=0, y=0, width=4097, height=9)}, {"rect": Rect(x=0, y=0, width=9, height=0)},
         {"rect": Rect(x=-5, y=0, width=480, height=270)}, {"rect": Rect(x=65536, y=0, width=9, height=9)},
