@@ -6,7 +6,6 @@ it is called, so that `wall --help` loads nothing but the command line itself.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -14,8 +13,8 @@ import typer
 
 from wall.cli_measure import measure
 from wall.cli_plan import plan
-from wall.commands.terminal import REFUSED, console, errors, fail, load_config, parse_size, say_version, write_text
-from wall.core.errors import ConfigError, EditError, WallError
+from wall.commands.terminal import console, errors, load_config, parse_size, readably, say_version, write_text
+from wall.core.errors import ConfigError, EditError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -387,12 +386,4 @@ def schema(
 
 def main() -> None:
     """Entry point: every refusal and failure is one readable text and an exit code."""
-    try:
-        app()
-    except (ConfigError, EditError) as error:
-        errors.print(str(error), style="red", markup=False)
-        sys.exit(REFUSED)
-    except WallError as error:
-        fail(str(error))
-    except KeyboardInterrupt:
-        fail("interrupted")
+    readably(app)

@@ -13,8 +13,9 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
-from wall.commands.terminal import console, errors, si
+from wall.commands.terminal import console, errors, si, spelled_out
 
 POLL_S = 0.2  # between looks at the cache of compiled kernels
 
@@ -25,11 +26,11 @@ def progress_bar(
 ) -> Iterator[Callable[..., None]]:
     """Show a progress bar on standard error; yields a function that takes `completed=`, `total=`, `description=`.
 
-    `title` and `count` are the texts before and after the bar in rich's notation; `count` defaults to done/total.
+    `title` and `count` are the texts before and after the bar; `count` defaults to done/total.
     """
-    counted = MofNCompleteColumn() if count is None else TextColumn(count)
+    counted = MofNCompleteColumn() if count is None else TextColumn(count, markup=False)
     with Progress(
-        TextColumn(title), BarColumn(), counted, TimeElapsedColumn(), console=errors, disable=not show
+        TextColumn(title, markup=False), BarColumn(), counted, TimeElapsedColumn(), console=errors, disable=not show
     ) as bar:
         task = bar.add_task("starting", total=None)
         yield lambda **values: bar.update(task, **values)
@@ -40,7 +41,7 @@ class StartProgress:
 
     def __init__(self, *, open_page: bool) -> None:
         """`open_page`: whether a run's address is opened in a browser where there is a display."""
-        columns = (TextColumn("  {task.description}"), BarColumn(), TimeElapsedColumn())
+        columns = (TextColumn("  {task.description}", markup=False), BarColumn(), TimeElapsedColumn())
         self._bar = Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal)
         self._task = self._bar.add_task("starting", total=None)
         self._compiling = threading.Event()
@@ -61,7 +62,7 @@ class StartProgress:
             self._stop()  # the bar's thread must not exist when processes are forked
         if line.startswith(("starting ", "note: ")):
             return
-        self._bar.update(self._task, description=line)
+        self._bar.update(self._task, description=spelled_out(line))
         if line.startswith("compiling") and not self._compiling.is_set():
             self._compiling.set()
             threading.Thread(target=self._follow_compiler, daemon=True).start()
@@ -72,7 +73,8 @@ class StartProgress:
         if not address:
             console.print("running (Ctrl-C ends the run)")
             return
-        console.print(f"watch and steer the wall at [bold]{address}[/] (Ctrl-C ends the run)")
+        line = Text.assemble("watch and steer the wall at ", (address, "bold"), " (Ctrl-C ends the run)")
+        console.print(line)
         if self._open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             webbrowser.open(address)
 

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
+import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from rich.console import Console
+from rich.text import Text
 
-from wall.core.errors import ConfigError
+from wall.core.errors import ConfigError, EditError, WallError
 
 if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` does without
     from wall.config.loading import Loaded
@@ -17,8 +21,53 @@ if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` d
 FAILED, REFUSED = 1, 2  # exit codes
 MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
-console = Console(highlight=False)
-errors = Console(stderr=True, highlight=False, soft_wrap=True)
+_CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tab and line end
+
+
+class Terminal(Console):
+    """A console for texts that come from outside: names of files, of panels, of hosts.
+
+    It shows text as it is: brackets and colons are no markup, control characters are spelled out. Once nobody takes
+    what is printed, it prints nothing more: what the command does goes on.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """`options`: of rich's Console."""
+        super().__init__(highlight=False, markup=False, emoji=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """A text as it is shown."""
+        return super().render_str(spelled_out(text), **options)
+
+    def print(self, *objects: Any, **options: Any) -> None:
+        """Print, unless the output is gone or full."""
+        try:
+            super().print(*objects, **options)
+        except OSError:
+            self.quiet = True
+
+    def on_broken_pipe(self) -> None:
+        """The reader of the output has ended: what is left in Python's buffer has nowhere to go either."""
+        self.quiet = True
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, (sys.stderr if self.stderr else sys.stdout).fileno())
+        os.close(nowhere)
+
+
+def spelled_out(text: str) -> str:
+    """The text, its control characters as \\x1b and the like."""
+    return _CONTROL.sub(lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
+console = Terminal()
+errors = Terminal(stderr=True, soft_wrap=True)
+
+
+def open_standard_streams() -> None:
+    """Give streams that are closed somewhere to write: or what is opened next would be taken for them."""
+    while (number := os.open(os.devnull, os.O_RDWR)) < 3:
+        pass
+    os.close(number)
 
 
 def say_version(wanted: bool) -> None:
@@ -87,3 +136,22 @@ def parse_size(text: str | None) -> tuple[int, int] | None:
     if not (x and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise ConfigError(f"--size {text}: wanted WIDTHxHEIGHT in pixels, such as 960x540")
     return int(width), int(height)
+
+
+def readably(run: Callable[[], object]) -> None:
+    """Call a command line; every refusal and failure is one readable text and an exit code."""
+    open_standard_streams()
+    try:
+        run()
+    except (ConfigError, EditError) as error:
+        errors.print(str(error), style="red")
+        sys.exit(REFUSED)
+    except WallError as error:
+        fail(str(error))
+    except BrokenPipeError:  # of print(): who reads the output has ended
+        sys.stdout = None
+        sys.exit(FAILED)
+    except OSError as error:  # of this machine: no descriptor, no memory, no disk is left
+        fail(str(error))
+    except KeyboardInterrupt:
+        fail("interrupted")

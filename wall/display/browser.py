@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import os
 import socket
 import threading
 from collections import Counter, defaultdict, deque
@@ -377,8 +378,9 @@ async def _add_headers(request: web.Request, response: web.StreamResponse) -> No
 
 
 async def _page(request: web.Request) -> web.Response:
-    path = PAGE / request.match_info.get("name", "index.html")
-    if path.parent != PAGE or path.suffix not in TYPES or not path.is_file():
+    name = request.match_info.get("name", "index.html")
+    path = PAGE / name
+    if name not in os.listdir(PAGE) or path.suffix not in TYPES:  # whatever is asked for, nothing else is looked at
         raise web.HTTPNotFound(text="no such page\n")
     text = path.read_text(encoding="utf-8")
     return web.Response(text=text, content_type=TYPES[path.suffix], charset="utf-8")

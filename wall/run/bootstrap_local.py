@@ -42,8 +42,8 @@ class LocalBootstrap:
     @classmethod
     def start(cls, size: int, main: Callable[[LocalBootstrap], None], *, again: bool = False) -> LocalBootstrap:
         """Fork ranks 1..size-1, each running `main`, and be rank 0. `again`: have a nursery."""
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in filter(None, (sys.stdout, sys.stderr)):  # None: closed when this process was started
+            stream.flush()
         context = multiprocessing.get_context("fork")
         pipes = [context.Pipe(duplex=False) for _ in range(size - 1)]
         to_nursery, at_nursery = context.Pipe()
@@ -207,7 +207,8 @@ def _run_child(
     except Exception:
         traceback.print_exc()
     finally:
-        sys.stderr.flush()
+        if sys.stderr is not None:
+            sys.stderr.flush()
         os._exit(code)  # no exit handlers of the parent's libraries
 
 

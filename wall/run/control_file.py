@@ -38,13 +38,15 @@ def new_key() -> str:
 
 @contextmanager
 def announced(folder: Path, control: Control) -> Iterator[None]:
-    """While inside, `folder` has the file. Raises OSError where it cannot be written."""
+    """While inside, `folder` has the file. Raises RunError where it cannot be written."""
     path, part = folder / NAME, folder / f".{NAME}.{os.getpid()}"
-    with contextlib.suppress(FileNotFoundError):
-        part.unlink()
-    with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
-        json.dump(asdict(control), file)
-    part.replace(path)
+    try:
+        part.unlink(missing_ok=True)
+        with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+            json.dump(asdict(control), file)
+        part.replace(path)
+    except OSError as error:
+        raise RunError(f"cannot write {path}: {error.strerror or error}") from error
     try:
         yield
     finally:

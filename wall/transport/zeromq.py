@@ -39,7 +39,12 @@ _ANSWER = struct.Struct("<QB")  # token, whether it is open at the hub; then, un
 
 
 def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[bytes]:
-    socket = context.socket(kind)
+    """A socket with our limits. Raises RunError where this process has none left."""
+    try:
+        socket = context.socket(kind)
+    except zmq.ZMQError as error:
+        context.term()
+        raise RunError(f"no socket can be had: {error}; wanted: more open files (ulimit -n)") from error
     socket.setsockopt(zmq.LINGER, LINGER_MS)
     socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
     socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)

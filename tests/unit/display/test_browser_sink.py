@@ -269,7 +269,10 @@ def test_foreign_pages_get_nothing(browser, image, status):
     assert browser.dropped() == {"browser_foreign_request": 3}
 
 
-@pytest.mark.parametrize("path", ["../browser.py", "%2e%2e/browser.py", "%2e%2e%2fbrowser.py", "page.py", "missing.js"])
+@pytest.mark.parametrize(
+    "path",
+    ["../browser.py", "%2e%2e/browser.py", "%2e%2e%2fbrowser.py", "page.py", "missing.js", "x" * 300 + ".js", "%00.js"],
+)
 def test_only_the_pages_own_files_are_served(browser, path):
     assert run(get(browser, path))[0] == 404
 
