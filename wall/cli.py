@@ -13,7 +13,7 @@ import typer
 
 from wall.cli_measure import measure
 from wall.cli_plan import plan
-from wall.commands.terminal import console, errors, load_config, parse_size, readably, say_version, write_text
+from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
 from wall.core.errors import ConfigError, EditError
 
 app = typer.Typer(

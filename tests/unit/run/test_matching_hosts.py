@@ -61,6 +61,7 @@ class Launched:
 
     def __init__(self, rank: int) -> None:
         self.rank, self.size = rank, 3
+        self.killed_soon = False
         self.finished = False
 
     def broadcast(self, text: str) -> str:

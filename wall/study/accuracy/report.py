@@ -9,6 +9,7 @@ from pathlib import Path
 
 from PIL import Image
 from rich.table import Table
+from rich.text import Text
 
 from wall.core.errors import ConfigError
 from wall.study import json_lines
@@ -28,7 +29,9 @@ def table(rows: Sequence[Row]) -> Table:
     for name in ("case", "figure", "bound", "unit", "inside"):
         made.add_column(name, justify="right" if name in ("figure", "bound") else "left")
     for row in rows:
-        made.add_row(row.case, number(row.figure), number(row.bound), row.unit, "yes" if row.ok else "[red]no[/]")
+        made.add_row(
+            row.case, number(row.figure), number(row.bound), row.unit, Text("yes") if row.ok else Text("no", "red")
+        )
     return made
 
 
