@@ -131,6 +131,7 @@ def _layers(
     wall: Wall,
 ) -> tuple[Layer, ...]:
     of_input = {step.node.input: step for step in steps if isinstance(step.node, ReconstructNode)}
+    compared = _compared(steps)
     layers, panels = list[Layer](), {panel.id: panel for panel in wall.viewports}
     taken, free = set[tuple[int, int]](), len(wall.viewports)
     for k, node in enumerate(samples):
@@ -153,7 +154,7 @@ def _layers(
                 ranks=ranks[node.id],
                 range=node.range,
                 transparent=step.node.background == "transparent",
-                reprojects=config.sync == "none" and _compared(step, steps),
+                reprojects=config.sync == "none" and compared[step.index],
                 compositor=step.rank,
                 scale=node.scale,
                 samples_hz=node.refresh_hz,
@@ -163,6 +164,9 @@ def _layers(
     return tuple(layers)
 
 
-def _compared(step: Step, steps: Sequence[Step]) -> bool:
-    """Whether an operator after it compares values, which must show the same time."""
-    return any(steps[k].node.COMMON_TIME or _compared(steps[k], steps) for k in step.users)
+def _compared(steps: Sequence[Step]) -> list[bool]:
+    """Of each step, whether an operator after it compares values, which must show the same time."""
+    compared = [False] * len(steps)
+    for step in reversed(steps):  # users stand after what they use
+        compared[step.index] = any(steps[k].node.COMMON_TIME or compared[k] for k in step.users)
+    return compared

@@ -6,7 +6,7 @@ All errors of a file are reported at once, in the order of the file.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, get_args
@@ -23,6 +23,7 @@ from wall.core.errors import ConfigError
 
 VERSION = 1
 TOP = f"version: {VERSION}, scene, wall, views"
+MOST_EXPLAINED = 50  # refused values that are told one by one
 _ABSENT = object()
 
 
@@ -93,9 +94,10 @@ def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loade
     except ValidationError as error:
         # a value that YAML refused already is null now: its second refusal would only confuse
         known = {problem.path for problem in document.problems}
-        for details in error.errors(include_url=False):
-            if _yaml_path(document.values, details) not in known and not _is_echo(document, details):
-                lines.append(_explained(name, document, details))
+        errors = [each for each in error.errors(include_url=False) if _is_news(document, known, each)]
+        lines += [_explained(name, document, details) for details in errors[:MOST_EXPLAINED]]
+        if len(errors) > MOST_EXPLAINED:
+            raise ConfigError(f"{_refusal(lines)}\n{name}: and {len(errors) - MOST_EXPLAINED} more") from None
     if lines:
         raise _refusal(lines)
     return Loaded(config=config, path=path or Path(name), name=name, document=document)
@@ -238,6 +240,11 @@ def _yaml_path(values: Any, details: ErrorDetails) -> YamlPath:
         elif i == len(location) - 1 and details["type"] in ("missing", "extra_forbidden"):
             path.append(step)
     return (*path, *details.get("ctx", {}).get("at", ()))
+
+
+def _is_news(document: Document, known: Collection[YamlPath], details: ErrorDetails) -> bool:
+    """Whether a refusal is neither of a value that is `known` to be refused, nor an echo of others."""
+    return _yaml_path(document.values, details) not in known and not _is_echo(document, details)
 
 
 def _is_echo(document: Document, details: ErrorDetails) -> bool:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
@@ -19,6 +20,7 @@ from ruamel.yaml.reader import ReaderError
 YamlPath: TypeAlias = tuple[str | int, ...]
 
 MAX_CHARACTERS = 1 << 20  # a wall of 1,024 panels written out takes 250 kB
+MAX_VALUES = 1 << 16  # keys, values and lists: three times a wall of 1,024 panels written out; read in some seconds
 MAX_DEPTH = 24  # the deepest shipped path is 8
 MAX_DIGITS = 18  # whatever is longer than an int64 is a typing error
 
@@ -74,7 +76,9 @@ def parse(text: str) -> Document:
         document.problems.append(Problem(what=what, accepted=f"at most {MAX_CHARACTERS}"))
         return document
     try:
-        node = YAML(typ="safe", pure=True).compose(io.StringIO(text))
+        yaml = YAML(typ="safe", pure=True)
+        yaml.Composer = _BoundedComposer
+        node = yaml.compose(io.StringIO(text))
         if node is None:
             return document
         document.values = _value(document, node, ())
@@ -88,6 +92,19 @@ def parse(text: str) -> Document:
         # the library's scanner leaks such errors for some malformed directives and escapes
         document.problems.append(Problem(what=f"not valid YAML ({_one_line(error)})"))
     return document
+
+
+class _BoundedComposer(Composer):
+    """Stops at a text with too many values."""
+
+    _composed = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self._composed += 1
+        if self._composed > MAX_VALUES:
+            mark = self.parser.peek_event().start_mark
+            raise MarkedYAMLError(problem=f"more than {MAX_VALUES} keys and values are too many", problem_mark=mark)
+        return super().compose_node(parent, index)
 
 
 def write(values: Any) -> str:

@@ -372,3 +372,21 @@ def test_a_wall_of_1024_panels_has_its_graph() -> None:
     wall = "wall: {grid: {columns: 32, rows: 32, pixels: [8, 6], size: [0.8, 0.6]}}"
     graph = built("graph: {preset: sort-last, ranks_per_panel: 2, sinks: [png]}\n", wall=wall)
     assert (graph.renderers, len(graph.step("png").panels)) == (2048, 1024)
+
+
+ONE = "wall: {grid: {columns: 1, rows: 1, pixels: [8, 6], size: [0.8, 0.6]}}"
+
+
+def test_a_chain_of_nodes_may_be_as_long_as_it_likes() -> None:
+    chain = [f"id: n{k}, op: colour, input: {f'n{k - 1}' if k else 'p0'}" for k in range(600)]
+
+    graph = built(nodes(*PANEL0, *chain, "id: png, op: sink, kind: png, input: n599"), wall=ONE)
+
+    assert len(graph.steps) == 602
+    assert not graph.layers[0].reprojects
+
+
+def test_ways_that_part_and_meet_again_are_looked_at_once() -> None:
+    ways = [f"id: n{k}, op: average, inputs: [{f'n{k - 1}, n{k - 1}' if k else 'p0, p0'}]" for k in range(60)]
+
+    assert len(built(nodes(*PANEL0, *ways, "id: png, op: sink, kind: png, input: n59"), wall=ONE).steps) == 62

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from wall.config import loading, yaml_text
 from wall.config.loading import default_for_model, load, loads, nearest, shown, with_scene
 from wall.core.errors import ConfigError
 
@@ -207,6 +208,20 @@ def test_corners_that_are_no_rectangle_are_refused(panels: str, expected: str) -
 )
 def test_text_that_is_no_plain_yaml_is_refused(text: str, expected: str) -> None:
     assert expected in refusal(text)
+
+
+def test_text_with_too_many_values_is_refused_where_they_become_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(yaml_text, "MAX_VALUES", 10)
+
+    assert "a.yaml:10:3: not valid YAML: more than 10 keys and values are too many" in refusal("- 1\n" * 10_000)
+
+
+def test_many_errors_are_counted_and_only_the_first_ones_explained() -> None:
+    lines = refusal(changed("version: 1", "version: 1" + "".join(f"\nkey{k}: 1" for k in range(1000)))).splitlines()
+
+    assert len(lines) == loading.MOST_EXPLAINED + 1
+    assert lines[0].startswith("a.yaml:2:1: key0: unknown key")
+    assert lines[-1] == f"a.yaml: and {1000 - loading.MOST_EXPLAINED} more"
 
 
 def test_all_errors_are_reported_at_once_in_the_order_of_the_file() -> None:
