@@ -20,6 +20,7 @@ from wall.config.schema import Config
 from wall.config.views import CameraConfig, OrbitPathConfig
 from wall.config.yaml_text import Document, YamlPath
 from wall.core.errors import ConfigError
+from wall.core.files import read_file
 
 VERSION = 1
 TOP = f"version: {VERSION}, scene, wall, views"
@@ -66,7 +67,7 @@ def read_text(path: str | Path) -> str:
     try:
         if path.is_dir():
             raise ConfigError(f"{path}: this is a folder; accepted: a YAML file")
-        return path.read_bytes().decode("utf-8-sig")
+        return read_file(path, yaml_text.MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: byte {error.start} is not UTF-8 text; accepted: a YAML file in UTF-8") from None
     except FileNotFoundError:

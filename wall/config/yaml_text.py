@@ -12,14 +12,16 @@ from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 from ruamel.yaml import YAML
-from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
+from wall.operators.bounded_yaml import BoundedComposer
+
 YamlPath: TypeAlias = tuple[str | int, ...]
 
 MAX_CHARACTERS = 1 << 20  # a wall of 1,024 panels written out takes 250 kB
+MAX_BYTES = 4 * MAX_CHARACTERS + 3  # in UTF-8, with its mark
 MAX_VALUES = 1 << 16  # keys, values and lists: three times a wall of 1,024 panels written out; read in some seconds
 MAX_DEPTH = 24  # the deepest shipped path is 8
 MAX_DIGITS = 18  # whatever is longer than an int64 is a typing error
@@ -77,7 +79,7 @@ def parse(text: str) -> Document:
         return document
     try:
         yaml = YAML(typ="safe", pure=True)
-        yaml.Composer = _BoundedComposer
+        yaml.Composer = _Composer
         node = yaml.compose(io.StringIO(text))
         if node is None:
             return document
@@ -94,17 +96,8 @@ def parse(text: str) -> Document:
     return document
 
 
-class _BoundedComposer(Composer):
-    """Stops at a text with too many values."""
-
-    _composed = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        self._composed += 1
-        if self._composed > MAX_VALUES:
-            mark = self.parser.peek_event().start_mark
-            raise MarkedYAMLError(problem=f"more than {MAX_VALUES} keys and values are too many", problem_mark=mark)
-        return super().compose_node(parent, index)
+class _Composer(BoundedComposer):
+    most_values = MAX_VALUES
 
 
 def write(values: Any) -> str:

@@ -11,10 +11,12 @@ import numpy as np
 
 from wall.core.data import Float32
 from wall.core.errors import ConfigError
+from wall.core.files import read_file
 from wall.operators.kernels import resample as kernels
 
 SIZES = (2, 256)  # nodes an edge that the format allows
 IGNORED = ("TITLE",)
+MOST_BYTES = 1 << 29  # of a file: the largest table, with 30 characters a colour
 LARGEST = 1e30  # sums and products of numbers below it are finite in float32
 
 
@@ -43,7 +45,7 @@ class Lut:
 def read_lut(path: Path) -> Lut:
     """Read a .cube file. Raises ConfigError naming file and line."""
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = read_file(path, MOST_BYTES).decode("utf-8", "replace")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read, {error.strerror or error}") from error
     return _Parser(path).parse(text)

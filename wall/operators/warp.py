@@ -13,15 +13,18 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from wall.core.data import Float64, Framelet, Rect
 from wall.core.errors import ConfigError
 from wall.core.fields import Model, Number, Text, Whole, refusal
+from wall.core.files import read_file
 from wall.operators.base import Input, Operator
+from wall.operators.bounded_yaml import BoundedComposer
 from wall.operators.kernels import resample as kernels
 from wall.operators.regions import MIXED, blank, copy_nearest, pixels_of
 
+MOST_BYTES = 1 << 23  # of a file: 65,536 points of 128 characters
 Nodes = Annotated[Whole, Ge(2), Le(1024)]
 Share = Annotated[Number, Ge(-4.0), Le(5.0)]  # four images beyond the display: farther is a typing error
 Points = Annotated[tuple[tuple[Share, Share], ...], Field(min_length=4, max_length=65536)]
@@ -116,7 +119,9 @@ class Warp(Operator):
 def read_mesh(path: Path) -> Mesh:
     """Read a mesh of YAML or JSON. Raises ConfigError naming the file, and the line where its syntax is wrong."""
     try:
-        values: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+        yaml = YAML(typ="safe", pure=True)
+        yaml.Composer = BoundedComposer
+        values: Any = yaml.load(read_file(path, MOST_BYTES).decode("utf-8"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read, {error.strerror or error}") from error
     except UnicodeDecodeError as error:
@@ -124,6 +129,10 @@ def read_mesh(path: Path) -> Mesh:
     except MarkedYAMLError as error:
         line = f":{error.problem_mark.line + 1}" if error.problem_mark else ""
         raise ConfigError(f"{path}{line}: {error.problem}") from error
+    except (YAMLError, RecursionError, ValueError, AttributeError, KeyError, AssertionError) as error:
+        # the library leaks such errors for some malformed directives, and where lists are nested too deeply
+        problem = "lists are nested too deeply" if isinstance(error, RecursionError) else "it is no valid YAML"
+        raise ConfigError(f"{path}: {problem}, wanted columns, rows and points") from error
     try:
         return Mesh.model_validate(values)
     except ValidationError as error:

@@ -21,12 +21,14 @@ import numpy as np
 
 from wall.core.data import Float64
 from wall.core.fields import LARGEST_IOR
+from wall.core.files import read_file
 from wall.geometry.cameras import NamedCamera
 from wall.scene.animation import Vector
 from wall.scene.lights import unit
 from wall.scene.model import AlphaMode, DirectionalLight, Light, Material, PointLight, SpotLight, Wrap
 
 KEPT = "_"  # names of vertex attributes that trimesh keeps begin with it
+MOST_BYTES = 1 << 32  # of a model, or a file beside it
 SMALLEST_CONE = 0.1  # degrees, of a spot whose angles make no cone
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 HEADER, CHUNK = struct.Struct("<4sII"), struct.Struct("<II")
@@ -46,7 +48,7 @@ def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
 
     Raises ValueError, or what a parser raises, for what is no such file.
     """
-    data = path.read_bytes()
+    data = read_file(path, MOST_BYTES)
     if path.suffix.lower() == ".gltf":
         header = json.loads(data.decode("utf-8-sig"))
         return json.dumps(_numbered(header)).encode(), header
@@ -63,9 +65,25 @@ def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
     return HEADER.pack(MAGIC, version, size) + CHUNK.pack(len(text), JSON_CHUNK) + text + rest, header
 
 
+def check_read(header: dict[str, Any]) -> None:
+    """Raise ValueError for what would give wrong shapes: extensions and sparse accessors that a file cannot do without.
+
+    Accessors of morph targets are not read, whatever they are.
+    """
+    if unknown := sorted(set(header.get("extensionsRequired", [])) - KNOWN):
+        raise ValueError(f"it requires {', '.join(unknown)}, wanted a file that does without")
+    primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
+    used = {number for primitive in primitives for number in primitive["attributes"].values()}
+    used |= {primitive["indices"] for primitive in primitives if "indices" in primitive}
+    samplers = [sampler for animation in header.get("animations", []) for sampler in animation["samplers"]]
+    used |= {sampler[end] for sampler in samplers for end in ("input", "output")}
+    if sparse := [k for k in sorted(used) if "sparse" in header["accessors"][k]]:
+        raise ValueError(f"its accessors {sparse} are sparse, wanted a file with all of their values")
+
+
 def binary_chunk(path: Path) -> bytes:
     """The binary data of a .glb file."""
-    data = path.read_bytes()
+    data = read_file(path, MOST_BYTES)
     start = HEADER.size + CHUNK.size + CHUNK.unpack_from(data, HEADER.size)[0]
     length, kind = CHUNK.unpack_from(data, start)
     if kind != BINARY_CHUNK:

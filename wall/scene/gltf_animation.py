@@ -20,8 +20,9 @@ from trimesh.util import unique_name
 
 from wall.config.scene import KeyframeConfig, KeyframesConfig, RotationConfig
 from wall.core.data import Float64
+from wall.core.files import read_file
 from wall.scene.animation import Moving
-from wall.scene.gltf import binary_chunk, pose_of
+from wall.scene.gltf import MOST_BYTES, binary_chunk, pose_of
 from wall.scene.model import Instance
 
 STEPS_PER_SECOND = 30
@@ -201,4 +202,4 @@ def _buffer(path: Path, header: dict[str, Any], number: int) -> bytes:
         return binary_chunk(path)
     if uri.startswith("data:"):
         return base64.b64decode(uri.partition(",")[2])
-    return (path.parent / unquote(uri)).read_bytes()
+    return read_file(path.parent / unquote(uri), MOST_BYTES)

@@ -25,10 +25,22 @@ from numpy.typing import NDArray
 from wall.config.scene import Up
 from wall.core.data import Float64
 from wall.core.errors import SceneError
+from wall.core.files import read_file
 from wall.scene.animation import Moving
 from wall.scene.appearance import Palette
 from wall.scene.bounds import framing_sphere, world_boxes
-from wall.scene.gltf import IDENTITY, KEPT, MALFORMED, UvSet, cameras_of, lights_of, renamed, unread
+from wall.scene.gltf import (
+    IDENTITY,
+    KEPT,
+    MALFORMED,
+    MOST_BYTES,
+    UvSet,
+    cameras_of,
+    check_read,
+    lights_of,
+    renamed,
+    unread,
+)
 from wall.scene.gltf_animation import motions_of
 from wall.scene.lights import scaled
 from wall.scene.model import Instance, Mesh, Source
@@ -128,14 +140,30 @@ def _read(path: Path) -> tuple[Any, list[str], dict[str, Any]]:
 def _parsed(path: Path) -> tuple[Any, dict[str, Any]]:
     """trimesh's scene, and a glTF's JSON. An OBJ keeps its objects apart, and may have any bytes in its comments."""
     kind = path.suffix.lower()[1:]
-    beside = trimesh.resolvers.FilePathResolver(str(path))
+    beside = _Beside(str(path))
     if kind in ("glb", "gltf"):
         data, header = renamed(path)
+        check_read(header)
         return trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=beside, process=False), header
     if kind != "obj":
         return trimesh.load_scene(path, process=False), {}
-    text = io.StringIO(path.read_bytes().decode("utf-8", "replace"))
+    text = io.StringIO(read_file(path, MOST_BYTES).decode("utf-8", "replace"))
     return trimesh.load_scene(text, file_type="obj", resolver=beside, process=False, split_objects=True), {}
+
+
+class _Beside(trimesh.resolvers.FilePathResolver):
+    """Reads files beside a model; not pipes and devices, which may never end."""
+
+    def get(self, name: str) -> bytes:
+        """The bytes of a file that a model names. Raises OSError, and ValueError for one that is not beside it."""
+        name = name.strip()
+        inside = [self.absolute(each) for each in (name, name.lstrip("/"), Path(name).name) if self._is_inside(each)]
+        found = next((path for path in inside if path.exists()), self.absolute(name))
+        return read_file(found, MOST_BYTES)
+
+    def _is_inside(self, name: str) -> bool:
+        parent = Path(self.parent).resolve()
+        return (parent / name).resolve().is_relative_to(parent)
 
 
 @contextmanager

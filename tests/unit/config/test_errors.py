@@ -211,7 +211,7 @@ def test_text_that_is_no_plain_yaml_is_refused(text: str, expected: str) -> None
 
 
 def test_text_with_too_many_values_is_refused_where_they_become_too_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(yaml_text, "MAX_VALUES", 10)
+    monkeypatch.setattr(yaml_text._Composer, "most_values", 10)
 
     assert "a.yaml:10:3: not valid YAML: more than 10 keys and values are too many" in refusal("- 1\n" * 10_000)
 

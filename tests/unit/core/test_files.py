@@ -1,0 +1,50 @@
+"""Files that others name are read, and pipes, devices and huge ones are not waited for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from gltf_documents import document, loaded
+
+from wall.config.loading import load
+from wall.core.errors import ConfigError, SceneError
+from wall.core.files import read_file
+from wall.operators.lut import read_lut
+from wall.operators.warp import read_mesh
+
+ENDLESS = Path("/dev/zero")
+
+
+def test_as_many_bytes_are_read_as_are_allowed(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"12345")
+    assert read_file(path, 5) == b"12345"
+    with pytest.raises(OSError, match="more than 4 bytes"):
+        read_file(path, 4)
+
+
+@pytest.mark.parametrize("read", [read_lut, read_mesh, load])
+def test_pipes_and_devices_are_refused_at_once(read: Callable[[Path], object], tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    for path in (pipe, ENDLESS):
+        with pytest.raises(ConfigError, match=r"(pipe\.yaml|zero).*it is a pipe or a device, wanted a file"):
+            read(path)
+
+
+def test_a_pipe_beside_a_model_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "data.bin")
+    found = document([{}])
+    found["buffers"][0]["uri"] = "data.bin"
+    with pytest.raises(SceneError, match="it is a pipe or a device"):
+        loaded(tmp_path, found)
+
+
+def test_a_mesh_nested_without_end_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.yaml"
+    path.write_text("[" * 5000)
+    with pytest.raises(ConfigError, match=r"mesh\.yaml: lists are nested too deeply"):
+        read_mesh(path)
