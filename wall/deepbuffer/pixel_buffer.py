@@ -15,6 +15,7 @@ from wall.core.data import NO_EDITS, STILL, Batch, Camera, Edits, Float32, Float
 from wall.deepbuffer.arrivals import NEVER
 from wall.deepbuffer.kernels import pixel_buffer as kernels
 
+MOST_TIMES, MOST_MORE = 2, 1 << 16  # samples of a frame that are kept: lost packets are traced again, few of them
 JITTER_POSITIONS = 4  # samples of one event after which a blended pixel is complete
 
 
@@ -125,12 +126,13 @@ class _Frame:
         self.order, self.arrived, self.shown = order, 0, False
         self.batches: list[Batch] = []
         self._sequences: set[int] = set()
+        self._most = MOST_TIMES * width * height + MOST_MORE
         self._seen = np.zeros(height * width, np.bool_)
         self._width, self._height, self._pixels, self._skipped = width, height, 0, 0
 
     def take(self, batch: Batch) -> int:
         """Keep a batch; returns how many pixels of the frame are there, those skipped as unusable included."""
-        if batch.sequence not in self._sequences:
+        if batch.sequence not in self._sequences and self.arrived + len(batch.samples) <= self._most:
             self._sequences.add(batch.sequence)
             self.batches.append(batch)
             self._skipped += batch.skipped

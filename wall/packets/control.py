@@ -32,7 +32,7 @@ MAX_TEXT_BYTES = 16384  # of a JSON body
 MAX_MEMBERSHIP_BYTES = 1 << 17  # of that of a Membership: a thousand ranks
 MAX_ANSWER_BYTES = 1 << 22  # of that of an EditAnswer: some ten thousand parameters
 MAX_CONFIGURATION_BYTES = 1 << 20  # of that of a message with the text of a configuration
-MAX_NUMBER = 1e300  # of a float in JSON: no infinity, no integer that float() cannot hold
+MAX_NUMBER = 1e15  # of a float in JSON: no rate, no time and no error is as large, nor are sums of a thousand ranks'
 MAX_COUNTERS = 64
 MAX_ANSWERS = 256  # of a Heartbeat
 ALL_BUT_OBJECTS = ""  # a pattern of parameters' names
@@ -237,6 +237,7 @@ _MAX_BYTES: dict[type[Any], int] = {
     EditRequest: MAX_CONFIGURATION_BYTES,
     Prepare: MAX_CONFIGURATION_BYTES,
 }
+_NOT_BELOW_0 = ("samples_per_s", "compared_per_s", "bytes_per_s", "seconds", "cpu_seconds", "square_error", "refreshes_per_s", "right_s")
 
 
 def serialise(message: Message) -> bytes:
@@ -344,6 +345,8 @@ def _parse_json(cls: Any, body: bytes) -> Message:
     if cls is Membership and isinstance(values, dict) and isinstance(values.get("members"), list):
         values["members"] = tuple(_checked(Hello, member) for member in values["members"])
     message: Message = _checked(cls, values)
+    if isinstance(message, Heartbeat) and (below := [name for name in _NOT_BELOW_0 if getattr(message, name) < 0.0]):
+        raise RemoteProtocolError(f"a Heartbeat of rank {message.rank} with {', '.join(below)} below 0")
     return message
 
 

@@ -32,6 +32,7 @@ LARGEST_DEPTH_BASE, DEPTH_BITS_RANGE = 254, (8, 15)  # float32 exponent, mantiss
 
 _HEADER = struct.Struct("<4sBBBBHHHHBBHHHHQQQdffQIIIIId3d4dQ")
 _CHECKSUM = struct.Struct("<I")
+RANK_AT = 14  # offset in the header
 HEADER_BYTES = _HEADER.size + _CHECKSUM.size
 
 
@@ -61,6 +62,11 @@ CHANNELS_OF_LAYOUT = {PLAIN: (ALWAYS, ALWAYS | Channel.FORESEEN), COMPACT: (ADAP
 def is_samples(data: bytes) -> bool:
     """Whether a message claims to be a sample packet."""
     return len(data) > 5 and data[:4] == MAGIC and data[5] == KIND_SAMPLES
+
+
+def sender_of(data: bytes) -> int | None:
+    """The rank that a sample packet names; None for other messages, and for what is too short."""
+    return int.from_bytes(data[RANK_AT : RANK_AT + 2], "little") if is_samples(data) and len(data) > RANK_AT else None
 
 
 def encode(batch: Batch, codec: Codec = Codec.NONE) -> bytes:

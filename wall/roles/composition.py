@@ -34,6 +34,7 @@ from wall.roles.statistics import Due
 from wall.roles.timewarp import Timewarp
 
 MOST_APART_S = 60.0  # of a packet's time from the last refresh: more is no delay, but another clock
+MOST_AHEAD = 1 << 14  # events that a packet may be newer than those that came here: two minutes at 120 a second
 MOST_NAMES = 32  # of late inputs that are counted each by itself: a heartbeat holds 64 counts
 Refresh: TypeAlias = Callable[[], NDArray[np.bool_]]
 RunAll: TypeAlias = Callable[[Sequence[Refresh]], Sequence[NDArray[np.bool_]]]
@@ -79,6 +80,7 @@ class Composition:
         self._statistics_images: dict[tuple[int, bool], StatisticsImage] = {}
         self._statistics_due = Due()
         self._edits = EditHistory()
+        self._followed = dict[int, Number]()  # by view: the newest event
 
     def _make_nodes(self, of_layers: Mapping[int, Framelet], *, compared: bool = False) -> _Nodes:
         """The rank's nodes, fresh; `of_layers`: the framelets of the layers that are shown."""
@@ -97,6 +99,7 @@ class Composition:
 
     def follow(self, event: Event) -> None:
         """Begin or end comparing two samplers, if `event` says so."""
+        self._followed[event.view] = event.number
         early = self._edits.know(event.edits)
         for layer in self._of_view(event.view):
             layer.follow(event)
@@ -139,6 +142,10 @@ class Composition:
             self.counters["late"] += len(batch.samples)
             return
         layer = self._layer_of(batch.rank, batch.panel, batch.rect)
+        camera_event, scene_event = self._followed.get(layer.layer.view, (self._plan.since, 0))
+        if batch.camera_event > camera_event + MOST_AHEAD or batch.scene_event > scene_event + MOST_AHEAD:
+            came = f"event {batch.camera_event}/{batch.scene_event}"
+            raise RemoteProtocolError(f"rank {batch.rank}: {came}; wanted: about {camera_event}/{scene_event}")
         if self._refreshed is not None and abs(batch.base_time - self._refreshed) > MOST_APART_S:
             wanted = f"about {self._refreshed:.6g} s"
             raise RemoteProtocolError(f"rank {batch.rank}: from {batch.base_time:.6g} s; wanted: {wanted}")

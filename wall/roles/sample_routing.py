@@ -12,6 +12,7 @@ from collections import Counter, deque
 from wall.core.data import Batch, Event
 
 EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
+EARLY_SAMPLES = 1 << 22  # of all of them: 200 MB
 
 
 class Destination(enum.Enum):
@@ -31,6 +32,7 @@ class SampleRouting:
         self.method, self.compare = method, ""
         self._since = self._followed = 0  # camera events: the first that asked for these two, the newest
         self._early: deque[Batch] = deque()
+        self._waiting = 0  # samples of these
 
     @property
     def reprojected(self) -> bool:
@@ -46,7 +48,7 @@ class SampleRouting:
 
     def take_early(self) -> deque[Batch]:
         """Take the batches that waited; an event that is followed tells where they belong."""
-        early, self._early = self._early, deque()
+        early, self._early, self._waiting = self._early, deque(), 0
         return early
 
     def destination(self, batch: Batch) -> Destination | None:
@@ -55,8 +57,9 @@ class SampleRouting:
         if self.reprojected and (batch.adaptive or (current and self._reprojects)):
             return Destination.REPROJECTED
         if batch.camera_event > self._followed:
-            if len(self._early) < EARLY_BATCHES:
+            if len(self._early) < EARLY_BATCHES and self._waiting + len(batch.samples) <= EARLY_SAMPLES:
                 self._early.append(batch)
+                self._waiting += len(batch.samples)
             else:
                 self._counters["early"] += len(batch.samples)
         elif current and self.compare:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from wall.roles.compositor import Compositor
     from wall.roles.manager import Manager
 
+LEAST_S = 1e-3  # that a rate is an average of
 RECENT_LATENCIES = 240  # shown in the viewer's plot
 UNSEEN_EVENTS = 4096  # remembered until a sample of them is shown
 MEASURED_LATENCIES = 65536  # kept for the summary
@@ -206,18 +207,19 @@ def _view_summary(plan: Plan, view: int, beats: Sequence[Heartbeat]) -> dict[str
     makers = [beat for beat in beats if name in beat.refreshes_of and beat.seconds > 0.0]
     renderers = [beat for beat in beats if name in beat.samples_of and beat.seconds > 0.0]
     spent = sum(sum(beat.time_of.values()) for beat in renderers)
+    rates = [beat.refreshes_of[name] / max(beat.seconds, LEAST_S) for beat in makers]
     return {
         "view": name,
         "refresh_hz": plan.views[view].refresh_hz,
-        "refreshes_per_s": round(sum(b.refreshes_of[name] / b.seconds for b in makers) / max(len(makers), 1), 2),
-        "samples_per_s": round(sum(beat.samples_of[name] / beat.seconds for beat in renderers)),
+        "refreshes_per_s": round(sum(rates) / max(len(makers), 1), 2),
+        "samples_per_s": round(sum(beat.samples_of[name] / max(beat.seconds, LEAST_S) for beat in renderers)),
         "share": round(sum(beat.time_of.get(name, 0) for beat in renderers) / spent, 4) if spent else 0.0,
     }
 
 
 def _rank_summary(layout: Layout, rank: int, beat: Heartbeat | None, member: Hello | None) -> dict[str, Any]:
     beat = beat or Heartbeat(rank=rank, time=0.0)
-    a_second = 1.0 / max(beat.seconds, 1e-3) if beat.seconds else 0.0
+    a_second = 1.0 / max(beat.seconds, LEAST_S) if beat.seconds else 0.0
     return {
         "rank": rank,
         "role": layout.role(rank),

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import EditAnswer, EditRequest, Message, Ping, Pong, parse_control, serialise
+from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.run.clock import HeadClock
 from wall.transport.base import MAX_CONTROL, Hub, Link
@@ -33,6 +34,7 @@ class Ports:
         self._counters = Counter[str]()
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
+        self._senders: dict[int, bytes] = {}  # of samples, by rank: its link
         self._ping_due = 0.0
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
@@ -58,7 +60,9 @@ class Ports:
             yield from self._of_manager(self._manager)
         if self._hub is not None:
             for peer, packet in self._hub.drain(DRAIN_BYTES):
-                yield Packet(packet)
+                rank = sender_of(packet)
+                if rank is None or self._is_bound(self._senders, rank, peer, self._hub):
+                    yield Packet(packet)
                 self._hub.release(peer, len(packet))
             yield from self._of_ranks(self._hub)
 
@@ -150,9 +154,21 @@ class Ports:
             if isinstance(message, Ping):
                 hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
             elif message is not None:
-                if (who := _sender(message)) is not None:
+                who = _sender(message)
+                if who is not None and who >= FIRST_CLIENT:
                     self._peers[who] = peer
+                elif who is not None and who != MANAGER and not self._is_bound(self._peers, who, peer, hub):
+                    continue
                 yield message
+
+    def _is_bound(self, peers: dict[int, bytes], rank: int, peer: bytes, hub: Hub) -> bool:
+        """Whether a rank speaks by this link: the first by which it spoke, as long as that is open."""
+        if (known := peers.get(rank)) != peer:
+            if known is not None and hub.knows(known):
+                self._counters["stranger"] += 1
+                return False
+            peers[rank] = peer
+        return True
 
     def _answer(self, message: Message) -> bytes:
         """An answer to a process beside the run, or why it has none: what it asked for must not end the run."""

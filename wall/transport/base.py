@@ -107,6 +107,10 @@ class Hub(ABC):
             credit.consume(size)
             self._grant(peer, credit)
 
+    def knows(self, peer: bytes) -> bool:
+        """Whether a peer has spoken and not left since."""
+        return peer in self._credits
+
     def broadcast(self, message: bytes) -> None:
         """Send a control message to everyone who has spoken."""
         for peer in list(self._credits):

@@ -29,6 +29,7 @@ LINGER_MS = 200  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
 ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
 MAX_PEERS = 4096
+MAX_CONTROL_BYTES = 1 << 21  # of a control message to a hub, and of all that wait there of one peer
 MAX_TAKEN = 4096  # messages taken in at once: a flood of tiny ones cannot hold the caller
 MAX_SENT = 1 << 62  # bytes a link can claim to have sent
 T = TypeVar("T")
@@ -176,6 +177,22 @@ class ZmqLink(Link):
         return True
 
 
+class _Inbox:
+    """Control messages of one peer that wait; the oldest give way where they are too many or too large."""
+
+    def __init__(self) -> None:
+        self.messages: deque[bytes] = deque()
+        self._bytes = 0
+
+    def keep(self, message: bytes, counters: Counter[str]) -> None:
+        """Let one more wait."""
+        self.messages.append(message)
+        self._bytes += len(message)
+        while len(self.messages) > MAX_CONTROL or self._bytes > MAX_CONTROL_BYTES:
+            self._bytes -= len(self.messages.popleft())
+            counters["control_overflow"] += 1
+
+
 class ZmqHub(Hub):
     """Belongs to the thread that uses it first; it may be made by another."""
 
@@ -193,14 +210,13 @@ class ZmqHub(Hub):
             raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
         self.endpoint = f"tcp://{reachable(bind)}:{port}"
         self._rings: dict[bytes, RingReader] = {}  # by peer
-        self._messages: deque[tuple[bytes, bytes]] = deque()
+        self._messages: dict[bytes, _Inbox] = {}  # by peer: none can push out another's
 
     def messages(self) -> list[tuple[bytes, bytes]]:
         """Takes all control messages that arrived, each with its peer."""
         self._pump(MAX_MESSAGE_BYTES)
-        messages = list(self._messages)
-        self._messages.clear()
-        return messages
+        taken, self._messages = self._messages, {}
+        return [(peer, message) for peer, inbox in taken.items() for message in inbox.messages]
 
     def send(self, peer: bytes, message: bytes) -> None:
         """Sends a control message to one peer."""
@@ -238,8 +254,8 @@ class ZmqHub(Hub):
                 size += self._take_placed(peer, *_PLACE.unpack(body))
             elif tag == MEMORY and len(body) == REFERENCE.size:
                 self._open_ring(peer, body)
-            elif tag == CONTROL:
-                _keep(self._messages, (peer, body), self.counters)
+            elif tag == CONTROL and len(body) <= MAX_CONTROL_BYTES:
+                self._messages.setdefault(peer, _Inbox()).keep(body, self.counters)
             elif tag == ASK and len(body) == _ASK.size and _ASK.unpack(body)[0] <= MAX_SENT:
                 self._credits[peer].resume(*_ASK.unpack(body))
                 self._grant(peer, self._credits[peer])

@@ -35,7 +35,8 @@ from wall.packets.control import (
 )
 from wall.packets.framelets import HEAD, FrameletPart
 
-FINITE = st.floats(-1e300, 1e300)
+FINITE = st.floats(-1e15, 1e15)
+RATE = st.floats(0.0, 1e15)
 WORD, LONG, COUNT = st.integers(0, 65535), st.integers(0, 2**60 - 1), st.integers(0, 2**63 - 1)
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=50)
 CAMERAS = st.builds(Camera, position=st.tuples(*[FINITE] * 3), world_from_wall=st.tuples(*[FINITE] * 9))
@@ -46,8 +47,8 @@ EVENTS = st.builds(
 )  # fmt: skip
 HEARTBEATS = st.builds(
     Heartbeat, rank=WORD, time=FINITE, samples_traced=COUNT, samples_shown=COUNT, secondary_rays=COUNT,
-    samples_per_s=FINITE, compared_per_s=FINITE, bytes_per_s=FINITE, packets=COUNT, bytes=COUNT, seconds=FINITE,
-    memory=COUNT, refreshes_per_s=FINITE, right_s=FINITE, peak_memory=COUNT, cpu_seconds=FINITE,
+    samples_per_s=RATE, compared_per_s=RATE, bytes_per_s=RATE, packets=COUNT, bytes=COUNT, seconds=RATE,
+    memory=COUNT, refreshes_per_s=RATE, right_s=RATE, peak_memory=COUNT, cpu_seconds=RATE,
     dropped=st.dictionaries(TEXT, COUNT, max_size=64), complete=st.booleans(), camera_event=st.integers(-1, 2**60 - 1),
     scene_event=st.integers(-1, 2**60 - 1), last=st.booleans(),
 )  # fmt: skip
@@ -249,3 +250,14 @@ def test_a_framelet_bomb_never_takes_memory() -> None:
         assert tracemalloc.get_traced_memory()[1] < 1 << 20
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"samples_per_s": 1e300}, {"samples_per_s": -1.0}, {"seconds": -1.0}, {"square_error": -1e-9}, {"time": 1e16}],
+    ids=str,
+)
+def test_a_heartbeat_of_what_cannot_be_is_refused(change: dict[str, float]) -> None:
+    values = json.loads(serialise(Heartbeat(rank=1, time=2.0))[control.HEADER_BYTES :]) | change
+    with pytest.raises(RemoteProtocolError, match="Heartbeat"):
+        control._parse_body(control.KIND_HEARTBEAT, json.dumps(values).encode(), b"")

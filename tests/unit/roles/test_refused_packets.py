@@ -13,7 +13,7 @@ from wall.core.errors import RemoteProtocolError
 from wall.packets.control import serialise
 from wall.packets.framelets import FrameletPart
 from wall.packets.samples import encode
-from wall.roles.composition import MOST_APART_S, Composition
+from wall.roles.composition import MOST_AHEAD, MOST_APART_S, Composition
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import Packet
 from wall.roles.plan import HEAD, Plan, first_event
@@ -42,6 +42,8 @@ def batch_of(plan: Plan) -> Batch:
         {"base_time": -1e300},
         {"base_time": NOW + 2 * MOST_APART_S},
         {"base_time": NOW - 2 * MOST_APART_S},
+        {"camera_event": 2**32 - 1},
+        {"scene_event": MOST_AHEAD + 1},
     ],
     ids=str,
 )

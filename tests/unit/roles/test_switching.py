@@ -10,6 +10,7 @@ from flat_batches import RECT, TEXT, flat, plan_of, refresh, rgb_of, second
 
 from wall.core.data import Event
 from wall.deepbuffer.kernels.pixel_buffer import TILE
+from wall.roles import sample_routing
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
 from wall.roles.sample_routing import EARLY_BATCHES
@@ -170,6 +171,17 @@ def test_back_at_the_adaptive_sampler_all_of_its_image_is_shown_at_once(plan: Pl
     panel.insert(replace(batch, samples=batch.samples[corner]))
     refresh(panel, again)
     assert np.abs(rgb_of(panel).astype(int) - 255).max() <= 1
+
+
+def test_packets_that_expand_to_much_do_not_wait_for_their_event_without_end(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sample_routing, "EARLY_SAMPLES", 2 * RECT.area)
+    future = asking("frameless", 9, plan)
+    panel = shown(plan, asking("adaptive", 1, plan), radiance=WHITE)
+    for k in range(5):
+        panel.insert(flat(BLACK, future, adaptive=False, sequence=2 + k))
+    assert panel.counters["early"] == 3 * RECT.area
 
 
 def test_what_comes_long_before_its_event_is_counted_and_left_out(plan: Plan) -> None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 import pytest
+from packet_examples import batch_of, plain_samples
 
 from wall.packets.control import (
     MAX_ANSWER_BYTES,
@@ -15,10 +16,13 @@ from wall.packets.control import (
     Heartbeat,
     Ping,
     Pong,
+    Statistics,
     Stop,
+    WindowInput,
     parse_control,
     serialise,
 )
+from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
 from wall.run.ports import FIRST_CLIENT, Ports
@@ -88,6 +92,36 @@ def test_a_stray_packet_at_the_control_hub_is_taken_and_its_owner_sleeps_again(k
     assert came == [Packet(b"stray")]
     assert sleeps(ports)
     close(stray, ports)
+
+
+def test_a_rank_speaks_by_the_link_by_which_it_spoke_first_as_long_as_that_is_open() -> None:
+    control = LoopbackHub(credit_bytes=1)
+    ports, honest, stranger = Ports(MANAGER, HeadClock(), hub=control), *(LoopbackLink(control.endpoint) for _ in "ab")
+    beats = [Heartbeat(rank=1, time=float(k)) for k in range(3)]
+    honest.send(serialise(beats[0]))
+    assert list(ports.receive()) == [beats[0]]
+    stranger.send(serialise(WindowInput(rank=1, escape="a stranger's")))
+    stranger.send(serialise(Statistics(fps=1.0, samples_per_s=1.0, latency_ms=1.0, ranks=1)))
+    assert [type(message) for message in ports.receive()] == [Statistics]
+    assert ports.drops() == {"stranger": 1}
+    honest.close()
+    stranger.send(serialise(beats[2]))
+    assert list(ports.receive()) == [beats[2]], "the rank has begun anew"
+    close(stranger, ports)
+
+
+def test_samples_in_another_rank_s_name_are_left_out() -> None:
+    control, data = LoopbackHub(credit_bytes=1), LoopbackHub(credit_bytes=1 << 20)
+    ports = Ports(0, HeadClock(), hub=data, manager=LoopbackLink(control.endpoint))
+    honest, stranger = LoopbackLink(data.endpoint), LoopbackLink(data.endpoint)
+    packet, forged = (encode(batch_of(plain_samples(n))) for n in (1, 2))
+    honest.offer(packet)
+    assert list(ports.receive()) == [Packet(packet)]
+    stranger.offer(forged)
+    honest.offer(packet)
+    assert list(ports.receive()) == [Packet(packet)]
+    assert ports.drops() == {"stranger": 1}
+    close(honest, stranger, ports)
 
 
 @pytest.mark.parametrize("value", [float("inf"), "x" * MAX_ANSWER_BYTES])

@@ -14,9 +14,9 @@ import zmq
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.transport import zeromq
 from wall.transport.addresses import WILDCARDS, reachable
-from wall.transport.base import MAX_MESSAGE_BYTES, Hub
+from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub
 from wall.transport.shared_memory import OTHER_MACHINE
-from wall.transport.zeromq import ZmqHub, ZmqLink
+from wall.transport.zeromq import MAX_CONTROL_BYTES, ZmqHub, ZmqLink
 
 DEADLINE_S = 10.0
 WINDOW = 10_000
@@ -330,3 +330,33 @@ def test_a_hub_on_all_interfaces_names_an_endpoint_that_answers(closing: ExitSta
     closing.callback(hub.close)
     link = link_to(closing, hub.endpoint)
     until(lambda: goes_through(link, hub))
+
+
+def test_a_flood_of_one_peer_pushes_out_no_other_s_messages(closing: ExitStack) -> None:
+    hub = hub_of(closing)
+    flood, honest = link_to(closing, hub.endpoint), link_to(closing, hub.endpoint)
+    honest.send(b"alive")
+    until(lambda: hub.drain(1) == [] and bool(hub._messages))
+    for k in range(MAX_CONTROL + 50):
+        flood.send(b"ping")
+        if k % 100 == 0:
+            hub.drain(1)
+
+    def overflowed() -> bool:
+        flood.ready()
+        hub.drain(1)
+        return hub.counters["control_overflow"] == 50
+
+    until(overflowed)
+    messages = [message for _, message in hub.messages()]
+    assert messages.count(b"alive") == 1
+    assert messages.count(b"ping") == MAX_CONTROL
+
+
+def test_control_messages_of_a_peer_that_wait_are_bounded_in_bytes(closing: ExitStack) -> None:
+    hub = hub_of(closing)
+    link = link_to(closing, hub.endpoint)
+    for size in (MAX_CONTROL_BYTES + 1, MAX_CONTROL_BYTES, 1):
+        link.send(bytes(size))
+    until(lambda: hub.drain(1) == [] and hub.counters == {"bad_frame": 1, "control_overflow": 1})
+    assert [len(message) for _, message in hub.messages()] == [1]
