@@ -198,7 +198,7 @@ def test_a_framed_image_is_shown_only_when_complete() -> None:
 
 def test_parts_of_a_frame_that_never_ends_are_not_kept_without_end() -> None:
     deep = buffer_of()
-    whole = np.concatenate([sample(0.5, 0.5, 1.0)] * 50_000)
+    whole = np.repeat(sample(0.5, 0.5, 1.0), 50_000)
     for k in range(4):
         deep.insert(batch(whole, event=1, frame=1, frame_samples=10**6, sequence=k))
     assert sum(len(part.samples) for part in deep._back[1].batches) == 50_000
