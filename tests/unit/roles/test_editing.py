@@ -6,12 +6,13 @@ import itertools
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from running import write_config
 
 from wall.commands.set import note_of
 from wall.config.loading import load
-from wall.core.data import MOST_SAMPLES, NO_EDITS, Batch, Edits, Event, Rect
+from wall.core.data import MOST_SAMPLES, NO_EDITS, SAMPLE, Batch, Edits, Event, Rect
 from wall.core.errors import EditError
 from wall.packets.control import EditAnswer, EditRequest, WindowInput, parse_control, serialise
 from wall.roles.edit_history import REMEMBERED, EditHistory
@@ -170,7 +171,7 @@ def test_a_refused_edit_publishes_nothing_and_a_page_s_is_counted(plan: Plan) ->
 def batch(number: int) -> Batch:
     return Batch(
         view=0, panel=0, rect=Rect(x=0, y=0, width=1, height=1), rank=1, sequence=number, camera_event=0, scene_event=0,
-        base_time=0.0, samples=None, edits=Edits(number),  # type: ignore[arg-type]
+        base_time=0.0, samples=np.zeros(0, SAMPLE), edits=Edits(number),
     )  # fmt: skip
 
 

@@ -10,8 +10,8 @@ COLOUR = frozenset({"colour"})
 
 
 def test_plain_samples_take_twelve_bytes_and_their_share_of_the_header() -> None:
-    """A packet of 4096 samples: a header of 154 bytes and 12 bytes each (docs/guide/packet_format.md)."""
-    assert bytes_a_sample("frameless", 4096) == pytest.approx((154 + 12 * 4096) / 4096, abs=1e-12)
+    """A packet of 4096 samples: a header of 170 bytes and 12 bytes each (docs/guide/packet_format.md)."""
+    assert bytes_a_sample("frameless", 4096) == pytest.approx((170 + 12 * 4096) / 4096, abs=1e-12)
 
 
 def test_adaptive_samples_take_at_most_their_limit() -> None:
