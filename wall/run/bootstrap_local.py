@@ -180,7 +180,7 @@ def _how(exit_code: int) -> str:
 
 
 def _belong_to(parent: int, ends: list[Connection]) -> None:
-    """Of a forked process, which ignores what ends the run: die with its parent, close ends of pipes that are others'."""
+    """Of a forked process: die with its parent, which gets the signals that end the run; close what is others'."""
     end_with_parent(signal.SIGKILL)
     if os.getppid() != parent:
         os._exit(1)

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
-from wall.packets.control import EditAnswer, EditRequest, Message, Ping, Pong, parse_control, serialise
+from wall.packets.control import EditAnswer, EditRequest, Membership, Message, Ping, Pong, parse_control, serialise
 from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
 from wall.run.clock import HeadClock
@@ -35,6 +35,7 @@ class Ports:
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
         self._senders: dict[int, bytes] = {}  # of samples, by rank: its link
+        self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
         self._ping_due = 0.0
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
@@ -142,7 +143,16 @@ class Ports:
             if isinstance(message, Pong):
                 self._clock.learn(message.sent, message.head_time)
             elif message is not None:
+                if isinstance(message, Membership):
+                    self._let_begin_anew(message)
                 yield message
+
+    def _let_begin_anew(self, membership: Membership) -> None:
+        """Ranks that were started again speak by other links."""
+        for member in membership.members:
+            if self._incarnations.get(member.rank, member.incarnation) != member.incarnation:
+                self._senders.pop(member.rank, None)
+            self._incarnations[member.rank] = member.incarnation
 
     def _of_ranks(self, hub: Hub) -> Iterator[Message]:
         """Control messages at our hub: the manager's business; elsewhere they are strays."""

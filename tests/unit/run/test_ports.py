@@ -14,6 +14,8 @@ from wall.packets.control import (
     EditAnswer,
     EditRequest,
     Heartbeat,
+    Hello,
+    Membership,
     Ping,
     Pong,
     Statistics,
@@ -121,6 +123,13 @@ def test_samples_in_another_rank_s_name_are_left_out() -> None:
     honest.offer(packet)
     assert list(ports.receive()) == [Packet(packet)]
     assert ports.drops() == {"stranger": 1}
+    for incarnation in (5, 6):
+        control.broadcast(
+            serialise(Membership(members=(Hello(rank=2, host="", endpoint="", incarnation=incarnation),)))
+        )
+        assert len(list(ports.receive())) == 1
+    stranger.offer(forged)
+    assert list(ports.receive()) == [Packet(forged)], "the rank was started again"
     close(honest, stranger, ports)
 
 
