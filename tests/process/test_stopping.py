@@ -224,6 +224,10 @@ def test_survivors_of_a_killed_mpi_rank_run_on_and_end_with_mpirun(
     os.kill(run.pid, signal.SIGKILL)
     run.wait()
     until_gone(run)
+    limit = time.monotonic() + STOP_LIMIT_S  # for the process that writes the results, which is not of the session
+    written = tmp_path / "out" / "summary.json"
+    while not (written.exists() and "terminated" in written.read_text()) and time.monotonic() < limit:
+        wait_a_little()
 
     found = summary(tmp_path / "out")
     assert "silent" in found["lost"]["1"]

@@ -90,6 +90,7 @@ class PngSink:
 
     def __init__(self, folder: Path, *, every_s: float = SAVE_S) -> None:
         make_folder(folder)
+        Image.preinit()  # now: a process that is copied while one of its threads imports cannot import any more
         self._folder = folder
         self._image: WallImage | None = None
         self._written: WallImage | None = None

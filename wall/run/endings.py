@@ -54,12 +54,13 @@ class WriterApart:
 
     def __init__(self, write: Callable[[], None]) -> None:
         """`write` must use no other thread."""
-        self._write, self._pid = write, 0
+        self._write, self._begun, self._pid = write, False, 0
 
     def begin(self) -> None:
         """Begin to write, unless that was done."""
-        if self._pid:
+        if self._begun:
             return
+        self._begun = True  # at once: the next signal may come while this process is being copied
         with contextlib.suppress(OSError):  # without memory for a copy the run still ends in order
             self._pid = os.fork()
             if self._pid == 0:
