@@ -237,7 +237,16 @@ _MAX_BYTES: dict[type[Any], int] = {
     EditRequest: MAX_CONFIGURATION_BYTES,
     Prepare: MAX_CONFIGURATION_BYTES,
 }
-_NOT_BELOW_0 = ("samples_per_s", "compared_per_s", "bytes_per_s", "seconds", "cpu_seconds", "square_error", "refreshes_per_s", "right_s")
+_NOT_BELOW_0 = (
+    "samples_per_s",
+    "compared_per_s",
+    "bytes_per_s",
+    "seconds",
+    "cpu_seconds",
+    "square_error",
+    "refreshes_per_s",
+    "right_s",
+)
 
 
 def serialise(message: Message) -> bytes:
