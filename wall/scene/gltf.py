@@ -66,12 +66,10 @@ def renamed(path: Path) -> tuple[bytes, dict[str, Any]]:
 
 
 def check_read(header: dict[str, Any]) -> None:
-    """Raise ValueError for what would give wrong shapes: extensions and sparse accessors that a file cannot do without.
+    """Raise ValueError for what would give wrong shapes: sparse accessors of meshes and animations.
 
     Accessors of morph targets are not read, whatever they are.
     """
-    if unknown := sorted(set(header.get("extensionsRequired", [])) - KNOWN):
-        raise ValueError(f"it requires {', '.join(unknown)}, wanted a file that does without")
     primitives = [primitive for mesh in header.get("meshes", []) for primitive in mesh["primitives"]]
     used = {number for primitive in primitives for number in primitive["attributes"].values()}
     used |= {primitive["indices"] for primitive in primitives if "indices" in primitive}
