@@ -271,7 +271,7 @@ CHANNELS = {
     "lock step of no frames": (
         nodes(*WHOLE, head="  sync: frame\n"),
         "6:9: graph.sync = 'frame': frames in lock step are made of whole frames, and the sampling method is "
-        "frameless; accepted: sampling: {method: framed}, or sync: none",
+        "adaptive; accepted: sampling: {method: framed}, or sync: none",
     ),
     "depths of several panels": (
         nodes(*WHOLE[:5], "id: d, op: depth, inputs: [w, p0]", PNG + "d"),
