@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numba
@@ -38,6 +39,14 @@ def compiled_only() -> None:
     """For tests of many rays or pixels, which plain Python would take minutes for."""
     if JIT_DISABLED:
         pytest.skip("too many rays or pixels for NUMBA_DISABLE_JIT=1")
+
+
+@pytest.fixture
+def as_in_a_terminal() -> Iterator[None]:
+    """A hang-up ends this process, also where the tests were started by `nohup`."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 @pytest.fixture

@@ -64,10 +64,7 @@ def wall(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Compl
 
 
 def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Popen[str]:
-    """Start `wall` in a session of its own, so that all its processes can be found and ended.
-
-    Ctrl-C reaches it as in a terminal, also where the tests themselves run in the background, which ignores SIGINT.
-    """
+    """Start `wall` in a session of its own, so that all its processes can be found and ended."""
     return subprocess.Popen(
         [*launcher, *WALL, *map(str, arguments)],
         stdout=subprocess.PIPE,
@@ -75,8 +72,14 @@ def start(*arguments: object, launcher: tuple[str, ...] = ()) -> subprocess.Pope
         text=True,
         env=environment(),
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        preexec_fn=_as_in_a_terminal,
     )
+
+
+def _as_in_a_terminal() -> None:
+    """Ctrl-C and a hang-up end a process, also where the tests run in the background, which ignores both."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
 
 
 def page_of(process: subprocess.Popen[str]) -> str:

@@ -94,7 +94,7 @@ def table(conversion: Conversion) -> Table | None:
         lines = [str(line) for line in sorted({item.line for item in items})]
         more = f" and {len(lines) - LINES_SHOWN} more" if len(lines) > LINES_SHOWN else ""
         what = items[0].what if len(items) == 1 else f"{items[0].what} and {len(items) - 1} like it"
-        rows.add_row(", ".join(lines[:LINES_SHOWN]) + more, _escaped(what), _escaped(why))
+        rows.add_row(", ".join(lines[:LINES_SHOWN]) + more, _plain(what), _plain(why))
     return rows
 
 
@@ -126,11 +126,6 @@ def write(path: Path, text: str) -> None:
 def _without_indices(what: str) -> str:
     """An item's name without indices, so that items of one kind can be counted."""
     return "".join(ch for ch in what.split(" = ")[0] if not ch.isdigit())
-
-
-def _escaped(text: str) -> str:
-    """One printable line, its brackets escaped for rich."""
-    return _plain(text).replace("[", "\\[")
 
 
 def _plain(text: str) -> str:

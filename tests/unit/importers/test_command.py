@@ -208,7 +208,7 @@ def test_the_terminal_shows_equal_items_once_and_not_what_is_inside_them() -> No
     assert shown is not None
     lines, what = ([*column.cells] for column in shown.columns[:2])
     assert lines == ["2, 3", "4"]
-    assert what == ["pvx.Machine\\[0].Typo = '1' and 1 like it", "pvx.other\\[0]"]
+    assert what == ["pvx.Machine[0].Typo = '1' and 1 like it", "pvx.other[0]"]
 
 
 def test_a_refusal_names_the_formats_that_are_known() -> None:

@@ -12,7 +12,7 @@ from wall.run.endings import REASONS, EndSignals, WriterApart
 
 
 @pytest.mark.parametrize("number", list(REASONS))
-def test_signal_gives_its_reason_as_often_as_it_comes(number: signal.Signals) -> None:
+def test_signal_gives_its_reason_as_often_as_it_comes(number: signal.Signals, as_in_a_terminal: None) -> None:
     before = [signal.getsignal(each) for each in REASONS]
     reasons: list[str] = []
     signals = EndSignals(reasons.append)

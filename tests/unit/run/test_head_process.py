@@ -38,7 +38,7 @@ class Reader:
 
 
 def test_summary_is_there_while_the_run_goes_on_and_after_a_hang_up(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, as_in_a_terminal: None
 ) -> None:
     sink = Reader(tmp_path / "summary.json")
     plan = plan_of()

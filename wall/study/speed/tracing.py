@@ -67,7 +67,8 @@ class Bench:
 
     def _record(self) -> None:
         """Every primary packet, and the shadow packet of every light that some lane of it faces."""
-        work, every = self.tracer._work, self.arguments(self.raster).lights
+        work, given = self.tracer._work, self.arguments(self.raster)
+        every, rounded = given.lights, given.materials.scattering.rounded
         dark = every._replace(directional=None, points=None)
         lights = [
             dark._replace(directional=row[None]) for row in (() if every.directional is None else every.directional)
@@ -82,7 +83,7 @@ class Bench:
                 if work.counts[SHADOW_RAYS]:
                     lit.append(work.shadow_valid.copy())
                     stopped.append(work.packet[SHADOW_PACKET + embree.T_FAR :][: embree.PACKET] < 0.0)
-                    _aim_again(light, work)
+                    _aim_again(light, rounded, work)
                     shadows.append(work.packet[SHADOW_PACKET : SHADOW_PACKET + embree.RAY_FLOATS].copy())
             hits.append(work.packet[: embree.RAY_HIT_FLOATS].copy())
             ends.append(len(shadows))
@@ -152,12 +153,12 @@ class Bench:
         return batches[: len(batches) // 2]
 
 
-def _aim_again(light: Lights, work: Workspace) -> None:
+def _aim_again(light: Lights, rounded: bool | None, work: Workspace) -> None:
     """Aim the shadow packet at the only light as tracing did: Embree overwrote how far its rays go."""
     if light.directional is not None:
-        aim_directional(light.directional[0], work)
+        aim_directional(light.directional[0], rounded, work)
     elif light.points is not None:
-        aim_point(light.points[0], work)
+        aim_point(light.points[0], rounded, work)
 
 
 def measure(rounds: int) -> list[Row]:

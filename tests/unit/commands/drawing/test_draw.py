@@ -122,12 +122,12 @@ def test_text_stays_on_the_page_and_apart_however_wide_it_is(name: str, width: f
 
 
 def test_expected_traffic_is_written_at_its_edge() -> None:
-    """two_compositors: 1 M samples/s a rank of 12 + 146 / 4096 bytes; 320 x 240 pixels of 3 bytes, 30 a second."""
+    """two_compositors: 1 M samples/s a rank of 6.5 bytes (adaptive); 320 x 240 pixels of 3 bytes, 30 a second."""
     written = texts(svg_of(page_of(CONFIGS / "two_compositors.yaml")))
-    assert written.count("24.1 MB/s") == 1  # two ranks
-    assert written.count("12 MB/s") == 1
+    assert written.count("13 MB/s") == 1  # two ranks
+    assert written.count("6.5 MB/s") == 1
     assert written.count("6.91 MB/s") == 1
-    assert "rank 0, in 31 MB/s" in written  # 24.07 + 6.91
+    assert "rank 0, in 19.9 MB/s" in written  # 13 + 6.91
 
 
 def test_edges_between_processes_differ_from_calls() -> None:
@@ -165,7 +165,7 @@ def test_a_thousand_panels_still_fit_a_page() -> None:
     assert page.height < 180
     written = [words.text for words in page.texts]
     assert "r0c0 … r15c14" in written  # ids do not fit the panels
-    assert f"240 {TIMES} 12 MB/s" in written
+    assert f"240 {TIMES} 6.5 MB/s" in written
 
 
 @pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
