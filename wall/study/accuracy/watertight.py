@@ -228,7 +228,7 @@ CASES = (
     ),
     Case(
         name="vertices", family="Watertight", unit="rays", bound=0.0,
-        reason="the same at a vertex, where boxes of the tree must reach around the rounded ray too",
+        reason="the same at a vertex, where the numbers of all edges that meet there must agree",
         scene="Rays from inside a closed sphere to its vertices, within two roundings",
         measure=escapes_at_vertices, size=400_000, small=5_000, long=10_000_000,
     ),
