@@ -125,11 +125,11 @@ def set_command(
     if listed:
         print("\n".join(lines_of(answer.parameters)))
         if note := note_of(answer):
-            errors.print(f"note: {note}", markup=False)
+            errors.print(f"note: {note}")
         if all("=" in text for text in assignments or ()):
-            errors.print("note: wall set --list 'objects.*' shows those of objects", markup=False)
+            errors.print("note: wall set --list 'objects.*' shows those of objects")
     if undo or any("=" in text for text in assignments or ()):
-        console.print(f"set by edit {answer.edit}", markup=False)
+        console.print(f"set by edit {answer.edit}")
 
 
 @app.command()
@@ -150,7 +150,7 @@ def load(
     began = monotonic()
     with connect(out) as run:
         edit = run.load(config)
-    console.print(f"{config}: adopted after {monotonic() - began:.1f} s, by edit {edit}", markup=False)
+    console.print(f"{config}: adopted after {monotonic() - began:.1f} s, by edit {edit}")
 
 
 @app.command()
@@ -304,7 +304,7 @@ def identify(
         files = write_patterns(load_config(config), pattern, output)
         console.print(f"wrote {len(files)} files to {output}/")
         return
-    show_patterns(load_config(config), pattern, seconds=seconds, say=lambda line: console.print(line, markup=False))
+    show_patterns(load_config(config), pattern, seconds=seconds, say=lambda line: console.print(line))
 
 
 @app.command()
@@ -364,11 +364,10 @@ def convert(
         console.print(left_out)
     console.print(
         f"wrote {output} from {chosen.name}: {conversion.panels} panels, {conversion.ranks} ranks; "
-        f"{len(conversion.carried)} values carried, {len(conversion.not_carried)} not",
-        markup=False,
+        f"{len(conversion.carried)} values carried, {len(conversion.not_carried)} not"
     )
     for sentence in conversion.assumed:
-        console.print(f"note: {sentence}", markup=False, soft_wrap=True)
+        console.print(f"note: {sentence}", soft_wrap=True)
 
 
 @app.command()

@@ -19,7 +19,7 @@ def expected(layout: Layout, rate: float, size: float, cores: int) -> Iterator[s
     rate : samples/s that one core traces; size : bytes a sample; cores : of this machine
     """
     threads = {rank: _threads(layout, rank) for rank in layout.renderers()}
-    together, pixels = sum(threads.values()), sum(_pixels(layout, rank) for rank in layout.renderers())
+    together, pixels = sum(threads.values()), sum(map(layout.area_of, layout.renderers()))
     here = rate * min(together, cores)
     fewer = f"; {si(here).strip()} samples/s, {here / pixels:.2g} a pixel, on the {cores} cores here"
     yield (
@@ -63,7 +63,3 @@ def _into_compositors(layout: Layout, threads: dict[int, int], rate: float) -> I
 
 def _threads(layout: Layout, rank: int) -> int:
     return max(layout.sampling_of(view).threads for view in layout.views_of(rank))
-
-
-def _pixels(layout: Layout, rank: int) -> int:
-    return sum(region.rect.area for region in layout.regions_of(rank))

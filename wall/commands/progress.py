@@ -57,7 +57,7 @@ class StartProgress:
     def say(self, line: str) -> None:
         """Show a stage, or a line that begins with `note: `."""
         if not errors.is_terminal or line.startswith("note: "):
-            errors.print(f"  {line}", markup=False)
+            errors.print(f"  {line}")
         if line.startswith("starting "):
             self._stop()  # the bar's thread must not exist when processes are forked
         if line.startswith(("starting ", "note: ")):

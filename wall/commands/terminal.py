@@ -81,7 +81,7 @@ def say_version(wanted: bool) -> None:
 
 def fail(message: str) -> NoReturn:
     """Print a message and end the process with the exit code of a failed run."""
-    errors.print(message, style="red", markup=False)
+    errors.print(message, style="red")
     raise SystemExit(FAILED)
 
 
@@ -100,7 +100,7 @@ def load_config(path: Path, scene: Path | None = None, *, up: str | None = None,
 
         loaded, said = fitted(loaded, len(os.sched_getaffinity(0)))
         if said:
-            errors.print(f"note: {said}", markup=False)
+            errors.print(f"note: {said}")
     return loaded
 
 
@@ -109,7 +109,7 @@ def print_notes(plan: Plan) -> None:
     from wall.run.bootstrap import mpi_rank
 
     for note in (*plan.layout.notes, *plan.scene.notes) if mpi_rank() == 0 else ():
-        errors.print(f"note: {note}", markup=False)
+        errors.print(f"note: {note}")
 
 
 def write_text(path: Path, text: str) -> None:

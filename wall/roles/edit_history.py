@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections import deque
-
 from wall.core.data import NO_EDITS, Batch, Edits
+from wall.roles.early_batches import EarlyBatches
 
 REMEMBERED = 256  # states: four seconds of a slider that moves at 60 Hz
-EARLY_BATCHES = 1024  # that wait for their edits
-EARLY_SAMPLES = 1 << 22  # of all of them: 200 MB
 
 
 class EditHistory:
@@ -17,8 +14,7 @@ class EditHistory:
     def __init__(self) -> None:
         self._known: dict[int, Edits] = {NO_EDITS.number: NO_EDITS}  # the oldest first
         self._newest = NO_EDITS.number
-        self._early: deque[Batch] = deque()
-        self._waiting = 0  # samples of these
+        self._early = EarlyBatches()
 
     def know(self, edits: Edits) -> list[Batch]:
         """Remember a state. Returns batches that have waited for it, as they come from `of`."""
@@ -28,8 +24,7 @@ class EditHistory:
         self._newest = max(self._newest, edits.number)
         if len(self._known) > REMEMBERED:
             del self._known[next(iter(self._known))]
-        early, self._early, self._waiting = self._early, deque(), 0
-        return list(early)
+        return self._early.take()
 
     def of(self, number: int) -> Edits | None:
         """The edits of a number; None where they are not known."""
@@ -37,9 +32,4 @@ class EditHistory:
 
     def waits(self, batch: Batch) -> bool:
         """Keep a batch of edits that are not known yet. Returns False where it is too old, or too many wait."""
-        full = len(self._early) >= EARLY_BATCHES or self._waiting + len(batch.samples) > EARLY_SAMPLES
-        if batch.edits.number < self._newest or full:
-            return False
-        self._waiting += len(batch.samples)
-        self._early.append(batch)
-        return True
+        return batch.edits.number >= self._newest and self._early.keep(batch)

@@ -89,6 +89,10 @@ class Layout:
         """Returns the regions that a renderer rank samples, one of each layer that it renders."""
         return self.regions[rank - self.graph.compositors]
 
+    def area_of(self, rank: int) -> int:
+        """Returns the pixels that a renderer rank samples, in all of its regions."""
+        return sum(region.rect.area for region in self.regions_of(rank))
+
     def region(self, rank: int) -> Region:
         """Returns the first region that a renderer rank samples."""
         return self.regions_of(rank)[0]

@@ -7,12 +7,10 @@ that was not heard of yet is early and waits for it.
 from __future__ import annotations
 
 import enum
-from collections import Counter, deque
+from collections import Counter
 
 from wall.core.data import Batch, Event
-
-EARLY_BATCHES = 1024  # kept until their event is followed, at the next refresh: what hundreds of ranks send meanwhile
-EARLY_SAMPLES = 1 << 22  # of all of them: 200 MB
+from wall.roles.early_batches import EarlyBatches
 
 
 class Destination(enum.Enum):
@@ -31,8 +29,7 @@ class SampleRouting:
         self._default, self._reprojects, self._counters = method, reprojects, counters
         self.method, self.compare = method, ""
         self._since = self._followed = 0  # camera events: the first that asked for these two, the newest
-        self._early: deque[Batch] = deque()
-        self._waiting = 0  # samples of these
+        self._early = EarlyBatches()
 
     @property
     def reprojected(self) -> bool:
@@ -46,10 +43,9 @@ class SampleRouting:
             self._since = event.camera_event
         (self.method, self.compare), self._followed = asked, event.camera_event
 
-    def take_early(self) -> deque[Batch]:
+    def take_early(self) -> list[Batch]:
         """Take the batches that waited; an event that is followed tells where they belong."""
-        early, self._early, self._waiting = self._early, deque(), 0
-        return early
+        return self._early.take()
 
     def destination(self, batch: Batch) -> Destination | None:
         """The image of a batch. None: it waits as too early, or is counted as `early` or `late`."""
@@ -57,10 +53,7 @@ class SampleRouting:
         if self.reprojected and (batch.adaptive or (current and self._reprojects)):
             return Destination.REPROJECTED
         if batch.camera_event > self._followed:
-            if len(self._early) < EARLY_BATCHES and self._waiting + len(batch.samples) <= EARLY_SAMPLES:
-                self._early.append(batch)
-                self._waiting += len(batch.samples)
-            else:
+            if not self._early.keep(batch):
                 self._counters["early"] += len(batch.samples)
         elif current and self.compare:
             return Destination.COMPARED

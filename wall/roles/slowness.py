@@ -71,7 +71,7 @@ def _pace(layout: Layout, rank: int, beat: Heartbeat) -> float | None:
 
 
 def _pixels(layout: Layout, rank: int) -> int:
-    return max(1, sum(region.rect.area for region in layout.regions_of(rank)))
+    return max(1, layout.area_of(rank))  # with balance a strip may be empty
 
 
 def _or_spread(layout: Layout, rank: int) -> str:

@@ -157,7 +157,8 @@ def _nurse(
             child = children.pop(rank)
             child.join()
             if child.exitcode:
-                pipe.send((rank, _how(child.exitcode)))
+                with contextlib.suppress(OSError):  # rank 0 asks no more
+                    pipe.send((rank, _how(child.exitcode)))
         if pipe in ready:
             try:
                 rank, text = pipe.recv()

@@ -37,6 +37,7 @@ from wall.transport.factory import LOOPBACK
 from wall.transport.shared_memory import machine_id
 
 INPUT_POLL_S = 0.004  # a quarter of a 60 Hz refresh: how long a viewer's command may wait
+RESTARTS_WITHIN_S = 60.0  # a rank is started again so often, see TransportConfig.restarts
 STOP_WAIT_S = 6.0  # for the manager to end the run in all its steps
 Say = Callable[[str], None]
 
@@ -189,7 +190,7 @@ class HeadProcess:
             return False
         if manager.plan.number > 0 or manager.plan.layout.role(rank) != "renderer":
             return False
-        recent = [began for began in self._restarts.get(rank, ()) if now - began < 60.0]
+        recent = [began for began in self._restarts.get(rank, ()) if now - began < RESTARTS_WITHIN_S]
         if len(recent) >= manager.plan.layout.config.transport.restarts or not self._bootstrap.start_again(rank):
             return False
         self._restarts[rank] = [*recent, now]

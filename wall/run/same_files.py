@@ -14,12 +14,13 @@ from typing import Any, Protocol
 
 from wall.config.loading import dump
 from wall.core.errors import ConfigError
+from wall.core.files import read_file
 from wall.roles.plan import HEAD, Layout
 from wall.scene.build import BUILT_IN, sources_of
+from wall.scene.gltf import MOST_BYTES
 
 PROGRAM = Path(__file__).parents[1]
 MISSING = "missing"
-CHUNK = 1 << 20  # bytes read at once
 
 
 class Gathers(Protocol):
@@ -72,12 +73,14 @@ def fingerprints(layout: Layout) -> dict[str, str]:
     files += [] if scene.environment is None else [scene.environment.file]
     prints = {
         f"the program (wall {version('wall')})": _of_program(),
-        f"configuration {loaded.name}": hashlib.blake2b(dump(layout.config).encode(), digest_size=16).hexdigest(),
+        f"configuration {loaded.name}": _print_of(dump(layout.config).encode()),
     }
     for name in files:
         path = loaded.folder / name
-        for each in (path, *_named_in(path)):
-            prints[f"file {_named(each, loaded.folder)}"] = _of_file(each)
+        data = _bytes_of(path)
+        prints[f"file {_named(path, loaded.folder)}"] = _print_of(data)
+        for each in _named_in(path, data):
+            prints[f"file {_named(each, loaded.folder)}"] = _print_of(_bytes_of(each))
     return prints
 
 
@@ -92,29 +95,28 @@ def _of_program() -> str:
     return total.hexdigest()
 
 
-def _of_file(path: Path) -> str:
-    total = hashlib.blake2b(digest_size=16)
+def _bytes_of(path: Path) -> bytes | None:
+    """None for a file that cannot be read, which is said elsewhere."""
     try:
-        with path.open("rb") as file:
-            while part := file.read(CHUNK):
-                total.update(part)
+        return read_file(path, MOST_BYTES)
     except OSError:
-        return MISSING
-    return total.hexdigest()
+        return None
 
 
-def _named_in(path: Path) -> list[Path]:
-    """The files that a .gltf or an .obj names; none of one that cannot be read, which is said elsewhere."""
+def _print_of(data: bytes | None) -> str:
+    return MISSING if data is None else hashlib.blake2b(data, digest_size=16).hexdigest()
+
+
+def _named_in(path: Path, data: bytes | None) -> list[Path]:
+    """The files that a .gltf or an .obj names; none of one that makes no sense, which is said elsewhere."""
+    suffix, text = path.suffix.lower(), (data or b"").decode("utf-8-sig", "replace")
+    if suffix == ".obj":
+        words = (line.split(None, 1) for line in text.splitlines() if line.startswith("mtllib "))
+        return [path.parent / both[1].strip() for both in words if len(both) == 2]
     try:
-        if path.suffix.lower() == ".gltf":
-            header: dict[str, Any] = json.loads(path.read_text(encoding="utf-8-sig"))
-            parts = [*header.get("buffers", []), *header.get("images", [])]
-            uris = [part["uri"] for part in parts if not part.get("uri", "data:").startswith("data:")]
-            return [path.parent / uri for uri in uris]
-        if path.suffix.lower() == ".obj":
-            with path.open(encoding="utf-8", errors="replace") as lines:
-                words = (line.split(None, 1) for line in lines if line.startswith("mtllib "))
-                return [path.parent / both[1].strip() for both in words if len(both) == 2]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        header: dict[str, Any] = json.loads(text) if suffix == ".gltf" else {}
+        parts = [*header.get("buffers", []), *header.get("images", [])]
+        uris = [part["uri"] for part in parts if not part.get("uri", "data:").startswith("data:")]
+        return [path.parent / uri for uri in uris]
+    except (ValueError, KeyError, TypeError, AttributeError):
         return []
-    return []

@@ -19,7 +19,7 @@ from wall.packets.framelets import COMPARED, ENCODED, MAX_AREA, PLAIN, POSED, Fr
 from wall.packets.kernels import compact_body as kernels
 from wall.packets.plain_body import BYTES_A_SAMPLE
 from wall.packets.samples import ADAPTIVE, ALWAYS, HEADER_BYTES, NOISY, RELIGHTABLE, Channel, decode, encode
-from wall.roles.sample_routing import EARLY_BATCHES
+from wall.roles.early_batches import MOST_BATCHES
 
 PAGE = (Path(__file__).parents[3] / "docs" / "guide" / "packet_format.md").read_text()
 
@@ -114,7 +114,7 @@ def test_the_channels_and_columns_are_the_document_s() -> None:
 
 
 def test_the_number_of_early_packets_is_the_document_s() -> None:
-    assert f"at most {EARLY_BATCHES:,} packets wait" in PAGE
+    assert f"at most {MOST_BATCHES:,} packets wait" in PAGE
 
 
 def test_the_header_s_byte_table_reads_the_example() -> None:

@@ -2,92 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
 
 from wall.config.loading import loads
 from wall.core.data import Event
 from wall.core.errors import RemoteProtocolError
 from wall.display.window import ALL_CLOSED
 from wall.geometry.steering import Command, parse
-from wall.packets.control import Heartbeat, Hello, Membership, Message, Selection, Statistics, Stop, WindowInput
+from wall.packets.control import Selection, Statistics, WindowInput
 from wall.roles.director import Director
-from wall.roles.instructions import Broadcast, Died, End, Finish, Input, Packet, Send
-from wall.roles.manager import HOLD_S, NO_RENDERER, SETTLED_S, SILENT_S, Manager
-from wall.roles.membership import GATHER_S, REPEAT_S
+from wall.roles.instructions import End, Packet
+from wall.roles.manager import HOLD_S, SETTLED_S
 from wall.roles.plan import HEAD, Plan, make_layout, make_plan
 from wall.roles.status import Latency, samplers_of
-
-TEXT = """\
-version: 1
-scene: {source: courtyard}
-wall: {grid: {columns: 1, rows: 1, pixels: [32, 24], size: [0.4, 0.3]}}
-views: [{camera: {position: [6, 4.5, 10], target: [0, 0.6, 0]}, path: {type: orbit, period_s: 4}}]
-"""
-ELSEWHERE = """\
-graph:
-  compositors: 2
-  nodes:
-    - {id: samples, op: samples, panel: r0c0}
-    - {id: panel, op: reconstruct, input: samples, on: compositor 1}
-    - {id: window, op: sink, kind: window, input: panel}
-"""
 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    return make_plan(make_layout(loads(TEXT, path=Path("wall.yaml"))))
+    return plan_of(TEXT)
 
 
 @pytest.fixture(scope="module")
 def elsewhere() -> Plan:
     """Of a panel that compositor 1 shows in a window."""
-    return make_plan(make_layout(loads(f"{TEXT}{ELSEWHERE}", path=Path("wall.yaml"))))
-
-
-class Run:
-    """A manager, and all that it has said."""
-
-    def __init__(self, plan: Plan, **options: Any) -> None:
-        self.now, self.size, self.finished = 50.0, plan.layout.size, False
-        self.manager = Manager(plan, self.now, **({"still": True} | options))
-        self.sent: list[tuple[int | None, Message]] = []  # to which rank, None: to all
-
-    def tell(self, *messages: Input, after: float = 0.0) -> list[tuple[int | None, Message]]:
-        """Give it messages and a tick. Returns what it says to that."""
-        self.now += after
-        before = len(self.sent)
-        for message in messages:
-            self._keep(self.manager.on_message(message, self.now))
-        self._keep(self.manager.on_tick(self.now))
-        return self.sent[before:]
-
-    def beats(self, *ranks: int, complete: bool = True, last: bool = False) -> list[Heartbeat]:
-        """What ranks say of the newest event."""
-        camera, scene = self.manager._directors[0].event.number
-        return [
-            Heartbeat(rank=k, time=0.0, complete=complete, camera_event=camera, scene_event=scene, last=last)
-            for k in ranks
-        ]
-
-    def stopped(self) -> list[int | None]:
-        """Who was told to stop."""
-        return [to for to, message in self.sent if isinstance(message, Stop)]
-
-    def _keep(self, instructions: Iterator[Any]) -> None:
-        for instruction in instructions:
-            self.finished |= isinstance(instruction, Finish)
-            if isinstance(instruction, Send | Broadcast):
-                self.sent.append((getattr(instruction, "to", None), instruction.message))
-
-
-def hello(rank: int, *, incarnation: int = 1) -> Hello:
-    return Hello(rank=rank, host=f"host{rank}", endpoint=f"tcp://host{rank}:1", incarnation=incarnation)
+    return plan_of(f"{TEXT}{ELSEWHERE}")
 
 
 def command(**words: Any) -> Command:
@@ -255,83 +199,6 @@ def test_rank_that_joins_late_gets_the_newest_event_and_the_stop(plan: Plan) -> 
     run.tell(End("enough"))
     run.tell(after=HOLD_S)
     assert run.stopped() == [1], "the head's compositor is the last"
-
-
-def test_membership_is_told_when_it_changes_and_again_and_again(plan: Plan) -> None:
-    run = Run(plan)
-
-    def told(*messages: Input, after: float) -> list[list[int]]:
-        said = [message for to, message in run.tell(*messages, after=after) if isinstance(message, Membership)]
-        return [[member.rank for member in message.members] for message in said]
-
-    assert told(hello(HEAD), hello(1), after=0.0) == []
-    assert told(after=GATHER_S) == [[HEAD, 1]]
-    assert told(hello(1), after=GATHER_S) == [], "that is known"
-    assert told(*run.beats(1), after=REPEAT_S) == [[HEAD, 1]]
-    assert told(hello(1, incarnation=2), after=0.0) == []
-    assert told(after=GATHER_S) == [[HEAD, 1]], "it was started anew"
-    assert run.manager.register.members[1].incarnation == 2
-    assert told(Died(1, "signal 9"), after=0.0) == [[HEAD]]
-
-
-def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks(elsewhere: Plan) -> None:
-    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
-    run.tell(*run.beats(1), after=limit)
-    assert run.manager.lost == {}
-    run.tell(*run.beats(1), after=0.5)
-    assert run.manager.lost == {2: f"silent for {limit + 0.5:.1f} s"}
-    assert run.manager.register.silences == {2: limit + 0.5}
-
-
-def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsewhere: Plan) -> None:
-    run = Run(elsewhere)
-    run.tell(*run.beats(1), after=SILENT_S)
-    assert run.manager.lost.keys() == {2}
-    assert run.manager.ended == ""
-    run.tell(*run.beats(2))
-    assert run.manager.lost == {}, "it is back, and the run is as it was"
-    run.tell(*run.beats(1), after=SILENT_S + 0.5)
-    assert run.manager.ended == NO_RENDERER
-    run = Run(elsewhere)
-    run.tell(Died(2, "signal 9"))
-    assert run.manager.ended == NO_RENDERER
-
-
-def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewhere: Plan) -> None:
-    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
-    run.tell(*run.beats(2), after=limit + 1.0)
-    assert run.manager.lost.keys() == {1}
-    run.tell(*run.beats(1))
-    assert run.manager.lost == {}
-    run.tell(Died(1, "signal 9"), *run.beats(1))
-    assert run.manager.lost == {1: f"died (signal 9) after {limit + 1.0:.1f} s"}
-
-
-def test_a_rank_that_takes_the_place_of_a_dead_one_is_in_the_run_again(elsewhere: Plan) -> None:
-    run = Run(elsewhere)
-    register = run.manager.register
-    run.tell(hello(1), hello(2), *run.beats(1, 2), after=1.0)
-    run.tell(Died(2, "signal 9", again=True))
-    assert run.manager.lost == {2: "died (signal 9) after 1.0 s"}
-    assert run.manager.ended == "", "the only renderer, but it comes"
-    assert not register.excused(2)
-    run.tell(hello(2), *run.beats(2))
-    assert run.manager.lost.keys() == {2}, "what the dead one had said before"
-    run.tell(hello(2, incarnation=2))
-    assert run.manager.lost == {}
-    assert 2 not in run.manager.heartbeats, "those of the dead one"
-    assert register.restarts == {2: ["died (signal 9) after 1.0 s"]}
-    assert run.manager.take_news() == "rank 2 died (signal 9) after 1.0 s and was started again"
-    run.tell(Died(2, "signal 9"))
-    assert run.manager.ended == NO_RENDERER, "it is not started again for ever"
-
-
-def test_a_rank_that_dies_before_it_speaks_is_not_waited_for(elsewhere: Plan) -> None:
-    run = Run(elsewhere)
-    run.tell(hello(2), Died(2, "signal 9", again=True))
-    assert run.manager.ended == ""
-    run.tell(Died(2, "exit code 1"))
-    assert run.manager.ended == NO_RENDERER
 
 
 def test_input_at_windows_of_a_remote_compositor_steers_and_ends_the_run(elsewhere: Plan) -> None:

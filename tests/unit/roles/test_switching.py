@@ -10,10 +10,10 @@ from flat_batches import RECT, TEXT, flat, plan_of, refresh, rgb_of, second
 
 from wall.core.data import Event
 from wall.deepbuffer.kernels.pixel_buffer import TILE
-from wall.roles import sample_routing
+from wall.roles import early_batches
+from wall.roles.early_batches import MOST_BATCHES
 from wall.roles.layer import PanelCompositor
 from wall.roles.plan import Plan, first_event
-from wall.roles.sample_routing import EARLY_BATCHES
 
 WHITE, BLACK = 1.0, 0.0  # radiance
 
@@ -176,7 +176,7 @@ def test_back_at_the_adaptive_sampler_all_of_its_image_is_shown_at_once(plan: Pl
 def test_packets_that_expand_to_much_do_not_wait_for_their_event_without_end(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sample_routing, "EARLY_SAMPLES", 2 * RECT.area)
+    monkeypatch.setattr(early_batches, "MOST_SAMPLES", 2 * RECT.area)
     future = asking("frameless", 9, plan)
     panel = shown(plan, asking("adaptive", 1, plan), radiance=WHITE)
     for k in range(5):
@@ -187,11 +187,11 @@ def test_packets_that_expand_to_much_do_not_wait_for_their_event_without_end(
 def test_what_comes_long_before_its_event_is_counted_and_left_out(plan: Plan) -> None:
     now, future = asking("adaptive", 1, plan), asking("frameless", 9, plan)
     panel = shown(plan, now, radiance=WHITE)
-    for k in range(EARLY_BATCHES + 2):
+    for k in range(MOST_BATCHES + 2):
         panel.insert(flat(BLACK, future, adaptive=False, sequence=2 + k))
     assert panel.counters["early"] == 2 * RECT.area
 
     panel.follow(asking("adaptive", 9, plan))
-    assert panel.counters["late"] == EARLY_BATCHES * RECT.area, "of another history: nobody asked"
+    assert panel.counters["late"] == MOST_BATCHES * RECT.area, "of another history: nobody asked"
     refresh(panel, now)
     assert rgb_of(panel).mean() == pytest.approx(255, abs=1)

@@ -85,7 +85,6 @@ def light_through_edges(rays: int) -> Found:
     on_floor = lamp + away[below] * ((floor - lamp[2]) / away[below, 2:])
     light = PointLight(position=(0.11, 0.07, -0.13), intensity=(9.0, 9.0, 9.0))
     scene = scene_of([quad(80.0, 80.0), mesh], [instance(0, at=(0.0, 0.0, floor)), instance(1)], lights=[light])
-    lit = aimed = 0
     tracer_scene = make_tracer_scene(with_every_feature(scene))
     seen = view((0.0, 0.0, -1.6), (0.0, 0.0, -3.0), pixels=(256, 256), fov=150.0)
     samples = samples_near(tracer_scene, seen, on_floor, random)

@@ -10,7 +10,7 @@ from wall.tracing.kernels.rows import SHADOW_PACKET
 from wall.tracing.kernels.values import MISS
 
 INCOHERENT = np.uint32(0)  # a query's flags
-ALMOST_ZERO = np.float32(1e-6)  # components of unit directions
+ALMOST_ZERO = np.float32(1e-6)  # components of directions, which are unit vectors or ways to lights
 
 
 @inline_kernel
@@ -37,9 +37,14 @@ def closest_hits(trees, work):
     """Finds the nearest hits of the packet's valid lanes."""
     rays, flags = work.packet.ctypes.data, begin_query(0, work)
     intersect16(work.valid.ctypes.data, trees.at_rest, rays, work.arguments.ctypes.data)
-    if trees.moving == 0:
-        work.arguments[0] = flags
-        return
+    if trees.moving != 0:
+        closer_hits_of_moving(trees, rays, work)
+    work.arguments[0] = flags
+
+
+@inline_kernel
+def closer_hits_of_moving(trees, rays, work):
+    """Finds what moves and is nearer than the hits so far. rays : int, address of the packet"""
     bits, before = work.bits, work.hit_before
     for lane in range(PACKET):
         before[lane] = bits[INSTANCE + lane]
@@ -48,7 +53,6 @@ def closest_hits(trees, work):
     for lane in range(PACKET):
         found = bits[INSTANCE + lane]
         bits[INSTANCE + lane] = before[lane] if found == MISS else trees.objects[found]
-    work.arguments[0] = flags
 
 
 @inline_kernel

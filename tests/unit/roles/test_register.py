@@ -1,0 +1,100 @@
+"""The manager's list of ranks: who is in the run, who is lost, who took the place of a dead one."""
+
+from __future__ import annotations
+
+import pytest
+from manager_run import ELSEWHERE, TEXT, Run, hello, plan_of
+
+from wall.packets.control import Membership
+from wall.roles.instructions import Died, Input
+from wall.roles.manager import NO_RENDERER, SILENT_S
+from wall.roles.membership import GATHER_S, REPEAT_S
+from wall.roles.plan import HEAD, Plan
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of(TEXT)
+
+
+@pytest.fixture(scope="module")
+def elsewhere() -> Plan:
+    """Of a panel that compositor 1 shows in a window."""
+    return plan_of(f"{TEXT}{ELSEWHERE}")
+
+
+def test_membership_is_told_when_it_changes_and_again_and_again(plan: Plan) -> None:
+    run = Run(plan)
+
+    def told(*messages: Input, after: float) -> list[list[int]]:
+        said = [message for to, message in run.tell(*messages, after=after) if isinstance(message, Membership)]
+        return [[member.rank for member in message.members] for message in said]
+
+    assert told(hello(HEAD), hello(1), after=0.0) == []
+    assert told(after=GATHER_S) == [[HEAD, 1]]
+    assert told(hello(1), after=GATHER_S) == [], "that is known"
+    assert told(*run.beats(1), after=REPEAT_S) == [[HEAD, 1]]
+    assert told(hello(1, incarnation=2), after=0.0) == []
+    assert told(after=GATHER_S) == [[HEAD, 1]], "it was started anew"
+    assert run.manager.register.members[1].incarnation == 2
+    assert told(Died(1, "signal 9"), after=0.0) == [[HEAD]]
+
+
+def test_rank_that_never_spoke_is_silent_from_the_start_and_lost_until_it_speaks(elsewhere: Plan) -> None:
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
+    run.tell(*run.beats(1), after=limit)
+    assert run.manager.lost == {}
+    run.tell(*run.beats(1), after=0.5)
+    assert run.manager.lost == {2: f"silent for {limit + 0.5:.1f} s"}
+    assert run.manager.register.silences == {2: limit + 0.5}
+
+
+def test_silent_renderers_end_no_run_before_a_minute_and_dead_ones_at_once(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    run.tell(*run.beats(1), after=SILENT_S)
+    assert run.manager.lost.keys() == {2}
+    assert run.manager.ended == ""
+    run.tell(*run.beats(2))
+    assert run.manager.lost == {}, "it is back, and the run is as it was"
+    run.tell(*run.beats(1), after=SILENT_S + 0.5)
+    assert run.manager.ended == NO_RENDERER
+    run = Run(elsewhere)
+    run.tell(Died(2, "signal 9"))
+    assert run.manager.ended == NO_RENDERER
+
+
+def test_rank_that_was_only_late_is_not_lost_and_one_that_died_stays_lost(elsewhere: Plan) -> None:
+    run, limit = Run(elsewhere), elsewhere.layout.config.transport.lost_after_s
+    run.tell(*run.beats(2), after=limit + 1.0)
+    assert run.manager.lost.keys() == {1}
+    run.tell(*run.beats(1))
+    assert run.manager.lost == {}
+    run.tell(Died(1, "signal 9"), *run.beats(1))
+    assert run.manager.lost == {1: f"died (signal 9) after {limit + 1.0:.1f} s"}
+
+
+def test_a_rank_that_takes_the_place_of_a_dead_one_is_in_the_run_again(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    register = run.manager.register
+    run.tell(hello(1), hello(2), *run.beats(1, 2), after=1.0)
+    run.tell(Died(2, "signal 9", again=True))
+    assert run.manager.lost == {2: "died (signal 9) after 1.0 s"}
+    assert run.manager.ended == "", "the only renderer, but it comes"
+    assert not register.excused(2)
+    run.tell(hello(2), *run.beats(2))
+    assert run.manager.lost.keys() == {2}, "what the dead one had said before"
+    run.tell(hello(2, incarnation=2))
+    assert run.manager.lost == {}
+    assert 2 not in run.manager.heartbeats, "those of the dead one"
+    assert register.restarts == {2: ["died (signal 9) after 1.0 s"]}
+    assert run.manager.take_news() == "rank 2 died (signal 9) after 1.0 s and was started again"
+    run.tell(Died(2, "signal 9"))
+    assert run.manager.ended == NO_RENDERER, "it is not started again for ever"
+
+
+def test_a_rank_that_dies_before_it_speaks_is_not_waited_for(elsewhere: Plan) -> None:
+    run = Run(elsewhere)
+    run.tell(hello(2), Died(2, "signal 9", again=True))
+    assert run.manager.ended == ""
+    run.tell(Died(2, "exit code 1"))
+    assert run.manager.ended == NO_RENDERER
