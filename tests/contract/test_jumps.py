@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wall.commands.render import render
-from wall.config.loading import load
+from wall.config.loading import loads
 from wall.core.data import Camera, Float64
 from wall.geometry.steering import Command, Steering
 from wall.roles.plan import Plan, make_layout, make_plan
@@ -88,21 +88,32 @@ def cameras(plan: Plan, commands: Sequence[Command]) -> list[Camera]:
     return [start.apply(command).camera() for command in commands]
 
 
+def plan_of(refresh_hz: float) -> Plan:
+    text = CONFIG.format(width=WIDTH, height=HEIGHT, refresh_hz=refresh_hz)
+    return make_plan(make_layout(loads(text, path=Path("wall.yaml"))))
+
+
+@pytest.fixture(scope="module")
+def scene() -> TracerScene:
+    return make_tracer_scene(plan_of(30).scene)
+
+
+@pytest.fixture(scope="module")
+def reference() -> Float64:
+    converged = render(plan_of(30), spp=REFERENCE_SPP, seed=7, at=0.0)
+    assert converged is not None
+    return 255.0 * display_values(converged)
+
+
 @pytest.mark.parametrize(
     ("at_renderers", "late", "refresh_hz"),
     [(True, 0, 30), (False, 0, 30), (False, 60, 30), (False, 10, 4), (True, 0, 4)],
     ids=["at the renderer", "at once", "late", "starved", "starved at the renderer"],
 )
 def test_jumps_leave_no_ghost_in_a_still_view(
-    tmp_path: Path, compiled_only: None, at_renderers: bool, late: int, refresh_hz: float
+    compiled_only: None, scene: TracerScene, reference: Float64, at_renderers: bool, late: int, refresh_hz: float
 ) -> None:
-    config = tmp_path / "wall.yaml"
-    config.write_text(CONFIG.format(width=WIDTH, height=HEIGHT, refresh_hz=refresh_hz))
-    plan = make_plan(make_layout(load(config)))
-    converged = render(plan, spp=REFERENCE_SPP, seed=7, at=0.0)
-    assert converged is not None
-    reference = 255.0 * display_values(converged)
-    scene = make_tracer_scene(plan.scene)
+    plan = plan_of(refresh_hz)
     nearer, aside = cameras(plan, [Command(kind="zoom", x=6.8), Command(kind="orbit", x=0.3, y=0.1)])
 
     fresh = LatePackets(plan, scene, at_renderers=at_renderers, late=late).needed(reference)

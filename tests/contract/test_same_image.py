@@ -5,6 +5,7 @@ The truth is run/single_process.py; everything else is started as a user starts 
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -33,10 +34,21 @@ def assert_same(folder: Path, config: Path) -> None:
         assert np.array_equal(ours, theirs), f"panel {k}: {(ours != theirs).any(-1).sum()} pixels differ"
 
 
-@pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
+def of_three_samplers(folder: Path, **changes: object) -> Path:
+    """A wall of three panels, whose views have a sampler each."""
+    config = write_config(folder, columns=3, **changes)
+    views = ", ".join(
+        f"{{id: {method}, panels: [r0c{k}], sampling: {{method: {method}}}, "
+        f"camera: {{position: [{6 + k}, 4.5, 10], target: [0, 0.6, 0]}}, refresh_hz: 30}}"
+        for k, method in enumerate(("framed", "frameless", "hilbert"))
+    )
+    config.write_text(re.sub(r"views: .*", f"views: [{views}]", config.read_text()), encoding="utf-8")
+    return config
+
+
 @pytest.mark.parametrize("transport", ["loopback", "zmq"])
-def test_distributed_run_gives_the_single_process_image(tmp_path: Path, transport: str, method: str) -> None:
-    config = write_config(tmp_path, columns=2, transport=transport, method=method)
+def test_distributed_run_gives_the_single_process_image(tmp_path: Path, transport: str) -> None:
+    config = of_three_samplers(tmp_path, transport=transport)
 
     done = wall("run", config, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
 
@@ -44,10 +56,9 @@ def test_distributed_run_gives_the_single_process_image(tmp_path: Path, transpor
     assert_same(tmp_path / "out", config)
 
 
-@pytest.mark.parametrize("method", ["framed", "frameless", "hilbert"])
-def test_sharing_a_panel_among_ranks_and_threads_changes_no_pixel(tmp_path: Path, method: str) -> None:
-    alone = write_config(tmp_path, method=method)
-    shared = write_config(tmp_path, method=method, ranks=3, threads=2)
+def test_sharing_a_panel_among_ranks_and_threads_changes_no_pixel(tmp_path: Path) -> None:
+    alone = of_three_samplers(tmp_path)
+    shared = of_three_samplers(tmp_path, ranks=3, threads=2)
 
     done = wall("run", shared, "--until-complete", "--seconds", 20, "--headless", "--out", tmp_path / "out")
 

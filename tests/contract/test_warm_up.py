@@ -49,9 +49,7 @@ sampling: {method: adaptive}
 """
 
 
-@pytest.mark.parametrize(
-    "config", ["demo.yaml", "sampler_framed.yaml", "graphs/layers.yaml", "graphs/sort_last_tree.yaml"]
-)
+@pytest.mark.parametrize("config", ["demo.yaml", "graphs/layers.yaml", "graphs/sort_last_tree.yaml"])
 def test_ranks_call_no_kernel_with_types_that_warm_up_did_not_call(
     config: str, tmp_path: Path, compiled_only: None
 ) -> None:

@@ -74,8 +74,12 @@ def test_every_sampler_gives_the_bits_of_the_run_in_one_process_or_two(recording
 
 
 def test_one_batch_is_shown_and_written(recording: Path, tmp_path: Path) -> None:
-    lines = [str(line) for line in replay_one(recording, 3, 5, tmp_path / "batch.npy", silent)]
-    assert lines[0].startswith("rank 3, batch 5, worker ")
+    """Batches in which nothing was missing, as busy machines make them, are passed over."""
+    for number in range(5, 50):
+        lines = [str(line) for line in replay_one(recording, 3, number, tmp_path / "batch.npy", silent)]
+        assert lines[0].startswith(f"rank 3, batch {number}, worker ")
+        if lines[1] != "nothing was missing: no sample was traced":
+            break
     samples = np.load(tmp_path / "batch.npy")
     assert lines[-1] == f"wrote {tmp_path / 'batch.npy'}: {len(samples)} samples"
     assert samples["xy"].max() < 48
