@@ -32,7 +32,9 @@ wall: {{grid: {{columns: {columns}, rows: {rows}, pixels: [64, 48], size: [0.4, 
 views: [{{id: main, camera: {{position: [6, 4.5, 10], target: [0, 0.6, 0]}}, refresh_hz: 30{path}}}]
 sampling: {{method: {method}, threads: {threads}, samples_per_batch: 256}}
 graph: {{preset: sort-first, ranks_per_panel: {ranks}, compositors: {compositors}, sinks: [png]}}
-transport: {{kind: {transport}, codec: {codec}, heartbeat_s: 0.2, lost_after_s: {lost_after_s}, restarts: {restarts}}}
+transport:
+  {{kind: {transport}, encrypt: {encrypt}, codec: {codec}, heartbeat_s: 0.2, lost_after_s: {lost_after_s},
+   restarts: {restarts}}}
 """
 
 
@@ -48,6 +50,7 @@ def write_config(folder: Path, **changes: Any) -> Path:
         "ranks": 1,
         "compositors": 1,
         "transport": "zmq",
+        "encrypt": "auto",
         "codec": "none",
         "restarts": 0,  # a rank that dies stays dead
         "lost_after_s": 10.0,  # a rank that a loaded machine is slow to start, or to run, is not lost

@@ -24,6 +24,7 @@ from wall.display.base import ParameterState
 from wall.packets.control import ALL_BUT_OBJECTS, MAX_COMMANDS, EditAnswer, EditRequest, parse_control, serialise
 from wall.run import control_file
 from wall.run.ports import FIRST_CLIENT
+from wall.transport.curve import Keys
 from wall.transport.factory import connect as open_link
 
 ANSWER_S = 5.0  # wait for a wall's answer, at most
@@ -40,7 +41,8 @@ class Client:
     def __init__(self, control: control_file.Control, *, patience_s: float = ANSWER_S) -> None:
         self._control, self._patience_s = control, patience_s
         self._client, self._number = FIRST_CLIENT + secrets.randbelow(FIRST_CLIENT), 0
-        self._link = open_link(control.endpoint, rank=self._client)
+        keys = Keys.of_guest(control.key, control.head) if control.head else None
+        self._link = open_link(control.endpoint, rank=self._client, keys=keys)
 
     def __enter__(self) -> Client:
         return self

@@ -126,7 +126,7 @@ def test_a_wall_goes_over_to_what_is_loaded_or_saved_and_refuses_what_its_proces
 def test_ranks_of_mpirun_and_a_remote_compositor_go_over_together(
     tmp_path: Path, begun: list[subprocess.Popen[str]], wanted: NDArray[np.int16]
 ) -> None:
-    config = of_two_panels(tmp_path, compositors=2)
+    config = of_two_panels(tmp_path, compositors=2, encrypt="always")
     second = another(config, tmp_path)
     process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 200, launcher=mpirun(4))
     begun.append(process)

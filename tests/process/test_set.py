@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +16,19 @@ from typer.testing import CliRunner
 from wall import cli
 from wall.client import connect
 from wall.core.errors import EditError
+from wall.packets.control import WindowInput, serialise
+from wall.run.control_file import read
+from wall.transport.curve import Keys
+from wall.transport.zeromq import ZmqLink
 
 NOTEBOOK = Path(__file__).parents[2] / "docs/examples/client.ipynb"
 LIGHT = {"lights.2.direction", "lights.2.irradiance"}
 
 
 @pytest.fixture
-def running(tmp_path: Path) -> Iterator[tuple[Path, str]]:
+def running(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Path, str]]:
     """A still wall's folder of results, and its page's address."""
-    config = write_config(tmp_path, columns=2)
+    config = write_config(tmp_path, columns=2, encrypt=getattr(request, "param", "auto"))
     config.write_text(config.read_text().replace("sinks: [png]", "sinks: [browser, png]"))
     process = start("run", config, "--still", "--out", tmp_path / "OUT", "--seconds", 100)
     yield tmp_path / "OUT", page_of(process)
@@ -64,10 +70,22 @@ def test_an_edit_changes_the_picture_and_a_refused_one_nothing(running: tuple[Pa
     assert np.abs(again - first).max() <= 1
 
 
+def end_the_run(out: Path) -> None:
+    """Try to, as those can who reach the manager's port and know no secret."""
+    control = read(out)
+    (other,) = Keys.of_all(1)
+    for keys in (None, replace(other, ranks=(control.head,))):
+        with closing(ZmqLink(control.endpoint, rank=0, keys=keys)) as link:
+            for rank in range(3):
+                link.send(serialise(WindowInput(rank=rank, escape="a stranger's")))
+
+
+@pytest.mark.parametrize("running", ["always"], indirect=True)
 def test_python_reads_parameters_sets_them_and_takes_them_back(
     running: tuple[Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out, address = running
+    end_the_run(out)
     first = until(address, shown(address), changes=False)
     with connect(out) as run:
         before = run.parameters("lights.2.*", "exposure")

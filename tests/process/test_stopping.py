@@ -142,7 +142,7 @@ def test_killed_renderer_does_not_stop_the_others(
 def test_killed_renderer_is_back_and_one_that_dies_too_often_is_lost(
     tmp_path: Path, running: Callable[..., subprocess.Popen[str]]
 ) -> None:
-    config = write_config(tmp_path, path=ORBIT, restarts=1)
+    config = write_config(tmp_path, path=ORBIT, restarts=1, encrypt="always")
     run = running("run", config, "--headless", "--out", tmp_path / "out")
     nursery = max(renderers(run))  # forked last
 

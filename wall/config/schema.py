@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from wall.config.graph import GraphConfig, PresetGraph
 from wall.config.sampling import DEFAULT, AnySampling, SamplingConfig
@@ -13,6 +13,26 @@ from wall.config.scene import SceneConfig
 from wall.config.screens import WallConfig
 from wall.config.views import MOST_VIEWS, ReconstructionWish, ViewConfig
 from wall.core.fields import Flag, Model, Number, Text, Whole, refusal
+from wall.core.network import is_loopback
+
+LARGEST_PORT = 65535
+
+
+def _range_of(text: str) -> tuple[int, int]:
+    """First and last of a range of ports."""
+    first, _, last = text.partition("-")
+    return int(first), int(last)
+
+
+def _checked_range(text: str) -> str:
+    first, _, last = text.partition("-")
+    numbers = first.isascii() and first.isdecimal() and last.isascii() and last.isdecimal()
+    if not numbers or len(text) > 11 or not 1 <= int(first) <= int(last) <= LARGEST_PORT:
+        raise refusal("is no range of ports", accepted=f"first-last, such as 9000-9100, from 1 to {LARGEST_PORT}")
+    return text
+
+
+PortRange = Annotated[Text, AfterValidator(_checked_range)]
 
 
 class TransportConfig(Model):
@@ -20,6 +40,14 @@ class TransportConfig(Model):
 
     kind: Literal["zmq", "loopback"] = Field(default="zmq", description="zmq: between processes; loopback: inside one")
     bind: Text = Field(default="127.0.0.1", description="address that compositors listen on; 0.0.0.0 for several hosts")
+    ports: PortRange | None = Field(
+        default=None, description="range of ports that ranks listen on, such as 9000-9100; default: any free ones"
+    )
+    encrypt: Literal["auto", "always", "never"] = Field(
+        default="auto",
+        description="encrypt what ranks send over the network, and let in ranks of the run alone; auto: unless bind is "
+        "loopback",
+    )
     codec: Literal["none", "lz4", "zstd"] = Field(default="none", description="compression of samples on the wire")
     credit_bytes: Annotated[Whole, Ge(16384), Le(1 << 30)] = Field(
         default=131072, description="bytes one renderer may have under way; less = fresher, more = steadier"
@@ -31,6 +59,17 @@ class TransportConfig(Model):
     restarts: Annotated[int, Ge(0), Le(1000)] = Field(
         default=3, description="how often in a minute a renderer that dies is started again; not under MPI"
     )
+
+    @property
+    def encrypted(self) -> bool:
+        """Whether ranks have keys."""
+        wanted = self.encrypt == "always" or (self.encrypt == "auto" and not is_loopback(self.bind))
+        return wanted and self.kind == "zmq"
+
+    @property
+    def port_range(self) -> tuple[int, int] | None:
+        """First and last port that ranks may listen on; None: any."""
+        return None if self.ports is None else _range_of(self.ports)
 
     @model_validator(mode="after")
     def _lost_is_later(self) -> TransportConfig:

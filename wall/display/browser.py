@@ -25,11 +25,12 @@ from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
+from wall.core.network import is_loopback
 from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
 from wall.display.parts import Held, Part, part_of
 from wall.display.png import QUICK, whole_wall
 from wall.display.sample_store import SampleStore
-from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, is_loopback, origin_is_ours, parse_message
+from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, origin_is_ours, parse_message
 from wall.display.stream import (
     handles_message,
     image_message,

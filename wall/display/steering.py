@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from wall.core.errors import RemoteProtocolError
+from wall.core.network import is_loopback
 from wall.geometry.steering import parse
 
 MAX_MESSAGE_BYTES = 1024  # the longest honest message has about 80
@@ -55,16 +56,6 @@ def parse_message(text: str) -> dict[str, Any]:
 
 def _no_number(text: str) -> float:
     raise ValueError(text)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether nobody but this machine can reach what is bound to `host`."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 def host_is_ours(header: str, bound: str, names: frozenset[str]) -> bool:

@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
+from wall.transport.curve import Keys
+
 MPI_RANKS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK")
 _PR_SET_PDEATHSIG = 1
 MPI_MARKS = ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "MPI_LOCALNRANKS")
@@ -25,6 +27,7 @@ class Bootstrap(Protocol):
     rank: int
     size: int
     killed_soon: bool  # once the launcher has told this process to end
+    keys: Keys | None  # None: what ranks send each other is not encrypted
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank. Called once by all, at the start."""

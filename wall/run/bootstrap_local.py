@@ -13,13 +13,14 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
 from wall.core.errors import RunError, WallError
 from wall.run.bootstrap import end_with_parent
 from wall.run.endings import REASONS
+from wall.transport.curve import Keys
 
 START_WAIT_S = 30.0  # for the address of rank 0, which has little to do before it tells it
 STOP_WAIT_S = 6.0  # for ranks to end by themselves after they were told to, and to write what their sinks hold
@@ -32,16 +33,22 @@ class LocalBootstrap:
 
     def __init__(
         self, rank: int, size: int, pipes: list[Connection], children: list[BaseProcess],
-        nursery: Nursery | None = None,
+        nursery: Nursery | None = None, keys: Keys | None = None,
     ) -> None:  # fmt: skip
-        self.rank, self.size = rank, size
+        self.rank, self.size, self.keys = rank, size, keys
         self._pipes, self._children, self._nursery = pipes, children, nursery
         self._text = ""
         self._again: set[int] = set()  # ranks that were started again: the nursery tells how they end
 
     @classmethod
-    def start(cls, size: int, main: Callable[[LocalBootstrap], None], *, again: bool = False) -> LocalBootstrap:
-        """Fork ranks 1..size-1, each running `main`, and be rank 0. `again`: have a nursery."""
+    def start(
+        cls, size: int, main: Callable[[LocalBootstrap], None], *, again: bool = False, encrypted: bool = False
+    ) -> LocalBootstrap:
+        """Fork ranks 1..size-1, each running `main`, and be rank 0. `again`: have a nursery. `encrypted`: have keys.
+
+        Forked processes inherit their keys. A rank that is started again has those of the one before.
+        """
+        keys: list[Keys] | list[None] = Keys.of_all(size) if encrypted else [None] * size
         for stream in filter(None, (sys.stdout, sys.stderr)):  # None: closed when this process was started
             stream.flush()
         context = multiprocessing.get_context("fork")
@@ -53,21 +60,23 @@ class LocalBootstrap:
             own = pipes[rank - 1][0]
             others = [end for pipe in pipes for end in pipe if end is not own] + [to_nursery, at_nursery]
             child = context.Process(
-                target=_run_child, args=(rank, size, own, others, main, os.getpid()), name=f"wall rank {rank}"
+                target=_run_child,
+                args=(rank, size, own, others, main, os.getpid(), keys[rank]),
+                name=f"wall rank {rank}",
             )
             child.start()
             children.append(child)
         nursery = None
         if again:
             others = [end for pipe in pipes for end in pipe] + [to_nursery]
-            args = (size, at_nursery, others, main, os.getpid())
+            args = (size, at_nursery, others, main, os.getpid(), keys)
             nursery = Nursery(context.Process(target=_nurse, args=args, name="wall nursery"), to_nursery)
         for number, handler in before.items():
             signal.signal(number, handler)
         for reader, _ in pipes:
             reader.close()
         at_nursery.close()
-        return cls(0, size, [writer for _, writer in pipes], children, nursery)
+        return cls(0, size, [writer for _, writer in pipes], children, nursery, keys[0])
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank."""
@@ -144,7 +153,12 @@ class Nursery:
 
 
 def _nurse(
-    size: int, pipe: Connection, others: list[Connection], main: Callable[[LocalBootstrap], None], parent: int
+    size: int,
+    pipe: Connection,
+    others: list[Connection],
+    main: Callable[[LocalBootstrap], None],
+    parent: int,
+    keys: Sequence[Keys | None],
 ) -> None:
     """The nursery: forks the ranks that it is told to, tells of those that end badly, ends when nobody can tell it."""
     _belong_to(parent, others)
@@ -165,7 +179,8 @@ def _nurse(
             except (OSError, EOFError):
                 break
             reader, writer = context.Pipe(duplex=False)
-            child = context.Process(target=_run_child, args=(rank, size, reader, [pipe, writer], main, os.getpid()))
+            args = (rank, size, reader, [pipe, writer], main, os.getpid(), keys[rank])
+            child = context.Process(target=_run_child, args=args)
             child.start()
             writer.send_bytes(text.encode())
             reader.close()
@@ -196,12 +211,13 @@ def _run_child(
     others: list[Connection],
     main: Callable[[LocalBootstrap], None],
     parent: int,
+    keys: Keys | None,
 ) -> None:
     """A forked rank: says why it failed."""
     _belong_to(parent, others)
     code = 1
     try:
-        main(LocalBootstrap(rank, size, [pipe], []))
+        main(LocalBootstrap(rank, size, [pipe], [], keys=keys))
         code = 0
     except WallError as error:
         print(f"rank {rank}: {error}", file=sys.stderr, flush=True)

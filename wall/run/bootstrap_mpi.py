@@ -12,6 +12,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from wall.run.bootstrap import end_with_parent, time_limit
+from wall.transport.curve import KeyPair, Keys
 
 START_WAIT_S = 120.0  # for all ranks to load the scene and, on a fresh machine, to compile
 SEGMENTS = "/dev/shm/sm_segment."  # Open MPI's files of shared memory, one a process
@@ -22,6 +23,8 @@ class MpiBootstrap:
     """The processes of one MPI launch."""
 
     killed_soon = True
+
+    keys: Keys | None = None
 
     def __init__(self) -> None:
         self._world = MPI.COMM_WORLD
@@ -34,6 +37,11 @@ class MpiBootstrap:
         """Every rank's text, in rank order. MPI has no time limits of its own, so this one ends the process."""
         with time_limit(START_WAIT_S, self._give_up):
             return list(self._world.allgather(text))
+
+    def make_keys(self) -> None:
+        """Have keys from now on, and those of the others; secret ones never leave their process."""
+        own = KeyPair.new()
+        self.keys = Keys(own, tuple(self.allgather(own.public)))
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank, once all are ready: a rank that still compiles is not silent."""

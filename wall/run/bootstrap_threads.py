@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable
 
 from wall.core.errors import RunError, WallError
+from wall.transport.curve import Keys
 
 START_WAIT_S = 30.0
 STOP_WAIT_S = 6.0  # as in bootstrap_local
@@ -27,6 +28,7 @@ class ThreadBootstrap:
     """Rank 0 makes one of these by `start`; the others get theirs inside `main`."""
 
     killed_soon = False
+    keys: Keys | None = None
 
     def __init__(self, rank: int, size: int, shared: _Shared) -> None:
         self.rank, self.size, self._shared = rank, size, shared

@@ -1,7 +1,7 @@
 """The file by which another process finds a running wall: `control.json` in its folder of results.
 
-It holds where the manager listens and the key that requests must bring; only its owner may read it. It is there as long
-as the wall runs.
+It holds where the manager listens, how it proves itself, and the key that requests must bring; only its owner may read
+it. It is there as long as the wall runs.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ class Control:
 
     endpoint: str  # of the manager
     key: str
+    head: str  # its public key, by which it proves itself; "" where nothing is encrypted
     host: str
     pid: int
 
@@ -60,7 +61,7 @@ def read(folder: Path) -> Control:
     path = folder / NAME
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        texts = {name: str(values[name]) for name in ("endpoint", "key", "host")}
+        texts = {name: str(values[name]) for name in ("endpoint", "key", "head", "host")}
         return Control(**texts, pid=int(values["pid"]))
     except FileNotFoundError:
         raise RunError(

@@ -108,14 +108,14 @@ class HeadProcess:
 
     def _run(self, closing: Closing, say: Say, opened: Say) -> None:
         plan, options, clock = self._plan, self._options, self._clock
-        control = open_data_hub(plan)
+        key, keys = new_key(), self._bootstrap.keys
+        control = open_data_hub(plan, None if keys is None else keys.with_guests(key))
         manager_ways = Ports(MANAGER, clock, hub=control)
         closing.later(manager_ways.close)
-        key = new_key()
         address = {"manager": control.endpoint, "machine": machine_id()}
         self._bootstrap.broadcast(json.dumps(address))
-        data = open_data_hub(plan)
-        ways = ways_of(plan, HEAD, address, clock, data)
+        data = open_data_hub(plan, keys)
+        ways = ways_of(plan, self._bootstrap, address, clock, data)
         closing.later(ways.close)
         closing.later(self._bootstrap.finish)
         closing.later(self._write_last_summary)
@@ -173,7 +173,9 @@ class HeadProcess:
         """While inside, other processes find the manager."""
         if endpoint.startswith(LOOPBACK):
             return nullcontext()
-        here = Control(endpoint=endpoint, key=key, host=socket.gethostname(), pid=os.getpid())
+        keys = self._bootstrap.keys
+        head = keys.ranks[HEAD] if keys is not None else ""
+        here = Control(endpoint=endpoint, key=key, head=head, host=socket.gethostname(), pid=os.getpid())
         return announced(self._options.out, here)
 
     def _take_ends(self) -> list[End | Died]:

@@ -58,6 +58,7 @@ class Renumbered:
         self._bootstrap, self._rank_of = bootstrap, rank_of
         self.rank, self.size = rank_of[bootstrap.rank], bootstrap.size
         self.killed_soon = bootstrap.killed_soon
+        self.keys = None if bootstrap.keys is None else bootstrap.keys.renumbered(rank_of)
 
     def broadcast(self, text: str) -> str:
         """Rank 0's text at every rank; the first launched process stays rank 0."""

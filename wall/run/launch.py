@@ -81,7 +81,8 @@ def _run_local(layout: Layout, options: Options, say: Callable[[str], None], ope
         bootstrap = ThreadBootstrap.start(layout.size, main)
     else:
         say(f"starting {layout.size} processes")
-        bootstrap = LocalBootstrap.start(layout.size, main, again=layout.config.transport.restarts > 0)
+        transport = layout.config.transport
+        bootstrap = LocalBootstrap.start(layout.size, main, again=transport.restarts > 0, encrypted=transport.encrypted)
     try:
         return lead(plan, bootstrap, Preparer(plan, machines), options, say, opened)
     finally:
@@ -97,6 +98,8 @@ def _run_mpi(
     machines = launched.allgather(socket.gethostname())
     check_same(launched, layout, machines)
     check_size(layout, launched.size, tell=launched.rank == HEAD)
+    if layout.config.transport.encrypted:
+        launched.make_keys()
     rank_of, bootstrap = _placed(layout, launched, machines)
     by_rank = [machine for _, machine in sorted(zip(rank_of, machines, strict=True))]
     layout = reconstructed_at_renderers(layout, by_rank)

@@ -12,8 +12,10 @@ from wall.core.errors import LocalProtocolError, RemoteProtocolError, RunError
 from wall.packets.control import EditAnswer, EditRequest, Membership, Message, Ping, Pong, parse_control, serialise
 from wall.packets.samples import sender_of
 from wall.roles.instructions import MANAGER, Input, Packet
+from wall.roles.plan import HEAD
 from wall.run.clock import HeadClock
-from wall.transport.base import MAX_CONTROL, Hub, Link
+from wall.transport.base import GUEST, MAX_CONTROL, Hub, Link
+from wall.transport.curve import Keys
 from wall.transport.factory import connect
 
 DRAIN_BYTES = 1 << 20  # taken in at once; more would delay a refresh
@@ -27,16 +29,20 @@ class Ports:
     """Bytes to messages and back. Belongs to the thread of its loop; `clock` learns the head's time from `manager`."""
 
     def __init__(
-        self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None
-    ) -> None:
-        """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours."""
+        self, rank: int, clock: HeadClock, *, hub: Hub | None, manager: Link | None = None, ping_s: float | None = None,
+        keys: Keys | None = None,
+    ) -> None:  # fmt: skip
+        """`manager`: None for the manager itself. `ping_s`: between pings, None where the head's clock is also ours.
+
+        `keys`: for links to other ranks, see Keys.
+        """
         self._rank, self._clock, self._hub, self._manager, self._ping_s = rank, clock, hub, manager, ping_s
         self._counters = Counter[str]()
         self._links: dict[int, Link] = {}
         self._peers: dict[int, bytes] = {}  # at the manager: which link is whose
         self._senders: dict[int, bytes] = {}  # of samples, by rank: its link
         self._incarnations: dict[int, int] = {}  # of ranks, as the manager says
-        self._ping_due = 0.0
+        self._ping_due, self._keys = 0.0, keys
         self._backlog: deque[Message] = deque(maxlen=MAX_CONTROL)  # came before the head's time was known
 
     def synchronise(self) -> None:
@@ -91,7 +97,7 @@ class Ports:
         """Open a link to a rank's hub, in place of an earlier one."""
         if rank in self._links:
             self._links.pop(rank).close()
-        self._links[rank] = connect(endpoint, rank=self._rank)
+        self._links[rank] = connect(endpoint, rank=self._rank, keys=self._keys, to=rank)
 
     def ready(self, to: int) -> bool:
         """Whether a packet to a rank would be sent at once."""
@@ -165,20 +171,30 @@ class Ports:
                 hub.send(peer, serialise(Pong(sent=message.sent, head_time=self._clock.now())))
             elif message is not None:
                 who = _sender(message)
-                if who is not None and who >= FIRST_CLIENT:
-                    self._peers[who] = peer
-                elif who is not None and who != MANAGER and not self._is_bound(self._peers, who, peer, hub):
-                    continue
-                yield message
+                if who is None or who == MANAGER:
+                    ours = hub.proven(peer) in (None, HEAD)
+                    self._counters["stranger"] += not ours
+                else:
+                    ours = self._is_bound(self._peers, who, peer, hub)
+                if ours:
+                    yield message
 
     def _is_bound(self, peers: dict[int, bytes], rank: int, peer: bytes, hub: Hub) -> bool:
-        """Whether a rank speaks by this link: the first by which it spoke, as long as that is open."""
-        if (known := peers.get(rank)) != peer:
-            if known is not None and hub.knows(known):
-                self._counters["stranger"] += 1
-                return False
+        """Whether a rank, or a process beside the run, speaks by this link.
+
+        With keys it is the one whose key that is. Without, a rank's is the first by which it spoke, as long as that is
+        open.
+        """
+        holder, known = hub.proven(peer), peers.get(rank)
+        if holder is not None:
+            ours = holder == (rank if rank < FIRST_CLIENT else GUEST)
+        else:
+            ours = rank >= FIRST_CLIENT or known in (None, peer) or not hub.knows(known)
+        if ours:
             peers[rank] = peer
-        return True
+        else:
+            self._counters["stranger"] += 1
+        return ours
 
     def _answer(self, message: Message) -> bytes:
         """An answer to a process beside the run, or why it has none: what it asked for must not end the run."""

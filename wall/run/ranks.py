@@ -20,7 +20,7 @@ from wall.packets.control import Hello
 from wall.roles.composition import RunAll, one_by_one
 from wall.roles.compositor import Compositor
 from wall.roles.instructions import Role, Trace
-from wall.roles.plan import Plan
+from wall.roles.plan import HEAD, Plan
 from wall.roles.renderer import Renderer
 from wall.roles.renderer_image import image_at
 from wall.run.bootstrap import Bootstrap
@@ -36,6 +36,7 @@ from wall.run.succession import Preparer, Succession
 from wall.run.tracers import OnTraced, Tracers
 from wall.tracing.tracer_scene import TracerScene
 from wall.transport.base import Hub, Link
+from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
 from wall.transport.shared_memory import machine_id
 
@@ -64,31 +65,32 @@ def serve(
     if plan.layout.role(rank) == "renderer":
         if isinstance(bootstrap, LocalBootstrap):
             os.nice(RENDERER_NICE)
-        _render(plan, tracer_scene, rank, address, preparer, record)
+        _render(plan, tracer_scene, bootstrap, address, preparer, record)
     else:
-        _compose(plan, rank, address, preparer, out, headless=headless, killed_soon=bootstrap.killed_soon)
+        _compose(plan, bootstrap, address, preparer, out, headless=headless)
 
 
 def _render(
     plan: Plan,
     tracer_scene: TracerScene,
-    rank: int,
+    bootstrap: Bootstrap,
     address: Mapping[str, str],
     preparer: Preparer,
     record: Path | None,
 ) -> None:
     """`record`: everything that it is told is kept; then its workers take turns, so that there is one order of all."""
+    rank, keys = bootstrap.rank, bootstrap.keys
     head_clock, hello = HeadClock(), hello_of(rank, "")
     clock: Clock = head_clock
     traced: OnTraced | None = None
     with ExitStack() as closing:
         if record is None:
-            ports = ways_of(plan, rank, address, head_clock, None)
+            ports = ways_of(plan, bootstrap, address, head_clock, None)
         else:
             events = EventFile(file_of(record, rank))
             closing.callback(events.close)
             clock, traced = RecordedClock(head_clock, events), partial(_keep, events)
-            ports = RecordedPorts(hello, head_clock, *_manager_of(plan, rank, address), events)
+            ports = RecordedPorts(hello, head_clock, *_manager_of(plan, bootstrap, address), events, keys=keys)
         closing.callback(ports.close)
 
         def make(plan: Plan, tracer_scene: TracerScene, before: Role | None) -> tuple[Renderer, Tracers]:
@@ -109,18 +111,17 @@ def _keep(events: EventFile, number: int, trace: Trace, result: bytes | Batch | 
 
 
 def _compose(
-    plan: Plan, rank: int, address: Mapping[str, str], preparer: Preparer, out: Path, *, headless: bool,
-    killed_soon: bool,
-) -> None:  # fmt: skip
-    clock = HeadClock()
+    plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str], preparer: Preparer, out: Path, *, headless: bool
+) -> None:
+    rank, clock = bootstrap.rank, HeadClock()
     with ExitStack() as closing:
-        hub = open_data_hub(plan)
-        ports = ways_of(plan, rank, address, clock, hub)
+        hub = open_data_hub(plan, bootstrap.keys)
+        ports = ways_of(plan, bootstrap, address, clock, hub)
         closing.callback(ports.close)
         sinks, _ = make_sinks(plan, rank, out, headless=headless)
         for sink in distinct(sinks):
             closing.callback(sink.close)
-        if killed_soon:
+        if bootstrap.killed_soon:
             apart = WriterApart(partial(save_images, distinct(sinks)))
             closing.callback(apart.wait)
             EndSignals(lambda reason: apart.begin()).install()
@@ -162,16 +163,16 @@ def compositor_loop(
     )  # fmt: skip
 
 
-def ways_of(plan: Plan, rank: int, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
+def ways_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str], clock: HeadClock, hub: Hub | None) -> Ports:
     """A rank's ways to others. Processes of one machine share its monotonic clock and need no pings."""
-    manager, ping_s = _manager_of(plan, rank, address)
-    return Ports(rank, clock, hub=hub, manager=manager, ping_s=ping_s)
+    manager, ping_s = _manager_of(plan, bootstrap, address)
+    return Ports(bootstrap.rank, clock, hub=hub, manager=manager, ping_s=ping_s, keys=bootstrap.keys)
 
 
-def _manager_of(plan: Plan, rank: int, address: Mapping[str, str]) -> tuple[Link, float | None]:
+def _manager_of(plan: Plan, bootstrap: Bootstrap, address: Mapping[str, str]) -> tuple[Link, float | None]:
     """A link to the manager, and how often it is asked for the time; None where its clock is ours."""
     ping_s = None if address["machine"] == machine_id() else plan.layout.config.transport.heartbeat_s
-    return connect(address["manager"], rank=rank), ping_s
+    return connect(address["manager"], rank=bootstrap.rank, keys=bootstrap.keys, to=HEAD), ping_s
 
 
 def hello_of(rank: int, endpoint: str) -> Hello:
@@ -180,10 +181,12 @@ def hello_of(rank: int, endpoint: str) -> Hello:
     return Hello(rank=rank, host=socket.gethostname(), endpoint=endpoint, incarnation=incarnation)
 
 
-def open_data_hub(plan: Plan) -> Hub:
-    """A hub as the configuration wants it."""
+def open_data_hub(plan: Plan, keys: Keys | None) -> Hub:
+    """A hub as the configuration wants it, for those who have keys."""
     transport = plan.layout.config.transport
-    return open_hub(transport.kind, transport.bind, credit_bytes=transport.credit_bytes)
+    return open_hub(
+        transport.kind, transport.bind, credit_bytes=transport.credit_bytes, keys=keys, ports=transport.port_range
+    )
 
 
 def in_threads(layers: int) -> RunAll:

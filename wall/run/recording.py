@@ -21,6 +21,7 @@ from wall.run.clock import HeadClock
 from wall.run.event_file import EventFile
 from wall.run.ports import Ports
 from wall.transport.base import Link
+from wall.transport.curve import Keys
 
 FORMAT = 1
 RUN = "run.json"
@@ -68,8 +69,11 @@ class RecordedClock:
 class RecordedPorts(Ports):
     """Ports of a renderer; all that they tell its role is kept."""
 
-    def __init__(self, hello: Hello, clock: HeadClock, manager: Link, ping_s: float | None, events: EventFile) -> None:
-        super().__init__(hello.rank, clock, hub=None, manager=manager, ping_s=ping_s)
+    def __init__(
+        self, hello: Hello, clock: HeadClock, manager: Link, ping_s: float | None, events: EventFile,
+        *, keys: Keys | None,
+    ) -> None:  # fmt: skip
+        super().__init__(hello.rank, clock, hub=None, manager=manager, ping_s=ping_s, keys=keys)
         self._events = events
         events.message(serialise(hello))
 

@@ -17,6 +17,7 @@ from wall.transport.credit import HubCredit, LinkCredit
 
 MAX_CONTROL = 1024  # control messages that wait unread at one end
 MAX_MESSAGE_BYTES = 1 << 26  # a larger message is not one of ours
+GUEST, NOBODY = -2, -3  # whose key a peer has: that of processes beside the run; not known any more
 
 
 def checked(message: bytes) -> bytes:
@@ -110,6 +111,10 @@ class Hub(ABC):
     def knows(self, peer: bytes) -> bool:
         """Whether a peer has spoken and not left since."""
         return peer in self._credits
+
+    def proven(self, peer: bytes) -> int | None:
+        """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
+        return None
 
     def broadcast(self, message: bytes) -> None:
         """Send a control message to everyone who has spoken."""

@@ -1,4 +1,4 @@
-"""ZeroMQ: DEALER links to a ROUTER hub. The only file that imports zmq.
+"""ZeroMQ: DEALER links to a ROUTER hub. With curve.py the only file that imports zmq.
 
 Messages have two parts: a tag (data, control, ask, grant, ...) and a body. ROUTER_MANDATORY makes a vanished peer an
 error that is counted instead of a silent drop; ZMTP heartbeats close connections to frozen hosts. Between processes of
@@ -18,8 +18,9 @@ import zmq
 
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.transport.addresses import reachable
-from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub, Link, checked
+from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, NOBODY, Hub, Link, checked
 from wall.transport.credit import HubCredit
+from wall.transport.curve import Gatekeeper, Keys, holder
 from wall.transport.shared_memory import OTHER_MACHINE, REFERENCE, RingReader, RingWriter
 
 DATA, CONTROL, ASK, GRANT, BYE = b"D", b"C", b"A", b"G", b"B"
@@ -27,6 +28,7 @@ MEMORY, PLACED = b"M", b"P"  # memory to share, and what became of it; a packet 
 SMALLEST_PLACED = 4096  # bytes: smaller packets are sent as fast
 LINGER_MS = 200  # for the last words of a socket that is closed
 HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ranks than cores are late by seconds
+HANDSHAKE_MS = 10_000  # for a connection to say who it is: one that does not is closed
 ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
 MAX_PEERS = 4096
 MAX_CONTROL_BYTES = 1 << 21  # of a control message to a hub, and of all that wait there of one peer
@@ -48,6 +50,7 @@ def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[by
         raise RunError(f"no socket can be had: {error}; wanted: more open files (ulimit -n)") from error
     socket.setsockopt(zmq.LINGER, LINGER_MS)
     socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE_BYTES)
+    socket.setsockopt(zmq.HANDSHAKE_IVL, HANDSHAKE_MS)
     socket.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
     socket.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
     socket.setsockopt(zmq.RECONNECT_IVL, 50)
@@ -58,11 +61,14 @@ def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int) -> zmq.Socket[by
 class ZmqLink(Link):
     """Belongs to the thread that made it."""
 
-    def __init__(self, endpoint: str, *, rank: int) -> None:
+    def __init__(self, endpoint: str, *, rank: int, keys: Keys | None = None, to: int = 0) -> None:
+        """`keys`: what is sent is encrypted, and the hub has to be that of rank `to`. None: neither."""
         super().__init__()
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.DEALER)
         self._socket.setsockopt(zmq.ROUTING_ID, b"rank %d " % rank + os.urandom(8).hex().encode())
+        if keys is not None:
+            keys.unlock(self._socket, to)
         self._socket.connect(endpoint)
         self._messages: deque[bytes] = deque()
         self._outgoing: deque[bytes] = deque()
@@ -196,19 +202,30 @@ class _Inbox:
 class ZmqHub(Hub):
     """Belongs to the thread that uses it first; it may be made by another."""
 
-    def __init__(self, bind: str, *, credit_bytes: int) -> None:
+    def __init__(
+        self, bind: str, *, credit_bytes: int, keys: Keys | None = None, ports: tuple[int, int] | None = None
+    ) -> None:
+        """`keys`: links have to prove one of them, and what is sent is encrypted; None: anybody may connect.
+
+        `ports`: first and last that it may listen on; None: any. Raises RunError where it cannot listen.
+        """
         super().__init__(credit_bytes=credit_bytes)
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
+        self._locked = keys is not None
+        if keys is not None:
+            Gatekeeper(self._context, keys)
+            keys.lock(self._socket)
         try:
-            port = self._socket.bind_to_random_port(f"tcp://{bind}")
-        except zmq.ZMQError as error:
+            port = _bind(self._socket, bind, ports)
+        except RunError:
             self._socket.close()
             self._context.term()
-            raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
+            raise
         self.endpoint = f"tcp://{reachable(bind)}:{port}"
+        self._holders: dict[bytes, int] = {}  # by peer: the rank, or GUEST, whose key it has
         self._rings: dict[bytes, RingReader] = {}  # by peer
         self._messages: dict[bytes, _Inbox] = {}  # by peer: none can push out another's
 
@@ -221,6 +238,10 @@ class ZmqHub(Hub):
     def send(self, peer: bytes, message: bytes) -> None:
         """Sends a control message to one peer."""
         self._put(peer, CONTROL, checked(message))
+
+    def proven(self, peer: bytes) -> int | None:
+        """The rank by whose key a peer speaks, GUEST or NOBODY; None where there are no keys."""
+        return self._holders.get(peer, NOBODY) if self._locked else None
 
     def wait(self, seconds: float) -> None:
         """Waits up to `seconds` for a packet or message."""
@@ -237,8 +258,10 @@ class ZmqHub(Hub):
     def _pump(self, max_bytes: int) -> None:
         size = sum(len(packet) for _, packet in self._data)
         for _ in range(MAX_TAKEN):
-            if size >= max_bytes or (parts := _receive(self._socket)) is None:
+            if size >= max_bytes or (parts := self._receive()) is None:
                 return
+            if not parts:
+                continue
             if len(parts) != 3:
                 self.counters["bad_frame"] += 1
                 continue
@@ -261,6 +284,23 @@ class ZmqHub(Hub):
                 self._grant(peer, self._credits[peer])
             else:
                 self.counters["bad_frame"] += 1
+
+    def _receive(self) -> list[bytes] | None:
+        """The next message, None where there is none; empty for one by another key than its peer's first."""
+        if not self._locked:
+            return _receive(self._socket)
+        try:
+            first = self._socket.recv(zmq.NOBLOCK, copy=False)
+        except zmq.Again:
+            return None
+        peer, who = first.bytes, holder(first)
+        rest = self._socket.recv_multipart()  # a message comes whole
+        if len(self._holders) > 2 * MAX_PEERS:  # kept beyond a goodbye: what came before it may lie here
+            self._holders = {known: rank for known, rank in self._holders.items() if known in self._credits}
+        if self._holders.setdefault(peer, who) != who:
+            self.counters["stranger"] += 1
+            return []
+        return [peer, *rest]
 
     def _welcome(self, peer: bytes) -> bool:
         if len(self._credits) >= MAX_PEERS:
@@ -324,6 +364,23 @@ class ZmqHub(Hub):
                 raise
             self._forget(peer)  # it says hello again if it comes back
             self.counters["peer_gone"] += 1
+
+
+def _bind(socket: zmq.Socket[bytes], bind: str, ports: tuple[int, int] | None) -> int:
+    """Listen on an address, at the first port of a range that is free. Returns the port. Raises RunError."""
+    first, last = ports or (0, 0)
+    for port in range(first, last + 1):
+        try:
+            socket.bind(f"tcp://{bind}:{port or '*'}")
+        except zmq.ZMQError as error:
+            if error.errno == zmq.EADDRINUSE:
+                continue
+            raise RunError(f"transport.bind: cannot listen on {bind}: {error}; wanted a local address") from error
+        return int(socket.getsockopt_string(zmq.LAST_ENDPOINT).rpartition(":")[2])
+    raise RunError(
+        f"transport.ports: none of {first}-{last} is free at {bind}; wanted: two for the head, and one for each other "
+        "compositor of a machine"
+    )
 
 
 def _receive(socket: zmq.Socket[bytes]) -> list[bytes] | None:

@@ -6,6 +6,7 @@ import pytest
 
 from wall.core.errors import ConfigError
 from wall.run.hosts import Renumbered, assign, same_machine
+from wall.transport.curve import KeyPair, Keys
 
 A, B, C = "node1", "node2.site.org", "node3"
 
@@ -62,6 +63,7 @@ class Launched:
     def __init__(self, rank: int) -> None:
         self.rank, self.size = rank, 3
         self.killed_soon = False
+        self.keys = Keys(KeyPair(f"of process {rank}", "secret"), ("of process 0", "of process 1", "of process 2"))
         self.finished = False
 
     def broadcast(self, text: str) -> str:
@@ -78,6 +80,8 @@ def test_under_new_numbers_texts_and_deaths_are_those_of_the_ranks() -> None:
     launched = Launched(2)
     bootstrap = Renumbered(launched, (0, 2, 1))
     assert (bootstrap.rank, bootstrap.size) == (1, 3)
+    assert bootstrap.keys.own.public == "of process 2"
+    assert bootstrap.keys.ranks == ("of process 0", "of process 2", "of process 1")
     assert bootstrap.broadcast("address") == "address of process 0"
     assert bootstrap.dead() == {1: "signal 9"}
     bootstrap.finish()

@@ -28,9 +28,11 @@ from wall.packets.samples import encode
 from wall.roles.instructions import MANAGER, Packet
 from wall.run.clock import HeadClock
 from wall.run.ports import FIRST_CLIENT, Ports
-from wall.transport.base import Hub
+from wall.transport.base import GUEST, Hub
+from wall.transport.curve import Keys
 from wall.transport.factory import connect, open_hub
 from wall.transport.loopback import LoopbackHub, LoopbackLink
+from wall.transport.zeromq import ZmqHub, ZmqLink
 
 KINDS = ("loopback", "zmq")
 AHEAD_S = -1e5  # the head's machine started later
@@ -131,6 +133,38 @@ def test_samples_in_another_rank_s_name_are_left_out() -> None:
     stranger.offer(forged)
     assert list(ports.receive()) == [Packet(forged)], "the rank was started again"
     close(honest, stranger, ports)
+
+
+def test_with_keys_nobody_speaks_in_another_s_name() -> None:
+    keys = Keys.of_all(4)
+    hub = ZmqHub("127.0.0.1", credit_bytes=1 << 20, keys=keys[0].with_guests("key of requests"))
+    ports = Ports(MANAGER, HeadClock(), hub=hub)
+    senders = {k: ZmqLink(hub.endpoint, rank=k, keys=keys[k]) for k in range(3)}
+    senders[GUEST] = ZmqLink(hub.endpoint, rank=9, keys=Keys.of_guest("key of requests", keys[0].own.public))
+    statistics = Statistics(fps=1.0, samples_per_s=1.0, latency_ms=1.0, ranks=1)
+    request = EditRequest(client=FIRST_CLIENT, number=1, key="k")
+    packet = encode(batch_of(plain_samples(1)))  # of rank 2
+    own = {0: statistics, 1: Heartbeat(rank=1, time=0.0), 2: Heartbeat(rank=2, time=0.0), GUEST: request}
+    for others in (*own.values(), Heartbeat(rank=3, time=0.0)):
+        for who, sender in senders.items():
+            if own[who] != others:
+                sender.send(serialise(others))
+    for who, sender in senders.items():
+        sender.send(serialise(own[who]))
+    came: list[object] = []
+    offered = set(senders)
+
+    def all_came() -> bool:
+        for who in [who for who in offered if senders[who].ready()]:
+            senders[who].offer(packet)
+            offered.remove(who)
+        came.extend(ports.receive())
+        return len(came) == len(own) + 1 and ports.drops()["stranger"] == 16 + len(senders) - 1
+
+    assert comes_true(all_came), (came, ports.drops())
+    assert came.count(Packet(packet)) == 1
+    assert all(message in came for message in own.values())
+    close(*senders.values(), ports)
 
 
 @pytest.mark.parametrize("value", [float("inf"), "x" * MAX_ANSWER_BYTES])

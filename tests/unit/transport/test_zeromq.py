@@ -44,8 +44,8 @@ def raw(closing: ExitStack) -> Raw:
     return make
 
 
-def hub_of(closing: ExitStack) -> ZmqHub:
-    hub = ZmqHub("127.0.0.1", credit_bytes=WINDOW)
+def hub_of(closing: ExitStack, *, ports: tuple[int, int] | None = None) -> ZmqHub:
+    hub = ZmqHub("127.0.0.1", credit_bytes=WINDOW, ports=ports)
     closing.callback(hub.close)
     return hub
 
@@ -162,10 +162,8 @@ def test_links_recover_when_their_hub_goes_and_comes_back(closing: ExitStack, mo
     while link.ready():
         link.offer(bytes(1000))  # never consumed: gone with the hub
     first.close()
-    port = first.endpoint.rsplit(":", 1)[1]
-    with monkeypatch.context() as patch:
-        patch.setattr(zmq.Socket, "bind_to_random_port", lambda self, where: (self.bind(f"{where}:{port}"), port)[1])
-        second = hub_of(closing)
+    port = int(first.endpoint.rsplit(":", 1)[1])
+    second = hub_of(closing, ports=(port, port))
     assert second.endpoint == first.endpoint
     until(lambda: goes_through(link, second))
     link.send(b"hello again")
@@ -313,6 +311,16 @@ def test_a_stranger_s_memory_and_places_are_refused(closing: ExitStack, raw: Raw
 def test_an_address_that_is_not_this_host_s_is_refused_with_a_word() -> None:
     with pytest.raises(RunError, match=r"transport\.bind: cannot listen on 203\.0\.113\.9: .*wanted a local address"):
         ZmqHub("203.0.113.9", credit_bytes=WINDOW)  # a documentation address, RFC 5737
+
+
+def test_hubs_take_the_free_ports_of_their_range_and_say_when_there_is_none(closing: ExitStack) -> None:
+    first = int(hub_of(closing).endpoint.rsplit(":", 1)[1])
+    second = hub_of(closing, ports=(first, 65535))
+    last = int(second.endpoint.rsplit(":", 1)[1])
+    assert last > first
+    wanted = rf"transport\.ports: none of {first}-{last} is free at 127\.0\.0\.1; wanted: two for the head"
+    with pytest.raises(RunError, match=wanted):
+        hub_of(closing, ports=(first, last))
 
 
 def test_only_wildcards_are_replaced_by_an_address_that_others_can_reach() -> None:
