@@ -55,6 +55,7 @@ class Source(threading.Thread):
     received: list[dict[str, Any]] = field(default_factory=list)
     lost_rank: bool = False
     views: tuple[str, ...] = ("main",)
+    tokens: bool = False
     offered: tuple[ParameterState, ...] = ()
     handles: Handles | None = None  # of the object that is selected
     values: dict[str, tuple[float, ...] | None] = field(default_factory=dict)  # None: as configured
@@ -62,7 +63,7 @@ class Source(threading.Thread):
 
     def __post_init__(self) -> None:
         super().__init__(daemon=True)
-        self.sink = Browser("127.0.0.1", self.port, self.wall, views=self.views)
+        self.sink = Browser("127.0.0.1", self.port, self.wall, views=self.views, tokens=self.tokens)
         self.turned, self.paused, self.sampler, self.compare, self.statistics = 0.0, False, "hilbert", "", ""
         self.version = self.refreshes = 0
         self.bookmarks: tuple[int, ...] = ()
@@ -184,6 +185,13 @@ def views() -> tuple[str, ...]:
 @pytest.fixture
 def source(grid: Wall, views: tuple[str, ...]) -> Iterator[Source]:
     source = Source(grid, views=views)
+    yield source
+    source.stop()
+
+
+@pytest.fixture
+def source_with_tokens(grid: Wall) -> Iterator[Source]:
+    source = Source(grid, tokens=True)
     yield source
     source.stop()
 

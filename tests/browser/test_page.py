@@ -39,6 +39,22 @@ def test_page_shows_every_panel_with_its_own_image(page, source):
         assert near(colour, (40 + 50 * k, 100, 30))
 
 
+def test_a_page_that_may_only_watch_shows_the_wall_and_has_nothing_that_steers(chromium, source_with_tokens):
+    sink = source_with_tokens.sink
+    page = chromium.new_context(viewport={"width": 640, "height": 480}).new_page()
+    page.goto(next(word for word in sink.notes[0].split() if "?token=" in word))
+    eventually(page, lambda: page.evaluate("Boolean(document.body.dataset.picture)"), "the wall")
+    eventually(page, lambda: "to watch only" in page.locator("#state").inner_text(), "what the page is for")
+    assert "token" not in page.url
+    assert not any(page.locator(f"#{name}").is_visible() for name in ("pause", "samplers", "keep", "parameters"))
+    page.locator("#wall").press("Space")
+    page.locator("#wall").press("o")
+    eventually(page, lambda: source_with_tokens.statistics == "on", "an overlay is for those who watch, too")
+    page.context.close()
+    assert set(kinds(source_with_tokens)) == {"statistics"}
+    assert sink.dropped() == {}, "the page does not even ask"
+
+
 def test_panels_stand_at_their_true_places_with_bezels_between(page, grid):
     first = grid.panels[0].screen
     boxes = [page.locator(f".panel:has(canvas[data-panel={p.id}])").bounding_box() for p in grid.panels]

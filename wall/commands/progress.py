@@ -75,6 +75,8 @@ class StartProgress:
             return
         line = Text.assemble("watch and steer the wall at ", (address, "bold"), " (Ctrl-C ends the run)")
         console.print(line)
+        if "?" in address:
+            return  # a command that opens it would show its token to all users of this machine
         if self._open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             webbrowser.open(address)
 

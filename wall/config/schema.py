@@ -82,17 +82,32 @@ class TransportConfig(Model):
         return self
 
 
+class TlsConfig(Model):
+    """Files that encrypt the page, relative to this one."""
+
+    certificate: Text = Field(description="PEM file of the certificate, and of those that vouch for it")
+    key: Text = Field(description="PEM file of its private key, without a password")
+
+
 class BrowserConfig(Model):
     """The page that shows and steers the wall."""
 
-    host: Text = Field(
-        default="127.0.0.1", description="address the page is served on; others than loopback let everyone in"
+    host: Text = Field(default="127.0.0.1", description="address the page is served on")
+    token: Literal["auto", "always", "never"] = Field(
+        default="auto",
+        description="let in those alone who know the address that is printed; auto: unless host is loopback",
     )
+    tls: TlsConfig | None = Field(default=None, description="serve the page encrypted, as https")
     port: Annotated[Whole, Ge(0), Le(65535)] = Field(default=0, description="port of the page; 0 = any free one")
     open: Flag = Field(default=True, description="open the page where there is a desktop")
     samples: Flag = Field(
         default=False, description="samples travel to the head even on one machine, so that pages can ask for them"
     )
+
+    @property
+    def tokens(self) -> bool:
+        """Whether the page asks for a token."""
+        return self.token == "always" or (self.token == "auto" and not is_loopback(self.host))
 
 
 class OutputConfig(Model):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import os
 import socket
 import threading
@@ -25,13 +24,14 @@ from PIL import Image
 
 from wall.core.data import StatisticsImage
 from wall.core.errors import RemoteProtocolError, RunError
-from wall.core.network import is_loopback
 from wall.display.base import Handles, PanelImage, ParameterState, Status, WallImage
+from wall.display.gate import Gate, Pace, tls_of, why_not
 from wall.display.parts import Held, Part, part_of
 from wall.display.png import QUICK, whole_wall
 from wall.display.sample_store import SampleStore
-from wall.display.steering import MAX_MESSAGE_BYTES, host_is_ours, origin_is_ours, parse_message
+from wall.display.steering import MAX_MESSAGE_BYTES, parse_message
 from wall.display.stream import (
+    WATCHING,
     handles_message,
     image_message,
     layout_message,
@@ -44,7 +44,10 @@ from wall.geometry.panels import Wall
 IN_FLIGHT = 2  # one on its way while one is drawn; more would only be older
 STATUS_PERIOD_S = 0.25  # as often as numbers can be read
 MAX_VIEWERS = 8
+KEPT_FOR_STEERING = 2  # of them, where others only watch
 MAX_COMMANDS = 256  # 4 s of one viewer's dragging
+KEEP_ALIVE_S = 30.0  # a connection that asks for nothing more
+HANDSHAKE_S = 5.0  # of TLS
 HEARTBEAT_S = 5.0  # a viewer whose machine vanished is forgotten after about this time
 CLOSE_S = 0.9  # how long `close` waits; of which the server waits for viewers' goodbyes,
 LEAVE_S = 0.2  # open requests and unfinished tasks, each at most this long
@@ -66,6 +69,7 @@ _Shown = tuple[bool, int]  # second image of two that are compared, panel
 @dataclass(slots=True, eq=False)
 class _Viewer:
     socket: web.WebSocketResponse
+    steers: bool = True
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     held: dict[_Shown, Held] = field(default_factory=lambda: defaultdict(Held))
     in_flight: deque[int] = field(default_factory=deque)  # numbers of images sent, not yet drawn
@@ -96,18 +100,21 @@ class Browser:
         views: Sequence[str] = ("main",),
         why_images: Sequence[str] = (),
         max_viewers: int = MAX_VIEWERS,
+        tokens: bool = False,
+        tls: tuple[Path, Path] | None = None,
     ) -> None:
         """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
 
-        Raises RunError naming host and port when they cannot be had.
+        `tokens`: the page is for those alone who know its address; `tls`: files of a certificate and its key. Raises
+        RunError naming what cannot be had.
         """
         self._host, self._port, self._max_viewers = host, port, max_viewers
         self._layout = layout_message(wall, views, why_images)
-        self._names = _own_names(host)
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
         self._commands: deque[dict[str, Any]] = deque()
         self._counters = Counter[str]()
+        self._gate, self._tls = Gate(host, self._counters, tokens=tokens), tls_of(tls)
         self._stores: dict[int, SampleStore] = {}  # of panels whose samples come
         self._encoded: dict[_Shown, dict[tuple[object, ...], tuple[int, bytes]]] = {}  # by Part.key; the encoder's own
         self._statistics_wanted = False  # as last told by `commands`
@@ -118,7 +125,13 @@ class Browser:
         bound: Future[str] = Future()
         self._thread = threading.Thread(target=self._serve, args=(bound,), name="browser", daemon=True)
         self._thread.start()
-        self.address = bound.result()
+        where, (steer, watch) = bound.result(), self._gate.queries
+        self.address = where + steer
+        self.notes: tuple[str, ...] = ()  # what its users should know
+        if tokens:
+            self.notes = (f"to watch the wall without steering it: {where}{watch}",)
+        if tokens and tls is None:
+            self.notes += ("the page is not encrypted (output.browser.tls): who listens can read its token",)
 
     def show(self, image: WallImage, status: Status) -> None:
         """Hand the newest image to all viewers."""
@@ -187,48 +200,37 @@ class Browser:
             self._loop.close()
 
     async def _run(self, bound: Future[str]) -> None:
-        app = web.Application(middlewares=[self._guard])
+        app = web.Application(middlewares=[self._gate.guard])
         app.on_response_prepare.append(_add_headers)
         app.router.add_get("/", _page)
         app.router.add_get("/stream", self._stream)
         app.router.add_get("/wall.png", self._wall_png)
         app.router.add_get("/status.json", self._status_json)
         app.router.add_get("/{name}", _page)
-        runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE_S)
+        runner = web.AppRunner(app, access_log=None, shutdown_timeout=LEAVE_S, keepalive_timeout=KEEP_ALIVE_S)
         await runner.setup()
+        more: dict[str, Any] = {"ssl_handshake_timeout": HANDSHAKE_S} if self._tls is not None else {}
+        assert runner.server is not None
         try:
-            await web.TCPSite(runner, self._host, self._port).start()
+            server = await self._loop.create_server(runner.server, self._host, self._port, ssl=self._tls, **more)
         except OSError as error:
             await runner.cleanup()
-            bound.set_exception(RunError(self._why_not(error)))
+            bound.set_exception(RunError(why_not(self._host, self._port, error)))
             return
-        bound.set_result(self._address(*runner.addresses[0][:2]))
+        sweeping = asyncio.create_task(self._gate.sweep(runner.server))
+        bound.set_result(self._address(*server.sockets[0].getsockname()[:2]))
         await self._stopping.wait()
+        sweeping.cancel()
+        server.close()
         goodbyes = [v.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the run has ended") for v in self._viewers]
         await asyncio.gather(*goodbyes, return_exceptions=True)
         await runner.cleanup()
 
-    def _why_not(self, error: OSError) -> str:
-        where = f"the page cannot be served at {self._host} port {self._port}"
-        if error.errno == errno.EADDRINUSE:
-            return f"{where}: another program has this port; wanted a free one, or 0 for any"
-        return f"{where}: {error.strerror or error}"
-
     def _address(self, host: str, port: int) -> str:
         if host in ("0.0.0.0", "::"):
             host = socket.gethostname()
-        return f"http://[{host}]:{port}/" if ":" in host else f"http://{host}:{port}/"
-
-    @web.middleware
-    async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        if not host_is_ours(request.headers.get("Host", ""), self._host, self._names):
-            self._counters["browser_foreign_request"] += 1
-            raise web.HTTPForbidden(text="this address is not mine; open the one that was printed\n")
-        if request.path != "/" and request.headers.get("Sec-Fetch-Site") == "cross-site":
-            self._counters["browser_foreign_request"] += 1
-            raise web.HTTPForbidden(text="other sites' pages may not use this one\n")
-        response: web.StreamResponse = await handler(request)
-        return response
+        scheme = "http" if self._tls is None else "https"
+        return f"{scheme}://[{host}]:{port}/" if ":" in host else f"{scheme}://{host}:{port}/"
 
     async def _status_json(self, request: web.Request) -> web.Response:
         if self._newest is None:
@@ -244,22 +246,24 @@ class Browser:
         return web.Response(body=body, content_type="image/png")
 
     async def _stream(self, request: web.Request) -> web.WebSocketResponse:
-        if not origin_is_ours(request.headers.get("Origin"), request.headers.get("Host", "")):
-            self._counters["browser_foreign_request"] += 1
-            raise web.HTTPForbidden(text="other sites' pages may not steer this wall\n")
         connection = web.WebSocketResponse(
             timeout=LEAVE_S, heartbeat=HEARTBEAT_S, compress=False, max_msg_size=MAX_MESSAGE_BYTES
         )
         await connection.prepare(request)
-        if len(self._viewers) >= self._max_viewers:
+        steers = self._gate.steers(request)
+        if len(self._viewers) >= self._max_viewers - (0 if steers else KEPT_FOR_STEERING):
             self._counters["browser_viewer_refused"] += 1
             await connection.close(code=WSCloseCode.TRY_AGAIN_LATER, message=b"too many viewers")
             return connection
-        viewer = _Viewer(connection)
+        viewer, pace = _Viewer(connection, steers), Pace(self._loop.time())
         self._viewers.add(viewer)
         feeder = asyncio.create_task(self._feed(viewer))
         try:
             async for message in connection:
+                if not pace.allows(self._loop.time()):
+                    self._counters["browser_too_fast"] += 1
+                    await connection.close(code=WSCloseCode.POLICY_VIOLATION, message=b"too many messages a second")
+                    break
                 self._take(viewer, message.data if message.type is WSMsgType.TEXT else "")
         finally:
             self._viewers.discard(viewer)
@@ -280,6 +284,8 @@ class Browser:
         elif message["kind"] == "display":
             viewer.samples = message["value"] == "samples"
             viewer.held.clear()  # a page that asks begins anew
+        elif not viewer.steers:
+            self._counters["browser_watcher_refused"] += 1
         elif len(self._commands) >= MAX_COMMANDS:
             self._counters["browser_command_overflow"] += 1
         else:
@@ -300,6 +306,8 @@ class Browser:
                 if viewer.layout != self._layout:
                     viewer.layout = self._layout
                     await viewer.socket.send_str(viewer.layout)
+                    if not viewer.steers:
+                        await viewer.socket.send_str(WATCHING)
                 if self._newest is not None:
                     await self._send(viewer, *self._newest)
                 with contextlib.suppress(TimeoutError):
@@ -366,12 +374,6 @@ class Browser:
 
 def _store(panel: PanelImage) -> SampleStore:
     return SampleStore(panel.rgb.shape[1], panel.rgb.shape[0])
-
-
-def _own_names(host: str) -> frozenset[str]:
-    if is_loopback(host):
-        return frozenset()  # needs none; asking for the full name can take seconds
-    return frozenset({socket.gethostname().lower(), socket.getfqdn().lower()})
 
 
 async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:

@@ -139,6 +139,9 @@ def handles_message(handles: Handles | None) -> str:
     return json.dumps({"kind": "handles", "places": []} | ({} if handles is None else asdict(handles)), allow_nan=False)
 
 
+WATCHING = json.dumps({"kind": "access", "steers": False})  # to a viewer that may change nothing
+
+
 def layout_message(wall: Wall, views: Sequence[str], why_images: Sequence[str] = ()) -> str:
     """Rectangles of panels and insets in virtual screen pixels, and which of `views`, their names, each shows.
 

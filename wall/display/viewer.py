@@ -7,6 +7,7 @@ import json
 import time
 import zlib
 from dataclasses import dataclass
+from urllib.parse import urlsplit
 
 import aiohttp
 
@@ -47,11 +48,17 @@ def watch(address: str, *, display: str, seconds: float, drawing_s: float = 0.0)
         raise RunError(f"{address}: no page of a wall answers: {error!r}") from error
 
 
+def _stream_of(address: str) -> str:
+    """Where the page at an address gets its images from, with the token that the address may have."""
+    parts = urlsplit(address)
+    return parts._replace(path=parts.path.rstrip("/") + "/stream").geturl()
+
+
 async def _watch(address: str, display: str, seconds: float, drawing_s: float) -> Received:
     got, left, number = Received(seconds=seconds), 0, 0
     async with (
         aiohttp.ClientSession() as session,
-        session.ws_connect(address.rstrip("/") + "/stream", max_msg_size=0) as connection,
+        session.ws_connect(_stream_of(address), max_msg_size=0) as connection,
     ):
         await connection.send_json({"kind": "display", "value": display})
         began = time.monotonic() + SETTLE_S

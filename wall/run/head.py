@@ -123,7 +123,7 @@ class HeadProcess:
         self._sinks = distinct(sinks)
         for sink in self._sinks:
             closing.later(sink.close)
-        for note in notes_of(sinks):
+        for note in (*notes_of(sinks), *(browser.notes if browser else ())):
             say(f"note: {note}")
         log = ImageLog(options.images) if options.images is not None else None
         if log is not None:

@@ -44,9 +44,11 @@ def make_sinks(plan: Plan, rank: int, out: Path, *, headless: bool) -> tuple[lis
             from wall.display.browser import Browser  # and aiohttp, 0.2 s, only for walls with a page
 
             views = [view.id for view in plan.views]
+            page, folder = output.browser, layout.loaded.folder
             sink = browser = Browser(
-                output.browser.host, output.browser.port, layout.wall, views=views, why_images=why_images(layout)
-            )
+                page.host, page.port, layout.wall, views=views, why_images=why_images(layout), tokens=page.tokens,
+                tls=None if page.tls is None else (folder / page.tls.certificate, folder / page.tls.key),
+            )  # fmt: skip
         sinks.append(sink)
     return sinks, browser
 

@@ -18,6 +18,7 @@ const SILENT_MS = 3000;           // status comes four times a second; this long
 const RETRY_MS = [250, 500, 1000, 2000];
 const TOO_MANY = 1013;
 const ENDED = 1001;
+const OWN = new Set(["shown", "overlay", "display"]);   // messages that change nothing for others
 
 const wall = new Wall(
   document.getElementById("wall"), document.getElementById("room"), document.getElementById("controls"));
@@ -28,6 +29,7 @@ let socket = null;
 let attempts = 0;
 let heard = 0;
 let ended = false;
+let steers = true;                // else the server takes OWN messages alone
 
 const viewports = new Viewports(wall);
 const compare = new Compare(wall, (command) => send(command), (name) => readout.sampler(name));
@@ -42,6 +44,7 @@ const bookmarks = new Bookmarks(
 const overlay = new Overlay(wall, (name) => send({ kind: "overlay", value: name }));
 
 function send(message) {
+  if (!steers && !OWN.has(message.kind)) return;
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
 }
 
@@ -68,12 +71,15 @@ function take(message, pictures) {
   if (message.kind === "layout") {
     attempts = 0;
     ended = false;
+    allow(true);
     wall.build(message);
     viewports.build(message);
     handles.show({ places: [] });                              // until the run says it anew
     readout.connected();
     display.build(message);
     if (overlay.name) overlay.repeat();
+  } else if (message.kind === "access") {
+    allow(message.steers);
   } else if (message.kind === "picture") {
     pictures.begin(message);
   } else if (message.kind === "parameters") {
@@ -91,6 +97,11 @@ function take(message, pictures) {
     compare.status(message, short);
     display.status(message);
   }
+}
+
+function allow(mine) {
+  steers = mine;
+  document.body.classList.toggle("watching", !steers);
 }
 
 function lost(code) {

@@ -117,7 +117,7 @@ export class Readout {
 
   #showPaused(paused) {
     document.body.dataset.state = paused ? "paused" : "live";
-    write($("state"), paused ? "Paused" : "Live");
+    write($("state"), `${paused ? "Paused" : "Live"}${document.body.classList.contains("watching") ? ", to watch only" : ""}`);
     $("pause").setAttribute("aria-pressed", paused);
     write($("pause-word"), paused ? "Go on" : "Pause");
   }
