@@ -35,6 +35,7 @@ def _display_side(name: str, rounds: int, seconds: float) -> list[Row]:
 # process forks quickly.
 GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = (
     (("end_to_end",), lambda rounds, seconds: wire.end_to_end(rounds)),
+    (("encrypted",), lambda rounds, seconds: wire.encrypted(rounds)),
     (("encode", "decode"), lambda rounds, seconds: wire.codecs(rounds)),
     (("adaptive_bytes", "adaptive_encode"), lambda rounds, seconds: wire.adaptive_codec(rounds)),
     (("adaptive_overhead", "adaptive_rate"), lambda rounds, seconds: adaptive_cost.rank_side(rounds)),
@@ -57,7 +58,7 @@ GROUPS: tuple[tuple[tuple[str, ...], Callable[[int, float], list[Row]]], ...] = 
 METRICS = (
     "trace_framed", "trace_hilbert", "many_lamps", "many_points", "lamps_noise", "light_tree", "light_tree_move",
     "mitsuba_llvm", "encode", "decode", "adaptive_bytes",
-    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end",
+    "adaptive_encode", "adaptive_overhead", "adaptive_rate", *adaptive_cost.PANELS, "end_to_end", "encrypted",
     "depth_copy", "depth_covered", "unchanged_input", "compositor_tree", "depth_tree", "compositor_cpu",
     "input_latency", "static_bytes", "memory_per_rank", "gpu_refresh",
 )  # fmt: skip

@@ -21,6 +21,7 @@ from wall.study.speed.record import Row, bounded, compared, median
 from wall.study.speed.tracing import plan_of
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
+from wall.transport.curve import Keys
 from wall.transport.zeromq import ZmqHub, ZmqLink
 
 CREDIT_BYTES = 1 << 20
@@ -189,6 +190,53 @@ def end_to_end(rounds: int) -> list[Row]:
     return [compared("end_to_end", values, limits, unit="M samples/s", at_least=0.85, note=note, **more)]
 
 
+def encrypted(rounds: int) -> list[Row]:
+    """Samples a second that get from a process to another over TCP, encrypted, against the same in the open."""
+    plan = plan_of("courtyard")
+    packet = Source(plan, make_tracer_scene(plan.scene)).packet()
+    samples = len(decode(packet).samples)
+    keys = Keys.of_all(2)
+    closed, opened = [], []
+    for _ in range(rounds):
+        opened.append(_carried_rate(packet, None, None) * samples / 1e6)
+        closed.append(_carried_rate(packet, *keys) * samples / 1e6)
+    note = (
+        f"packets of {samples} samples and {len(packet)} bytes over loopback TCP, codec none; nothing is traced, "
+        "encoded or decoded; encrypted: CURVE"
+    )
+    size = len(packet) / samples / 1e3
+    more = {"gb_per_s": round(median(closed) * size, 2), "open_gb_per_s": round(median(opened) * size, 2)}
+    return [compared("encrypted", closed, opened, unit="M samples/s", at_least=0.25, note=note, **more)]
+
+
+def _carried_rate(packet: bytes, ours: Keys | None, theirs: Keys | None) -> float:
+    """Packets a second from a process that does nothing but send."""
+    context = multiprocessing.get_context("fork")
+    near, far = context.Pipe()
+    child = context.Process(target=_offer, args=(packet, theirs, far), daemon=True)
+    child.start()
+    hub = ZmqHub("127.0.0.1", credit_bytes=CREDIT_BYTES, keys=ours)
+    try:
+        near.send(hub.endpoint)
+        _taken(hub, SETTLE_S)
+        return _taken(hub, SPAN_S)
+    finally:
+        child.kill()
+        child.join(5.0)
+        hub.close()
+
+
+def _taken(hub: ZmqHub, seconds: float) -> float:
+    """Take packets in for some seconds; packets a second."""
+    done, began = 0, time.perf_counter()
+    while time.perf_counter() - began < seconds:
+        for peer, packet in hub.drain(1 << 20):
+            done += 1
+            hub.release(peer, len(packet))
+        hub.wait(0.01)
+    return done / (time.perf_counter() - began)
+
+
 def _received_rate(plan: Plan, tracer_scene: TracerScene) -> float:
     context = multiprocessing.get_context("fork")
     ours, theirs = context.Pipe()
@@ -217,6 +265,16 @@ def _receive(hub: ZmqHub, panel: PanelCompositor, seconds: float) -> float:
             hub.release(peer, len(packet))
         hub.wait(0.01)
     return done / (time.perf_counter() - began)
+
+
+def _offer(packet: bytes, keys: Keys | None, pipe: Connection) -> None:
+    parent = os.getppid()
+    link = ZmqLink(pipe.recv(), rank=1, keys=keys)
+    while os.getppid() == parent:
+        if link.ready():
+            link.offer(packet)
+        else:
+            link.wait(0.002)
 
 
 def _send(plan: Plan, tracer_scene: TracerScene, pipe: Connection) -> None:
