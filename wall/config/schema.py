@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
@@ -32,6 +33,14 @@ def _checked_range(text: str) -> str:
     return text
 
 
+def _checked_network(text: str) -> str:
+    try:
+        return str(ipaddress.IPv4Network(text))
+    except ValueError as error:
+        raise refusal(f"is no network: {error}", accepted="IPv4 addresses, such as 10.1.0.0/24 or 10.1.0.7") from error
+
+
+Network = Annotated[Text, AfterValidator(_checked_network)]
 PortRange = Annotated[Text, AfterValidator(_checked_range)]
 
 
@@ -47,6 +56,9 @@ class TransportConfig(Model):
         default="auto",
         description="encrypt what ranks send over the network, and let in ranks of the run alone; auto: unless bind is "
         "loopback",
+    )
+    allow: Annotated[tuple[Network, ...], Field(max_length=64)] = Field(
+        default=(), description="networks whose hosts may connect to ranks, such as 10.1.0.0/24; none: all"
     )
     codec: Literal["none", "lz4", "zstd"] = Field(default="none", description="compression of samples on the wire")
     credit_bytes: Annotated[Whole, Ge(16384), Le(1 << 30)] = Field(

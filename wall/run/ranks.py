@@ -185,8 +185,9 @@ def open_data_hub(plan: Plan, keys: Keys | None) -> Hub:
     """A hub as the configuration wants it, for those who have keys."""
     transport = plan.layout.config.transport
     return open_hub(
-        transport.kind, transport.bind, credit_bytes=transport.credit_bytes, keys=keys, ports=transport.port_range
-    )
+        transport.kind, transport.bind, credit_bytes=transport.credit_bytes, keys=keys, ports=transport.port_range,
+        allow=transport.allow,
+    )  # fmt: skip
 
 
 def in_threads(layers: int) -> RunAll:

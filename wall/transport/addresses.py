@@ -1,10 +1,11 @@
-"""Which address other hosts can reach us at, when we listen on all of them."""
+"""Which address other hosts can reach us at, when we listen on all of them, and which hosts may."""
 
 from __future__ import annotations
 
 import fcntl
 import socket
 import struct
+from collections.abc import Sequence
 
 _SIOCGIFADDR = 0x8915
 WILDCARDS = ("0.0.0.0", "*")
@@ -23,6 +24,12 @@ def reachable(bind: str) -> str:
         if address and not address.startswith("127."):
             return address
     return "127.0.0.1"
+
+
+def let_in(networks: Sequence[str]) -> list[str]:
+    """All that may connect where these may: they, and this machine by any of its addresses."""
+    own = {_address_of(name) for _, name in socket.if_nameindex()} - {None}
+    return [*networks, "127.0.0.0/8", *(f"{address}/32" for address in own)]
 
 
 def _address_of(interface: str) -> str | None:

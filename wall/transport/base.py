@@ -16,6 +16,7 @@ from wall.core.errors import LocalProtocolError
 from wall.transport.credit import HubCredit, LinkCredit
 
 MAX_CONTROL = 1024  # control messages that wait unread at one end
+MAX_CONTROL_BYTES = 1 << 21  # of a control message to a hub, and of all that wait there of one peer
 MAX_MESSAGE_BYTES = 1 << 26  # a larger message is not one of ours
 GUEST, NOBODY = -2, -3  # whose key a peer has: that of processes beside the run; not known any more
 
@@ -25,6 +26,22 @@ def checked(message: bytes) -> bytes:
     if len(message) > MAX_MESSAGE_BYTES:
         raise LocalProtocolError(f"a message of {len(message)} bytes; at most {MAX_MESSAGE_BYTES}")
     return message
+
+
+class Inbox:
+    """Control messages of one peer that wait; the oldest give way where they are too many or too large."""
+
+    def __init__(self) -> None:
+        self.messages: deque[bytes] = deque()
+        self._bytes = 0
+
+    def keep(self, message: bytes, counters: Counter[str]) -> None:
+        """Let one more wait."""
+        self.messages.append(message)
+        self._bytes += len(message)
+        while len(self.messages) > MAX_CONTROL or self._bytes > MAX_CONTROL_BYTES:
+            self._bytes -= len(self.messages.popleft())
+            counters["control_overflow"] += 1
 
 
 class Link(ABC):

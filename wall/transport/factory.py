@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from wall.transport.base import Hub, Link
 from wall.transport.curve import Keys
 from wall.transport.loopback import LoopbackHub, LoopbackLink
@@ -11,12 +13,13 @@ LOOPBACK = "loopback:"  # how the endpoints of hubs inside one process begin
 
 
 def open_hub(
-    kind: str, bind: str, *, credit_bytes: int, keys: Keys | None = None, ports: tuple[int, int] | None = None
-) -> Hub:
-    """kind: zmq or loopback. `keys`, `ports`: see ZmqHub. Raises RunError where it cannot listen."""
+    kind: str, bind: str, *, credit_bytes: int, keys: Keys | None = None, ports: tuple[int, int] | None = None,
+    allow: Sequence[str] = (),
+) -> Hub:  # fmt: skip
+    """kind: zmq or loopback. `keys`, `ports`, `allow`: see ZmqHub. Raises RunError where it cannot listen."""
     if kind == "loopback":
         return LoopbackHub(credit_bytes=credit_bytes)
-    return ZmqHub(bind, credit_bytes=credit_bytes, keys=keys, ports=ports)
+    return ZmqHub(bind, credit_bytes=credit_bytes, keys=keys, ports=ports, allow=allow)
 
 
 def connect(endpoint: str, *, rank: int, keys: Keys | None = None, to: int = 0) -> Link:

@@ -12,13 +12,14 @@ import os
 import struct
 import time
 from collections import Counter, deque
+from collections.abc import Sequence
 from typing import TypeVar
 
 import zmq
 
 from wall.core.errors import RemoteProtocolError, RunError
-from wall.transport.addresses import reachable
-from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, NOBODY, Hub, Link, checked
+from wall.transport.addresses import let_in, reachable
+from wall.transport.base import MAX_CONTROL, MAX_CONTROL_BYTES, MAX_MESSAGE_BYTES, NOBODY, Hub, Inbox, Link, checked
 from wall.transport.credit import HubCredit
 from wall.transport.curve import Gatekeeper, Keys, holder
 from wall.transport.shared_memory import OTHER_MACHINE, REFERENCE, RingReader, RingWriter
@@ -31,7 +32,6 @@ HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 500, 3000  # of ZMTP; machines with more ra
 HANDSHAKE_MS = 10_000  # for a connection to say who it is: one that does not is closed
 ASK_AGAIN_S = 1.0  # a link without credit for so long asks again
 MAX_PEERS = 4096
-MAX_CONTROL_BYTES = 1 << 21  # of a control message to a hub, and of all that wait there of one peer
 MAX_TAKEN = 4096  # messages taken in at once: a flood of tiny ones cannot hold the caller
 MAX_SENT = 1 << 62  # bytes a link can claim to have sent
 T = TypeVar("T")
@@ -183,37 +183,25 @@ class ZmqLink(Link):
         return True
 
 
-class _Inbox:
-    """Control messages of one peer that wait; the oldest give way where they are too many or too large."""
-
-    def __init__(self) -> None:
-        self.messages: deque[bytes] = deque()
-        self._bytes = 0
-
-    def keep(self, message: bytes, counters: Counter[str]) -> None:
-        """Let one more wait."""
-        self.messages.append(message)
-        self._bytes += len(message)
-        while len(self.messages) > MAX_CONTROL or self._bytes > MAX_CONTROL_BYTES:
-            self._bytes -= len(self.messages.popleft())
-            counters["control_overflow"] += 1
-
-
 class ZmqHub(Hub):
     """Belongs to the thread that uses it first; it may be made by another."""
 
     def __init__(
-        self, bind: str, *, credit_bytes: int, keys: Keys | None = None, ports: tuple[int, int] | None = None
-    ) -> None:
+        self, bind: str, *, credit_bytes: int, keys: Keys | None = None, ports: tuple[int, int] | None = None,
+        allow: Sequence[str] = (),
+    ) -> None:  # fmt: skip
         """`keys`: links have to prove one of them, and what is sent is encrypted; None: anybody may connect.
 
-        `ports`: first and last that it may listen on; None: any. Raises RunError where it cannot listen.
+        `ports`: first and last that it may listen on; None: any. `allow`: networks of those whose connections are not
+        closed at once; none: all. Raises RunError where it cannot listen.
         """
         super().__init__(credit_bytes=credit_bytes)
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._socket = _socket(self._context, zmq.ROUTER)
         self._socket.setsockopt(zmq.ROUTER_MANDATORY, 1)
         self._socket.setsockopt(zmq.ROUTER_HANDOVER, 1)
+        for network in let_in(allow) if allow else ():
+            self._socket.setsockopt(zmq.TCP_ACCEPT_FILTER, network.encode())
         self._locked = keys is not None
         if keys is not None:
             Gatekeeper(self._context, keys)
@@ -227,7 +215,7 @@ class ZmqHub(Hub):
         self.endpoint = f"tcp://{reachable(bind)}:{port}"
         self._holders: dict[bytes, int] = {}  # by peer: the rank, or GUEST, whose key it has
         self._rings: dict[bytes, RingReader] = {}  # by peer
-        self._messages: dict[bytes, _Inbox] = {}  # by peer: none can push out another's
+        self._messages: dict[bytes, Inbox] = {}  # by peer: none can push out another's
 
     def messages(self) -> list[tuple[bytes, bytes]]:
         """Takes all control messages that arrived, each with its peer."""
@@ -278,7 +266,7 @@ class ZmqHub(Hub):
             elif tag == MEMORY and len(body) == REFERENCE.size:
                 self._open_ring(peer, body)
             elif tag == CONTROL and len(body) <= MAX_CONTROL_BYTES:
-                self._messages.setdefault(peer, _Inbox()).keep(body, self.counters)
+                self._messages.setdefault(peer, Inbox()).keep(body, self.counters)
             elif tag == ASK and len(body) == _ASK.size and _ASK.unpack(body)[0] <= MAX_SENT:
                 self._credits[peer].resume(*_ASK.unpack(body))
                 self._grant(peer, self._credits[peer])

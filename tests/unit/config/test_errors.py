@@ -128,6 +128,15 @@ def test_wrong_value_is_refused_with_its_position(old: str, new: str, expected: 
             "sampling.samples_per_batch = 16: is too small; accepted: a whole number from 64 to 65536",
         ),
         ("transport: {codec: lz5}", "transport.codec = 'lz5': is not one of the choices; accepted: none, lz4, zstd"),
+        (
+            "transport: {ports: 9100-9000}",
+            "transport.ports = '9100-9000': is no range of ports; accepted: first-last, such as",
+        ),
+        ("transport: {ports: 9000-99999}", "transport.ports = '9000-99999': is no range of ports"),
+        (
+            "transport: {allow: [10.1.0.0/8]}",
+            "transport.allow[0] = '10.1.0.0/8': is no network: 10.1.0.0/8 has host bits",
+        ),
         ("transport: {heartbeat_s: 1.5}", "transport.lost_after_s: one late heartbeat (every 1.5 s) would lose a rank"),
         (
             "output: {browser: {port: 70000}}",

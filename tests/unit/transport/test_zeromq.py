@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import socket
 import struct
 import time
 from collections.abc import Callable, Iterator
@@ -14,9 +15,9 @@ import zmq
 from wall.core.errors import RemoteProtocolError, RunError
 from wall.transport import zeromq
 from wall.transport.addresses import WILDCARDS, reachable
-from wall.transport.base import MAX_CONTROL, MAX_MESSAGE_BYTES, Hub
+from wall.transport.base import MAX_CONTROL, MAX_CONTROL_BYTES, MAX_MESSAGE_BYTES, Hub
 from wall.transport.shared_memory import OTHER_MACHINE
-from wall.transport.zeromq import MAX_CONTROL_BYTES, ZmqHub, ZmqLink
+from wall.transport.zeromq import ZmqHub, ZmqLink
 
 DEADLINE_S = 10.0
 WINDOW = 10_000
@@ -44,8 +45,8 @@ def raw(closing: ExitStack) -> Raw:
     return make
 
 
-def hub_of(closing: ExitStack, *, ports: tuple[int, int] | None = None) -> ZmqHub:
-    hub = ZmqHub("127.0.0.1", credit_bytes=WINDOW, ports=ports)
+def hub_of(closing: ExitStack, *, ports: tuple[int, int] | None = None, allow: tuple[str, ...] = ()) -> ZmqHub:
+    hub = ZmqHub("127.0.0.1", credit_bytes=WINDOW, ports=ports, allow=allow)
     closing.callback(hub.close)
     return hub
 
@@ -321,6 +322,21 @@ def test_hubs_take_the_free_ports_of_their_range_and_say_when_there_is_none(clos
     wanted = rf"transport\.ports: none of {first}-{last} is free at 127\.0\.0\.1; wanted: two for the head"
     with pytest.raises(RunError, match=wanted):
         hub_of(closing, ports=(first, last))
+
+
+def test_hosts_of_other_networks_are_sent_away_before_they_have_said_anything(
+    closing: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for network, here in (("127.0.0.1/32", True), ("203.0.113.0/24", False)):
+        monkeypatch.setattr(zeromq, "let_in", list)  # without those of this machine, which are always let in
+        hub = hub_of(closing, allow=(network,))
+        port = int(hub.endpoint.rsplit(":", 1)[1])
+        stranger = closing.enter_context(socket.create_connection(("127.0.0.1", port), timeout=DEADLINE_S))
+        assert stranger.recv(1) == (b"\xff" if here else b""), "the first byte of a greeting, or the end"
+    monkeypatch.undo()
+    hub = hub_of(closing, allow=("203.0.113.0/24",))
+    link = link_to(closing, hub.endpoint)
+    until(lambda: goes_through(link, hub))
 
 
 def test_only_wildcards_are_replaced_by_an_address_that_others_can_reach() -> None:
