@@ -57,7 +57,7 @@ class StartProgress:
     def say(self, line: str) -> None:
         """Show a stage, or a line that begins with `note: `."""
         if not errors.is_terminal or line.startswith("note: "):
-            errors.print(f"  {line}")
+            errors.print(f"  {line}", soft_wrap="://" in line)  # an address in two lines is none
         if line.startswith("starting "):
             self._stop()  # the bar's thread must not exist when processes are forked
         if line.startswith(("starting ", "note: ")):
@@ -74,7 +74,7 @@ class StartProgress:
             console.print("running (Ctrl-C ends the run)")
             return
         line = Text.assemble("watch and steer the wall at ", (address, "bold"), " (Ctrl-C ends the run)")
-        console.print(line)
+        console.print(line, soft_wrap=True)
         if "?" in address:
             return  # a command that opens it would show its token to all users of this machine
         if self._open_page and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):

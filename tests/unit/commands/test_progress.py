@@ -1,0 +1,25 @@
+"""What a start says of the page: its address in one line, opened where no other user can read it."""
+
+from __future__ import annotations
+
+import pytest
+
+from wall.commands import progress
+
+HOST = "http://head-of-the-wall.visualisation.department.example.org:8800/"
+
+
+@pytest.mark.parametrize(("address", "opened"), [(HOST, [HOST]), (f"{HOST}?token=abcdefghijklmnopqrstuv", [])])
+def test_an_address_stays_whole_and_one_with_a_token_is_on_no_command_line(
+    address: str, opened: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seen: list[str] = []
+    monkeypatch.setenv("DISPLAY", ":9")
+    monkeypatch.setattr("webbrowser.open", seen.append)
+    start = progress.StartProgress(open_page=True)
+    start.opened(address)
+    start.say(f"note: to watch the wall without steering it: {address}")
+    said = capsys.readouterr()
+    assert seen == opened
+    assert address in said.out
+    assert address in said.err
