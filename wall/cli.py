@@ -13,6 +13,7 @@ import typer
 
 from wall.cli_measure import measure
 from wall.cli_plan import plan
+from wall.cli_render import UpOption, ViewOption, render
 from wall.commands.terminal import console, errors, fail, load_config, parse_size, readably, say_version, write_text
 from wall.core.errors import ConfigError, EditError
 
@@ -27,16 +28,13 @@ app = typer.Typer(
 )
 app.add_typer(measure, name="measure")
 app.command()(plan)
+app.command()(render)
 
 ConfigArgument = Annotated[
     Path, typer.Argument(help="Configuration, a YAML file such as configs/demo.yaml", show_default=False)
 ]
-UpOption = Annotated[str | None, typer.Option(help="What is up in .obj, .ply, .stl: x, y, z, -x, -y or -z")]
 VersionOption = Annotated[
     bool, typer.Option("--version", callback=say_version, is_eager=True, help="Say which version this is")
-]
-ViewOption = Annotated[
-    str | None, typer.Option(help="Only this view, as large as its place; else the first, on all of the wall")
 ]
 
 
@@ -183,52 +181,6 @@ def replay(
             found = list(replay_one(folder, ranks[0], batch, output, progress.say))
     for item in found:
         console.print(item, soft_wrap=isinstance(item, str))
-
-
-@app.command()
-def render(
-    what: Annotated[
-        Path, typer.Argument(metavar="CONFIG|MODEL", help="A configuration, or a model file", show_default=False)
-    ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", help="image.png (8-bit sRGB), .exr or .npy (linear float32)")
-    ],
-    spp: Annotated[int, typer.Option(min=1, max=65536, help="Samples a pixel")] = 64,
-    size: Annotated[str | None, typer.Option(help="WIDTHxHEIGHT in pixels; the wall's own if left out")] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Same seed, same image")] = 1,
-    at: Annotated[float, typer.Option(min=0.0, help="Time of the animation, seconds")] = 0.0,
-    view: ViewOption = None,
-    up: UpOption = None,
-) -> None:
-    """Render one converged image: the same bits for a seed, however many threads or ranks.
-
-    [bold]wall render configs/demo.yaml --spp 64 -o wall.png[/]
-    """
-    from wall.commands.one_view import plan_of_view
-    from wall.commands.progress import progress_bar
-    from wall.commands.render import render as render_image
-    from wall.commands.terminal import print_notes
-    from wall.display.image_file import check_suffix, write_image
-    from wall.roles.plan import exposure_at, make_layout, make_plan
-
-    check_suffix(output)
-    loaded = load_config(what, up=up)
-    with progress_bar("rendering") as update:
-        plan = make_plan(make_layout(loaded))
-        if view is not None:
-            plan = plan_of_view(plan, view)
-        print_notes(plan)
-        image = render_image(
-            plan,
-            spp=spp,
-            seed=seed,
-            size=parse_size(size),
-            at=at,
-            progress=lambda done, total: update(completed=done, total=total),
-        )
-    if image is not None:
-        write_image(output, image, stops=exposure_at(plan, at))
-        console.print(f"wrote {output}: {image.shape[1]}x{image.shape[0]}, {spp} samples a pixel, seed {seed}")
 
 
 @app.command()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -23,7 +23,9 @@ from wall.core.errors import ConfigError
 from wall.geometry.cameras import PanelView
 from wall.geometry.panels import Panel, Plane
 from wall.roles.plan import Layout, Plan, exposure_at, first_event
+from wall.sampling.pixel_layers import SURFACE_LAYERS, PixelLayers, normal_matrices
 from wall.sampling.pixel_means import PixelMeans, footprint_of
+from wall.tracing.surface_tracer import surface_scene
 from wall.tracing.tracer import Tracer
 from wall.tracing.tracer_scene import TracerScene
 
@@ -120,28 +122,50 @@ def event_at(plan: Plan, at: float) -> Event:
 class OfflineRenderer:
     """Renders bands of tiles under one event; threads may call at once, each gets its own tracer."""
 
-    def __init__(self, plan: Plan, tracer_scene: TracerScene, event: Event, *, spp: int) -> None:
-        """`spp`: samples a pixel. `event` may be replaced while no band is being rendered."""
+    def __init__(
+        self, plan: Plan, tracer_scene: TracerScene, event: Event, *, spp: int, layers: Sequence[str] = ()
+    ) -> None:
+        """`spp`: samples a pixel; `layers`: of LAYERS. `event` may be replaced while no band is being rendered."""
         self.event = event
-        self._plan, self._tracer_scene, self._spp = plan, tracer_scene, spp
-        self._local = threading.local()
+        self._plan, self._tracer_scene, self._spp, self._layers = plan, tracer_scene, spp, layers
+        self._surface_scene = surface_scene(tracer_scene) if SURFACE_LAYERS & set(layers) else None
+        self._local, self._surfaces_local = threading.local(), threading.local()
 
     def band(self, tile: Tile, rect: Rect) -> Float64:
         """(h, w, 3) float64 linear RGB, the mean of each pixel's samples."""
-        tracer, sampler = self._tracer(tile), PixelMeans(rect, seed=tile.seed)
+        tracer, sampler = self._tracer(self._local, self._tracer_scene, tile), PixelMeans(rect, seed=tile.seed)
         for sample in range(self._spp):
             sampler.add(tracer.trace(sampler.positions(sample), footprint_of(self._spp), sample)[0])
         return sampler.mean()
 
+    def band_with_layers(self, tile: Tile, rect: Rect) -> Float32:
+        """(h, w, columns) float32: the band and its layers, see pixel_layers.unstacked."""
+        layers, means = PixelLayers(rect, self._layers), PixelMeans(rect, seed=tile.seed)
+        tracer, surfaces = self._tracer(self._local, self._tracer_scene, tile), None
+        if self._surface_scene is not None:
+            surfaces = self._tracer(self._surfaces_local, self._surface_scene, tile)
+            moment = self._plan.scene.at(self.event.scene_time, self.event.edits)
+            matrices = normal_matrices(moment.world_from_object)
+        for sample in range(self._spp):
+            xy = means.positions(sample)
+            samples = tracer.trace(xy, footprint_of(self._spp), sample)[0]
+            means.add(samples)
+            layers.add(samples)
+            if surfaces is not None:
+                layers.add_surfaces(surfaces.trace(xy, footprint_of(self._spp), sample)[0], matrices)
+        return layers.stacked(means)
+
     def bands(
         self, work: Iterable[Band], finish: Callable[[Float32], Image], *, threads: int | None = None
     ) -> Iterator[Image]:
-        """Render bands in parallel and yield them in order, each passed through `finish` by its thread.
+        """Render bands and layers in parallel and yield them in order, each passed through `finish` by its thread.
 
         At most LOOKAHEAD bands a thread wait for their turn. `threads`: None for all cores of this process.
         """
 
         def render(band: Band) -> Image:
+            if self._layers:
+                return finish(self.band_with_layers(*band))
             return finish(self.band(*band).astype(np.float32))
 
         count = threads or len(os.sched_getaffinity(0))
@@ -156,14 +180,13 @@ class OfflineRenderer:
                 for future in begun:
                     future.cancel()
 
-    def _tracer(self, tile: Tile) -> Tracer:
-        """This thread's tracer, set to the tile and the event."""
-        local = self._local
+    def _tracer(self, local: Any, tracer_scene: TracerScene, tile: Tile) -> Tracer:
+        """The tracer that a thread keeps in `local`, set to the tile and the event."""
         if getattr(local, "tile", None) is tile and local.event is self.event:
             return local.tracer  # type: ignore[no-any-return]
         panel_view = PanelView(self._plan.view, tile.panel)
         if not hasattr(local, "tracer"):
-            local.tracer = Tracer(self._tracer_scene, tile.panel, panel_view.eye, coherent=True)
+            local.tracer = Tracer(tracer_scene, tile.panel, panel_view.eye, coherent=True)
         local.tracer.look_through(tile.panel, panel_view.eye, panel_view(self.event))
         local.tile, local.event, local.tracer.seed = tile, self.event, tile.seed
         return local.tracer  # type: ignore[no-any-return]

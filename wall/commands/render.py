@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,8 @@ from wall.core.data import Float32
 from wall.roles.plan import Layout, Plan
 from wall.run.bootstrap import under_mpi
 from wall.run.same_files import check_same
-from wall.tracing.tracer_scene import make_tracer_scene
+from wall.sampling.pixel_layers import Layer, blank_columns, unstacked
+from wall.tracing.tracer_scene import TracerScene, make_tracer_scene
 
 if TYPE_CHECKING:
     from wall.run.bootstrap_mpi import MpiBootstrap
@@ -35,20 +36,42 @@ def render(
     A flat wall is rendered through its plane at `size` (width, height), its height filling the image; other walls
     panel by panel at their own pixels. Raises ConfigError.
     """
+    found = render_layers(plan, spp=spp, seed=seed, at=at, size=size, progress=progress)
+    return None if found is None else found["colour"]
+
+
+def render_layers(
+    plan: Plan,
+    *,
+    spp: int,
+    seed: int,
+    at: float,
+    size: tuple[int, int] | None = None,
+    layers: Sequence[str] = (),
+    tracer_scene: TracerScene | None = None,
+    progress: Progress = lambda done, total: None,
+) -> dict[str, Layer] | None:
+    """Render as `render` does, and layers of LAYERS beside it: arrays by name, the image itself is "colour".
+
+    tracer_scene : of the plan's scene; None: it is made
+
+    All arrays are float32: albedo and normal (h, w, 3), depth and variance (h, w); but object_id, (h, w) uint32.
+    """
     world = _ranks_of(plan.layout) if under_mpi() else None
     panels = panels_of(plan.layout, size)
     bands = [band for tile in tiles_of(panels, seed=seed) for band in bands_of(tile)]
-    renderer = OfflineRenderer(plan, make_tracer_scene(plan.scene), event_at(plan, at), spp=spp)
+    tracer_scene = make_tracer_scene(plan.scene) if tracer_scene is None else tracer_scene
+    renderer = OfflineRenderer(plan, tracer_scene, event_at(plan, at), spp=spp, layers=layers)
     if world is None:
-        return _assembled(bands, _rendered(renderer, bands, progress))
+        return unstacked(_assembled(bands, _rendered(renderer, bands, progress), blank_columns(layers)), layers)
     own = _rendered(renderer, bands[world.rank :: world.size], progress, threads=1)
     received = world.gather(b"".join(band.tobytes() for band in own))
     if received is None:
         return None
     rendered = [np.zeros(0, np.float32)] * len(bands)
     for rank, data in enumerate(received):
-        rendered[rank :: world.size] = _unpacked(data, bands[rank :: world.size])
-    return _assembled(bands, rendered)
+        rendered[rank :: world.size] = _unpacked(data, bands[rank :: world.size], len(blank_columns(layers)))
+    return unstacked(_assembled(bands, rendered, blank_columns(layers)), layers)
 
 
 def _ranks_of(layout: Layout) -> MpiBootstrap:
@@ -63,7 +86,7 @@ def _ranks_of(layout: Layout) -> MpiBootstrap:
 def _rendered(
     renderer: OfflineRenderer, bands: list[Band], progress: Progress, *, threads: int | None = None
 ) -> list[Float32]:
-    """Each band, (h, w, 3) float32 linear RGB."""
+    """Each band, (h, w, columns) float32: linear RGB, and layers."""
     rendered: list[Float32] = []
     for band in renderer.bands(bands, lambda band: band, threads=threads):
         rendered.append(band)
@@ -71,16 +94,16 @@ def _rendered(
     return rendered
 
 
-def _unpacked(data: bytes, bands: list[Band]) -> list[Float32]:
+def _unpacked(data: bytes, bands: list[Band], columns: int) -> list[Float32]:
     """The bands that one rank rendered, from the float32 bytes that it sent."""
-    values = iter(np.split(np.frombuffer(data, np.float32), np.cumsum([3 * rect.area for _, rect in bands])))
-    return [next(values).reshape(rect.height, rect.width, 3) for _, rect in bands]
+    values = iter(np.split(np.frombuffer(data, np.float32), np.cumsum([columns * rect.area for _, rect in bands])))
+    return [next(values).reshape(rect.height, rect.width, columns) for _, rect in bands]
 
 
-def _assembled(bands: list[Band], rendered: list[Float32]) -> Float32:
-    """Put the bands in their places of the image; pixels of no band are black."""
+def _assembled(bands: list[Band], rendered: list[Float32], blank: Float32) -> Float32:
+    """Put the bands in their places of the image; pixels of no band are `blank` (columns,)."""
     width, height = image_size(tile.panel for tile, _ in bands)
-    image = np.zeros((height, width, 3), np.float32)
+    image = np.tile(blank, (height, width, 1))
     for (tile, rect), band in zip(bands, rendered, strict=True):
         x, y = tile.rect.x + rect.x, tile.rect.y + rect.y
         image[y : y + rect.height, x : x + rect.width] = band

@@ -19,7 +19,6 @@ if TYPE_CHECKING:  # reading configurations takes libraries that `wall --help` d
     from wall.roles.plan import Plan
 
 FAILED, REFUSED = 1, 2  # exit codes
-MODEL_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # all but tab and line end
 
@@ -86,13 +85,14 @@ def fail(message: str) -> NoReturn:
 
 
 def load_config(path: Path, scene: Path | None = None, *, up: str | None = None, fit: bool = False) -> Loaded:
-    """Load a configuration, or the default one around a model; `scene` replaces what it shows.
+    """Load a configuration, or the default one around a model or a built-in scene; `scene` replaces what it shows.
 
     `up`: direction that is up in models; `fit`: fewer pixels on fewer cores.
     """
-    from wall.config.loading import default_for_model, load, with_scene, with_up
+    from wall.commands.inputs import load_any
+    from wall.config.loading import with_scene, with_up
 
-    loaded = default_for_model(path) if path.suffix.lower() in MODEL_SUFFIXES else load(path)
+    loaded = load_any(path)
     loaded = with_scene(loaded, scene) if scene is not None else loaded
     loaded = with_up(loaded, up) if up is not None else loaded
     if fit:

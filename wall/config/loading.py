@@ -89,6 +89,21 @@ def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loade
         raise ConfigError(f"{name}:1:1: this is not a mapping; accepted: {TOP}")
     if any(problem.path == ("version",) for problem in document.problems):
         raise _refusal(lines)
+    return _checked(document, lines, name=name, path=path or Path(name))
+
+
+def load_values(values: dict[str, Any], *, name: str, path: Path) -> Loaded:
+    """Check a configuration given as plain values, as YAML has them; errors are those of files, without lines.
+
+    name : what errors call it; path : a file in the folder where its relative paths start. Raises ConfigError only.
+    """
+    return _checked(Document(values=values), [], name=name, path=path)
+
+
+def _checked(
+    document: Document, lines: list[tuple[yaml_text.Position | None, str]], *, name: str, path: Path
+) -> Loaded:
+    """`lines`: what is refused already."""
     _check_version(name, document)
     try:
         config = Config.model_validate(document.values)
@@ -101,7 +116,7 @@ def loads(text: str, *, name: str = "<text>", path: Path | None = None) -> Loade
             raise ConfigError(f"{_refusal(lines)}\n{name}: and {len(errors) - MOST_EXPLAINED} more") from None
     if lines:
         raise _refusal(lines)
-    return Loaded(config=config, path=path or Path(name), name=name, document=document)
+    return Loaded(config=config, path=path, name=name, document=document)
 
 
 def dump(config: Config) -> str:

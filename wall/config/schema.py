@@ -112,6 +112,9 @@ class BrowserConfig(Model):
     tls: TlsConfig | None = Field(default=None, description="serve the page encrypted, as https")
     port: Annotated[Whole, Ge(0), Le(65535)] = Field(default=0, description="port of the page; 0 = any free one")
     open: Flag = Field(default=True, description="open the page where there is a desktop")
+    embed: Flag = Field(
+        default=False, description="pages of this machine, such as a notebook's, may show the page in a frame"
+    )
     samples: Flag = Field(
         default=False, description="samples travel to the head even on one machine, so that pages can ask for them"
     )

@@ -54,13 +54,15 @@ LEAVE_S = 0.2  # open requests and unfinished tasks, each at most this long
 
 PAGE = Path(__file__).resolve().parent / "page"
 TYPES = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
+POLICY = "Content-Security-Policy"
 HEADERS = {
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' blob: data:; frame-ancestors 'none'",
+    POLICY: "default-src 'self'; img-src 'self' blob: data:; frame-ancestors ",  # and whose
     "Cross-Origin-Resource-Policy": "same-origin",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-cache",
 }
+NOBODY, THIS_MACHINE = "'none'", "http://localhost:* http://127.0.0.1:*"  # whose pages may hold the page in a frame
 
 
 _Shown = tuple[bool, int]  # second image of two that are compared, panel
@@ -102,13 +104,15 @@ class Browser:
         max_viewers: int = MAX_VIEWERS,
         tokens: bool = False,
         tls: tuple[Path, Path] | None = None,
+        embed: bool = False,
     ) -> None:
-        """`views`: their names; `why_images`: see layout_message; port 0 takes any free one.
+        """`views`: their names; `why_images`: see layout_message; port 0 takes any free one; `embed`: of BrowserConfig.
 
         `tokens`: the page is for those alone who know its address; `tls`: files of a certificate and its key. Raises
         RunError naming what cannot be had.
         """
         self._host, self._port, self._max_viewers = host, port, max_viewers
+        self._frames = THIS_MACHINE if embed else NOBODY
         self._layout = layout_message(wall, views, why_images)
         self._newest: tuple[WallImage, Status] | None = None
         self._viewers: set[_Viewer] = set()
@@ -201,7 +205,7 @@ class Browser:
 
     async def _run(self, bound: Future[str]) -> None:
         app = web.Application(middlewares=[self._gate.guard])
-        app.on_response_prepare.append(_add_headers)
+        app.on_response_prepare.append(self._add_headers)
         app.router.add_get("/", _page)
         app.router.add_get("/stream", self._stream)
         app.router.add_get("/wall.png", self._wall_png)
@@ -231,6 +235,10 @@ class Browser:
             host = socket.gethostname()
         scheme = "http" if self._tls is None else "https"
         return f"{scheme}://[{host}]:{port}/" if ":" in host else f"{scheme}://{host}:{port}/"
+
+    async def _add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
+        response.headers.update(HEADERS)
+        response.headers[POLICY] = HEADERS[POLICY] + self._frames
 
     async def _status_json(self, request: web.Request) -> web.Response:
         if self._newest is None:
@@ -374,10 +382,6 @@ class Browser:
 
 def _store(panel: PanelImage) -> SampleStore:
     return SampleStore(panel.rgb.shape[1], panel.rgb.shape[0])
-
-
-async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
-    response.headers.update(HEADERS)
 
 
 async def _page(request: web.Request) -> web.Response:

@@ -1,8 +1,10 @@
-"""Write a linear image to a file: 8-bit sRGB PNG, or float32 EXR and NPY."""
+"""Write a linear image to a file: 8-bit sRGB PNG, or float32 EXR and NPY; with layers as an EXR of many channels."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,19 @@ from wall.core.data import Float32
 from wall.display.files import check_target, replaced
 
 SUFFIXES = (".png", ".exr", ".npy")
+CHANNELS = {  # of layers in an EXR, as renderers name them
+    "colour": ("R", "G", "B"),
+    "albedo": ("albedo.R", "albedo.G", "albedo.B"),
+    "normal": ("N.X", "N.Y", "N.Z"),
+    "depth": ("Z",),
+    "variance": ("variance",),
+    "object_id": ("id",),
+}
 
 
-def check_suffix(path: Path) -> None:
-    """Refuse a file whose kind cannot be written. Raises ConfigError."""
-    check_target(path, SUFFIXES)
+def check_suffix(path: Path, *, layers: bool = False) -> None:
+    """Refuse a file whose kind cannot be written; only EXR holds `layers`. Raises ConfigError."""
+    check_target(path, (".exr",) if layers else SUFFIXES)
 
 
 def display_values(linear: Float32, *, stops: float = 0.0) -> NDArray[np.uint8]:
@@ -32,9 +42,28 @@ def write_image(path: Path, image: Float32, *, stops: float = 0.0) -> None:
         if path.suffix.lower() == ".npy":
             np.save(part, image)
         elif path.suffix.lower() == ".exr":
-            import OpenEXR  # here, so that walls do not load it
-
-            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-            OpenEXR.File(header, {"RGB": np.ascontiguousarray(image)}).write(str(part))
+            _write_exr(part, {"RGB": np.ascontiguousarray(image)})
         else:
             Image.fromarray(display_values(image, stops=stops)).save(part)
+
+
+def write_layers(path: Path, layers: Mapping[str, NDArray[Any]]) -> None:
+    """Write an image and its layers, by the names of CHANNELS, to an EXR: float32, but `id`, which is uint32.
+
+    Raises ConfigError where the file cannot hold them, and RunError.
+    """
+    check_suffix(path, layers=True)
+    planes: dict[str, NDArray[Any]] = {}
+    for layer, image in layers.items():
+        names = CHANNELS[layer]
+        for k, name in enumerate(names):
+            planes[name] = np.ascontiguousarray(image if len(names) == 1 else image[:, :, k])
+    with replaced(path) as part:
+        _write_exr(part, planes)
+
+
+def _write_exr(path: Path, planes: Mapping[str, NDArray[Any]]) -> None:
+    import OpenEXR  # here, so that walls do not load it
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, dict(planes)).write(str(path))

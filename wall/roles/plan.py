@@ -233,17 +233,21 @@ def check_files(layout: Layout) -> None:
 
 
 def make_plan(layout: Layout) -> Plan:
-    """Load the scene and aim the view at it. Raises ConfigError."""
+    """Load the scene and aim the views at it. Raises ConfigError."""
+    return aimed(layout, load_scene(layout))
+
+
+def load_scene(layout: Layout) -> Scene:
+    """The scene as its source and `scene:` have it, whatever views show it. Raises ConfigError."""
     try:
         scene = build_scene(layout.config.scene, Path(layout.loaded.path).parent)
     except SceneError as error:
         raise layout.loaded.error(("scene", "source"), str(error)) from error
     try:
         parameters = parameters_of_views(_scenes(layout, scene), exposure=layout.config.views[0].exposure)
-        scene = with_checked_tracks(scene, parameters)
+        return with_checked_tracks(scene, parameters)
     except SceneError as error:
         raise layout.loaded.error(("scene", "animation"), str(error)) from error
-    return aimed(layout, scene)
 
 
 def _scenes(layout: Layout, scene: Scene) -> tuple[Scene, ...]:
